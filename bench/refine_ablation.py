@@ -72,16 +72,16 @@ def without_bandwidth(before):
                                     if one['bandwidth'] == found.settings['bandwidth']]
 
 
-def offer_all(attempt, keys):
+def offer_all(attempt, terms):
     """Offer effects of time together with all others."""
     from friction_comp.refinement.effect_columns import proposals
 
     table = attempt.table
-    wanted = proposals(table, keys)
-    attempt._retained.update(keys)
-    table.keep(attempt._retained.union(term.key for term in wanted))
-    kinds = {key.effect for key in attempt.fixed if table.terms[key].kind.most == 1}
-    attempt.candidates = [key for key in table.add(wanted) if key.effect not in kinds]
+    wanted = proposals(table, terms)
+    attempt._retained.update(terms)
+    table.keep(attempt._retained.union(wanted))
+    kinds = {term.kind for term in attempt.fixed if term.kind.most == 1}
+    attempt.candidates = [term for term in table.add(wanted) if term.kind not in kinds]
 
 
 def from_nothing(attempt):
@@ -98,10 +98,10 @@ def other_settings(without):
 
 def constants_of_the_grid():
     """Leave constants where the grid has them."""
-    from friction_comp.refinement.constants import _with_current_loads
+    from friction_comp.refinement.search import _with_current_loads
 
-    everywhere('adjust_constants', lambda table, keys, rounds=3, only=None: _with_current_loads(
-        table, list(keys)))
+    everywhere('adjust_constants', lambda table, terms, rounds=3, only=None: _with_current_loads(
+        table, list(terms)))
 
 
 RULES = {
@@ -111,22 +111,22 @@ RULES = {
     'own share of a column': lambda: everywhere('OWN_SHARE', 0.0),
     'regions of posture': lambda: everywhere('regions_of', no_regions(1)),
     "own term beside a group's": lambda: method(
-        'search', 'Search', 'complete', lambda self, keys: list(keys)),
-    'exchange': lambda: method('search', 'Search', 'exchange', lambda self, keys: list(keys)),
+        'search', 'Search', 'complete', lambda self, terms: list(terms)),
+    'exchange': lambda: method('search', 'Search', 'exchange', lambda self, terms: list(terms)),
     'backward': lambda: method(
-        'search', 'Search', 'backward', lambda self, keys: self.complete(keys)),
+        'search', 'Search', 'backward', lambda self, terms: self.complete(terms)),
     'start from physics': lambda: method('attempt', 'Attempt', 'starts', from_nothing),
     'lag': lambda: other_settings(without_lag),
     'bandwidth again': lambda: other_settings(without_bandwidth),
     'repeated searches': lambda: everywhere('NAMED_SHARE', 0.0),
     'thirds not fitted': lambda: method(
-        'naming', 'Elsewhere', 'helpful', lambda self, keys, given: list(keys)),
+        'naming', 'Elsewhere', 'helpful', lambda self, terms, given: list(terms)),
     'interval without zero': lambda: method(
         'naming', 'Intervals', 'excludes_zero', lambda self, table, key: True),
     'constant at its limit': lambda: everywhere('at_limit', lambda term, scene: False),
     'time last': lambda: method('attempt', 'Attempt', 'update_candidates', offer_all),
     'transition of all samples': lambda: everywhere(
-        '_fit_transition_to_all_samples', lambda table, keys: None),
+        '_fit_transition_to_all_samples', lambda table, terms: None),
     'constants adjusted': constants_of_the_grid,
     'beside standstill': lambda: everywhere(
         'maximum_filter1d', lambda mask, size: np.zeros_like(mask)),

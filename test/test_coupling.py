@@ -9,7 +9,7 @@ import pytest
 from friction_comp.errors import InputError
 from friction_comp.model.arm.coupling import Coupling
 from friction_comp.refinement import refine
-from friction_comp.refinement.joint_groups import groups_for, neighbourhood
+from friction_comp.refinement.effect_columns import groups_for, neighbourhood
 from friction_comp.samples import JointStates, Samples
 
 

@@ -8,11 +8,10 @@ from test_prepare import swings
 
 from friction_comp.drive import Drive
 from friction_comp.model.effects import EFFECTS
-from friction_comp.refinement.constants import adjust_constants
-from friction_comp.refinement.effect_columns import base_columns, Key, proposals, Table, Term
+from friction_comp.refinement.effect_columns import base_columns, proposals, Table, Term
 from friction_comp.refinement.naming import intervals, repeat_search, Stability
 from friction_comp.refinement.prepare import prepare
-from friction_comp.refinement.search import Search, total
+from friction_comp.refinement.search import adjust_constants, Search, total
 from friction_comp.refinement.thresholds import table as thresholds
 
 COGGING = {'frequency': 14.0, 'growth': 0.0, 'speed': 1.0, 'transition': 0.01}
@@ -38,18 +37,18 @@ def rippled():
 
 def test_the_columns_of_a_term_are_its_effect_and_their_sums_those_of_the_rows(rippled):
     terms = [Term(EFFECTS['gravity']), Term(EFFECTS['cogging'], COGGING)]
-    keys = rippled.add(terms)
-    assert rippled.add(terms) == keys
+    assert rippled.add(terms) == terms
+    assert rippled.add(terms) == terms
     rows = rippled.rows
     matrix = np.column_stack([rows.averaged(base_columns(rows, 200.0, 0.0)),
                               *(rows.averaged(term.columns(rows)) for term in terms)])
-    assert rippled.columns[rippled.indices(keys)] == pytest.approx(matrix.T)
+    assert rippled.columns[rippled.indices(terms)] == pytest.approx(matrix.T)
     full = np.column_stack((matrix, rippled.target))
     wanted = np.array([full[rows.block == k].T @ full[rows.block == k] for k in range(16)])
-    inner = [*rippled.indices(keys), -1]
+    inner = [*rippled.indices(terms), -1]
     assert rippled.sums.gram[:, inner][:, :, inner] == pytest.approx(wanted, rel=1e-9, abs=1e-9)
     fit = np.linalg.lstsq(matrix, rippled.target, rcond=None)[0]
-    assert rippled.residual(keys) == pytest.approx(rippled.target - matrix @ fit, abs=1e-4)
+    assert rippled.residual(terms) == pytest.approx(rippled.target - matrix @ fit, abs=1e-4)
 
 
 def test_the_transition_goes_where_friction_changes_its_sign():
@@ -57,15 +56,16 @@ def test_the_transition_goes_where_friction_changes_its_sign():
     shifted = 0.5 * np.tanh((samples.velocity - 0.006) / 0.05) + 0.2 * samples.velocity
     found = table_of(samples.with_(current=shifted))
     found.fit_transition([], rounds=12)
-    assert found.shift == pytest.approx(0.006, abs=0.002)
-    assert found.steepness == pytest.approx(2.0 / 0.05, rel=0.05)
+    steepness, shift = found.transition
+    assert shift == pytest.approx(0.006, abs=0.002)
+    assert steepness == pytest.approx(2.0 / 0.05, rel=0.05)
 
 
 def test_a_search_names_what_is_there_and_no_more(rippled):
     search = Search(rippled, rippled.add(proposals(rippled, [])))
     found = search.forward([])
-    assert [key.effect for key in found] == ['cogging']
-    assert rippled.terms[found[0]].constants['frequency'] == pytest.approx(14.0, abs=1.0)
+    assert [term.kind.name for term in found] == ['cogging']
+    assert found[0].constants['frequency'] == pytest.approx(14.0, abs=1.0)
 
 
 @pytest.mark.parametrize('seed', range(4))
@@ -77,11 +77,11 @@ def test_a_search_names_nothing_on_a_plain_drive(seed):
 
 def test_what_is_not_borne_out_is_taken_away_and_what_is_stays(rippled):
     terms = [Term(EFFECTS['inertia']), Term(EFFECTS['cogging'], COGGING), Term(EFFECTS['gravity'])]
-    keys = rippled.add(terms)
+    terms = rippled.add(terms)
     search = Search(rippled, [])
-    assert search.backward(keys) == [terms[1].key]
-    search.fixed = keys[:1]
-    assert search.backward(keys) == [terms[0].key, terms[1].key]
+    assert search.backward(terms) == [terms[1]]
+    search.fixed = terms[:1]
+    assert search.backward(terms) == [terms[0], terms[1]]
 
 
 def test_a_name_is_exchanged_for_one_that_predicts_better(rippled):
@@ -110,38 +110,38 @@ def test_a_constant_between_the_points_of_its_grid_is_found(name, constants, sha
                                                             first):
     samples = swings(5)
     found = table_of(samples.with_(current=samples.current + shape(samples)))
-    keys = found.add([Term(EFFECTS[name], {**constants, constant: first})])
-    before = np.sum(found.residual(keys) ** 2)
-    keys = adjust_constants(found, keys, rounds=10)
-    found.fit_transition(keys)
-    keys = adjust_constants(found, keys, rounds=10)
-    value = found.terms[keys[0]].constants[constant]
+    terms = found.add([Term(EFFECTS[name], {**constants, constant: first})])
+    before = np.sum(found.residual(terms) ** 2)
+    terms = adjust_constants(found, terms, rounds=10)
+    found.fit_transition(terms)
+    terms = adjust_constants(found, terms, rounds=10)
+    value = terms[0].constants[constant]
     assert value == pytest.approx(constants[constant], rel=0.01 if name == 'cogging' else 0.15)
-    assert np.sum(found.residual(keys) ** 2) < before
-    low, high = intervals(found, keys).constants[keys[0], constant]
+    assert np.sum(found.residual(terms) ** 2) < before
+    low, high = intervals(found, terms).constants[terms[0], constant]
     assert low < constants[constant] < high
 
 
 def test_intervals_hold_what_is_true_and_tell_what_is_not_there(rippled):
-    keys = rippled.add([Term(EFFECTS['cogging'], COGGING), Term(EFFECTS['inertia'])])
-    found = intervals(rippled, keys)
-    (cosine, sine), (inertia,) = (rippled.columns_of[key] for key in keys)
+    terms = rippled.add([Term(EFFECTS['cogging'], COGGING), Term(EFFECTS['inertia'])])
+    found = intervals(rippled, terms)
+    (cosine, sine), (inertia,) = (rippled.columns_of[term] for term in terms)
     for place, true in ((1, 0.5), (2, 0.2), (cosine, 0.1), (sine, 0.0), (inertia, 0.0)):
         low, high = found.coefficients[place]
         assert low <= true <= high
         assert high - low < 0.06
-    assert found.excludes_zero(rippled, keys[0])
-    assert not found.excludes_zero(rippled, keys[1])
+    assert found.excludes_zero(rippled, terms[0])
+    assert not found.excludes_zero(rippled, terms[1])
 
 
 def test_repeated_searches_choose_what_is_there_and_hardly_ever_what_is_not(rippled, plain):
     candidates = rippled.add(proposals(rippled, []))
-    keys = rippled.add([Term(EFFECTS['cogging'], COGGING), Term(EFFECTS['inertia'])])
-    found = repeat_search(rippled, keys, 0, candidates)
-    assert found.chosen[keys[0]] > 0.9
-    assert found.chosen[keys[1]] < 0.2
-    assert found.named(keys[0])
-    assert not found.named(keys[1])
+    terms = rippled.add([Term(EFFECTS['cogging'], COGGING), Term(EFFECTS['inertia'])])
+    found = repeat_search(rippled, terms, 0, candidates)
+    assert found.chosen[terms[0]] > 0.9
+    assert found.chosen[terms[1]] < 0.2
+    assert found.named(terms[0])
+    assert not found.named(terms[1])
     candidates = plain.add(proposals(plain, []))
     nothing = repeat_search(plain, candidates, 0, candidates)
     assert max(nothing.chosen.values()) < 0.3
@@ -151,10 +151,10 @@ def test_repeated_searches_choose_what_is_there_and_hardly_ever_what_is_not(ripp
     (0.65, 0.0, True), (0.5, 0.0, False), (0.5, 0.45, False), (0.65, 0.3, True)])
 def test_a_name_is_given_where_most_searches_choose_it_whatever_the_others_have(own, instead,
                                                                                 named):
-    key, other = (Key(name, (), None) for name in ('cogging', 'other'))
-    found = Stability({key: own}, {key: [('bump', instead)]})
-    assert found.named(key) is named
-    assert found.renamed({key: other}).named(other) is named
+    term, other = (Term(EFFECTS['cogging'], {'frequency': value}) for value in (14.0, 14.1))
+    found = Stability({term: own}, {term: [('bump', instead)]})
+    assert found.named(term) is named
+    assert found.renamed({term: other}).named(other) is named
 
 
 def test_every_threshold_has_a_unit_and_a_reason():

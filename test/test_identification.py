@@ -10,12 +10,9 @@ import pytest
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
+from friction_comp.identification.goal import IdentificationError, IdentificationGoal
 from friction_comp.identification.kinetic import constant_velocity_currents, merge_points
-from friction_comp.identification.run import (
-    IdentificationError,
-    IdentificationGoal,
-    IdentificationRun,
-)
+from friction_comp.identification.run import IdentificationRun
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.undeclared import Undeclared

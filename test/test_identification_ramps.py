@@ -9,17 +9,22 @@ import numpy as np
 import pytest
 
 from friction_comp.identification.excitation import at_position
-from friction_comp.identification.friction_peak import ramp_friction
 from friction_comp.identification.goal import IdentificationError
-from friction_comp.identification.inertia import acceleration_of_cycle, local_parabolas
+from friction_comp.identification.kinetic import acceleration_of_cycle, local_parabolas
 from friction_comp.identification.presliding import (
     combined_presliding,
     common_stiffness,
     crossed_backlash,
     presliding_std,
+    ramp_friction,
 )
-from friction_comp.identification.ramp import moving_level, Ramp, STOP_TIME, time_of_ramp
-from friction_comp.identification.ramp_evaluation import evaluate_ramps
+from friction_comp.identification.ramp_evaluation import (
+    evaluate_ramps,
+    moving_level,
+    Ramp,
+    STOP_TIME,
+    time_of_ramp,
+)
 
 LEVEL, RATE, COUNT = 0.3, 60.0, 1.5e-5  # A, rad/s² per A, rad
 

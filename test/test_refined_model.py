@@ -14,18 +14,18 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.recordings import write_samples
 from friction_comp.refinement import refine
-from friction_comp.refinement.judge import noise_floor
-from friction_comp.refinement.leftover import leftover
-from friction_comp.refinement.prepare import prepare
-from friction_comp.refinement.verdict import (
+from friction_comp.refinement.judge import (
     AGAIN,
     experiment,
     Finding,
     IN_PART,
     in_unit,
+    noise_floor,
     TRUST,
     verdict_of,
 )
+from friction_comp.refinement.leftover import leftover
+from friction_comp.refinement.prepare import prepare
 from friction_comp.samples import JointStates
 from friction_comp.tools.refine import main as run_refine
 

@@ -255,7 +255,7 @@ def _driven(drive, undeclared, path, load, rng):
     bandwidth = velocity_control.BANDWIDTH
     if undeclared.actuation_lag > 0:
         bandwidth = min(bandwidth, 0.4 / undeclared.actuation_lag)
-    control = velocity_control.velocity_controller_parameters(
+    control = velocity_control.Controller(
         model.drive.torque_per_current / inertia, model.drive.current_limit,
         model.sigmoid.upper, model.sigmoid.lower, bandwidth)
     state, out = np.zeros(1, JOINT_STATE)[0], np.zeros(1, MEASURED)[0]

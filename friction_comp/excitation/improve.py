@@ -26,9 +26,9 @@ from friction_comp.files import plain
 from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement import refine, RefineResult
+from friction_comp.refinement.judge import AGAIN, IN_PART, TRUST
 from friction_comp.refinement.recorded_motion import in_motion, standstill_speed
 from friction_comp.refinement.thresholds import GROWTH
-from friction_comp.refinement.verdict import AGAIN, IN_PART, TRUST
 from friction_comp.samples import Samples
 
 # Findings that more motion may resolve.

@@ -46,20 +46,12 @@ class SlideBegin(NamedTuple):
 
 @dataclass(frozen=True)
 class BreakawayRecords:
-    """Every breakaway of an identification; arrays of shape (M,), in the order of time.
+    """Every breakaway of an identification; arrays of shape (M,), in the order of time."""
 
-    Attributes
-    ----------
-    time, current, position : ndarray
-        As of `SlideBegin`; currents of the negative direction are negative.
-    direction : ndarray of int
-        +1 or -1.
-    """
-
-    time: np.ndarray
-    current: np.ndarray
-    position: np.ndarray
-    direction: np.ndarray
+    time: np.ndarray        # s
+    current: np.ndarray     # A, negative in the negative direction
+    position: np.ndarray    # rad
+    direction: np.ndarray   # +1 or -1
 
     def __len__(self) -> int:
         return len(self.time)
@@ -69,12 +61,9 @@ class BreakawayRecords:
         return self.current[self.direction == direction]
 
     def statistics(self) -> Breakaway:
-        """Return means, standard deviations and mean positions as a `Breakaway`.
+        """Return means, standard deviations and mean positions.
 
-        Raises
-        ------
-        InputError
-            If a direction has no breakaway at all.
+        Raises InputError if a direction has no breakaway at all.
         """
         values = {}
         for name, direction in (('positive', 1), ('negative', -1)):

@@ -4,23 +4,21 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from friction_comp.checks import check_number, check_whole_number
+from friction_comp.drive import Drive
 from friction_comp.errors import InputError
+from friction_comp.identification.breakaway import BreakawayRecords
 from friction_comp.identification.excitation import LARGEST_SPEED
+from friction_comp.identification.kinetic import KineticPoint
 from friction_comp.model.friction_model import Breakaway, FrictionModel, Presliding
-
-if TYPE_CHECKING:
-    from friction_comp.drive import Drive
-    from friction_comp.identification.breakaway import BreakawayRecords
-    from friction_comp.identification.kinetic import KineticPoint
-    from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.model.sigmoid import Sigmoid
 
 # Share of the motion range that the profiles use; the rest is for the controller's errors.
 _USED_SHARE = 0.9
@@ -30,11 +28,17 @@ class IdentificationError(InputError):
     """The drive did not do what identification needs; the text says what and what to change."""
 
 
-class RampGoal:
-    """A goal's current ramps, by which a joint is broken free: gradient in A/s, period in s."""
+class MotionGoal(ABC):
+    """What says how a joint may be moved, and the current ramps that break it free."""
 
-    ramp_slope: float
-    ramp_period: float
+    ramp_slope: float                   # A/s
+    ramp_period: float                  # s
+    motion_range: float                 # width of the range that the joint may use, rad
+    speeds: Sequence[float]             # that it is to have, the least first, rad/s
+
+    @abstractmethod
+    def cycle(self, speed: float) -> tuple[float, float]:
+        """Return the time in s and the distance in rad of one cycle."""
 
     @property
     def ramp_peak(self) -> float:
@@ -50,7 +54,7 @@ class RampGoal:
 
 
 @dataclass(frozen=True)
-class IdentificationGoal(RampGoal):
+class IdentificationGoal(MotionGoal):
     """Speeds, range and ramps of one identification.
 
     Parameters

@@ -1,23 +1,28 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Mean currents at constant velocity: the look-up table of section 2.3."""
+"""Mean currents at constant velocity, the look-up table of section 2.3, and what inertia takes."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
+from scipy.signal import savgol_filter
 
 from friction_comp.errors import InputError
 from friction_comp.identification.excitation import constant_velocity_windows
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
+    from friction_comp.identification.supervision import Sample
 
 # s that a constant-velocity phase is given to settle.
 _SETTLING = 0.25
+_TRANSIENT = 2.5e-3  # s after a step of current that are left to the current controller
+_CYCLE_SMOOTHING = 0.02  # of a cycle over which its acceleration is taken
 
 
 @dataclass(frozen=True)
@@ -38,15 +43,9 @@ def constant_velocity_currents(time: ArrayLike, position: ArrayLike, current: Ar
                                ) -> tuple[KineticPoint, KineticPoint]:
     """Average the current over the phases of one cycle of Eq. 3 at +ω_c and at -ω_c.
 
-    Parameters
-    ----------
-    time, position, current : array_like, shape (N,)
-        s since the cycle began, rad, measured motor current in A.
-    speed, cycle_time : float
-        ω_c in rad/s and T in s.
-    acceleration_per_current : float, optional
-        k_t·n/J in rad/s² per A. With it the small current that still accelerates the joint
-        during the phase is taken off the mean.
+    `time` is in s since the cycle began, `position` in rad, `current` the measured one in A, each
+    of shape (N,). With k_t·n/J, in rad/s² per A, the small current that still accelerates the joint
+    during a phase is taken off its mean.
     """
     time, position, current = (
         np.asarray(values, dtype=float) for values in (time, position, current))
@@ -91,3 +90,79 @@ def merge_points(points: Iterable[KineticPoint]) -> list[KineticPoint]:
             actual_speed=float(np.average([p.actual_speed for p in group], weights=weights)),
             unsteadiness=max(point.unsteadiness for point in group), samples=int(weights.sum())))
     return merged
+
+
+def acceleration_of_push(pushed: Sequence[Sample], coasted: Sequence[Sample], strength: float,
+                         sign: int) -> float:
+    """Estimate k_t·n/J in rad/s² per A from a push at constant current and the coasting after it.
+
+    Friction is much the same in both, so that the difference between the two accelerations is
+    k_t·n/J times the current, of a magnitude `strength` in A. It sets the velocity controller's
+    gains, for which tens of percent do. NaN where the samples do not tell.
+    """
+    faster, top = _acceleration(pushed, sign)
+    if not math.isfinite(faster) or top <= 0.0:
+        return math.nan
+    moving = []
+    for sample in coasted:
+        moving.append(sample)
+        if len(moving) > 3 and sign * (moving[-1].position - moving[-4].position) <= 0.0:
+            break
+    slower, _ = _acceleration(moving[:max(4, int(0.8 * len(moving)))], sign)
+    # For a joint that stops within a few samples, only its speed and the time of rest are known.
+    stopping = -top / max(moving[-1].time - coasted[0].time, 1e-4)
+    if not math.isfinite(slower) or slower >= 0.0:
+        slower = stopping
+    rate = (faster - slower) / strength
+    return rate if math.isfinite(rate) and rate > 0.0 else math.nan
+
+
+def _acceleration(samples: Sequence[Sample], sign: int) -> tuple[float, float]:
+    """Acceleration and final speed of a parabola through the samples, in the push's direction."""
+    time = np.array([sample.time for sample in samples])
+    position = sign * np.array([sample.position for sample in samples])
+    chosen = time >= time[0] + _TRANSIENT
+    if np.sum(chosen) < 5:
+        if time.size < 3:
+            return math.nan, math.nan
+        chosen[:] = True
+    t, x = time[chosen] - time[-1], position[chosen]
+    bend, slope, _ = np.polyfit(t, x, 2)
+    return 2.0 * float(bend), float(slope)
+
+
+def acceleration_of_cycle(cycle: np.ndarray) -> float:
+    """Estimate k_t·n/J in rad/s² per A from a cycle of Eq. 3: rows of s, rad and A, shape (N, 3).
+
+    At one speed in one direction friction is the same whether the joint accelerates or decelerates:
+    the difference of the currents is due to the inertia. NaN if that is small compared with other
+    variations.
+    """
+    time, position, current = cycle.T
+    duration = time[-1] - time[0]
+    even = np.linspace(time[0], time[-1], max(int(duration / np.median(np.diff(time))), 50))
+    step = even[1] - even[0]
+    count = max(int(_CYCLE_SMOOTHING * duration / step), 5) | 1
+    _, speed, acceleration = local_parabolas(np.interp(even, time, position), count, step)
+    smooth = np.convolve(np.interp(even, time, current), np.full(count, 1.0 / count), 'valid')
+    chosen = np.abs(speed) > 0.2 * float(np.max(np.abs(speed)))
+    design = np.column_stack([speed > 0.0, speed < 0.0, speed, acceleration])[chosen].astype(float)
+    coefficients, *_ = np.linalg.lstsq(design, smooth[chosen], rcond=None)
+    left = smooth[chosen] - design @ coefficients
+    taken = coefficients[3] * acceleration[chosen]
+    if not coefficients[3] > 0.0 or np.std(taken) < 2.0 * np.std(left):
+        return math.nan
+    return 1.0 / float(coefficients[3])
+
+
+def local_parabolas(values: np.ndarray, count: int,
+                    step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Fit a parabola to `count` samples about every sample, `step` s apart.
+
+    Savitzky and Golay, Analytical Chemistry 36(8), 1964. Returns its value, slope and second
+    derivative in the middle, each of shape (N - count + 1,).
+    """
+    inner = slice(count // 2, len(values) - count // 2)
+    value, slope, bend = (
+        savgol_filter(values, count, 2, deriv=order, delta=step)[inner] for order in range(3))
+    return value, slope, bend

@@ -13,25 +13,20 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
 import math
-from typing import NoReturn, Protocol, TYPE_CHECKING
+from typing import NoReturn
 
+from friction_comp.drive import Drive
 from friction_comp.identification.excitation import at_travel
-from friction_comp.identification.goal import IdentificationError
-from friction_comp.identification.inertia import acceleration_of_push
-from friction_comp.identification.ramp import Sample, speed_over
-from friction_comp.identification.supervision import Supervision
+from friction_comp.identification.goal import IdentificationError, MotionGoal
+from friction_comp.identification.kinetic import acceleration_of_push, KineticPoint
+from friction_comp.identification.supervision import Sample, Supervision
 from friction_comp.identification.velocity_control import (
     BANDWIDTH,
     Controller,
-    velocity_controller_parameters,
     velocity_controller_state,
     velocity_controller_step,
 )
 from friction_comp.signal_checks import LATEST
-
-if TYPE_CHECKING:
-    from friction_comp.drive import Drive
-    from friction_comp.identification.kinetic import KineticPoint
 
 STILL_TIME = 0.2        # s of standstill asked for before each ramp
 _PATIENCE = 10.0        # s to come to rest
@@ -40,61 +35,33 @@ _STILL_COUNTS, _STILL_WAY = 2.5, 1e-5
 _PUSH_SPEED = 0.3       # rad/s that the short push aims at
 
 
-class MotionGoal(Protocol):
-    """What of a goal says how a joint may be moved; see `IdentificationGoal`."""
-
-    @property
-    def motion_range(self) -> float:
-        """Width in rad of the range that the joint may use."""
-
-    @property
-    def ramp_peak(self) -> float:
-        """Largest current in A with which the joint is broken free."""
-
-    @property
-    def speeds(self) -> Sequence[float]:
-        """Speeds in rad/s that it is to have, the least first."""
-
-    def cycle(self, speed: float) -> tuple[float, float]:
-        """Return the time in s and the distance in rad of one cycle."""
+def speed_over(samples: Sequence[Sample], sign: int, window: float) -> float:
+    """Speed in the direction `sign` over the last `window` seconds; 0 while they are too few."""
+    last = samples[-1]
+    for k in range(len(samples) - 2, -1, -1):
+        elapsed = last.time - samples[k].time
+        if elapsed >= 0.999 * window:
+            return sign * (last.position - samples[k].position) / elapsed
+    return 0.0
 
 
 class Motion(ABC):
-    """A joint's movements as generators that yield currents in A and are handed samples.
-
-    Parameters
-    ----------
-    goal : MotionGoal
-    drive : Drive
-
-    Attributes
-    ----------
-    supervision : Supervision
-        Which must know the measured current to be the commanded one before the first push.
-    phase : str
-        What is being done.
-    start : float
-        Position at the start in rad, NaN before.
-    sample : Sample
-        The latest sample handed over; NaN before the first.
-    acceleration : float
-        k_t·n/J in rad/s² per A; NaN before it is known.
-    friction : pair of float, or None
-        Largest current in A known to be taken by friction, a direction each; None before.
-    held : list of KineticPoint
-        The currents that were commanded at the speeds held so far. What is fed forward, and how
-        much may be commanded, follows from them and never from measured currents: a wrong unit
-        of the measurement must not drive the joint.
-    warnings : list of str
-    """
+    """A joint's movements as generators that yield currents in A and are handed samples."""
 
     def __init__(self, goal: MotionGoal, drive: Drive) -> None:
+        goal.check(drive)
         self.goal, self.drive = goal, drive
+        # Must know the measured current to be the commanded one before the first push.
         self.supervision = Supervision(goal, drive)
-        self.phase = 'standstill'
-        self.sample, self.start = Sample(math.nan, math.nan, math.nan), math.nan
-        self.acceleration = math.nan
+        self.phase = 'standstill'           # what is being done
+        self.sample = Sample(math.nan, math.nan, math.nan)  # the latest one
+        self.start = math.nan               # position at the start, rad
+        self.acceleration = math.nan        # k_t·n/J, rad/s² per A; NaN before it is known
+        # Largest current that friction is known to take, signed, per direction, A.
         self.friction: tuple[float, float] | None = None
+        # The currents that were commanded at the speeds held so far. What is fed forward, and how
+        # much may be commanded, follows from them and never from measured currents: a wrong unit
+        # of the measurement must not drive the joint.
         self.held: list[KineticPoint] = []
         self.warnings: list[str] = []
         self._resolution = drive.position_resolution or 1e-6
@@ -218,10 +185,9 @@ class Motion(ABC):
         # Single encoder counts must not change the current by more than friction.
         push = min(self._push[1], -self._push[-1])
         quiet = math.sqrt(0.06 * push * self.acceleration / self._resolution)
-        return velocity_controller_parameters(
-            self.acceleration, self._plausible(speed),
-            self._expected(1, speed), self._expected(-1, speed),
-            bandwidth=max(min(bandwidth, quiet), 5.0))
+        return Controller(
+            self.acceleration, float(self._plausible(speed)),
+            self._expected(1, speed), self._expected(-1, speed), max(min(bandwidth, quiet), 5.0))
 
     def _plausible(self, speed: float) -> float:
         """Return the largest current in A that a speed may take, by what is known so far.

@@ -1,18 +1,39 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Presliding, stiffness and backlash from the friction along several current ramps."""
+"""Friction along current ramps: breakaway is its maximum, before it come presliding and backlash.
+
+Of the motor's current a part accelerates the joint, the rest is friction:
+
+``f = i - a / (k_t·n/J) - c·ω``
+
+with the viscous current c·ω left to Eq. 6. Within presliding, f rises with the current; once the
+joint slides, f no longer rises and the excess current accelerates the joint (in the LuGre, Dahl,
+Bouc-Wen and Maxwell-slip models alike: Armstrong-Hélouvry, Dupont and Canudas de Wit, Automatica
+30(7), 1994). The peak of f is therefore the breakaway current, whatever the presliding is like. The
+first motion, or the first motion faster than creep, comes 5 to 30 % too early on a gear with long
+presliding.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from friction_comp.identification.friction_peak import RampFriction
+from friction_comp.identification.kinetic import local_parabolas
+from friction_comp.statistics import noise_level
 
+# rad/s above which a joint has left presliding; later samples are not breakaway.
+_SLIDING_SPEED = 0.02
+# s over which f is smoothed: shorter than a rotor needs to break free of presliding, and long
+# enough to suppress the resonance on the gear's compliance.
+_SHORTEST, _LONGEST = 0.024, 0.064
+# Noise of f left after smoothing, as a share of the level.
+_NOISE = 0.007
+# Share of breakaway at which presliding has ended.
+_GONE = 0.95
 # Standard deviations of presliding that the scatter does not include: of a distance that begins and
 # ends within a count, and of the method, as a share (gears of `bench/law_table.py`, seeds 44 and
 # 46: 0.09).
@@ -28,6 +49,77 @@ _EARLY, _COUNTS = 1.0 / 3.0, 4.0
 _DEPTH, _SHARE = 0.04, 0.2
 _SEEN_COUNTS = 3.0   # the least backlash that an encoder tells
 _PLACES = 60         # of the curve
+
+
+@dataclass(frozen=True)
+class RampFriction:
+    """What friction took along one ramp, in its direction, up to where the joint slides; (M,)."""
+
+    time: np.ndarray        # s
+    current: np.ndarray     # friction's part of the current, smoothed, A
+    position: np.ndarray    # the way given since the ramp's begin, smoothed, rad
+    measured: np.ndarray    # the way as the encoder shows it, rad
+    peak: int               # index of the largest current of friction
+
+    @property
+    def breakaway(self) -> float:
+        """Breakaway current in A, a magnitude."""
+        return float(self.current[self.peak])
+
+    def presliding(self, breakaway: float) -> float:
+        """Return the displacement in rad at which friction reaches 95 % of breakaway.
+
+        On this very ramp, since friction differs from place to place: a contact that takes 4 %
+        less here than elsewhere would reach 95 % of the mean at the flat end of its curve.
+        """
+        k = int(np.argmax(self.current >= min(_GONE * breakaway, self.breakaway)))
+        return float(self.position[k])
+
+
+def ramp_friction(time: np.ndarray, position: np.ndarray, current: np.ndarray, sign: int,
+                  resolution: float, acceleration_per_current: float,
+                  viscous: float = 0.0) -> RampFriction | None:
+    """Separate friction from what accelerates the joint, along one ramp.
+
+    Time in s, position in rad and current in A, shape (N,), are of a ramp in the direction `sign`,
+    from its begin at rest on; `resolution` is the angle of an encoder count. Of k_t·n/J, an error
+    of 20 % is one of 1 % of breakaway, since only some percent of the current accelerate the joint.
+    Returns None where the joint did not slide, or the ramp is too short.
+    """
+    step = float(np.median(np.diff(time)))
+    even = time[0] + step * np.arange(int((time[-1] - time[0]) / step) + 1)
+    way = np.interp(even, time, sign * (position - position[0]))
+    driven = np.interp(even, time, sign * current)
+    count = _window(step, driven, resolution, acceleration_per_current)
+    half = count // 2
+    if even.size < 3 * count:
+        return None
+
+    given, speed, acceleration = local_parabolas(way, count, step)
+    smooth = np.convolve(driven, np.full(count, 1.0 / count), 'valid')
+    # A joint that decelerates was stopped by friction, or by teeth in contact after backlash.
+    inertia = np.maximum(acceleration, 0.0) / acceleration_per_current
+    friction = smooth - inertia - viscous * speed
+    # A rotor that slides through backlash is stopped by the link: the last slide is that of the
+    # joint.
+    slow = speed <= _SLIDING_SPEED
+    end = even.size - count + 1 - int(np.argmax(slow[::-1]))
+    if slow.all() or not slow.any():
+        return None
+    return RampFriction(
+        time=even[half:half + end], current=friction[:end], position=given[:end],
+        measured=way[half:half + end],
+        peak=int(np.argmax(np.where(slow[:end], friction[:end], -np.inf))))
+
+
+def _window(step: float, driven: np.ndarray, resolution: float, rate: float) -> int:
+    """Samples to smooth over, odd: as few as counts and the current's noise allow."""
+    allowed = _NOISE * max(float(np.max(driven)), 1e-9)
+    # Variance of a parabola's second derivative over a window T: 720·σ²·step/T⁵.
+    counts = (60.0 * resolution ** 2 * step / (allowed * rate) ** 2) ** 0.2
+    noise = noise_level(driven)
+    width = max(counts, step * (noise / allowed) ** 2, _SHORTEST)
+    return max(round(min(width, _LONGEST) / step), 5) | 1
 
 
 def combined_presliding(ways: list[tuple[bool, float]]) -> float:
@@ -98,17 +190,16 @@ def _below_hull(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     """Return the largest depth below the concave hull, and its distance from the hull's corner."""
     corners = [0]
     for k in range(1, len(x)):
-        while len(corners) > 1 and _rises(x, y, corners[-2], corners[-1], k):
+        while len(corners) > 1:
+            i, j = corners[-2:]
+            if (y[j] - y[i]) * (x[k] - x[j]) > (y[k] - y[j]) * (x[j] - x[i]):
+                break
             corners.pop()
         corners.append(k)
     gap = np.interp(x, x[corners], y[corners]) - y
     lowest = int(np.argmax(gap))
     before = corners[int(np.searchsorted(corners, lowest, side='right')) - 1]
     return float(gap[lowest] / np.max(y)), float(x[lowest] - x[before])
-
-
-def _rises(x: np.ndarray, y: np.ndarray, i: int, j: int, k: int) -> bool:
-    return bool((y[j] - y[i]) * (x[k] - x[j]) <= (y[k] - y[j]) * (x[j] - x[i]))
 
 
 def crossed_backlash(ramps: Sequence[RampFriction], directions: Sequence[int],

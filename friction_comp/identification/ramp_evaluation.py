@@ -1,12 +1,13 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Breakaway currents and presliding from the ramps of an identification."""
+"""Current ramps of an identification, and the breakaway currents and presliding they show."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 import math
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import ndtr, stdtrit
@@ -17,33 +18,50 @@ from friction_comp.identification.breakaway import (
     slide_begin,
     SlideBegin,
 )
-from friction_comp.identification.friction_peak import ramp_friction, RampFriction
 from friction_comp.identification.goal import IdentificationError
 from friction_comp.identification.presliding import (
     combined_presliding,
     common_stiffness,
     crossed_backlash,
     presliding_std,
+    ramp_friction,
+    RampFriction,
 )
-from friction_comp.identification.ramp import moving_level, Ramp
 from friction_comp.model.friction_model import Presliding
 
+STOP_TIME = 0.16
+"""s that a ramp with stops waits at each."""
+
+# The joint is still moving at a stop if, in the last third of it, it moves at this share of the
+# speed of the second third, by this many counts and by this share of the distance since the ramp
+# began. A joint on its presliding comes to rest.
+_SPEED_SHARE, _COUNTS, _WAY_SHARE = 0.5, 2.0, 0.08
 _MOST_LOST = 0.1   # share of ramps without a breakaway that is accepted
 # Two standard errors of breakaway, as a share of it, that are accepted for a gear with backlash.
 _MOST_LOOSE = 0.05
 
 
-@dataclass
-class RampEvaluation:
-    """What a drive's ramps say; presliding is None where the encoder is too coarse to tell.
+class Ramp(NamedTuple):
+    """One current ramp: `samples` are rows of `Sample`.
 
-    Backlash is in rad, None where none shows.
+    `before` is the direction in which the joint slid last before it, 0 where that is not known;
+    `stops` the currents in A at which it waited.
     """
 
+    direction: int
+    before: int
+    samples: np.ndarray
+    stops: tuple[float, ...] = ()
+
+
+@dataclass
+class RampEvaluation:
+    """What a drive's ramps say."""
+
     records: BreakawayRecords
-    presliding: Presliding | None
+    presliding: Presliding | None   # None where the encoder is too coarse to tell
     warnings: list[str]
-    backlash: float | None
+    backlash: float | None          # rad; None where none shows
 
 
 def evaluate_ramps(ramps: Sequence[Ramp], stopping: Sequence[Ramp], slope: float,
@@ -51,7 +69,7 @@ def evaluate_ramps(ramps: Sequence[Ramp], stopping: Sequence[Ramp], slope: float
                    viscous: float) -> RampEvaluation:
     """Evaluate the ramps of a drive, without and with stops, all of a gradient `slope` in A/s.
 
-    Breakaway is the peak of what friction takes (`friction_peak`). Where friction of a joint that
+    Breakaway is the peak of what friction takes (`ramp_friction`). Where friction of a joint that
     slides grows with speed from standstill on, it has no peak, and breakaway is where the slide
     begins (`slide_begin`). One ramp cannot tell that from presliding; a ramp with stops can: at a
     stop presliding comes to rest, a slide does not.
@@ -66,7 +84,12 @@ def evaluate_ramps(ramps: Sequence[Ramp], stopping: Sequence[Ramp], slope: float
     both = [(ramp, slide_begin(*_measured(ramp), ramp.direction, resolution), friction_of(ramp))
             for ramp in ramps]
     known = [(ramp, begin, peak) for ramp, begin, peak in both if begin and peak]
-    warnings = _lost(len(ramps) - len(known), len(ramps))
+    count, lost = len(ramps), len(ramps) - len(known)
+    if lost > _MOST_LOST * count:
+        raise IdentificationError(
+            f'{lost} of {count} ramps show no clear breakaway: the joint creeps; '
+            'ask for a steeper ramp_slope')
+    warnings = [f'{lost} of {count} ramps show no clear breakaway'] if lost else []
     kept, peaks = [ramp for ramp, _, _ in known], [peak for _, _, peak in known]
     directions = [ramp.direction for ramp in kept]
     begins = [begin for _, begin, _ in known]
@@ -93,14 +116,6 @@ def _measured(ramp: Ramp) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return time, position and current of the samples whose current was measured."""
     time, position, current = ramp.samples[np.isfinite(ramp.samples[:, 2])].T
     return time, position, current
-
-
-def _lost(lost: int, count: int) -> list[str]:
-    if lost > _MOST_LOST * count:
-        raise IdentificationError(
-            f'{lost} of {count} ramps show no clear breakaway: the joint creeps; '
-            'ask for a steeper ramp_slope')
-    return [f'{lost} of {count} ramps show no clear breakaway'] if lost else []
 
 
 def _lower_bound(shares: Sequence[float]) -> float:
@@ -143,3 +158,33 @@ def _presliding(ramps: Sequence[Ramp], peaks: Sequence[RampFriction], records: B
         common_stiffness([peak for same, peak in zip(onward, peaks) if same],
                          float(np.mean(levels)), resolution),
         presliding_std(ways, distance, resolution))
+
+
+def time_of_ramp(elapsed: float, slope: float, stops: Sequence[float]) -> float:
+    """Return the time on the ramp of Eq. 8 in s, after waiting at each of the stops, A."""
+    late = 0.0
+    for level in stops:
+        reached = level / slope + late
+        if elapsed <= reached:
+            break
+        if elapsed <= reached + STOP_TIME:
+            return level / slope
+        late += STOP_TIME
+    return elapsed - late
+
+
+def moving_level(ramp: Ramp, slope: float, resolution: float) -> float | None:
+    """Return the current in A at which the joint keeps moving although the current is held.
+
+    The first stop at which it does not come to rest; None where it does at each.
+    """
+    time, position = ramp.samples[:, 0] - ramp.samples[0, 0], ramp.samples[:, 1]
+    way = ramp.direction * (position - position[0])
+    for k, level in enumerate(ramp.stops):
+        begin = level / slope + k * STOP_TIME
+        if time[-1] < begin + STOP_TIME:
+            return level   # It ran away at this stop, or on the way to it.
+        a, b, c = np.interp(begin + STOP_TIME * np.array([1.0, 2.0, 3.0]) / 3.0, time, way)
+        if c - b > max(_SPEED_SHARE * (b - a), _COUNTS * resolution, _WAY_SHARE * c):
+            return level
+    return None

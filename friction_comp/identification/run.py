@@ -3,32 +3,247 @@
 """Identification of a drive, sample by sample (note, sections 2.3 and 2.4).
 
 Whatever calls `IdentificationRun.update` once a sample runs the procedure, be it a ROS node or a
-plain loop. The procedure itself is `script.Script`, the safety about it `supervised_run`; here is
-the evaluation of what it measured.
+plain loop. The movements are a script that yields currents and is handed samples:
+`Script._movements` is the whole procedure in order, the methods below it are its steps. Each
+``yield`` is one sample of the joint. What is measured is left in attributes.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections import deque
+from collections.abc import Generator, Sequence
+import math
+from typing import TypeAlias
 
+import numpy as np
+
+from friction_comp.drive import Drive
+from friction_comp.errors import InputError
+from friction_comp.identification.excitation import at_position, at_ramp, at_velocity
 from friction_comp.identification.goal import (
     IdentificationError,
     IdentificationGoal,
     IdentificationResult,
 )
-from friction_comp.identification.inertia import acceleration_of_cycle
-from friction_comp.identification.kinetic import merge_points
-from friction_comp.identification.ramp_evaluation import evaluate_ramps
-from friction_comp.identification.script import Script
+from friction_comp.identification.kinetic import (
+    acceleration_of_cycle,
+    constant_velocity_currents,
+    KineticPoint,
+    merge_points,
+)
+from friction_comp.identification.motion import Motion, speed_over, STILL_TIME
+from friction_comp.identification.ramp_evaluation import (
+    evaluate_ramps,
+    Ramp,
+    STOP_TIME,
+    time_of_ramp,
+)
 from friction_comp.identification.sigmoid_fit import fit_sigmoid
-from friction_comp.identification.supervised_run import SupervisedRun
-from friction_comp.identification.supervision import loaded
+from friction_comp.identification.supervision import loaded, Sample, SupervisedRun
+from friction_comp.identification.velocity_control import (
+    Controller,
+    velocity_controller_state,
+    velocity_controller_step,
+)
 
-if TYPE_CHECKING:
-    from friction_comp.drive import Drive
+# The joint runs, well above the run-away threshold, at this speed in rad/s for this time in s, and
+# for more than this many encoder counts. A ramp ends when it has run this far, rad: a rotor that
+# slides through backlash also runs, and is then stopped; few robot gears have more backlash.
+CUT_SPEED, CUT_WINDOW, CUT_COUNTS, CUT_WAY = 0.05, 0.02, 8.0, 5e-3
+# Stick-slip requires higher gains; a joint with more lag than expected, or with a link that is much
+# heavier than its rotor and oscillates against it, requires lower ones.
+GAIN_LADDER = (1.0, 1.7, 0.3, 0.1)
+# Above this standard deviation, as a share of its mean, a current does not measure friction: the
+# controller oscillates, and the part that the amplifier cannot follow biases the mean.
+MAX_SCATTER = 0.15
+REST_SHARE = 0.1        # of the ramp period at zero current after each ramp, as in Eq. 8
+# Ramps are made at positions up to this share of the motion range off its centre, so that cogging
+# and other position-dependent torques average out; four ramps at each position.
+PLACES_SHARE = 0.015
+# After every two of this many cycles follows a ramp with stops in each direction: the first stop
+# and their distance are shares of the current at which the previous ramp ended.
+STOPPING_CYCLES, FIRST_STOP, STOP_STEP = 4, 0.8, 0.025
 
-__all__ = ['IdentificationError', 'IdentificationGoal', 'IdentificationResult',
-           'IdentificationRun']
+# Measured and commanded currents at one speed, forwards and backwards.
+_Cycle: TypeAlias = tuple[tuple[KineticPoint, ...], tuple[KineticPoint, ...]]
+
+
+class Script(Motion):
+    """The steps of one identification and what they measured."""
+
+    goal: IdentificationGoal
+
+    def __init__(self, goal: IdentificationGoal, drive: Drive) -> None:
+        super().__init__(goal, drive)
+        self.points: list[KineticPoint] = []    # of measured currents: the look-up table so far
+        self.ramps: list[Ramp] = []             # without stops
+        self.stopping: list[Ramp] = []          # with stops
+        # Time in s, position and current, shape (N, 3), of each evaluated cycle of Eq. 3.
+        self.cycles_driven: list[np.ndarray] = []
+        self._highest_gain = math.inf      # of GAIN_LADDER
+        self._uneven = False               # whether the current varies whatever the gain
+        self._reached = {1: 0.5, -1: 0.5}  # share of the ramp at which the joint broke free
+        self._speeds_done = 0
+        # Every kernel of the control loop is compiled before the first sample comes.
+        at_ramp(0.1, 1.0, 1.0)
+        velocity_controller_step(
+            Controller(1.0, 1.0), velocity_controller_state(), 0.0, 0.0, 0.0, 1e-3)
+
+    def bounds(self) -> tuple[float, float]:
+        """Return the ends of the motion range, which lies about the position at the start."""
+        half = 0.5 * self.goal.motion_range
+        return self.start - half, self.start + half
+
+    def remaining(self) -> float:
+        """Return the estimated time to the end in s."""
+        goal, left = self.goal, 0.0
+        for speed in goal.speeds[self._speeds_done:]:
+            duration, width = goal.cycle(speed)
+            left += goal.velocity_cycles * (
+                duration + self._travel_time(0.5 * width) + STILL_TIME)
+        ramps = 2 * goal.breakaway_cycles - len(self.ramps)
+        share = 0.5 * (self._reached[1] + self._reached[-1])
+        left += ramps * goal.ramp_period * (0.4 * share + REST_SHARE)
+        stopping = 2 * ((goal.breakaway_cycles + 2) // STOPPING_CYCLES) - len(self.stopping)
+        left += stopping * (goal.ramp_period * (0.4 * share + REST_SHARE) + 9.0 * STOP_TIME)
+        return left
+
+    def _movements(self) -> Generator[float, Sample, None]:
+        """Yield currents, be handed samples; the whole of sections 2.3 and 2.4 in order."""
+        self._check_accelerations()
+        for speed in self.goal.speeds:
+            yield from self._constant_velocity(speed)
+            self._speeds_done += 1
+        if len({abs(point.speed) for point in self.points}) < 2:
+            raise IdentificationError('too few speeds could be held: ' + '; '.join(self.warnings))
+        # Two ramps in each direction in turn: a gear yields less after a slide in the ramp's own
+        # direction than after one against it, and presliding needs both.
+        for first in range(0, self.goal.breakaway_cycles, 2):
+            count = min(2, self.goal.breakaway_cycles - first)
+            yield from self._travel(self._place(first // 2))
+            for sign in (1, -1):
+                for _ in range(count):
+                    if abs(self.sample.position - self.start) > 0.2 * self.goal.motion_range:
+                        yield from self._travel(self.start)
+                    self.phase = 'breakaway'
+                    self.ramps.append((yield from self._ramp(sign)))
+            if first % STOPPING_CYCLES == 0 and count > 1:
+                for sign in (1, -1):
+                    cut = self._reached[sign] * self.goal.ramp_peak
+                    self.stopping.append((yield from self._ramp(
+                        sign, (cut * np.arange(FIRST_STOP, 1.1, STOP_STEP)).tolist())))
+
+    def _place(self, index: int) -> float:
+        """Position in rad of the next ramps: evenly spread however many there are."""
+        golden = 0.5 * (math.sqrt(5.0) - 1.0)
+        share = 2.0 * math.fmod(0.5 + index * golden, 1.0) - 1.0
+        return self.start + share * PLACES_SHARE * self.goal.motion_range
+
+    def _check_accelerations(self) -> None:
+        push = max(self._push[1], -self._push[-1])
+        for speed in self.goal.speeds:
+            needed = push + 10.0 * speed / self.goal.cycle(speed)[0] / self.acceleration
+            if needed > 0.9 * self.drive.current_limit:
+                raise IdentificationError(
+                    f'{speed:g} rad/s within {self.goal.motion_range:g} rad would take about '
+                    f'{needed:.2g} A to accelerate, the current limit is '
+                    f'{self.drive.current_limit:g} A: lower the speed or widen the range')
+
+    def _constant_velocity(self, speed: float) -> Generator[float, Sample, None]:
+        """Drive the cycles of Eq. 3 at one speed and average over the constant phases."""
+        for _ in range(self.goal.velocity_cycles):
+            best = None
+            for factor in GAIN_LADDER:
+                if factor > self._highest_gain:
+                    continue
+                driven = yield from self._one_cycle(speed, factor)
+                if driven is None:
+                    continue
+                scatter = _current_scatter(driven[0])
+                if best is not None and scatter > 0.7 * _current_scatter(best[0]):
+                    # The controller is not the cause: friction itself is that uneven.
+                    self._uneven, self._highest_gain = True, math.inf
+                    break
+                best = driven
+                if self._uneven or scatter <= MAX_SCATTER:
+                    break
+                # Higher gains would only cause more oscillation, at other speeds too.
+                self._highest_gain = max(0.99 * factor, GAIN_LADDER[-1])
+            if best is None:
+                self.warnings.append(
+                    f'{speed:g} rad/s left out: the joint sticks and slips or swings at it')
+                return
+            self.points.extend(best[0])
+            self.held.extend(best[1])
+            self._note_friction()
+
+    def _one_cycle(self, speed: float, factor: float) -> Generator[float, Sample, _Cycle | None]:
+        """Drive one cycle of Eq. 3; return both directions' currents, None if the speed swung."""
+        duration, width = self.goal.cycle(speed)
+        yield from self._travel(self.start - 0.5 * width)
+        self.phase = 'velocity'
+        start = self.sample.position
+
+        def reference(t: float) -> tuple[float, float]:
+            return start + at_position(t, speed, duration), at_velocity(t, speed, duration)
+
+        begin, samples, commands = yield from self._follow(
+            reference, duration, max(0.05 * self.goal.motion_range, 0.25 * width), speed, factor)
+        driven = np.array(samples)
+        time, position, measured = driven.T
+        good = np.isfinite(measured)
+        if np.mean(good) < 0.95:
+            raise IdentificationError('the measured current is not finite')
+        try:
+            points, held = (constant_velocity_currents(
+                time[good] - begin, position[good], current[good], speed, duration,
+                self.acceleration) for current in (measured, np.array(commands)))
+        except InputError as error:
+            raise IdentificationError(str(error)) from None
+        if any(abs(point.actual_speed / point.speed - 1.0) > 0.1 or point.unsteadiness > 0.1
+               for point in points):
+            return None
+        self.cycles_driven.append(driven)
+        return points, held
+
+    def _ramp(self, sign: int, stops: Sequence[float] = ()) -> Generator[float, Sample, Ramp]:
+        """Raise the current along Eq. 8 until the joint runs away, then let it come to rest.
+
+        At the currents `stops`, A, it waits.
+        """
+        goal = self.goal
+        yield from self._standstill(max(STILL_TIME, REST_SHARE * goal.ramp_period))
+        sample = self.sample
+        begin, home, samples = sample.time, sample.position, [sample]
+        window = deque([sample], maxlen=200)
+        farthest = 0.2 * goal.motion_range
+        runs: tuple[float, float] | None = None     # since when, of the ramp's time, and where
+        while True:
+            rise = time_of_ramp(sample.time - begin, goal.ramp_slope, stops)
+            if rise > 0.4 * goal.ramp_period:
+                self._never_free(sign, goal.ramp_peak)
+            sample = yield from self._step(
+                sign * at_ramp(rise, goal.ramp_slope, goal.ramp_period))
+            samples.append(sample)
+            window.append(sample)
+            way = sign * (sample.position - home)
+            if (way <= CUT_COUNTS * self._resolution
+                    or speed_over(window, sign, CUT_WINDOW) <= CUT_SPEED):
+                runs = None
+            elif runs is None:
+                runs = rise, way
+            if way > farthest or (runs is not None and way > runs[1] + CUT_WAY):
+                break
+        if len(stops) == 0:
+            broke = rise if runs is None else runs[0]
+            self._reached[sign] = min(1.0, broke / (0.4 * goal.ramp_period))
+        before, self._slid = self._slid, sign
+        return Ramp(sign, before, np.array(samples), tuple(stops))
+
+
+def _current_scatter(points: Sequence[KineticPoint]) -> float:
+    """Scatter of the current at constant velocity as a share of its mean."""
+    return max(point.standard_deviation / max(abs(point.current), 1e-9) for point in points)
 
 
 class IdentificationRun(SupervisedRun):
@@ -51,7 +266,6 @@ class IdentificationRun(SupervisedRun):
     _script: Script
 
     def __init__(self, goal: IdentificationGoal, drive: Drive) -> None:
-        goal.check(drive)
         super().__init__(Script(goal, drive))
         self.goal = goal
         self.warnings: list[str] = []

@@ -14,16 +14,12 @@ data show.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import optimize, sparse
 
 from friction_comp.errors import InputError
 from friction_comp.model.sigmoid import Sigmoid
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 TOLERANCE = 3e-4
 """Share by which the error may rise for the sake of a well-behaved transition."""
@@ -38,25 +34,10 @@ _STEP = np.array([(a, b) for a in (-1.0, -0.3, 0.0, 0.3, 1.0) for b in (-1.0, -0
 
 
 def fit_sigmoid(speeds: ArrayLike, currents: ArrayLike) -> tuple[Sigmoid, float]:
-    """Fit the sigmoid of Eq. 6 to a look-up table with the least L1 error of Eq. 7.
+    """Fit the sigmoid of Eq. 6 to a look-up table; return it and E of Eq. 7 in A, which is least.
 
-    Parameters
-    ----------
-    speeds : array_like, shape (N,)
-        Joint velocities in rad/s, of both signs, in any order; at least two different ones each.
-    currents : array_like, shape (N,)
-        Mean currents in A.
-
-    Returns
-    -------
-    Sigmoid
-    float
-        E of Eq. 7 in A.
-
-    Raises
-    ------
-    InputError
-        If the table is too small, one-sided or not finite.
+    Speeds in rad/s and mean currents in A, shape (N,), are in any order, with two different speeds
+    of each sign at least. Raises InputError if the table is too small, one-sided or not finite.
     """
     speeds, currents = np.asarray(speeds, dtype=float), np.asarray(currents, dtype=float)
     if speeds.ndim != 1 or speeds.shape != currents.shape:

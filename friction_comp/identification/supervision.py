@@ -1,13 +1,14 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Checks while a joint is moved whether it responds to currents as a joint does.
+"""Runs a script that moves a joint, sample by sample, and releases it at the first fault.
 
-One idea serves all faults: what was commanded says what must be measured. The measured current
-is the commanded one, and soon; the position goes where the measured velocity leads; and a current
-well above what set the joint free accelerates it. What contradicts that is a fault of the wiring,
-of the encoder, of the units or of the machine, or somebody's hand, and ends the run before a model
-is written. Until the measured current is known to be the commanded one, no more is commanded than
-the first ramp, which is cut when the joint moves.
+A script says what to command, and what was commanded says what must be measured: the measured
+current is the commanded one, and soon; the position goes where the measured velocity leads; and a
+current well above what set the joint free accelerates it. What contradicts that is a fault of the
+wiring, of the encoder, of the units or of the machine, or somebody's hand, and ends the run before
+a model is written: **zero current whenever the joint does not do what a joint does**. Until the
+measured current is known to be the commanded one, no more is commanded than the first ramp, which
+is cut when the joint moves.
 """
 
 from __future__ import annotations
@@ -15,16 +16,17 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 import math
-from typing import TYPE_CHECKING
+from typing import NamedTuple, TYPE_CHECKING
 
-from friction_comp.identification.goal import IdentificationError
+from friction_comp.drive import Drive
+from friction_comp.identification.goal import IdentificationError, MotionGoal
+from friction_comp.identification.kinetic import KineticPoint
 from friction_comp.signal_checks import Answer, current_fault, CurrentCheck, VelocityCheck
 
 if TYPE_CHECKING:
-    from friction_comp.drive import Drive
-    from friction_comp.identification.kinetic import KineticPoint
-    from friction_comp.identification.motion import MotionGoal
+    from friction_comp.identification.motion import Motion
 
+LONGEST_GAP = 0.25      # s without a sample after which the joint is out of control
 # Accepted ratios of measured to commanded current, and of integrated velocity to change of
 # position; outside, a unit or a constant is wrong.
 _FACTOR = 2.0
@@ -48,14 +50,16 @@ _SURPLUS = 1.5
 _EXPECTED_COUNTS, _ANSWERED, _ANSWER_TIME = 30.0, 0.1, 0.01
 
 
-class Supervision:
-    """Compares what is measured with what was commanded, sample by sample.
+class Sample(NamedTuple):
+    """A sample for the script: s, rad and A, the last NaN where unknown."""
 
-    Parameters
-    ----------
-    goal : MotionGoal
-    drive : Drive
-    """
+    time: float
+    position: float
+    current: float
+
+
+class Supervision:
+    """Compares what is measured with what was commanded, sample by sample."""
 
     def __init__(self, goal: MotionGoal, drive: Drive):
         self._drive = drive
@@ -69,24 +73,10 @@ class Supervision:
 
     def check(self, time: float, position: float, velocity: float | None, current: float,
               command: float, friction: Sequence[float] | None, acceleration: float) -> None:
-        """Take a sample and the current that was applied before it.
+        """Take a sample and the current that was applied before it; raise if the joint is at fault.
 
-        Parameters
-        ----------
-        time, position, velocity : float
-            s, rad, rad/s; velocity None or NaN where it is not measured.
-        current, command : float
-            Measured and commanded current in A.
-        friction : pair of float, or None
-            Largest current in A known to be taken by friction in the positive and, negative, in
-            the negative direction; None before it is known.
-        acceleration : float
-            k_t·n/J in rad/s² per A; NaN before it is known.
-
-        Raises
-        ------
-        IdentificationError
-            If the joint does not answer as a joint does.
+        `velocity` is None or NaN where it is not measured; `friction` and `acceleration` are those
+        of `Motion`.
         """
         if self._last is None:
             self._last = time, position
@@ -98,7 +88,11 @@ class Supervision:
         if math.isfinite(current):
             self._currents.take(time, min(step, _STEP), command, current)
             self._compare_currents()
-        self._compare_ways(step, time, position, velocity)
+        # The position goes where the velocity leads.
+        if velocity is None or not math.isfinite(velocity) or step > _STEP:
+            self._ways.interrupt()
+        elif fault := self._ways.take(time, position, velocity):
+            raise IdentificationError(fault)
         if friction is not None and math.isfinite(acceleration):
             self._expect_motion(step, time, position, command, friction, acceleration)
 
@@ -121,10 +115,7 @@ class Supervision:
                 and answer.error <= _KNOWN * answer.gain)
 
     def require_known(self) -> None:
-        """Raise IdentificationError unless the measured current is the commanded one.
-
-        To be called when the drive has had the time to answer what was commanded.
-        """
+        """Raise unless the measured current is known; the drive has had the time to answer."""
         if self.known():
             return
         answer = self._currents.answer()
@@ -150,17 +141,6 @@ class Supervision:
             return []
         return [f'the measured current is {gain:.2f} times the commanded one: torque constant, '
                 'gear ratio or current controller are not quite as the model file has them']
-
-    # The position goes where the velocity leads.
-
-    def _compare_ways(self, step: float, time: float, position: float,
-                      velocity: float | None) -> None:
-        if velocity is None or not math.isfinite(velocity) or step > _STEP:
-            self._ways.interrupt()
-            return
-        fault = self._ways.take(time, position, velocity)
-        if fault:
-            raise IdentificationError(fault)
 
     # A current well above friction must accelerate the joint.
 
@@ -232,3 +212,116 @@ def loaded(points: Sequence[KineticPoint], breakaway: tuple[float, float],
         return '', (f'one direction takes {2.0 * max(shift, sliding, key=abs):.3g} A more than '
                     'the other: gravity or a spring, or somebody leant on the joint')
     return '', ''
+
+
+class SupervisedRun:
+    """One run of a script, from standstill to zero current.
+
+    Call `update` with every sample and apply the current that it returns, until `finished`.
+
+    """
+
+    def __init__(self, script: Motion) -> None:
+        self.drive = script.drive
+        self.error = ''             # why the run failed; empty while it has not
+        self.finished = False       # whether all was done
+        self.progress = 0.0         # 0 to 1, never falling
+        self.remaining = math.nan   # estimated time to the end, s
+        self._script: Motion = script
+        self._run = script.run()
+        next(self._run)
+        self._begin: float | None = None
+        self._last: float | None = None
+        self._estimated, self._command = -math.inf, 0.0
+
+    @property
+    def phase(self) -> str:
+        """The run's present step."""
+        if self.error:
+            return 'failed'
+        return 'done' if self.finished else self._script.phase
+
+    def update(self, time: float, position: float, velocity: float | None = None,
+               current: float = 0.0) -> float:
+        """Take one sample of the joint and return the current to apply.
+
+        Parameters
+        ----------
+        time : float
+            s, on any time base; a sample that is not newer than the last one changes nothing.
+        position : float
+            rad.
+        velocity : float, optional
+            rad/s. The position must go where it leads; for all else the position is finer.
+        current : float
+            Measured motor current in A.
+
+        Returns
+        -------
+        float
+            A; zero when finished.
+
+        Raises
+        ------
+        IdentificationError
+            When the joint leaves its range, the encoder fails, or the drive does not answer as a
+            drive does. From then on every call returns zero.
+        """
+        if self.finished or self.error:
+            return 0.0
+        try:
+            self._check(time, position)
+            if self._last is not None and time <= self._last:
+                return self._command
+            self._script.supervision.check(
+                float(time), float(position), velocity, float(current), self._command,
+                self._script.friction, self._script.acceleration)
+            command = self._run.send(Sample(
+                float(time), float(position),
+                float(current) if math.isfinite(current) else math.nan))
+        except StopIteration:
+            self.finished = True
+            self.progress, self.remaining, self._command = 1.0, 0.0, 0.0
+            return 0.0
+        except Exception as error:
+            self.abort(str(error))
+            raise
+        self._last = float(time)
+        self._estimate(self._last)
+        limit = self.drive.current_limit
+        self._command = min(max(command, -limit), limit)
+        return self._command
+
+    def abort(self, reason: str = 'cancelled') -> None:
+        """End the run: every later `update` returns zero current."""
+        if not self.finished:
+            self.error, self._command, self.remaining = reason or 'cancelled', 0.0, 0.0
+            self._run.close()
+
+    def _check(self, time: float, position: float) -> None:
+        if not math.isfinite(time):
+            raise IdentificationError('the time of a sample is not finite')
+        if not math.isfinite(position):
+            raise IdentificationError('the joint position is not finite: encoder failure')
+        if self._last is None:
+            return
+        if abs(time - self._last) > LONGEST_GAP:
+            what = 'no sample for' if time > self._last else 'time went back by'
+            raise IdentificationError(
+                f'{what} {abs(time - self._last):.2g} s; {LONGEST_GAP} s are tolerated')
+        low, high = self._script.bounds()
+        if not low <= position <= high:
+            raise IdentificationError(
+                f'the joint left its motion range of {high - low:.4g} rad')
+
+    def _estimate(self, now: float) -> None:
+        """Renew `remaining` and `progress`, ten times a second of the joint's time."""
+        if self._begin is None:
+            self._begin = now
+        elif now - self._estimated < 0.1:
+            return
+        self._estimated = now
+        elapsed = now - self._begin
+        self.remaining = self._script.remaining()
+        share = elapsed / max(elapsed + self.remaining, 1e-9)
+        self.progress = max(self.progress, min(0.999, share))

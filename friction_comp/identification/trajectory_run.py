@@ -10,21 +10,17 @@ the trajectory, and rests.
 from __future__ import annotations
 
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from friction_comp.checks import check_number
+from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.identification.goal import RampGoal
+from friction_comp.identification.goal import MotionGoal
 from friction_comp.identification.motion import Motion, STILL_TIME
-from friction_comp.identification.ramp import Sample
-from friction_comp.identification.supervised_run import SupervisedRun
-
-if TYPE_CHECKING:
-    from friction_comp.drive import Drive
+from friction_comp.identification.supervision import Sample, SupervisedRun
 
 # Shares of the trajectory's range: how far the joint may be outside it, how far from its position
 # it may be pushed, and how far behind its reference.
@@ -33,30 +29,20 @@ _LONGEST = 3600.0
 
 
 @dataclass(frozen=True)
-class TrajectoryGoal(RampGoal):
+class TrajectoryGoal(MotionGoal):
     """A trajectory of one joint, and the ramp that breaks it free before.
 
-    Parameters
-    ----------
-    times : sequence of float
-        s, ascending from zero or later.
-    positions, velocities : sequence of float
-        rad and rad/s, as many. The joint is at rest at the ends; between the points, positions are
-        cubic.
-    ramp_slope, ramp_period : float
-        As of `IdentificationGoal`.
-
-    Raises
-    ------
-    InputError
-        If the trajectory cannot be followed.
+    The joint is at rest at the ends; between the points, positions are cubic. Raises InputError if
+    the trajectory cannot be followed.
     """
 
-    times: Sequence[float]
-    positions: Sequence[float]
-    velocities: Sequence[float]
+    times: Sequence[float]          # s, ascending from zero or later
+    positions: Sequence[float]      # rad
+    velocities: Sequence[float]     # rad/s
     ramp_slope: float = 0.1
     ramp_period: float = 10.0
+    motion_range: float = field(init=False)         # of the positions
+    speeds: Sequence[float] = field(init=False)     # a slow one to travel with, and the highest
 
     def __post_init__(self) -> None:
         sizes = {len(self.times), len(self.positions), len(self.velocities)}
@@ -72,22 +58,14 @@ class TrajectoryGoal(RampGoal):
                              'the most')
         if any(abs(end) > 1e-6 for end in (self.velocities[0], self.velocities[-1])):
             raise InputError('the trajectory does not begin and end at rest')
+        object.__setattr__(self, 'motion_range', float(np.ptp(self.positions)))
+        top = max(float(np.abs(self.velocities).max()),
+                  float(np.abs(np.diff(self.positions) / np.diff(self.times)).max()))
+        object.__setattr__(self, 'speeds', (0.3 * top, top))
         if not self.motion_range > 0.0:
             raise InputError('the trajectory does not move the joint')
         for name in ('ramp_slope', 'ramp_period'):
             check_number(getattr(self, name), name, above=0.0)
-
-    @property
-    def motion_range(self) -> float:
-        """Width of the trajectory's range, rad."""
-        return float(np.ptp(self.positions))
-
-    @property
-    def speeds(self) -> tuple[float, ...]:
-        """A slow speed to travel with, and the highest of the trajectory, rad/s."""
-        top = max(float(np.abs(self.velocities).max()),
-                  float(np.abs(np.diff(self.positions) / np.diff(self.times)).max()))
-        return 0.3 * top, top
 
     def cycle(self, speed: float) -> tuple[float, float]:
         """Return time in s and width in rad of a cycle with the trajectory's acceleration."""
@@ -136,5 +114,4 @@ class TrajectoryRun(SupervisedRun):
     """One trajectory, from standstill to zero current; see `SupervisedRun`."""
 
     def __init__(self, goal: TrajectoryGoal, drive: Drive) -> None:
-        goal.check(drive)
         super().__init__(FollowTrajectory(goal, drive))

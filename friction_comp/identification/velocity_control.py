@@ -20,40 +20,27 @@ from friction_comp.low_pass import low_pass_weight
 BANDWIDTH = 100.0
 """Crossover frequency in rad/s: far below the 1 ms sampling, far above the profile's changes."""
 
+# rad/s of reference velocity over which the push fades in.
+_BLEND_VELOCITY = 0.002
+
 # Places in the state array.
 LAST_POSITION, VELOCITY, INTEGRAL, LAST_REFERENCE = 0, 1, 2, 3
 
 
 class Controller(NamedTuple):
-    """Parameters of the controller."""
+    """Parameters of the controller.
 
-    gain: float
-    integral_gain: float
-    position_rate: float
-    filter_time: float
-    limit: float
-    push_positive: float
-    push_negative: float
-    inertia: float
-    blend_velocity: float
-
-
-def velocity_controller_parameters(acceleration_per_current: float, current_limit: float,
-                                   push_positive: float = 0.0, push_negative: float = 0.0,
-                                   bandwidth: float = BANDWIDTH) -> Controller:
-    """Return the controller's parameters for k_t·n/J in rad/s² per A and currents in A.
-
-    An error of a factor two of k_t·n/J either way is harmless: the phase margin stays near 40
-    degrees or above. The push (the second one negative) roughly overcomes friction in each
-    direction; it is fed forward with the sign of the reference velocity and spares the integrator
-    the swing at reversals. The mean current measured does not depend on it.
+    An error of a factor two of the acceleration per current either way is harmless: the phase
+    margin stays near 40 degrees or above. The push roughly overcomes friction in each direction;
+    it is fed forward with the sign of the reference velocity and spares the integrator the swing
+    at reversals. The mean current measured does not depend on it.
     """
-    gain = bandwidth / acceleration_per_current
-    return Controller(
-        gain=gain, integral_gain=gain * bandwidth / 5.0, position_rate=bandwidth / 6.0,
-        filter_time=1.0 / (5.0 * bandwidth), limit=float(current_limit),
-        push_positive=float(push_positive), push_negative=float(push_negative),
-        inertia=1.0 / acceleration_per_current, blend_velocity=0.002)
+
+    acceleration_per_current: float     # k_t·n/J, rad/s² per A
+    limit: float                        # A
+    push_positive: float = 0.0          # A
+    push_negative: float = 0.0          # A, negative
+    bandwidth: float = BANDWIDTH        # rad/s
 
 
 def velocity_controller_state() -> np.ndarray:
@@ -71,22 +58,23 @@ def velocity_controller_step(parameters: Controller, state: np.ndarray, referenc
     """
     if np.isnan(state[LAST_POSITION]):
         state[LAST_POSITION], state[LAST_REFERENCE] = position, reference_velocity
-    share = low_pass_weight(time_step, parameters.filter_time)
+    bandwidth = parameters.bandwidth
+    gain = bandwidth / parameters.acceleration_per_current
+    share = low_pass_weight(time_step, 1.0 / (5.0 * bandwidth))
     measured = (position - state[LAST_POSITION]) / time_step
     state[VELOCITY] += share * (measured - state[VELOCITY])
     state[LAST_POSITION] = position
     acceleration = (reference_velocity - state[LAST_REFERENCE]) / time_step
     state[LAST_REFERENCE] = reference_velocity
 
-    # The push fades in, over a small reference velocity.
-    blend = min(1.0, abs(reference_velocity) / parameters.blend_velocity)
+    blend = min(1.0, abs(reference_velocity) / _BLEND_VELOCITY)
     push = parameters.push_positive if reference_velocity > 0.0 else parameters.push_negative
     error = ((reference_velocity - state[VELOCITY])
-             + parameters.position_rate * (reference_position - position))
-    current = (blend * push + parameters.inertia * acceleration + parameters.gain * error
-               + state[INTEGRAL])
+             + bandwidth / 6.0 * (reference_position - position))
+    current = (blend * push + 1.0 / parameters.acceleration_per_current * acceleration
+               + gain * error + state[INTEGRAL])
     if abs(current) > parameters.limit:
         return parameters.limit if current > 0.0 else -parameters.limit
     # The integrator stops at the limit, to avoid windup.
-    state[INTEGRAL] += parameters.integral_gain * error * time_step
+    state[INTEGRAL] += gain * bandwidth / 5.0 * error * time_step
     return current

@@ -14,8 +14,12 @@ import numpy as np
 from friction_comp.identification.breakaway import breakaway_currents, BreakawayRecords
 from friction_comp.identification.excitation import at_ramp
 from friction_comp.identification.goal import IdentificationGoal
-from friction_comp.identification.run import IdentificationRun
-from friction_comp.identification.script import CUT_COUNTS, CUT_SPEED, CUT_WINDOW
+from friction_comp.identification.run import (
+    CUT_COUNTS,
+    CUT_SPEED,
+    CUT_WINDOW,
+    IdentificationRun,
+)
 from friction_comp.note.published import RAMP_PERIOD
 from friction_comp.simulation.joint import joint_sample, measure, Plant, start_joint
 from friction_comp.simulation.joint_parameters import joint_parameters, JOINT_STATE, MEASURED

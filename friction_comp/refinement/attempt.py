@@ -18,13 +18,18 @@ from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement import thresholds
-from friction_comp.refinement.constants import adjust_constants
-from friction_comp.refinement.effect_columns import base_columns, Key, PLAIN, proposals, Table, Term
-from friction_comp.refinement.joint_groups import neighbourhood
+from friction_comp.refinement.effect_columns import (
+    base_columns,
+    neighbourhood,
+    PLAIN,
+    proposals,
+    Table,
+    Term,
+)
 from friction_comp.refinement.naming import Intervals, Stability
 from friction_comp.refinement.prepare import blocks_of_samples, prepare, Rows, with_settings
 from friction_comp.refinement.recorded_motion import differentiations, plain_columns
-from friction_comp.refinement.search import Search
+from friction_comp.refinement.search import adjust_constants, Search
 from friction_comp.refinement.sums import held_out
 from friction_comp.samples import Samples
 
@@ -49,10 +54,10 @@ class Fit:
     """The result of a search."""
 
     table: Table
-    keys: list[Key]  # the terms, those of the initial model first
+    terms: list[Term]  # the terms, those of the initial model first
     given: int  # number of terms of the initial model
     settings: dict[str, Any]  # of differentiation
-    candidates: list[Key]  # the last ones
+    candidates: list[Term]  # the last ones
     # Share of resampled block sets in which the lag lowers the error enough; 1 without a lag.
     lag_confidence: float = 1.0
     # How often repeated searches choose each term, and intervals, once terms are named.
@@ -66,21 +71,21 @@ class Fit:
 
     def errors(self) -> np.ndarray:
         """Return the squared error of each cell by a fit to all other blocks, shape (K,)."""
-        return self.table.left_out(self.table.indices(self.keys))
+        return self.table.left_out(self.table.indices(self.terms))
 
-    def rmse_with(self, keys: Sequence[Key]) -> float:
+    def rmse_with(self, terms: Sequence[Term]) -> float:
         """Return the held-out RMS error of some of the terms, at the present transition, A."""
         table = self.table
-        errors = table.left_out(table.indices(keys, derivatives=False))
+        errors = table.left_out(table.indices(terms, derivatives=False))
         return math.sqrt(float(errors.sum()) / float(table.sums.rows.sum()))
 
     def residual(self) -> np.ndarray:
         """Return the residual of each sample by a fit to all other blocks, A, shape (N,)."""
         table, rows = self.table, self.table.rows
         columns = np.column_stack([base_columns(rows, *table.transition)[:, :PLAIN],
-                                   *(table.terms[key].columns(rows) for key in self.keys)])
+                                   *(term.columns(rows) for term in self.terms)])
         train = (table.block != np.arange(rows.blocks)[:, None]).astype(float)
-        fits = table.sums.fits(table.indices(self.keys, derivatives=False), train)
+        fits = table.sums.fits(table.indices(self.terms, derivatives=False), train)
         return np.asarray(rows.target - np.einsum(
             'ns,ns->n', columns, fits[blocks_of_samples(rows)]))
 
@@ -97,41 +102,41 @@ def fit_eq6_alone(question: Question, settings: dict[str, Any]) -> Fit:
 class Attempt(Search):
     """A search among all terms that the effects propose for the residual, in one table."""
 
-    def __init__(self, table: Table, fixed: list[Key]) -> None:
+    def __init__(self, table: Table, fixed: list[Term]) -> None:
         super().__init__(table, [], fixed)
         self._retained = set(fixed)
         self._time_effects = False
         self.update_candidates(fixed)
 
-    def update_candidates(self, keys: Sequence[Key]) -> None:
+    def update_candidates(self, terms: Sequence[Term]) -> None:
         """Replace the candidates by those that suit the residual of a fit."""
         table = self.table
-        proposed = proposals(table, keys)
-        self._retained.update(keys)
-        table.keep(self._retained.union(term.key for term in proposed))
-        kinds = {key.effect for key in self.fixed if table.terms[key].kind.most == 1}
-        self.candidates = [key for key in table.add(proposed) if key.effect not in kinds and (
-            (table.terms[key].kind.variable == 'time') == self._time_effects)]
+        proposed = proposals(table, terms)
+        self._retained.update(terms)
+        table.keep(self._retained.union(proposed))
+        kinds = {term.kind for term in self.fixed if term.kind.most == 1}
+        self.candidates = [term for term in table.add(proposed) if term.kind not in kinds and (
+            (term.kind.variable == 'time') == self._time_effects)]
 
-    def improve(self, keys: list[Key]) -> list[Key]:
+    def improve(self, terms: list[Term]) -> list[Term]:
         """Adjust the constants of the last term and the transition, and renew the candidates."""
-        return self._adjust(keys, only=keys[-1:])
+        return self._adjust(terms, only=terms[-1:])
 
-    def _adjust(self, keys: Sequence[Key], rounds: int = 3, only: Sequence[Key] | None = None
-                ) -> list[Key]:
-        keys = adjust_constants(self.table, keys, rounds, only)
-        self.table.fit_transition(keys)
-        self.update_candidates(keys)
-        return keys
+    def _adjust(self, terms: Sequence[Term], rounds: int = 3, only: Sequence[Term] | None = None
+                ) -> list[Term]:
+        terms = adjust_constants(self.table, terms, rounds, only)
+        self.table.fit_transition(terms)
+        self.update_candidates(terms)
+        return terms
 
-    def starts(self) -> list[list[Key]]:
+    def starts(self) -> list[list[Term]]:
         """Return the starts of the search: plain physics, without and with neighbouring links.
 
         Weight, spring and inertia may cancel in a motion, so that each helps only with the others.
         """
         table, rows = self.table, self.table.rows
-        plain = [key for key in self.candidates if table.terms[key].kind.physics]
-        starts: list[list[Key]] = [plain]
+        plain = [term for term in self.candidates if term.kind.physics]
+        starts: list[list[Term]] = [plain]
         if rows.joints:
             kind = EFFECTS['other_joints']
             starts.append([*plain, *table.add([Term(kind, {}, group) for group in neighbourhood(
@@ -140,22 +145,22 @@ class Attempt(Search):
             self._retained.update(start)
         return starts
 
-    def search_from(self, start: Sequence[Key]) -> list[Key]:
+    def search_from(self, start: Sequence[Term]) -> list[Term]:
         """Search from some terms; return the terms at its end.
 
         Effects of time are tried last, so that they do not replace a recorded cause.
         """
         self._time_effects = False
-        keys = self.backward(self.separable(list(dict.fromkeys([*self.fixed, *start]))))
-        self.table.fit_transition(keys)
-        self.update_candidates(keys)
-        keys = self._adjust(self.forward(self.backward(keys)), 5)
-        keys = self.backward(self.exchange(keys))
+        terms = self.backward(self.separable(list(dict.fromkeys([*self.fixed, *start]))))
+        self.table.fit_transition(terms)
+        self.update_candidates(terms)
+        terms = self._adjust(self.forward(self.backward(terms)), 5)
+        terms = self.backward(self.exchange(terms))
         self._time_effects = True
-        self.update_candidates(keys)
-        keys = self.backward(self._adjust(self.forward(keys), 5))
-        self._retained.update(keys)
-        return keys
+        self.update_candidates(terms)
+        terms = self.backward(self._adjust(self.forward(terms), 5))
+        self._retained.update(terms)
+        return terms
 
 
 def search_with(question: Question, settings: dict[str, Any] | None = None,
@@ -179,16 +184,16 @@ def search_with(question: Question, settings: dict[str, Any] | None = None,
     attempt = Attempt(table, given)
     starts = attempt.starts() if begin is None else [table.add(begin)]
     transition = table.transition
-    ends: list[tuple[float, int, list[Key], tuple[float, float], list[Key]]] = []
-    for first_keys in starts:
+    ends: list[tuple[float, int, list[Term], tuple[float, float], list[Term]]] = []
+    for first_terms in starts:
         table.set_transition(*transition)
-        keys = attempt.search_from(first_keys)
-        ends.append((attempt.error(keys) * (1.0 + thresholds.LEAST_SHARE) ** len(keys), len(ends),
-                     keys, table.transition, attempt.candidates))
-    _, _, keys, transition, candidates = min(ends)
+        terms = attempt.search_from(first_terms)
+        ends.append((attempt.error(terms) * (1.0 + thresholds.LEAST_SHARE) ** len(terms), len(ends),
+                     terms, table.transition, attempt.candidates))
+    _, _, terms, transition, candidates = min(ends)
     table.set_transition(*transition)
-    return Fit(table, keys, len(given), settings,
-               [key for key in candidates if key in table.terms])
+    return Fit(table, terms, len(given), settings,
+               [term for term in candidates if term in table.columns_of])
 
 
 def find_best_fit(question: Question) -> Fit:
@@ -207,8 +212,7 @@ def find_best_fit(question: Question) -> Fit:
             tried.append(settings)
             first_lag = bool(settings.get('lag')) and not best.settings.get('lag')
             # Terms that stood in for a lag are a poor start; another bandwidth changes little.
-            other = search_with(question, settings, None if first_lag else [
-                best.table.terms[key] for key in best.keys[best.given:]])
+            other = search_with(question, settings, None if first_lag else best.terms[best.given:])
             share = thresholds.LAG_ERROR if first_lag else 1.0 - thresholds.EQUIVALENT
             if _mean_error(other) < share * _mean_error(best):
                 confidence = _lag_confidence(other, best) if first_lag else best.lag_confidence
@@ -240,11 +244,10 @@ def _other_settings(question: Question, fit: Fit) -> list[dict[str, Any]]:
     """Return settings with which the fitted terms, or a plain drive, predict better."""
     rows, others, settings = fit.rows, [], fit.settings
     target = rows.averaged(rows.target)
-    terms = [fit.table.terms[key] for key in fit.keys]
 
     def columns(other: Rows) -> np.ndarray:
         return np.column_stack([base_columns(other, *fit.table.transition),
-                                *(term.columns(other) for term in terms)])
+                                *(term.columns(other) for term in fit.terms)])
     samples = rows.samples.with_(load=None) if rows.load_by_mechanics else rows.samples
     plain = plain_columns(samples, [rows.scene.transition, _PLAIN_TRANSITION * rows.scene.speed])
     current_lag = settings.get('lag', 0.0)

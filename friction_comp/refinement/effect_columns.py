@@ -11,14 +11,15 @@ from __future__ import annotations
 
 from collections.abc import Container, Sequence
 from dataclasses import dataclass, field
+import functools
+from itertools import combinations
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from friction_comp.model.arm.coupling import Group
 from friction_comp.model.effects import Effect, EFFECTS, Look
-from friction_comp.refinement.joint_groups import groups_for
 from friction_comp.refinement.prepare import Rows
 from friction_comp.refinement.sums import BlockSums
 
@@ -30,26 +31,25 @@ _FLATTEST, _STEEPEST = 2.0, 6000.0
 MOST_SHIFT = 0.3
 
 
-class Key(NamedTuple):
-    """What distinguishes a term: its effect's name, the values of its constants, its group."""
-
-    effect: str
-    constants: tuple[Any, ...]
-    group: Group | None
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Term:
     """An effect with its constants, or a group of terms of other joints, whose effect is a sum."""
 
     kind: type[Effect]
     constants: dict[str, Any] = field(default_factory=dict)
     group: Group | None = None
+    # What distinguishes a term, hashable.
+    _identity: tuple[Any, ...] = field(init=False, repr=False)
 
-    @property
-    def key(self) -> Key:
-        """The term's key."""
-        return Key(self.kind.name, tuple(self.constants.values()), self.group)
+    def __post_init__(self) -> None:
+        object.__setattr__(self, '_identity', (
+            self.kind.name, tuple(self.constants.values()), self.group))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Term) and self._identity == other._identity
+
+    def __hash__(self) -> int:
+        return hash(self._identity)
 
     def columns(self, rows: Rows) -> np.ndarray:
         """Return the term's columns on all samples, shape (N, M)."""
@@ -59,10 +59,7 @@ class Term:
         return self.kind.matrix(rows.samples, self.constants)
 
     def same_effect(self, other: Term, span: float) -> bool:
-        """Return whether another term is the same effect with similar constants.
-
-        `span` is the range of position, rad.
-        """
+        """Return whether another term is the same effect, its constants similar over `span` rad."""
         if self.kind is not other.kind or self.group != other.group:
             return False
         if self.kind.most == 1:
@@ -96,14 +93,13 @@ class Table:
     """Columns of terms on the rows of a recording, shape (P, R), and their sums over cells.
 
     A cell holds the rows of one block and one region of posture: `block` and `region` tell which,
-    for each cell. `steepness` and `shift` are those of the transition of Eq. 6, s/rad and rad/s.
+    for each cell.
     """
 
     def __init__(self, rows: Rows, steepness: float, shift: float = 0.0) -> None:
         self.rows, self.target = rows, rows.averaged(rows.target)
-        self.steepness, self.shift = steepness, shift
-        self.terms: dict[Key, Term] = {}
-        self.columns_of: dict[Key, list[int]] = {}  # indices of each term's columns
+        self.transition = steepness, shift  # of Eq. 6, s/rad and rad/s
+        self.columns_of: dict[Term, list[int]] = {}  # indices of the columns of each term added
         cells, cell = np.unique(
             rows.block * (int(rows.region.max()) + 1) + rows.region, return_inverse=True)
         order = np.argsort(cell, kind='stable')
@@ -120,41 +116,39 @@ class Table:
 
     def _columns_for(self, term: Term) -> np.ndarray | None:
         """Return a term's columns, shape (M, R); None where they are not finite."""
-        if term.key in self.terms:
-            return self.columns[self.columns_of[term.key]]
+        if term in self.columns_of:
+            return self.columns[self.columns_of[term]]
         columns = self.rows.averaged(term.columns(self.rows)).T
         return columns if np.isfinite(columns).all() else None
 
-    def add(self, terms: Sequence[Term]) -> list[Key]:
-        """Add terms; return the keys of those whose columns are finite."""
+    def add(self, terms: Sequence[Term]) -> list[Term]:
+        """Add terms; return those whose columns are finite."""
         fresh: list[np.ndarray] = []
         signs: list[int] = []
         for term in terms:
-            columns = None if term.key in self.terms else self._columns_for(term)
+            columns = None if term in self.columns_of else self._columns_for(term)
             if columns is not None:
-                self._register(term, len(self.columns) + len(fresh), len(columns))
+                first = len(self.columns) + len(fresh)
+                self.columns_of[term] = list(range(first, first + len(columns)))
                 fresh += list(columns)
                 signs += _signs_of(term, len(columns))
         if fresh:
             self._append(np.array(fresh), signs)
-        return [term.key for term in terms if term.key in self.terms]
+        return [term for term in terms if term in self.columns_of]
 
-    def keep(self, keys: Container[Key]) -> None:
+    def keep(self, terms: Container[Term]) -> None:
         """Remove all other terms."""
-        remaining = [term for key, term in self.terms.items() if key in keys]
-        if len(remaining) == len(self.terms):
+        remaining = [term for term in self.columns_of if term in terms]
+        if len(remaining) == len(self.columns_of):
             return
-        sizes = [len(self.columns_of[term.key]) for term in remaining]
-        columns = self.indices([term.key for term in remaining])
+        sizes = [len(self.columns_of[term]) for term in remaining]
+        columns = self.indices(remaining)
         retained = [*columns, len(self.columns)]
         self.sums = BlockSums(self.sums.gram[:, retained][:, :, retained], self.sums.rows,
                               self.sums.signs[columns])
-        self.columns, self.terms, self.columns_of = self.columns[columns], {}, {}
+        self.columns, self.columns_of = self.columns[columns], {}
         for term, stop, size in zip(remaining, np.cumsum(sizes), sizes):
-            self._register(term, BASE + int(stop) - size, size)
-
-    def _register(self, term: Term, first: int, count: int) -> None:
-        self.terms[term.key], self.columns_of[term.key] = term, list(range(first, first + count))
+            self.columns_of[term] = list(range(BASE + int(stop) - size, BASE + int(stop)))
 
     def _append(self, fresh: np.ndarray, signs: Sequence[int]) -> None:
         old = len(self.columns)
@@ -175,14 +169,14 @@ class Table:
             gram[changed, :-1], gram[:-1, changed] = products, products.T
             gram[changed, -1] = gram[-1, changed] = columns[changed] @ target
 
-    def indices(self, keys: Sequence[Key], derivatives: bool = True) -> list[int]:
+    def indices(self, terms: Sequence[Term], derivatives: bool = True) -> list[int]:
         """Return the column indices of Eq. 6 and of some terms."""
         base = range(BASE if derivatives else PLAIN)
-        return [*base, *(column for key in keys for column in self.columns_of[key])]
+        return [*base, *(column for term in terms for column in self.columns_of[term])]
 
-    def residual(self, keys: Sequence[Key], derivatives: bool = True) -> np.ndarray:
+    def residual(self, terms: Sequence[Term], derivatives: bool = True) -> np.ndarray:
         """Return the residual of a fit of some terms to all blocks, shape (R,)."""
-        indices = self.indices(keys, derivatives)
+        indices = self.indices(terms, derivatives)
         return np.asarray(self.target - self.sums.fit(indices) @ self.columns[indices])
 
     def error_with(self, terms: Sequence[Term]) -> float:
@@ -198,9 +192,9 @@ class Table:
         columns = range(len(signs))
         return float(sums.squares(columns, sums.fit(columns)[None])[0])
 
-    def coefficients(self, keys: Sequence[Key], derivatives: bool = False) -> dict[int, float]:
+    def coefficients(self, terms: Sequence[Term]) -> dict[int, float]:
         """Return the coefficient of each column index, fitted to all blocks."""
-        indices = self.indices(keys, derivatives)
+        indices = self.indices(terms, derivatives=False)
         return dict(zip(indices, map(float, self.sums.fit(indices))))
 
     def draw_blocks(self, rng: np.random.Generator) -> np.ndarray:
@@ -212,11 +206,11 @@ class Table:
         """Return the squared error of each cell by the fit to all other blocks, shape (K,)."""
         return self.sums.left_out(columns, self.block)
 
-    def fit_transition(self, keys: Sequence[Key], rounds: int = 4) -> None:
+    def fit_transition(self, terms: Sequence[Term], rounds: int = 4) -> None:
         """Move the transition of Eq. 6 to its optimum beside some terms, by Gauss-Newton steps."""
         speed = self.rows.scene.speed
-        others = self.columns[self.indices(keys)[BASE:]]
-        signs = self.sums.signs[self.indices(keys)]
+        others = self.columns[self.indices(terms)[BASE:]]
+        signs = self.sums.signs[self.indices(terms)]
         plain = [*range(PLAIN), *range(BASE, BASE + len(others))]
 
         def sums_at(steepness: float, shift: float) -> tuple[float, BlockSums]:
@@ -245,38 +239,32 @@ class Table:
                 break
         self.set_transition(*current)
 
-    @property
-    def transition(self) -> tuple[float, float]:
-        """The steepness and the shift of Eq. 6."""
-        return self.steepness, self.shift
-
     def set_transition(self, steepness: float, shift: float) -> None:
         """Set the steepness and the shift of Eq. 6 and recompute its columns."""
         if (steepness, shift) != self.transition:
-            self.steepness, self.shift = steepness, shift
+            self.transition = steepness, shift
             self.columns[:BASE] = self._base(steepness, shift)
             self._update_sums(slice(0, BASE))
 
-    def loads(self, keys: Sequence[Key]) -> list[dict[str, float]]:
+    def loads(self, terms: Sequence[Term]) -> list[dict[str, float]]:
         """Return the loads that follow from the terms of a fit; see `Effect.load_share`."""
-        coefficients, shares, carries_load = self.coefficients(keys), [], False
-        for key in keys:
-            term = self.terms[key]
+        coefficients, shares, carries_load = self.coefficients(terms), [], False
+        for term in terms:
             if term.group is None and not term.kind.uses_inner_load:
-                values = [coefficients[column] for column in self.columns_of[key]]
+                values = [coefficients[column] for column in self.columns_of[term]]
                 shares.append(term.kind.load_share(values, term.constants))
                 carries_load = carries_load or term.kind.gives_load
                 if term.kind.gives_load and term.kind.holds_offset(self.rows.scene):
                     shares.append({'offset': coefficients[0]})
         return shares if carries_load else []
 
-    def look(self, keys: Sequence[Key]) -> Look:
+    def look(self, terms: Sequence[Term]) -> Look:
         """Return the residual of a fit in the form from which effects propose constants."""
         part, scene = self.rows.at_rows, self.rows.scene
         velocity = np.asarray(part.velocity)
         return Look(scene, part.position, velocity,
-                    np.tanh(velocity / scene.transition), self.residual(keys),
-                    self.rows.length * self.rows.samples.sample_time, self.loads(keys))
+                    np.tanh(velocity / scene.transition), self.residual(terms),
+                    self.rows.length * self.rows.samples.sample_time, self.loads(terms))
 
 
 def _signs_of(term: Term, count: int) -> list[int]:
@@ -285,9 +273,9 @@ def _signs_of(term: Term, count: int) -> list[int]:
     return wanted + [0] * (count - len(wanted))
 
 
-def proposals(table: Table, keys: Sequence[Key]) -> list[Term]:
+def proposals(table: Table, terms: Sequence[Term]) -> list[Term]:
     """Return candidate terms to add to a fit, of effects whose signals were recorded and varied."""
-    rows, look = table.rows, table.look(keys)
+    rows, look = table.rows, table.look(terms)
     terms = [
         Term(kind, constants) for kind in EFFECTS.values()
         if all(getattr(rows.samples, signal) is not None for signal in kind.needs)
@@ -299,3 +287,55 @@ def proposals(table: Table, keys: Sequence[Key]) -> list[Term]:
         terms += [Term(EFFECTS['other_joints'], {}, group)
                   for group in groups_for(rows.joints, rows.samples.joint)]
     return terms
+
+
+@functools.lru_cache(maxsize=8)
+def groups_for(names: Sequence[str], joint: str) -> list[Group]:
+    """Return the groups of terms through which other joints may affect a joint's current.
+
+    `names` are all joints in the order of the recording, usually that along the arm. Terms that
+    depend on the joint alone are left to its own effects. The potential energy of a serial arm is a
+    sum of harmonics of sums and differences of joint angles, its kinetic energy of such harmonics
+    times two velocities; the torque of a joint follows from both by Lagrange's equations. Each
+    harmonic is a group of columns. Two facts of mechanics rule out groups that could only stand in
+    for something else: a joint's weight torque depends on its own angle, and its angle does not
+    change the inertia of the links behind it.
+    """
+    sums: list[tuple[tuple[str, int], ...]] = [
+        ((first, 1), (second, side)) for first, second in combinations(names, 2)
+        for side in (1, -1)]
+    sums += [tuple((name, 1) for name in names[start:stop])
+             for start in range(len(names)) for stop in range(start + 3, len(names) + 1)]
+    groups = [Group('weight', angles) for angles in sums if joint in (name for name, _ in angles)]
+    singles: list[tuple[tuple[str, int], ...]] = [()] + [((name, 1),) for name in names]
+    neighbours = list(zip(names, names[1:]))
+    sums = singles + [((first, 1), (second, 1)) for first, second in neighbours]
+    pairs = [(joint, name) for name in names] + [
+        pair for pair in [(name, name) for name in names] + neighbours if joint not in pair]
+    for first, second in pairs:
+        for angles in sums:
+            turning = {name for name, _ in angles}
+            # The coupled inertia of two joints does not depend on the angle of the first, and a
+            # term without the joint's own acceleration has to depend on its angle.
+            possible = not {first, second} <= turning and (first != second or turning)
+            if possible and (joint in (first, second) or joint in turning):
+                groups.append(Group('kinetic', angles, (joint, first, second)))
+    return groups
+
+
+def neighbourhood(names: Sequence[str], joint: str) -> list[Group]:
+    """Return the groups of a joint and its neighbours, and the weight of the links behind it.
+
+    Where an arm swings freely, weight and inertia cancel, and none of these groups helps alone, so
+    they are tried together.
+    """
+    index = list(names).index(joint)
+    neighbours = set(names[max(0, index - 1):index + 2])
+
+    def is_weight_of_link(group: Group) -> bool:
+        """Return whether a group is the weight of a link at the summed angle of adjacent joints."""
+        indices = sorted(list(names).index(name) for name, _ in group.angles)
+        return (group.kind == 'weight' and all(side > 0 for _, side in group.angles)
+                and indices[-1] - indices[0] == len(indices) - 1)
+    return [group for group in groups_for(tuple(names), joint)
+            if group.everyone <= neighbours or is_weight_of_link(group)]

@@ -23,14 +23,13 @@ import numpy as np
 from scipy import stats
 
 from friction_comp.refinement import thresholds
-from friction_comp.refinement.constants import free_constants, slopes, unit_of
-from friction_comp.refinement.effect_columns import Key, Table, Term
-from friction_comp.refinement.search import Search
+from friction_comp.refinement.effect_columns import Table, Term
+from friction_comp.refinement.search import free_constants, Search, slopes, unit_of
 from friction_comp.refinement.sums import BlockSums
 from friction_comp.statistics import robust_std
 
 # A column of the table, or a constant of a term.
-Parameter = int | tuple[Key, str]
+Parameter = int | tuple[Term, str]
 _LEVEL = 0.95
 _DRAWS = 200
 _PARTS = 'parts'
@@ -41,21 +40,22 @@ class Stability:
     """The results of repeated searches."""
 
     # Share of the searches that choose each term.
-    chosen: dict[Key, float] = field(default_factory=dict)
+    chosen: dict[Term, float] = field(default_factory=dict)
     # Effects that searches without a term choose instead, and the share of all searches.
-    alternatives: dict[Key, list[tuple[str, float]]] = field(default_factory=dict)
+    alternatives: dict[Term, list[tuple[str, float]]] = field(default_factory=dict)
 
-    def renamed(self, names: dict[Key, Key]) -> Stability:
-        """Return the same results under the new keys of terms whose constants have changed."""
-        return Stability({names.get(key, key): value for key, value in self.chosen.items()},
-                         {names.get(key, key): value for key, value in self.alternatives.items()})
+    def renamed(self, names: dict[Term, Term]) -> Stability:
+        """Return the same results under the new names of terms whose constants have changed."""
+        return Stability(
+            {names.get(term, term): share for term, share in self.chosen.items()},
+            {names.get(term, term): others for term, others in self.alternatives.items()})
 
-    def named(self, key: Key) -> bool:
+    def named(self, term: Term) -> bool:
         """Return whether a term is chosen often enough to be named."""
-        return self.chosen.get(key, 0.0) >= thresholds.NAMED_SHARE
+        return self.chosen.get(term, 0.0) >= thresholds.NAMED_SHARE
 
 
-def repeat_search(table: Table, keys: Sequence[Key], given: int, candidates: Sequence[Key]
+def repeat_search(table: Table, terms: Sequence[Term], given: int, candidates: Sequence[Term]
                   ) -> Stability:
     """Repeat the whole search on resampled blocks and count how often it chooses each term.
 
@@ -63,15 +63,15 @@ def repeat_search(table: Table, keys: Sequence[Key], given: int, candidates: Seq
     candidates, may be chosen.
     """
     rng = np.random.default_rng(0)
-    fixed, span = list(keys[:given]), table.rows.scene.span
-    single_kinds = {key.effect for key in keys if table.terms[key].kind.most == 1 and not key.group}
+    fixed, span = list(terms[:given]), table.rows.scene.span
+    single_kinds = {term.kind for term in terms if term.kind.most == 1 and not term.group}
     # With the adjusted constants: a neighbouring grid point is the same effect.
-    offered = [*keys[given:], *(key for key in candidates
-                                if key.effect not in single_kinds and key not in keys)]
-    late = [key for key in offered if table.terms[key].kind.variable == 'time']
-    early = [key for key in offered if key not in late]
-    physics = [key for key in early if table.terms[key].kind.physics and not key.group]
-    groups = [key for key in keys[given:] if key.group]
+    offered = [*terms[given:], *(term for term in candidates
+                                if term.kind not in single_kinds and term not in terms)]
+    late = [term for term in offered if term.kind.variable == 'time']
+    early = [term for term in offered if term not in late]
+    physics = [term for term in early if term.kind.physics and not term.group]
+    groups = [term for term in terms[given:] if term.group]
     searches: list[list[Term]] = []
     while len(searches) < thresholds.SEARCHES:
         weights = table.draw_blocks(rng)
@@ -81,19 +81,20 @@ def repeat_search(table: Table, keys: Sequence[Key], given: int, candidates: Seq
         start = search.separable([*fixed, *dict.fromkeys([*physics, *groups])])
         better = search.forward(search.backward(start))
         search.candidates = late
-        searches.append([table.terms[key] for key in search.forward(better)])
+        searches.append(search.forward(better))
 
-    def contains(terms: Sequence[Term], key: Key) -> bool:
-        return any(table.terms[key].same_effect(term, span) for term in terms)
-    chosen = {key: float(np.mean([contains(terms, key) for terms in searches])) for key in keys}
-    alternatives: dict[Key, list[tuple[str, float]]] = {}
-    for key in keys[given:]:
+    def contains(some: Sequence[Term], term: Term) -> bool:
+        return any(term.same_effect(other, span) for other in some)
+    chosen = {term: float(np.mean([contains(result, term) for result in searches]))
+              for term in terms}
+    alternatives: dict[Term, list[tuple[str, float]]] = {}
+    for term in terms[given:]:
         counts: Counter[str] = Counter()
-        for terms in searches:
-            if not contains(terms, key):
-                counts.update(sorted({term.kind.name for term in terms if not any(
-                    table.terms[other].same_effect(term, span) for other in keys)}))
-        alternatives[key] = [(name, count / len(searches)) for name, count in counts.most_common()
+        for result in searches:
+            if not contains(result, term):
+                counts.update(sorted({other.kind.name for other in result
+                                      if not contains(terms, other)}))
+        alternatives[term] = [(name, count / len(searches)) for name, count in counts.most_common()
                              if count >= thresholds.ALTERNATIVE_SHARE * len(searches)]
     return Stability(chosen, alternatives)
 
@@ -104,15 +105,15 @@ class Intervals:
 
     # By column of the table, and by term and name.
     coefficients: dict[int, tuple[float, float]] = field(default_factory=dict)
-    constants: dict[tuple[Key, str], tuple[float, float]] = field(default_factory=dict)
+    constants: dict[tuple[Term, str], tuple[float, float]] = field(default_factory=dict)
     draws: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))  # (D, P), both together
 
-    def excludes_zero(self, table: Table, key: Key) -> bool:
+    def excludes_zero(self, table: Table, term: Term) -> bool:
         """Return whether the interval of any of a term's coefficients excludes zero.
 
         Where physics requires the sign of any of them, only these count.
         """
-        columns = table.columns_of[key]
+        columns = table.columns_of[term]
         bounded = [column for column in columns if table.sums.signs[column]] or columns
         return any(low > 0.0 or high < 0.0 for low, high in (
             self.coefficients[column] for column in bounded))
@@ -129,15 +130,15 @@ class Intervals:
         return sorted(pairs, key=lambda pair: -abs(pair[0]))
 
 
-def intervals(table: Table, keys: Sequence[Key]) -> Intervals:
+def intervals(table: Table, terms: Sequence[Term]) -> Intervals:
     """Return intervals from fits to resampled blocks.
 
     Constants enter through their derivatives, so that the interval of a coefficient includes the
     uncertainty of the constants.
     """
-    free = free_constants([table.terms[key] for key in keys])
-    indices = table.indices(keys)
-    full = np.vstack((table.columns[indices], slopes(table, keys, free), table.target))
+    free = free_constants(terms)
+    indices = table.indices(terms)
+    full = np.vstack((table.columns[indices], slopes(table, terms, free), table.target))
     signs = np.append(table.sums.signs[indices], np.zeros(len(free), dtype=int))
     sums = BlockSums.over(full, table.block_rows, signs)
     rng = np.random.default_rng(1)
@@ -146,23 +147,23 @@ def intervals(table: Table, keys: Sequence[Key]) -> Intervals:
     quantile = float(stats.t.ppf(0.5 + 0.5 * _LEVEL, table.rows.blocks - 1))
     # By the median: samples that lack a direction of motion give outlying fits.
     half = quantile * robust_std(draws - np.median(draws, axis=0), axis=0)
-    middle = {**dict(zip(indices, sums.fit(range(len(signs))))), **table.coefficients(keys)}
+    middle = {**dict(zip(indices, sums.fit(range(len(signs))))), **table.coefficients(terms)}
     coefficients = {column: (float(middle[column] - h), float(middle[column] + h))
                     for column, h in zip(indices, half)}
     constants = {}
     for (index, name), h in zip(free, half[len(indices):]):
-        term = table.terms[keys[index]]
+        term = terms[index]
         value, width = term.constants[name], h * unit_of(term, name, table.rows.scene)
-        constants[term.key, name] = float(value - width), float(value + width)
+        constants[term, name] = float(value - width), float(value + width)
     return Intervals(coefficients, constants, draws)
 
 
 class Elsewhere:
     """Sums, of terms, over thirds of speed, position, time, acceleration, and over postures."""
 
-    def __init__(self, table: Table, keys: Sequence[Key]) -> None:
+    def __init__(self, table: Table, terms: Sequence[Term]) -> None:
         rows, averages = table.rows, table.rows.at_rows
-        columns = table.indices(keys, derivatives=False)
+        columns = table.indices(terms, derivatives=False)
         self._table, self._column_index = table, {column: k for k, column in enumerate(columns)}
         variables = {'speed': np.abs(np.asarray(averages.velocity)), 'position': averages.position,
                      'time': np.arange(len(table.target)),
@@ -178,39 +179,39 @@ class Elsewhere:
             name: BlockSums.over(full, [part == k for k in range(int(part.max()) + 1)], signs)
             for name, part in partitions.items()}
 
-    def squares(self, keys: Sequence[Key]) -> dict[str, float]:
+    def squares(self, terms: Sequence[Term]) -> dict[str, float]:
         """Return the sum of squared errors of each partition, the blocks of time among them."""
         columns = [self._column_index[column] for column in self._table.indices(
-            keys, derivatives=False)]
+            terms, derivatives=False)]
         return {name: max(float(sums.left_out(columns).sum()), 1e-300)
                 for name, sums in self._sums.items()}
 
-    def growth(self, keys: Sequence[Key]) -> dict[str, float]:
+    def growth(self, terms: Sequence[Term]) -> dict[str, float]:
         """Return the ratio of each partition's error to that of blocks of time."""
-        errors = self.squares(keys)
+        errors = self.squares(terms)
         least = errors.pop(_PARTS)
         return {name: math.sqrt(error / least) for name, error in errors.items()}
 
-    def helpful(self, keys: Sequence[Key], given: int) -> list[Key]:
+    def helpful(self, terms: Sequence[Term], given: int) -> list[Term]:
         """Return the terms without those that increase these errors, the worst removed first.
 
         The first `given` terms are kept in any case.
         """
-        keys, target = list(keys), self._table.target
+        terms, target = list(terms), self._table.target
         most = thresholds.USELESS_ERROR ** 2 * float(target @ target)
-        error = self._score(keys)
-        while len(keys) > given:
+        error = self._score(terms)
+        while len(terms) > given:
             # Two terms that cancel help only together, and mislead together.
-            trials = [(self._score([key for key in keys if key not in removed]), removed)
-                      for size in (1, 2) for removed in combinations(keys[given:], size)]
+            trials = [(self._score([term for term in terms if term not in removed]), removed)
+                      for size in (1, 2) for removed in combinations(terms[given:], size)]
             lowest, removed = min(trials, key=lambda trial: trial[0])
             # Zero may predict some part about as well as the terms do.
-            if lowest >= error and max(self.squares(keys).values()) <= most:
+            if lowest >= error and max(self.squares(terms).values()) <= most:
                 break
             error = lowest
-            keys = [key for key in keys if key not in removed]
-        return keys
+            terms = [term for term in terms if term not in removed]
+        return terms
 
-    def _score(self, keys: Sequence[Key]) -> float:
+    def _score(self, terms: Sequence[Term]) -> float:
         """Return the mean logarithm of these errors, so that no single partition decides."""
-        return float(np.mean(np.log(list(self.squares(keys).values()))))
+        return float(np.mean(np.log(list(self.squares(terms).values()))))

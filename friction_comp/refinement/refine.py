@@ -19,13 +19,13 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.attempt import find_best_fit, Fit, fit_eq6_alone, Question
-from friction_comp.refinement.constants import adjust_constants, at_limit
-from friction_comp.refinement.effect_columns import base_columns, Key, MOST_SHIFT, PLAIN, Table
+from friction_comp.refinement.effect_columns import base_columns, MOST_SHIFT, PLAIN, Table, Term
 from friction_comp.refinement.judge import rms
 from friction_comp.refinement.naming import Elsewhere, intervals, repeat_search
 from friction_comp.refinement.prepare import join
 from friction_comp.refinement.recorded_motion import settings_for_arm
 from friction_comp.refinement.report import report_of
+from friction_comp.refinement.search import adjust_constants, at_limit
 from friction_comp.samples import Samples
 
 _STEEPNESSES = 16
@@ -112,31 +112,31 @@ def select_named(fit: Fit) -> Fit:
     on thirds of the recording that were not fitted, where the interval of one of its coefficients
     excludes zero, and where none of its defining constants is at its limit.
     """
-    stability = repeat_search(fit.table, fit.keys, fit.given, fit.candidates)
-    keys = [key for k, key in enumerate(fit.keys) if k < fit.given or stability.named(key)]
-    keys = Elsewhere(fit.table, keys).helpful(keys, fit.given)
+    stability = repeat_search(fit.table, fit.terms, fit.given, fit.candidates)
+    terms = [term for k, term in enumerate(fit.terms) if k < fit.given or stability.named(term)]
+    terms = Elsewhere(fit.table, terms).helpful(terms, fit.given)
     while True:
-        fit = refit(fit, keys)
-        # The constants were adjusted again, so keys have changed.
-        stability = stability.renamed(dict(zip(keys, fit.keys)))
-        keys, table, scene = fit.keys, fit.table, fit.rows.scene
-        bounds = intervals(table, keys)
-        certain = [key for k, key in enumerate(keys) if k < fit.given or (
-            bounds.excludes_zero(table, key) and not at_limit(table.terms[key], scene))]
-        if len(certain) == len(keys):
+        fit = refit(fit, terms)
+        # The constants were adjusted again, so terms have changed.
+        stability = stability.renamed(dict(zip(terms, fit.terms)))
+        terms, table, scene = fit.terms, fit.table, fit.rows.scene
+        bounds = intervals(table, terms)
+        certain = [term for k, term in enumerate(terms) if k < fit.given or (
+            bounds.excludes_zero(table, term) and not at_limit(term, scene))]
+        if len(certain) == len(terms):
             return replace(fit, stability=stability, intervals=bounds)
-        keys = certain
+        terms = certain
 
 
-def refit(fit: Fit, keys: Sequence[Key]) -> Fit:
+def refit(fit: Fit, terms: Sequence[Term]) -> Fit:
     """Fit some terms alone, with the transition that predicts all samples best."""
-    keys = adjust_constants(fit.table, keys, 5)
-    fit.table.fit_transition(keys)
-    _fit_transition_to_all_samples(fit.table, keys)
-    return replace(fit, keys=keys)
+    terms = adjust_constants(fit.table, terms, 5)
+    fit.table.fit_transition(terms)
+    _fit_transition_to_all_samples(fit.table, terms)
+    return replace(fit, terms=terms)
 
 
-def _fit_transition_to_all_samples(table: Table, keys: Sequence[Key]) -> None:
+def _fit_transition_to_all_samples(table: Table, terms: Sequence[Term]) -> None:
     """Set the transition of Eq. 6 that predicts all samples best.
 
     Samples near standstill are not used to choose effects, since the current of a joint that
@@ -150,9 +150,9 @@ def _fit_transition_to_all_samples(table: Table, keys: Sequence[Key]) -> None:
     widths = rows.scene.speed * np.geomspace(3e-4, 0.25, _STEEPNESSES)
     grid = [(steepness, shift), (steepness, 0.0)] + [
         (2.0 / width, trial) for width in widths for trial in dict.fromkeys((shift, 0.0))]
-    others = np.column_stack([table.terms[key].columns(rows) for key in keys]
+    others = np.column_stack([term.columns(rows) for term in terms]
                              or [np.empty((len(rows.samples), 0))])[index]
-    columns = table.indices(keys, derivatives=False)
+    columns = table.indices(terms, derivatives=False)
     trials = []
     for steepness, shift in grid:
         limit = MOST_SHIFT / steepness
@@ -172,16 +172,14 @@ def _fit_transition_to_all_samples(table: Table, keys: Sequence[Key]) -> None:
 def model_of(fit: Fit, question: Question) -> FrictionModel:
     """Return the model of a fit; what refinement does not touch is that of the initial one."""
     table, rows, settings = fit.table, fit.rows, fit.settings
-    coefficients = table.coefficients(fit.keys)
+    coefficients = table.coefficients(fit.terms)
     offset, coulomb, viscous = (coefficients[column] for column in range(PLAIN))
-    sigmoid = Sigmoid(upper=offset + coulomb, lower=offset - coulomb, steepness=table.steepness,
-                      shift=table.shift, viscous=viscous)
+    sigmoid = Sigmoid(offset + coulomb, offset - coulomb, *table.transition, viscous)
     moving = rows.samples.take(rows.usable)
     effects: list[Effect] = []
     groups, gains = [], []
-    for key in fit.keys:
-        term = table.terms[key]
-        values = tuple(coefficients[column] for column in table.columns_of[key])
+    for term in fit.terms:
+        values = tuple(coefficients[column] for column in table.columns_of[term])
         if term.group is None:
             effects.append(with_range(
                 term.kind({**term.constants, 'coefficients': list(values)}), moving))

@@ -10,19 +10,22 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.attempt import Fit, Question
-from friction_comp.refinement.effect_columns import Key
-from friction_comp.refinement.judge import ambiguities, errors_of, findings, noise_floor, rms
-from friction_comp.refinement.leftover import Dependence, leftover
+from friction_comp.refinement.effect_columns import Term
+from friction_comp.refinement.judge import (
+    ambiguities,
+    errors_of,
+    findings,
+    in_unit,
+    noise_floor,
+    rms,
+    verdict_of,
+)
+from friction_comp.refinement.leftover import leftover
 from friction_comp.refinement.naming import Elsewhere, Parameter
-from friction_comp.refinement.prepare import Rows
-from friction_comp.refinement.verdict import in_unit, verdict_of
 
-# Number of ranges of a variable in which samples at a limit are counted.
-_RANGES = 15
 _MOST_PAIRS = 8
 
 
@@ -36,9 +39,8 @@ def report_of(question: Question, fit: Fit, model: FrictionModel,
     predicts better.
     """
     rows, raw, given = fit.rows, question.raw, question.model is not None
-    dependences = [*limits(rows), *leftover(
-        rows.at_rows, rows.averaged(after[1]), rows.scene.slowest)]
-    growth = Elsewhere(fit.table, fit.keys).growth(fit.keys)
+    dependences = leftover(rows.at_rows, rows.averaged(after[1]), rows.scene.slowest)
+    growth = Elsewhere(fit.table, fit.terms).growth(fit.terms)
     errors = errors_of(rows, *after, max(1.0, *growth.values()))
     effects = [] if kept else effects_of(question, fit, unit)
     open_questions = [] if kept else ambiguities(fit)
@@ -70,28 +72,6 @@ def report_of(question: Question, fit: Fit, model: FrictionModel,
         **verdict_of(findings(fit, raw, errors, growth, dependences, open_questions), unit)}
 
 
-def limits(rows: Rows) -> list[Dependence]:
-    """Return the variable on which it depends most whether the current is at a limit, if any."""
-    if not rows.clipped.any():
-        return []
-    share = float(rows.clipped.mean())
-    strongest = ('velocity', 0.0)
-    for name in ('velocity', 'acceleration', 'position', 'load', 'temperature'):
-        values = getattr(rows.samples, name)
-        if values is None:
-            continue
-        edges = np.quantile(values, np.linspace(0.0, 1.0, _RANGES + 1)[1:-1])
-        cell = np.searchsorted(edges, values)
-        count = np.maximum(np.bincount(cell), 1)
-        rate = np.bincount(cell, rows.clipped.astype(float)) / count
-        spread = float(count @ (rate - share) ** 2) / (len(cell) * share * (1.0 - share))
-        # Friction depends on velocity: another variable has to explain clearly more.
-        if spread > (1.5 * strongest[1] if strongest[0] == 'velocity' else strongest[1]):
-            strongest = (name, spread)
-    return [Dependence(*strongest, f'the current is at a limit in {100 * share:.2g} % of the '
-                       f'samples, mostly depending on {strongest[0]}; these are not fitted')]
-
-
 def friction_of(model: FrictionModel) -> dict[str, float]:
     """Return Eq. 6 in the field's words, A, A·s/rad and rad/s."""
     base = model.sigmoid
@@ -104,14 +84,14 @@ def correlations_of(fit: Fit) -> list[dict[str, Any]]:
     table = fit.table
     names: dict[Parameter, str] = {
         0: 'offset', 1: 'Coulomb friction', 2: 'viscous friction'}
-    for key in fit.keys:
-        kind = table.terms[key].kind
+    for term in fit.terms:
+        kind = term.kind
         label = kind.name.replace('_', ' ')
-        for k, column in enumerate(table.columns_of[key]):
+        for k, column in enumerate(table.columns_of[term]):
             coefficient = kind.numbers[k][0] if k < len(kind.numbers) else f'coefficient {k + 1}'
             names[column] = f'{label}: {coefficient}'
         for name in kind.constants:
-            names[key, name] = f'{label}: {name.replace("_", " ")}'
+            names[term, name] = f'{label}: {name.replace("_", " ")}'
     return [{'between': [names[a], names[b]], 'correlation': value}
             for value, a, b in fit.intervals.correlations()
             if abs(value) > thresholds.CORRELATED and a in names and b in names][:_MOST_PAIRS]
@@ -122,7 +102,7 @@ def effects_of(question: Question, fit: Fit, unit: str) -> list[dict[str, Any]]:
 
     All terms of other joints make one entry.
     """
-    remaining, chosen, entries = list(fit.keys[fit.given:]), list(fit.keys[:fit.given]), []
+    remaining, chosen, entries = list(fit.terms[fit.given:]), list(fit.terms[:fit.given]), []
     lag = fit.settings.get('lag', 0.0)
     # A shorter lag is due to sampling; a negative one, due to a filter of the motion's sensor.
     if lag >= fit.rows.samples.sample_time:
@@ -133,53 +113,53 @@ def effects_of(question: Question, fit: Fit, unit: str) -> list[dict[str, Any]]:
             'in_words': f'Lag: the torque is {1e3 * lag:.3g} ms later than the current',
             'formula': f'i(t + {lag:.4g} s)'})
     while remaining:
-        candidates = [[key] for key in remaining if not key.group]
-        groups = [key for key in remaining if key.group]
+        candidates = [[term] for term in remaining if not term.group]
+        groups = [term for term in remaining if term.group]
         if groups:
             candidates.append(groups)
-        error, index = min((fit.rmse_with([*chosen, *keys]), index)
-                           for index, keys in enumerate(candidates))
-        keys = candidates[index]
-        chosen += keys
-        remaining = [key for key in remaining if key not in keys]
-        if keys is groups or not known_load(question, fit, keys[0]):
-            entries.append(_entry(fit, keys, error, unit))
+        error, index = min((fit.rmse_with([*chosen, *terms]), index)
+                           for index, terms in enumerate(candidates))
+        terms = candidates[index]
+        chosen += terms
+        remaining = [term for term in remaining if term not in terms]
+        if terms is groups or not known_load(question, fit, terms[0]):
+            entries.append(_entry(fit, terms, error, unit))
     return entries
 
 
-def known_load(question: Question, fit: Fit, key: Key) -> bool:
+def known_load(question: Question, fit: Fit, term: Term) -> bool:
     """Return whether a term is the load with the coefficient -1/(k_t·n), beside a given model.
 
     `FrictionModel.measured` includes that load for every model: this one does not lack it.
     """
-    by_mechanics = EFFECTS[key.effect].by_mechanics(question.drive)
+    by_mechanics = term.kind.by_mechanics(question.drive)
     if by_mechanics is None or question.model is None:
         return False
-    column, = fit.table.columns_of[key]
-    coefficient = fit.table.coefficients(fit.keys)[column]
+    column, = fit.table.columns_of[term]
+    coefficient = fit.table.coefficients(fit.terms)[column]
     return abs(coefficient / by_mechanics[0] - 1.0) < thresholds.SAME_LOAD
 
 
-def _entry(fit: Fit, keys: Sequence[Key], error: float, unit: str) -> dict[str, Any]:
+def _entry(fit: Fit, terms: Sequence[Term], error: float, unit: str) -> dict[str, Any]:
     """Return the entry of one term, or of all terms of other joints."""
-    key, table = keys[0], fit.table
-    kind = table.terms[key].kind
+    term, table = terms[0], fit.table
+    kind = term.kind
     entry = {'name': kind.name, 'variable': kind.variable, 'held_out_rmse': error,
-             'chosen': min(fit.stability.chosen.get(key, 0.0) for key in keys)}
-    if key.group:
-        moved = {name for key in keys if key.group for name in key.group.everyone}
+             'chosen': min(fit.stability.chosen.get(term, 0.0) for term in terms)}
+    if term.group:
+        moved = {name for term in terms if term.group for name in term.group.everyone}
         names = ', '.join(sorted(moved - {fit.rows.samples.joint}))
         return {
-            **entry, 'parameters': {'coefficients': [1.0], 'terms': len(keys)}, 'intervals': {},
+            **entry, 'parameters': {'coefficients': [1.0], 'terms': len(terms)}, 'intervals': {},
             'holds_on_another_day': True,
-            'in_words': f'Weight and inertia of other links: {len(keys)} terms of the motion of '
+            'in_words': f'Weight and inertia of other links: {len(terms)} terms of the motion of '
                         f'{names}',
-            'formula': f'{len(keys)} terms of {names}'}
-    columns, values = table.columns_of[key], table.coefficients(fit.keys)
-    effect = kind({**table.terms[key].constants,
+            'formula': f'{len(terms)} terms of {names}'}
+    columns, values = table.columns_of[term], table.coefficients(fit.terms)
+    effect = kind({**term.constants,
                    'coefficients': [values[column] for column in columns]})
     constants = {name: list(ends) for (owner, name), ends in fit.intervals.constants.items()
-                 if owner == key}
+                 if owner == term}
     return {
         **entry, 'parameters': effect.parameters,
         'intervals': {

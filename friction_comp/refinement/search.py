@@ -1,22 +1,30 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Selects effects forward, backward and by exchange, from block sums alone.
+"""Selects effects forward, backward and by exchange, and adjusts their constants.
 
-The only criterion is the error of blocks that were not fitted. An effect is an improvement where
-it lowers that error by `LEAST_SHARE`, and by two standard errors over the blocks.
+The selection needs block sums alone; constants are adjusted between the points of their grids. The
+only criterion is the error of blocks that were not fitted. An effect is an improvement where it
+lowers that error by `LEAST_SHARE`, and by two standard errors over the blocks.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
+from dataclasses import replace
 import math
 from typing import Any
 
 import numpy as np
 
+from friction_comp.model.effects import Scene
 from friction_comp.refinement import thresholds
-from friction_comp.refinement.effect_columns import Key, Table
+from friction_comp.refinement.effect_columns import Table, Term
+
+_STEP = 1e-3
+_RIDGE = 1e-6
+# Constants that define an effect; the others only say how it fades.
+_DEFINING = ('time_constant', 'width', 'distance')
 
 
 def total(errors: Sequence[np.ndarray]) -> float:
@@ -65,7 +73,7 @@ class Search:
     block is in the fitted sample as often as they say, and those with weight 0 are held out.
     """
 
-    def __init__(self, table: Table, candidates: list[Key], fixed: Sequence[Key] = (),
+    def __init__(self, table: Table, candidates: list[Term], fixed: Sequence[Term] = (),
                  weights: np.ndarray | None = None) -> None:
         self.table, self.candidates, self.fixed = table, candidates, fixed
         self._resampled = weights is not None
@@ -74,13 +82,13 @@ class Search:
         # A resampled sample holds out too few blocks to test their mean.
         self._standard_errors = 1.0 if self._resampled else float(thresholds.STANDARD_ERRORS)
 
-    def improve(self, keys: list[Key]) -> list[Key]:
+    def improve(self, terms: list[Term]) -> list[Term]:
         """Return terms, after one was added, with better constants; may replace `candidates`."""
-        return keys
+        return terms
 
-    def errors(self, keys: Sequence[Key]) -> list[np.ndarray]:
+    def errors(self, terms: Sequence[Term]) -> list[np.ndarray]:
         """Return the squared errors of held-out blocks, and of held-out regions where there are."""
-        table, sums, columns = self.table, self.table.sums, self.table.indices(keys)
+        table, sums, columns = self.table, self.table.sums, self.table.indices(terms)
         if self._resampled:
             coefficients = sums.fits(columns, self._weights[None])
             errors = sums.squares(columns, np.repeat(coefficients, len(self._weights), axis=0))
@@ -88,9 +96,9 @@ class Search:
         blocks = np.bincount(table.block, table.left_out(columns))
         return [blocks, sums.left_out(columns, table.region)] if self._regions else [blocks]
 
-    def error(self, keys: Sequence[Key]) -> float:
+    def error(self, terms: Sequence[Term]) -> float:
         """Return the sum of the held-out squared errors of a fit of some terms."""
-        return total(self.errors(keys))
+        return total(self.errors(terms))
 
     def improves(self, before: Sequence[np.ndarray], after: Sequence[np.ndarray],
                  share: float = 1.0) -> bool:
@@ -109,104 +117,205 @@ class Search:
                 return False
         return True
 
-    def complete(self, keys: Sequence[Key]) -> list[Key]:
+    def complete(self, terms: Sequence[Term]) -> list[Term]:
         """Return terms together with the joint's own terms that groups of other joints need.
 
         An inertia or a weight that depends on other joints also has a part of the joint alone.
         Without that part, the group would have to represent both, and fail in other postures.
         """
-        groups = [key.group for key in keys if key.group]
+        groups = [term.group for term in terms if term.group]
         needed = {'gravity' if group.kind == 'weight' else 'inertia' for group in groups}
-        needed -= {key.effect for key in keys if not key.group}
-        return [*keys, *(key for key in self.table.terms if not key.group and key.effect in needed)]
+        needed -= {term.kind.name for term in terms if not term.group}
+        return [*terms, *(term for term in self.table.columns_of
+                          if not term.group and term.kind.name in needed)]
 
-    def separable(self, keys: Sequence[Key]) -> list[Key]:
+    def separable(self, terms: Sequence[Term]) -> list[Term]:
         """Return the terms without collinear ones, the last removed first.
 
         Over a short range a spring looks like a weight, and at one speed curvature like an offset:
         such terms get large coefficients that cancel, and mislead wherever the joint has not been.
         """
-        keys = list(keys)
+        terms = list(terms)
         while True:
-            columns = self.table.indices(keys, derivatives=False)
+            columns = self.table.indices(terms, derivatives=False)
             share = dict(zip(columns, self.table.sums.own_share(columns)))
-            collinear = [key for key in keys if key not in self.fixed and max(
-                share[column] for column in self.table.columns_of[key]) < thresholds.OWN_SHARE]
+            collinear = [term for term in terms if term not in self.fixed and max(
+                share[column] for column in self.table.columns_of[term]) < thresholds.OWN_SHARE]
             if not collinear:
-                return keys
-            keys.remove(collinear[-1])
+                return terms
+            terms.remove(collinear[-1])
 
-    def shortlist(self, keys: Sequence[Key]) -> list[Key]:
+    def shortlist(self, terms: Sequence[Term]) -> list[Term]:
         """Return the best candidates, one of each effect, by the error that is fitted."""
-        counts = Counter(key.effect for key in keys)
-        allowed = [key for key in self.candidates if key not in keys and (
-            key.group or counts[key.effect] < self.table.terms[key].kind.most)]
+        counts = Counter(term.kind for term in terms)
+        allowed = [term for term in self.candidates if term not in terms and (
+            term.group or counts[term.kind] < term.kind.most)]
         if not allowed:
             return []
         sums = np.tensordot(self._weights, self.table.sums.gram, 1)
-        reductions = gains(sums, self.table.indices(keys),
-                           [self.table.columns_of[key] for key in allowed], self.table.sums.signs)
-        best: dict[Any, Key] = {}
+        reductions = gains(sums, self.table.indices(terms),
+                           [self.table.columns_of[term] for term in allowed], self.table.sums.signs)
+        best: dict[Any, Term] = {}
         for index in np.argsort(-reductions, kind='stable'):
-            key = allowed[index]
+            term = allowed[index]
             if reductions[index] > 0.0:
-                best.setdefault((key.effect, key.group), key)
+                best.setdefault((term.kind, term.group), term)
         return list(best.values())[:int(thresholds.SHORTLIST)]
 
-    def forward(self, keys: Sequence[Key]) -> list[Key]:
+    def forward(self, terms: Sequence[Term]) -> list[Term]:
         """Add terms while one is an improvement, and remove those that became superfluous."""
-        keys = list(keys)
-        before = self.errors(keys)
-        while len(keys) < thresholds.MOST_EFFECTS:
+        terms = list(terms)
+        before = self.errors(terms)
+        while len(terms) < thresholds.MOST_EFFECTS:
             trials = []
-            for key in self.shortlist(keys):
-                after = self.errors(self.complete([*keys, key]))
+            for term in self.shortlist(terms):
+                after = self.errors(self.complete([*terms, term]))
                 if (self.improves(before, after)
-                        and len(self.separable([*keys, key])) > len(keys)):
-                    trials.append((total(after), key))
+                        and len(self.separable([*terms, term])) > len(terms)):
+                    trials.append((total(after), term))
             if not trials:
                 break
             transition = self.table.transition
-            grown = self.complete([*keys, min(trials, key=lambda trial: trial[0])[1]])
+            grown = self.complete([*terms, min(trials, key=lambda trial: trial[0])[1]])
             grown = self.backward(self.improve(grown))
             now = self.errors(grown)
             if not total(now) < total(before):
                 self.table.set_transition(*transition)
                 break
-            keys, before = grown, now
-        return keys
+            terms, before = grown, now
+        return terms
 
-    def backward(self, keys: Sequence[Key]) -> list[Key]:
+    def backward(self, terms: Sequence[Term]) -> list[Term]:
         """Remove terms that are no improvement, the least useful first."""
-        keys = self.complete(keys)
+        terms = self.complete(terms)
         while True:
-            full = self.errors(keys)
-            trials: list[tuple[float, Key]] = []
-            for key in keys:
-                rest = [other for other in keys if other != key]
-                if key in self.fixed or key in self.complete(rest):
+            full = self.errors(terms)
+            trials: list[tuple[float, Term]] = []
+            for term in terms:
+                rest = [other for other in terms if other != term]
+                if term in self.fixed or term in self.complete(rest):
                     continue
                 without = self.errors(rest)
-                stays = 1.0 if key.group else thresholds.STAYS
+                stays = 1.0 if term.group else thresholds.STAYS
                 if not self.improves(without, full, stays):
-                    trials.append((total(without), key))
+                    trials.append((total(without), term))
             if not trials:
-                return keys
-            keys.remove(min(trials, key=lambda trial: trial[0])[1])
+                return terms
+            terms.remove(min(trials, key=lambda trial: trial[0])[1])
 
-    def exchange(self, keys: Sequence[Key]) -> list[Key]:
+    def exchange(self, terms: Sequence[Term]) -> list[Term]:
         """Replace terms by other effects where that lowers the error."""
-        keys = list(keys)
-        for key in list(keys):
-            if key in self.fixed:
+        terms = list(terms)
+        for term in list(terms):
+            if term in self.fixed:
                 continue
-            rest = [other for other in keys if other != key]
-            limit = self.error(keys) * (1.0 - thresholds.STAYS * thresholds.LEAST_SHARE)
+            rest = [other for other in terms if other != term]
+            limit = self.error(terms) * (1.0 - thresholds.STAYS * thresholds.LEAST_SHARE)
             trials = [(self.error([*rest, other]), other)
                       for other in self.shortlist(rest)
-                      if (other.effect, other.group) != (key.effect, key.group)
+                      if (other.kind, other.group) != (term.kind, term.group)
                       and len(self.separable([*rest, other])) > len(rest)]
-            error, other = min(trials, default=(math.inf, key), key=lambda trial: trial[0])
+            error, other = min(trials, default=(math.inf, term), key=lambda trial: trial[0])
             if error < limit:
-                keys[keys.index(key)] = other
-        return keys
+                terms[terms.index(term)] = other
+        return terms
+
+
+def unit_of(term: Term, name: str, scene: Scene) -> float:
+    """Return the change of a constant for a step of one through its search range."""
+    search, value = term.kind.constants[name], float(term.constants[name])
+    assert search is not None
+    if search.unit is None:
+        return value * math.log(search.width)
+    return 0.5 * search.width * search.unit(scene, term.constants)
+
+
+def stepped(term: Term, name: str, step: float, scene: Scene) -> Term:
+    """Return a term with a constant after a step through its search range, within its limits."""
+    search, value = term.kind.constants[name], term.constants[name]
+    assert search is not None
+    if search.unit is None:
+        value *= search.width ** step
+    else:
+        value += unit_of(term, name, scene) * step
+    value = term.kind.limited(name, float(value), term.constants, scene)
+    return replace(term, constants={**term.constants, name: value})
+
+
+def free_constants(terms: Sequence[Term], only: Container[Term] | None = None
+                   ) -> list[tuple[int, str]]:
+    """Return the constants of terms that have a search range: index of the term, and name."""
+    return [(index, name) for index, term in enumerate(terms)
+            if term.group is None and (only is None or term in only)
+            for name, search in term.kind.constants.items() if search is not None]
+
+
+def at_limit(term: Term, scene: Scene) -> bool:
+    """Return whether a defining constant is at its limit, where the effect becomes another one.
+
+    A warm-up slower than the recording is a drift; a bump as wide as the range is a spring.
+    """
+    return any(stepped(term, name, step, scene) == term
+               for _, name in free_constants([term]) if name in _DEFINING
+               for step in (_STEP, -_STEP))
+
+
+def slopes(table: Table, terms: Sequence[Term], free: Sequence[tuple[int, str]]) -> np.ndarray:
+    """Return the derivatives of a fit's prediction by each constant's step, shape (Q, R)."""
+    coefficients, rows = table.coefficients(terms), []
+    for index, name in free:
+        columns = table.columns_of[terms[index]]
+        changed = stepped(terms[index], name, _STEP, table.rows.scene)
+        gain = np.array([coefficients[column] for column in columns])
+        new = table.rows.averaged(changed.columns(table.rows)).T
+        rows.append(gain @ (new - table.columns[columns]) / _STEP)
+    return np.array(rows).reshape(len(free), table.columns.shape[1])
+
+
+def adjust_constants(table: Table, terms: Sequence[Term], rounds: int = 3,
+                     only: Container[Term] | None = None) -> list[Term]:
+    """Adjust the constants of terms together, by the Gauss-Newton method, and return the terms.
+
+    Each round solves for the coefficients and for small changes of the constants (of `only` some
+    terms) at once, and halves the step until the error decreases. Terms that depend on the load of
+    others get the loads of the new fit.
+    """
+    terms = _with_current_loads(table, list(terms))
+    for _ in range(rounds):
+        free = free_constants(terms, only)
+        if not free:
+            break
+        residual = table.residual(terms, derivatives=False)
+        design = np.vstack((table.columns[table.indices(terms)], slopes(table, terms, free)))
+        norm = np.sqrt(np.einsum('ij,ij->i', design, design)) + 1e-300
+        scaled = design / norm[:, None]
+        gram = scaled @ scaled.T
+        gram[np.diag_indices(len(gram))] += _RIDGE
+        step = np.linalg.solve(gram, scaled @ residual) / norm
+        step = np.clip(step[-len(free):], -1.0, 1.0)
+        initial = float(residual @ residual)
+        for share in (1.0, 0.5, 0.25):
+            changed = list(terms)
+            for (index, name), size in zip(free, share * step):
+                changed[index] = stepped(changed[index], name, float(size), table.rows.scene)
+            distinct = len(set(changed)) == len(changed)
+            if distinct and (error := table.error_with(changed)) < initial:
+                break
+        else:
+            return terms
+        trial = table.add(changed)
+        only = only and [*trial]
+        terms = _with_current_loads(table, trial)
+        if error > (1.0 - 1e-3) * initial:
+            break
+    return terms
+
+
+def _with_current_loads(table: Table, terms: list[Term]) -> list[Term]:
+    """Return terms with the loads that follow from the coefficients of the other terms."""
+    for index, term in enumerate(terms):
+        if term.kind.uses_inner_load:
+            constants = term.kind.with_loads(term.constants, table.loads(terms))
+            added = table.add([Term(term.kind, constants)])
+            terms[index] = added[0] if added else term
+    return terms

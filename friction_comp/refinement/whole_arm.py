@@ -50,7 +50,8 @@ class ArmResult:
                 'held_out_rmse_without': fit.without[k], 'held_out_rmse': fit.held_out[k],
                 **by_name(tree.parameters[k].tolist()), 'mass_urdf': fit.start.parameters[k, 0],
                 'intervals': {'current_per_torque': bounds.scales[k].tolist(),
-                              **by_name([_ends(ends) for ends in bounds.parameters[k]])},
+                              **by_name([[end if np.isfinite(end) else None for end in ends]
+                                         for ends in bounds.parameters[k].tolist()])},
                 'told_by_recording': by_name(bounds.told[k].tolist()),
             } for k, name in enumerate(tree.joints)],
             'notes': list(self.notes)}
@@ -134,11 +135,6 @@ def _add_person_torque(samples: Samples, drive: Drive) -> Samples:
     if not share:
         return samples
     return samples.with_(current=samples.current - share * np.nan_to_num(np.asarray(samples.load)))
-
-
-def _ends(bounds: np.ndarray) -> list[float | None]:
-    """Return the ends of an interval, None where not finite."""
-    return [float(end) if np.isfinite(end) else None for end in bounds]
 
 
 def _at_common_times(recorded: dict[str, list[Samples]]) -> list[Samples]:

@@ -11,8 +11,8 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from friction_comp.model.effects import EFFECTS
+from friction_comp.refinement.judge import in_unit
 from friction_comp.refinement.thresholds import LEAST_SHARE
-from friction_comp.refinement.verdict import in_unit
 from friction_comp.reports.html import number, quantity, Report
 from friction_comp.reports.refinement_figures import (
     friction_figure,
