@@ -106,7 +106,7 @@ def test_continuous_law_never_starts_an_untouched_joint(number):
 
 
 def test_a_joint_that_slips_in_the_probe_is_held_with_less():
-    """Where the joint gives way at 80 % of the mean, the level ends below that."""
+    """Where the joint gives way at 80 % of the mean, it stops, and the level ends below that."""
     model = drive()
     weak = replace(model, breakaway=replace(
         model.breakaway, positive_mean=0.08, positive_std=0.0, negative_std=0.0))
@@ -115,8 +115,10 @@ def test_a_joint_that_slips_in_the_probe_is_held_with_less():
         state = plant.state
         command = law.update(state.time, state.position, state.velocity, [1])
         plant.step(command)
+        if state.time > 2.7:
+            assert abs(plant.state.velocity[0]) < 1e-3
     assert 0.05 < command[0] < 0.08
-    assert abs(plant.state.position[0]) < math.radians(0.2)
+    assert abs(plant.state.position[0]) < math.radians(0.5)
 
 
 @pytest.mark.parametrize('law', ['paper', 'continuous'])
