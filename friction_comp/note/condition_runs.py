@@ -112,6 +112,15 @@ class Standstill:
     """s in all"""
 
 
+def with_breakaway_error(model: FrictionModel, error: float) -> FrictionModel:
+    """Return the model with breakaway means too large by a share."""
+    both = model.breakaway
+    assert both is not None, 'an identified model has breakaway currents'
+    return replace(model, breakaway=Breakaway(
+        both.positive_mean * (1.0 + error), both.negative_mean * (1.0 + error),
+        both.positive_std, both.negative_std))
+
+
 def stand_still(experiment: Experiment, model: FrictionModel, law: str, seed: int) -> Standstill:
     """Leave the joint alone with a direction announced, again and again, for an hour in all.
 
@@ -119,11 +128,7 @@ def stand_still(experiment: Experiment, model: FrictionModel, law: str, seed: in
     single pair of them. Half of them have d = 1, half d = -1. The breakaway currents in use are too
     large by the share `BREAKAWAY_ERROR`.
     """
-    both = model.breakaway
-    assert both is not None, 'an identified model has breakaway currents'
-    model = replace(model, breakaway=Breakaway(
-        both.positive_mean * (1.0 + BREAKAWAY_ERROR), both.negative_mean * (1.0 + BREAKAWAY_ERROR),
-        both.positive_std, both.negative_std))
+    model = with_breakaway_error(model, BREAKAWAY_ERROR)
     count = round(STANDSTILL_TIME / SAMPLE_TIME)
     still, direction = np.zeros((2, count)), np.zeros((2, count))
     direction[:, round(ANNOUNCED / SAMPLE_TIME):] = [[1.0], [-1.0]]

@@ -23,9 +23,12 @@ from friction_comp.refinement.judge import (
     rms,
     verdict_of,
 )
-from friction_comp.refinement.leftover import leftover
+from friction_comp.refinement.leftover import Dependence, leftover
 from friction_comp.refinement.naming import Elsewhere, Parameter
+from friction_comp.refinement.prepare import Rows
 
+# Number of ranges of a variable in which samples at a limit are counted.
+_RANGES = 15
 _MOST_PAIRS = 8
 
 
@@ -39,7 +42,8 @@ def report_of(question: Question, fit: Fit, model: FrictionModel,
     predicts better.
     """
     rows, raw, given = fit.rows, question.raw, question.model is not None
-    dependences = leftover(rows.at_rows, rows.averaged(after[1]), rows.scene.slowest)
+    dependences = [*limits(rows), *leftover(
+        rows.at_rows, rows.averaged(after[1]), rows.scene.slowest)]
     growth = Elsewhere(fit.table, fit.terms).growth(fit.terms)
     errors = errors_of(rows, *after, max(1.0, *growth.values()))
     effects = [] if kept else effects_of(question, fit, unit)
@@ -70,6 +74,28 @@ def report_of(question: Question, fit: Fit, model: FrictionModel,
         'stopped_because': 'no further effect predicts parts that were not fitted better by more '
                            'than chance would',
         **verdict_of(findings(fit, raw, errors, growth, dependences, open_questions), unit)}
+
+
+def limits(rows: Rows) -> list[Dependence]:
+    """Return the variable on which it depends most whether the current is at a limit, if any."""
+    if not rows.clipped.any():
+        return []
+    share = float(rows.clipped.mean())
+    strongest = ('velocity', 0.0)
+    for name in ('velocity', 'acceleration', 'position', 'load', 'temperature'):
+        values = getattr(rows.samples, name)
+        if values is None:
+            continue
+        edges = np.quantile(values, np.linspace(0.0, 1.0, _RANGES + 1)[1:-1])
+        cell = np.searchsorted(edges, values)
+        count = np.maximum(np.bincount(cell), 1)
+        rate = np.bincount(cell, rows.clipped.astype(float)) / count
+        spread = float(count @ (rate - share) ** 2) / (len(cell) * share * (1.0 - share))
+        # Friction depends on velocity: another variable has to explain clearly more.
+        if spread > (1.5 * strongest[1] if strongest[0] == 'velocity' else strongest[1]):
+            strongest = (name, spread)
+    return [Dependence(*strongest, f'the current is at a limit in {100 * share:.2g} % of the '
+                       f'samples, mostly depending on {strongest[0]}; these are not fitted')]
 
 
 def friction_of(model: FrictionModel) -> dict[str, float]:
