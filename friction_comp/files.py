@@ -111,11 +111,11 @@ def encodable(text: str) -> str:
     return text.encode('utf-8', 'backslashreplace').decode('utf-8')
 
 
-def write_atomically(path: str | Path, content: str | bytes) -> None:
+def write_atomically(path: str | Path, content: str | bytes, sync: bool = True) -> None:
     """Write text or bytes to a file by way of a temporary file beside it.
 
-    Only an ordinary file is replaced; a device or pipe is written to as it stands. Raises
-    InputError if the folder cannot be written.
+    Only an ordinary file is replaced; a device or pipe is written to as it stands. Without `sync`
+    it does not wait for the disk. Raises InputError if the folder cannot be written.
     """
     path = Path(path)
     data = encodable(content).encode('utf-8') if isinstance(content, str) else content
@@ -133,7 +133,8 @@ def write_atomically(path: str | Path, content: str | bytes) -> None:
             with draft.open('xb') as stream:
                 stream.write(data)
                 stream.flush()
-                os.fsync(stream.fileno())
+                if sync:
+                    os.fsync(stream.fileno())
             draft.replace(path)
         finally:
             draft.unlink(missing_ok=True)

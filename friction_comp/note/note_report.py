@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from friction_comp.compensation.law_parameters import LOWERED
 from friction_comp.note.published import FALSE_START
 from friction_comp.reports.figures import band, COLOURS, new_figure, styled, thin
 from friction_comp.reports.html import Report
@@ -155,8 +156,8 @@ A start is false if the joint goes farther than {math.degrees(FALSE_START):.0f} 
 of 0.9 and with breakaway currents 10 % too large, the current is 99 % of the mean breakaway
 current: two joints of five slip. Under the printed law each slip ends itself, since
 the first count takes the breakaway term away; the joint advances a few tenths of a degree until
-it sticks well enough. The continuous law
-falls by a quarter at the first sign of a slip and leads the next preload to less.
+it sticks well enough. The continuous law trusts a drive with {100.0 * (1.0 - LOWERED):.0f} % less
+after each slip that it notices, until somebody moves the joint.
 """)
 
 

@@ -213,7 +213,8 @@ class RecordingWriter:
         self._files.append(file)
         for topic, description in self._topics.items():
             file.declare(topic, *description)
-        self._save_metadata()
+        # The caller, which records, does not wait for the disk.
+        self._save_metadata(sync=False)
 
     def _is_full(self, time: int) -> bool:
         file = self._files[-1]
@@ -264,9 +265,9 @@ class RecordingWriter:
             'custom_data': self.custom_data or None, 'ros_distro': 'jazzy',
         }
 
-    def _save_metadata(self) -> None:
+    def _save_metadata(self, sync: bool = True) -> None:
         write_atomically(self.path / METADATA, _yaml(
-            {'rosbag2_bagfile_information': self._metadata(self._files)}))
+            {'rosbag2_bagfile_information': self._metadata(self._files)}), sync)
 
 
 class _McapFile:
@@ -317,11 +318,12 @@ class _McapFile:
 
 
 class _SyncedFile:
-    """A new file to which whole blocks are appended, each synced to the disk.
+    """A new file to which whole blocks are appended, and which is synced to the disk as it grows.
 
     Data are collected in memory until `flush`. A thread then writes and syncs them, so that a slow
-    disk does not block the caller. If a block cannot be written, for instance because the disk is
-    full, the file is truncated to the blocks before it.
+    disk does not block the caller; blocks that come during a sync wait in memory for its end. If a
+    block cannot be written, for instance because the disk is full, the file is truncated to the
+    blocks before it.
     """
 
     def __init__(self, path: Path) -> None:
