@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Identification on gears with two inertias: breakaway and presliding distance."""
 
+from dataclasses import replace
 import math
 
 import numpy as np
@@ -69,3 +70,16 @@ def test_an_older_model_file_does_not_say_how_sure_its_presliding_is():
 def test_a_presliding_distance_is_positive(distance):
     with pytest.raises(InputError, match=r'presliding\.distance'):
         Presliding(distance)
+
+
+@pytest.mark.parametrize('backlash', [None, 0.0, 2e-3])
+def test_backlash_is_kept_in_the_model_file(backlash, tmp_path):
+    model = replace(FrictionModel.from_dict(OLDER), presliding=Presliding(3e-4, backlash=backlash))
+    model.save(tmp_path / 'model.yaml')
+    assert FrictionModel.load(tmp_path / 'model.yaml').presliding == model.presliding
+
+
+@pytest.mark.parametrize('backlash', [-1e-3, math.nan, math.inf])
+def test_backlash_is_not_negative(backlash):
+    with pytest.raises(InputError, match=r'presliding\.backlash'):
+        Presliding(3e-4, backlash=backlash)

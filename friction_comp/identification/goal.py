@@ -183,6 +183,5 @@ class IdentificationResult:
                 'ramp_slope': self.goal.ramp_slope,
                 'ramp_period': self.goal.ramp_period,
                 'breakaway_cycles': self.goal.breakaway_cycles,
-                **({} if self.backlash is None else {'backlash': self.backlash}),
                 'warnings': list(self.warnings),
             })

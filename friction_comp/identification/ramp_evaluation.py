@@ -108,7 +108,8 @@ def evaluate_ramps(ramps: Sequence[Ramp], stopping: Sequence[Ramp], slope: float
     backlash, crossed = crossed_backlash(peaks, directions, resolution)
     if backlash > 0.0:
         warnings.append(_backlash_message(backlash, records))
-    return RampEvaluation(records, _presliding(kept, peaks, records, crossed, resolution),
+    return RampEvaluation(records, _presliding(kept, peaks, records, crossed, resolution,
+                                               backlash or None),
                           warnings, backlash or None)
 
 
@@ -144,7 +145,8 @@ def _backlash_message(backlash: float, records: BreakawayRecords) -> str:
 
 
 def _presliding(ramps: Sequence[Ramp], peaks: Sequence[RampFriction], records: BreakawayRecords,
-                crossed: Sequence[float], resolution: float) -> Presliding | None:
+                crossed: Sequence[float], resolution: float,
+                backlash: float | None) -> Presliding | None:
     levels = np.abs(records.current)
     onward = [ramp.before == ramp.direction for ramp in ramps]
     ways = [(same, max(0.0, peak.presliding(level) - loose))
@@ -157,7 +159,7 @@ def _presliding(ramps: Sequence[Ramp], peaks: Sequence[RampFriction], records: B
         distance,
         common_stiffness([peak for same, peak in zip(onward, peaks) if same],
                          float(np.mean(levels)), resolution),
-        presliding_std(ways, distance, resolution))
+        presliding_std(ways, distance, resolution), backlash)
 
 
 def time_of_ramp(elapsed: float, slope: float, stops: Sequence[float]) -> float:

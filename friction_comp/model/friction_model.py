@@ -61,10 +61,13 @@ class Presliding:
     distance: float     # rad, from rest without load until friction is at 95 % of breakaway
     stiffness: float | None = None      # A/rad, of friction up to a third of breakaway
     std: float | None = None            # standard deviation between single rests, rad
+    backlash: float | None = None       # rad, not part of distance; 0 if there is none
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if value is not None or name == 'distance':
+            if name == 'backlash' and value is not None:
+                check_number(value, 'presliding.backlash', least=0.0)
+            elif value is not None or name == 'distance':
                 check_number(value, f'presliding.{name}', above=0.0)
 
 
