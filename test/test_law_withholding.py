@@ -146,6 +146,19 @@ def test_a_joint_that_creeps_from_rest_to_rest_under_its_preload_slips():
     assert current[-1] == pytest.approx(LOWERED * current[1900], rel=1e-6)
 
 
+@pytest.mark.parametrize('backlash', [None, 3e-3])
+def test_a_motor_that_moves_through_known_backlash_has_not_slipped(backlash):
+    model = replace(small_model(), presliding=Presliding(3e-4, std=3e-5, backlash=backlash))
+    law = CompensationLaw([model])
+    drive_along(law, np.zeros(500), direction=0)
+    current = drive_along(law, np.interp(np.arange(700), [50, 300], [0.0, 2.5e-3]), begin=500)
+    slipped = backlash is None
+    assert bool(law.guards['slips'][0]) is slipped
+    assert bool(current[-1] < 0.9 * 0.9 * LEVEL) is slipped
+    if not slipped:
+        assert current[-1] == pytest.approx(0.9 * LEVEL, rel=1e-3)
+
+
 def test_who_pushes_on_gets_back_what_a_slip_had_taken():
     law = CompensationLaw([small_model()])
     time = np.arange(250) * 1e-3

@@ -19,6 +19,7 @@ STEEPEST = 4.0 / SPEEDS[0]
 REFERENCE_TEMPERATURE = 25.0
 # How sure a model says that its presliding is, as a share; what identification is off by.
 STD = 0.1
+SEEN = 3.0   # the least backlash that an encoder tells, counts
 
 
 def fit_sigmoid(speeds, currents):
@@ -39,7 +40,7 @@ def fit_sigmoid(speeds, currents):
 def true_models(world, gears, seed, repetitions=48):
     """Return the documents of the model files of gears, shape (J,), as `scaled` takes them.
 
-    Every other one knows its presliding distance.
+    Every other one knows its presliding distance, and its backlash if the encoder shows it.
 
     Parameters
     ----------
@@ -61,6 +62,8 @@ def true_models(world, gears, seed, repetitions=48):
             scatter = getattr(world, 'presliding_scatter', lambda gear: 0.0)(gear)
             written['presliding'] = {'distance': float(distance),
                                      'std': math.hypot(STD * float(distance), scatter)}
+            if 'backlash' in gears.dtype.names and gear['backlash'] >= SEEN * gear['resolution']:
+                written['presliding']['backlash'] = float(gear['backlash'])
         documents.append(written)
     return documents
 

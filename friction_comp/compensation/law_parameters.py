@@ -30,7 +30,7 @@ SLOW_SHARE = 0.89
 SCATTER_MARGIN = 3.0
 # The operator reverses over the presliding distance plus its uncertainty, at most this multiple of
 # presliding; this multiple where the uncertainty is unknown. A joint that moves farther than this
-# multiple under its preload slips.
+# multiple and its backlash under its preload slips.
 LONGER = 1.5
 # Backlash of the operator as a share of its distance, beyond one count: it prevents vibration of a
 # joint that a hand holds. Where presliding is known, less is needed.
@@ -173,6 +173,7 @@ def _set_distances(p: Any, model: FrictionModel) -> None:
     distance, slip, backlash = LONGER * DEFAULT_PRESLIDING, DEFAULT_PRESLIDING, BACKLASH
     if model.presliding is not None:
         distance = slip = LONGER * model.presliding.distance
+        slip += model.presliding.backlash or 0.0
         if knows_presliding(model):
             distance = min(distance, model.presliding.distance + (model.presliding.std or 0.0))
             backlash = KNOWN_BACKLASH
