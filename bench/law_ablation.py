@@ -22,13 +22,6 @@ import tempfile
 
 import law_table
 from law_table import bank_of, FLOORS, WORLDS
-import numpy as np
-
-
-def no_excess(p, model):
-    """Take Eq. 6 as it is, whatever its look-up table says."""
-    p['knots'] = np.geomspace(1.0, 2.0, p['knots'].shape[-1])
-
 
 PARAMETERS = 'friction_comp.compensation.law_parameters.'
 OPERATOR = 'friction_comp.compensation.friction_operator.'
@@ -36,8 +29,6 @@ GUARDS = 'friction_comp.compensation.guards.'
 # What is set to switch a rule off.
 RULES = {
     'as it is': {},
-    'margin of breakaway scatter': {PARAMETERS + 'SCATTER_MARGIN': 0.0},
-    'excess of Eq. 6 over its table': {PARAMETERS + '_set_excess': no_excess},
     'slope limit': {PARAMETERS + 'TURN_TIME': 1e-9},
     'lead speed': {PARAMETERS + 'LEAD_SPEED': math.inf},
     'lead time': {PARAMETERS + 'LEAD_TIME': 1e-3},

@@ -16,8 +16,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
 from friction_comp.compensation.guards import in_doubt, soft_end
 from friction_comp.compensation.records import FREE, HELD, LEADING
 from friction_comp.compiling import njit
@@ -123,18 +121,6 @@ def lead(p: Any, s: Any, aim: float) -> None:
 
 
 @njit(cache=True)
-def interpolated(at: float, knots: np.ndarray, values: np.ndarray) -> float:
-    """Return the value at `at`, linear between the knots and constant beyond their ends."""
-    if at <= knots[0]:
-        return values[0]
-    for k in range(1, len(knots)):
-        if at < knots[k]:
-            share = (at - knots[k - 1]) / (knots[k] - knots[k - 1])
-            return values[k - 1] + share * (values[k] - values[k - 1])
-    return values[-1]
-
-
-@njit(cache=True)
 def amplitude(p: Any, s: Any, positive: bool, speed: float, more: float) -> tuple[float, float]:
     """Return A in A: the share of friction that is fed forward in one direction of sliding.
 
@@ -152,18 +138,16 @@ def amplitude(p: Any, s: Any, positive: bool, speed: float, more: float) -> tupl
         A, and how far the joint is still starting, 1..0.
     """
     if positive:
-        plateau, mean, std = p.upper, p.break_positive, p.std_positive
-        excess = interpolated(speed, p.knots, p.excess_positive)
+        plateau, mean = p.upper, p.break_positive
     else:
-        plateau, mean, std = -p.lower, p.break_negative, p.std_negative
-        excess = interpolated(speed, p.knots, p.excess_negative)
+        plateau, mean = -p.lower, p.break_negative
     settled = math.tanh(0.5 * p.steepness * speed)
     # Refined effects may only sharpen the transition of Eq. 6: while it rises, their sum counts.
-    sliding = max(0.0, min(plateau + more, max(plateau, plateau * settled + more)) - excess)
+    sliding = max(0.0, min(plateau + more, max(plateau, plateau * settled + more)))
     # Friction that reverses over a longer distance has an element of its own, without preload.
     # The sliding friction without it shows whether the ramps of identification included it.
     mean = min(mean, max(plateau, mean - p.turning))
-    near = p.slow_share * max(0.0, min(sliding, mean - std))
+    near = p.slow_share * min(sliding, mean)
     # Until the joint has left its position of rest, breakaway friction holds it.
     moved = abs(s.position - s.rest_position)
     start = max(0.0, min(1.0, 2.0 - moved / p.start_distance))

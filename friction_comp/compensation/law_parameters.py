@@ -12,7 +12,6 @@ import numpy as np
 from friction_comp.compensation.records import (
     CONTINUOUS,
     KINETIC,
-    KNOTS,
     NONE,
     PAPER,
     PARAMETERS,
@@ -25,9 +24,6 @@ LAWS = {'none': NONE, 'kinetic': KINETIC, 'paper': PAPER, 'continuous': CONTINUO
 # Margin for model errors: with a model 1.10 times the true friction, 1 % is still left to the gear.
 SHARE = 0.9
 SLOW_SHARE = 0.89
-# Near standstill friction equals the breakaway friction of this rest, which scatters: standard
-# deviations below the mean at which the level stays once the joint has left its position of rest.
-SCATTER_MARGIN = 3.0
 # The operator reverses over the presliding distance plus its uncertainty, at most this multiple of
 # presliding; this multiple where the uncertainty is unknown. A joint that moves farther than this
 # multiple and its backlash under its preload slips.
@@ -132,7 +128,6 @@ def law_parameters(model: FrictionModel, law: str = 'continuous', breakaway_gain
     _set_turning(p, model)
     _set_times(p, model)
     _set_speeds(p, model)
-    _set_excess(p, model)
     return p
 
 
@@ -155,8 +150,6 @@ def set_breakaway(p: np.void, breakaway: Breakaway | None,
         return
     p['break_positive'] = max(0.0, breakaway.positive_mean + shifts[0])
     p['break_negative'] = max(0.0, -breakaway.negative_mean + shifts[1])
-    p['std_positive'] = SCATTER_MARGIN * breakaway.positive_std
-    p['std_negative'] = SCATTER_MARGIN * breakaway.negative_std
 
 
 def knows_presliding(model: FrictionModel) -> bool:
@@ -220,30 +213,6 @@ def _set_speeds(p: Any, model: FrictionModel) -> None:
     p['fastest'] = UNBELIEVABLE * fastest
     sliding = np.maximum(p['upper'], -p['lower'])
     p['slope'] = 2.0 * sliding / TURN_TIME
-
-
-def _set_excess(p: Any, model: FrictionModel) -> None:
-    """Note where Eq. 6 exceeds the table that it was fitted to: friction itself is in the table."""
-    p['knots'] = np.geomspace(1.0, 2.0, KNOTS) * p['fade_from']
-    table = model.lookup_table or {}
-    speeds = np.asarray(table.get('speeds') or [], dtype=float)
-    currents = np.asarray(table.get('currents') or [], dtype=float)
-    if len(speeds) < 2 or len(speeds) != len(currents) or not np.all(
-            np.isfinite(speeds) & np.isfinite(currents)):
-        return
-    magnitudes = np.unique(np.abs(speeds[speeds != 0.0]))
-    if len(magnitudes) < 2:
-        return
-    p['knots'] = np.geomspace(magnitudes[0], magnitudes[-1], KNOTS)
-    sigmoid = model.sigmoid
-    for name, sign, plateau in (('excess_positive', 1.0, sigmoid.upper),
-                                ('excess_negative', -1.0, -sigmoid.lower)):
-        chosen = np.argsort(sign * speeds)
-        chosen = chosen[sign * speeds[chosen] > 0.0]
-        if len(chosen):
-            at = sign * speeds[chosen]
-            excess = plateau + sigmoid.viscous * at - sign * currents[chosen]
-            p[name] = np.maximum(np.interp(p['knots'][0], at, excess), 0.0)
 
 
 def bound_current(p: np.void, friction: float, carried: float) -> None:

@@ -14,19 +14,15 @@ NONE, KINETIC, PAPER, CONTINUOUS = range(4)
 FREE, LEADING, HELD = range(3)
 """The continuous law follows displacement; raises the preload of a joint at rest; holds it."""
 
-KNOTS = 16
 
-
-def _record(floats: str, integers: str, arrays: str = '') -> np.dtype:
+def _record(floats: str, integers: str) -> np.dtype:
     return np.dtype([(name, float) for name in floats.split()]
-                    + [(name, np.int64) for name in integers.split()]
-                    + [(name, float, (KNOTS,)) for name in arrays.split()], align=True)
+                    + [(name, np.int64) for name in integers.split()], align=True)
 
 
 PARAMETERS = _record(
     # Friction in A, of Eq. 6 and of breakaway; s/rad, rad/s, A·s/rad.
-    'upper lower steepness shift viscous break_positive break_negative std_positive std_negative '
-    'turning '
+    'upper lower steepness shift viscous break_positive break_negative turning '
     # Shares.
     'gain share slow_share lowered early least_trust least_changing '
     # Distances in rad.
@@ -38,9 +34,7 @@ PARAMETERS = _record(
     'sample_time '
     # Speeds in rad/s; bounds on the current in A and A/s.
     'slow lead_speed fade_from fade_to fastest limit slope',
-    'law',
-    # Speeds in rad/s, and what Eq. 6 has there beyond the look-up table, A, per direction.
-    'knots excess_positive excess_negative')
+    'law')
 """Parameters of one joint."""
 
 STATE = _record(
