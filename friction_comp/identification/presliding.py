@@ -49,6 +49,7 @@ _EARLY, _COUNTS = 1.0 / 3.0, 4.0
 _DEPTH, _SHARE = 0.04, 0.2
 _SEEN_COUNTS = 3.0   # the least backlash that an encoder tells
 _PLACES = 60         # of the curve
+_NEAR = 0.75
 
 
 @dataclass(frozen=True)
@@ -66,13 +67,24 @@ class RampFriction:
         """Breakaway current in A, a magnitude."""
         return float(self.current[self.peak])
 
-    def presliding(self, breakaway: float) -> float:
+    def presliding(self, breakaway: float, crossed: float = 0.0) -> float:
         """Return the displacement in rad at which friction reaches 95 % of breakaway.
 
         On this very ramp, since friction differs from place to place: a contact that takes 4 %
         less here than elsewhere would reach 95 % of the mean at the flat end of its curve.
+
+        After backlash `crossed`, rad, what the link adds came late by it. It is what exceeds the
+        tangent at the touch, where the rotor's own friction, being concave, stays below.
         """
-        k = int(np.argmax(self.current >= min(_GONE * breakaway, self.breakaway)))
+        way = np.maximum.accumulate(self.position)
+        friction = self.current
+        if crossed > 0.0:
+            before, touch = np.interp((_NEAR * crossed, crossed), way, self.current)
+            slope = (touch - before) / ((1.0 - _NEAR) * crossed)
+            added = np.maximum.accumulate(np.where(
+                way > crossed, self.current - touch - slope * (way - crossed), 0.0))
+            friction = friction + np.interp(way + crossed, way, added) - added
+        k = int(np.argmax(friction >= min(_GONE * breakaway, self.breakaway)))
         return float(self.position[k])
 
 
@@ -182,8 +194,10 @@ def _depth_below_hull(ramp: RampFriction, resolution: float) -> tuple[float, flo
     visited = np.flatnonzero(count)[1:]
     if len(visited) < 4:
         return 0.0, 0.0
-    depth, way = _below_hull(visited, np.bincount(index, ramp.current)[visited] / count[visited])
-    return depth, (way + 1.0) * width
+    level = np.bincount(index, ramp.current)[visited] / count[visited]
+    rise = slice(int(np.argmax(level)) + 1)
+    depth, way = _below_hull(visited[rise], level[rise])
+    return depth, way * width
 
 
 def _below_hull(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
@@ -198,8 +212,7 @@ def _below_hull(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
         corners.append(k)
     gap = np.interp(x, x[corners], y[corners]) - y
     lowest = int(np.argmax(gap))
-    before = corners[int(np.searchsorted(corners, lowest, side='right')) - 1]
-    return float(gap[lowest] / np.max(y)), float(x[lowest] - x[before])
+    return float(gap[lowest] / np.max(y)), float(x[lowest])
 
 
 def crossed_backlash(ramps: Sequence[RampFriction], directions: Sequence[int],

@@ -149,7 +149,7 @@ def _presliding(ramps: Sequence[Ramp], peaks: Sequence[RampFriction], records: B
                 backlash: float | None) -> Presliding | None:
     levels = np.abs(records.current)
     onward = [ramp.before == ramp.direction for ramp in ramps]
-    ways = [(same, max(0.0, peak.presliding(level) - loose))
+    ways = [(same, peak.presliding(level, loose))
             for same, peak, level, loose in zip(onward, peaks, levels, crossed)]
     distance = combined_presliding(ways)
     # Less than two counts cannot be resolved.
