@@ -141,7 +141,7 @@ def _backlash_message(backlash: float, records: BreakawayRecords) -> str:
                 f'backlash of {backlash:.2g} rad: breakaway in the {side} direction scatters by '
                 f'{100.0 * np.std(levels, ddof=1) / np.mean(levels):.0f} %; ask for more '
                 'breakaway_cycles or a less steep ramp_slope')
-    return f'backlash of {backlash:.2g} rad at least; presliding is given without it'
+    return f'backlash of {backlash:.2g} rad; presliding is given without it'
 
 
 def _presliding(ramps: Sequence[Ramp], peaks: Sequence[RampFriction], records: BreakawayRecords,
