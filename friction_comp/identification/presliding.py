@@ -47,7 +47,6 @@ _EARLY, _COUNTS = 1.0 / 3.0, 4.0
 # below 0.04 (`bench/law_table.py --floors identification`, seeds 42 to 48); gears with visible
 # backlash have 0.05 to 0.24 in both.
 _DEPTH, _SHARE = 0.04, 0.2
-_SEEN_COUNTS = 3.0   # the least backlash that an encoder tells
 _PLACES = 60         # of the curve
 # Share of what a ramp crossed from which on the rotor's curve is taken as a straight line.
 _NEAR = 0.75
@@ -225,7 +224,6 @@ def crossed_backlash(ramps: Sequence[RampFriction], directions: Sequence[int],
     upturns = [_upturn(ramp, resolution) for ramp in ramps]
     crossed = [float(ramp.position[at]) if depth > _DEPTH else 0.0
                for ramp, (depth, at) in zip(ramps, upturns)]
-    crossed = [way if way >= _SEEN_COUNTS * resolution else 0.0 for way in crossed]
     shares = [np.mean([way > 0.0 for way, other in zip(crossed, directions) if other == sign])
               for sign in set(directions)]
     # A contact that is stiffer on one side also curves upwards, but in one direction only.
