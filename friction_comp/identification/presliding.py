@@ -68,18 +68,24 @@ class RampFriction:
         """Breakaway current in A, a magnitude."""
         return float(self.current[self.peak])
 
-    def presliding(self, breakaway: float, crossed: float = 0.0) -> float:
+    def met(self, upturn: int) -> float:
+        """Return where teeth touched, rad, from the index at which the curve turned up."""
+        # Smoothing shows an impact half a window before it happens.
+        return float(self.position[min(upturn + self.half, len(self.position) - 1)])
+
+    def presliding(self, breakaway: float, upturn: int = 0) -> float:
         """Return the displacement in rad at which friction reaches 95 % of breakaway.
 
         On this very ramp, since friction differs from place to place: a contact that takes 4 %
         less here than elsewhere would reach 95 % of the mean at the flat end of its curve.
 
-        After backlash `crossed`, rad, what the link adds came late by it. It is what exceeds the
-        tangent at the touch, where the rotor's own friction, being concave, stays below.
+        Where teeth touched at the index `upturn`, the link's part came late by what was crossed.
+        It is what exceeds the tangent there, since the rotor's own friction, being concave, stays
+        below.
         """
         way = np.maximum.accumulate(self.position)
-        friction = self.current
-        if crossed > 0.0:
+        friction, crossed = self.current, way[upturn]
+        if upturn > 0:
             before, touch = np.interp((_NEAR * crossed, crossed), way, self.current)
             slope = (touch - before) / ((1.0 - _NEAR) * crossed)
             added = np.maximum.accumulate(np.where(
@@ -211,8 +217,8 @@ def _upturn(ramp: RampFriction, resolution: float) -> tuple[float, int]:
 
 
 def crossed_backlash(ramps: Sequence[RampFriction], directions: Sequence[int],
-                     resolution: float) -> tuple[float, list[float]]:
-    """Return the backlash of a gear, and what of it each ramp crossed, rad; 0 where none shows.
+                     resolution: float) -> tuple[float, list[int]]:
+    """Return the backlash of a gear, rad, and the index at which each ramp shows it; 0 where none.
 
     The friction of a gear's contacts rises more and more slowly with displacement: every contact
     that begins to slide leaves fewer that still hold (in the Dahl, LuGre, Bouc-Wen and Maxwell-slip
@@ -221,15 +227,11 @@ def crossed_backlash(ramps: Sequence[RampFriction], directions: Sequence[int],
     curve bends upwards. The distance of the curve below its concave hull indicates backlash, and
     the lowest point is the touch: so far the ramp went since the rest in which the teeth were left.
     """
-    upturns = [_upturn(ramp, resolution) for ramp in ramps]
-    crossed = [float(ramp.position[at]) if depth > _DEPTH else 0.0
-               for ramp, (depth, at) in zip(ramps, upturns)]
-    shares = [np.mean([way > 0.0 for way, other in zip(crossed, directions) if other == sign])
+    depths = [_upturn(ramp, resolution) for ramp in ramps]
+    upturns = [at if depth > _DEPTH else 0 for depth, at in depths]
+    shares = [np.mean([at > 0 for at, other in zip(upturns, directions) if other == sign])
               for sign in set(directions)]
     # A contact that is stiffer on one side also curves upwards, but in one direction only.
     if len(shares) < 2 or min(shares) < _SHARE:
-        return 0.0, [0.0] * len(ramps)
-    # Smoothing shows an impact half a window before it happens.
-    met = [ramp.position[min(at + ramp.half, len(ramp.position) - 1)]
-           for ramp, way, (_, at) in zip(ramps, crossed, upturns) if way > 0.0]
-    return float(np.median(met)), crossed
+        return 0.0, [0] * len(ramps)
+    return float(np.median([ramp.met(at) for ramp, at in zip(ramps, upturns) if at > 0])), upturns

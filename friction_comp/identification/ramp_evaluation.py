@@ -105,10 +105,10 @@ def evaluate_ramps(ramps: Sequence[Ramp], stopping: Sequence[Ramp], slope: float
     begun = float(np.mean(np.abs(slides.current)) / np.mean(np.abs(records.current)))
     if shares and _lower_bound(shares) <= 0.5 * (1.0 + begun):
         records = slides
-    backlash, crossed = crossed_backlash(peaks, directions, resolution)
+    backlash, upturns = crossed_backlash(peaks, directions, resolution)
     if backlash > 0.0:
         warnings.append(_backlash_message(backlash, records))
-    return RampEvaluation(records, _presliding(kept, peaks, records, crossed, resolution,
+    return RampEvaluation(records, _presliding(kept, peaks, records, upturns, resolution,
                                                backlash or None),
                           warnings, backlash or None)
 
@@ -145,12 +145,12 @@ def _backlash_message(backlash: float, records: BreakawayRecords) -> str:
 
 
 def _presliding(ramps: Sequence[Ramp], peaks: Sequence[RampFriction], records: BreakawayRecords,
-                crossed: Sequence[float], resolution: float,
+                upturns: Sequence[int], resolution: float,
                 backlash: float | None) -> Presliding | None:
     levels = np.abs(records.current)
     onward = [ramp.before == ramp.direction for ramp in ramps]
-    ways = [(same, peak.presliding(level, loose))
-            for same, peak, level, loose in zip(onward, peaks, levels, crossed)]
+    ways = [(same, peak.presliding(level, upturn))
+            for same, peak, level, upturn in zip(onward, peaks, levels, upturns)]
     distance = combined_presliding(ways)
     # Less than two counts cannot be resolved.
     if distance <= 2.0 * resolution:
