@@ -42,14 +42,12 @@ _SHARE_OF_COUNT, _METHOD = 0.4, 0.09
 # in that part, times the root of the ramps' number.
 _EARLY, _COUNTS = 1.0 / 3.0, 4.0
 # Threshold on the share of breakaway by which a ramp stays below its hull, and share of the ramps
-# in each direction that must exceed it: whether a ramp crosses backlash depends on where the
-# previous slide left the link. In one of both directions, simulated gears without backlash stay
-# below 0.04 (`bench/law_table.py --floors identification`, seeds 42 to 48); gears with visible
-# backlash have 0.05 to 0.24 in both.
+# in each direction that must exceed it: not every ramp crosses backlash. Simulated gears without
+# any stay below in one direction at least, those with visible backlash have 0.05 to 0.24 in both
+# (`bench/law_table.py --floors identification`, seeds 42 to 48).
 _DEPTH, _SHARE = 0.04, 0.2
 _PLACES = 60         # of the curve
-# Share of what a ramp crossed from which on the rotor's curve is taken as a straight line.
-_NEAR = 0.75
+_NEAR = 0.75         # share of what a ramp crossed from which on its tangent at the touch is taken
 
 
 @dataclass(frozen=True)
@@ -68,20 +66,14 @@ class RampFriction:
         """Breakaway current in A, a magnitude."""
         return float(self.current[self.peak])
 
-    def met(self, upturn: int) -> float:
-        """Return where teeth touched, rad, from the index at which the curve turned up."""
-        # Smoothing shows an impact half a window before it happens.
-        return float(self.position[min(upturn + self.half, len(self.position) - 1)])
-
     def presliding(self, breakaway: float, upturn: int = 0) -> float:
         """Return the displacement in rad at which friction reaches 95 % of breakaway.
 
         On this very ramp, since friction differs from place to place: a contact that takes 4 %
         less here than elsewhere would reach 95 % of the mean at the flat end of its curve.
 
-        Where teeth touched at the index `upturn`, the link's part came late by what was crossed.
-        It is what exceeds the tangent there, since the rotor's own friction, being concave, stays
-        below.
+        Teeth that touch at the index `upturn` add the link's part late by what was crossed: what
+        exceeds the tangent there, since the rotor's own friction, being concave, stays below it.
         """
         way = np.maximum.accumulate(self.position)
         friction, crossed = self.current, way[upturn]
@@ -211,14 +203,13 @@ def _upturn(ramp: RampFriction, resolution: float) -> tuple[float, int]:
                 break
             corners.pop()
         corners.append(k)
-    gap = np.interp(x[:top + 1], x[corners], y[corners]) - y[:top + 1]
-    lowest = int(np.argmax(gap))
-    return float(gap[lowest] / y[top]), int(np.searchsorted(place, x[lowest]))
+    below = np.interp(x[:top + 1], x[corners], y[corners]) - y[:top + 1]
+    return float(np.max(below) / y[top]), int(np.searchsorted(place, x[np.argmax(below)]))
 
 
 def crossed_backlash(ramps: Sequence[RampFriction], directions: Sequence[int],
                      resolution: float) -> tuple[float, list[int]]:
-    """Return the backlash of a gear, rad, and the index at which each ramp shows it; 0 where none.
+    """Return the backlash of a gear, rad, and each ramp's index at which teeth touch; 0 if none.
 
     The friction of a gear's contacts rises more and more slowly with displacement: every contact
     that begins to slide leaves fewer that still hold (in the Dahl, LuGre, Bouc-Wen and Maxwell-slip
@@ -234,4 +225,7 @@ def crossed_backlash(ramps: Sequence[RampFriction], directions: Sequence[int],
     # A contact that is stiffer on one side also curves upwards, but in one direction only.
     if len(shares) < 2 or min(shares) < _SHARE:
         return 0.0, [0] * len(ramps)
-    return float(np.median([ramp.met(at) for ramp, at in zip(ramps, upturns) if at > 0])), upturns
+    # Smoothing shows an impact half a window before it happens.
+    met = [ramp.position[min(at + ramp.half, len(ramp.position) - 1)]
+           for ramp, at in zip(ramps, upturns) if at > 0]
+    return float(np.median(met)), upturns
