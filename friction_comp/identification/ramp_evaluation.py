@@ -178,15 +178,16 @@ def time_of_ramp(elapsed: float, slope: float, stops: Sequence[float]) -> float:
 def moving_level(ramp: Ramp, slope: float, resolution: float) -> float | None:
     """Return the current in A at which the joint keeps moving although the current is held.
 
-    The first stop at which it does not come to rest; None where it does at each.
+    The first stop from which on it never comes to rest; None where it does at the last.
     """
     time, position = ramp.samples[:, 0] - ramp.samples[0, 0], ramp.samples[:, 1]
     way = ramp.direction * (position - position[0])
+    moving = None
     for k, level in enumerate(ramp.stops):
         begin = level / slope + k * STOP_TIME
         if time[-1] < begin + STOP_TIME:
-            return level   # It ran away at this stop, or on the way to it.
+            return moving or level  # It ran away at this stop, or on the way to it.
         a, b, c = np.interp(begin + STOP_TIME * np.array([1.0, 2.0, 3.0]) / 3.0, time, way)
-        if c - b > max(_SPEED_SHARE * (b - a), _COUNTS * resolution, _WAY_SHARE * c):
-            return level
-    return None
+        rests = c - b <= max(_SPEED_SHARE * (b - a), _COUNTS * resolution, _WAY_SHARE * c)
+        moving = None if rests else moving or level
+    return moving
