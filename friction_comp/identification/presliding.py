@@ -46,6 +46,7 @@ _EARLY, _COUNTS = 1.0 / 3.0, 4.0
 # any stay below in one direction at least, those with visible backlash have 0.05 to 0.24 in both
 # (`bench/law_table.py --floors identification`, seeds 42 to 48).
 _DEPTH, _SHARE = 0.04, 0.2
+_SEEN_COUNTS = 3.0   # the least backlash that an encoder tells
 _PLACES = 60         # of the curve
 _NEAR = 0.75         # share of what a ramp crossed from which on its tangent at the touch is taken
 
@@ -219,7 +220,8 @@ def crossed_backlash(ramps: Sequence[RampFriction], directions: Sequence[int],
     the lowest point is the touch: so far the ramp went since the rest in which the teeth were left.
     """
     depths = [_upturn(ramp, resolution) for ramp in ramps]
-    upturns = [at if depth > _DEPTH else 0 for depth, at in depths]
+    upturns = [at if depth > _DEPTH and ramp.position[at] >= _SEEN_COUNTS * resolution else 0
+               for ramp, (depth, at) in zip(ramps, depths)]
     shares = [np.mean([at > 0 for at, other in zip(upturns, directions) if other == sign])
               for sign in set(directions)]
     # A contact that is stiffer on one side also curves upwards, but in one direction only.
