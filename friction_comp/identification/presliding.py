@@ -42,13 +42,13 @@ _SHARE_OF_COUNT, _METHOD = 0.4, 0.09
 # in that part, times the root of the ramps' number.
 _EARLY, _COUNTS = 1.0 / 3.0, 4.0
 # Threshold on the share of breakaway by which a ramp stays below its hull, and share of the ramps
-# in each direction that must exceed it: whether a ramp crosses backlash depends on where the
-# previous slide left the link. Simulated gears without backlash stay below 0.03, except one with
-# asymmetric friction (`bench/law_table.py --floors identification`, seeds 44 and 46); gears with
-# visible backlash have 0.04 to 0.14.
+# in each direction that must exceed it: not every ramp crosses backlash. Simulated gears without
+# any stay below in one direction at least, those with visible backlash have 0.05 to 0.24 in both
+# (`bench/law_table.py --floors identification`, seeds 42 to 48).
 _DEPTH, _SHARE = 0.04, 0.2
 _SEEN_COUNTS = 3.0   # the least backlash that an encoder tells
 _PLACES = 60         # of the curve
+_NEAR = 0.75         # share of what a ramp crossed from which on its tangent at the touch is taken
 
 
 @dataclass(frozen=True)
@@ -60,19 +60,31 @@ class RampFriction:
     position: np.ndarray    # the way given since the ramp's begin, smoothed, rad
     measured: np.ndarray    # the way as the encoder shows it, rad
     peak: int               # index of the largest current of friction
+    half: int               # samples to either side over which it is smoothed
 
     @property
     def breakaway(self) -> float:
         """Breakaway current in A, a magnitude."""
         return float(self.current[self.peak])
 
-    def presliding(self, breakaway: float) -> float:
+    def presliding(self, breakaway: float, upturn: int = 0) -> float:
         """Return the displacement in rad at which friction reaches 95 % of breakaway.
 
         On this very ramp, since friction differs from place to place: a contact that takes 4 %
         less here than elsewhere would reach 95 % of the mean at the flat end of its curve.
+
+        Teeth that touch at the index `upturn` add the link's part late by what was crossed: what
+        exceeds the tangent there, since the rotor's own friction, being concave, stays below it.
         """
-        k = int(np.argmax(self.current >= min(_GONE * breakaway, self.breakaway)))
+        way = np.maximum.accumulate(self.position)
+        friction, crossed = self.current, way[upturn]
+        if upturn > 0:
+            before, touch = np.interp((_NEAR * crossed, crossed), way, self.current)
+            slope = (touch - before) / ((1.0 - _NEAR) * crossed)
+            added = np.maximum.accumulate(np.where(
+                way > crossed, self.current - touch - slope * (way - crossed), 0.0))
+            friction = friction + np.interp(way + crossed, way, added) - added
+        k = int(np.argmax(friction >= min(_GONE * breakaway, self.breakaway)))
         return float(self.position[k])
 
 
@@ -108,7 +120,7 @@ def ramp_friction(time: np.ndarray, position: np.ndarray, current: np.ndarray, s
         return None
     return RampFriction(
         time=even[half:half + end], current=friction[:end], position=given[:end],
-        measured=way[half:half + end],
+        measured=way[half:half + end], half=half,
         peak=int(np.argmax(np.where(slow[:end], friction[:end], -np.inf))))
 
 
@@ -173,53 +185,49 @@ def common_stiffness(ramps: Sequence[RampFriction], breakaway: float,
     return squares / together
 
 
-def _depth_below_hull(ramp: RampFriction, resolution: float) -> tuple[float, float]:
-    """Return how far a ramp's curve stays below its hull, a share, and over which distance, rad."""
+def _upturn(ramp: RampFriction, resolution: float) -> tuple[float, int]:
+    """Return how far a ramp's curve stays below its hull, a share, and where most, an index."""
     width = max(resolution, float(np.max(ramp.measured)) / _PLACES)
-    index = np.maximum.accumulate(np.maximum(0, np.rint(ramp.measured / width).astype(int)))
-    count = np.bincount(index)
+    place = np.maximum.accumulate(np.maximum(0, np.rint(ramp.measured / width).astype(int)))
+    count = np.bincount(place)
     # Where within a count the ramp began is unknown, so the first count is not used.
-    visited = np.flatnonzero(count)[1:]
-    if len(visited) < 4:
-        return 0.0, 0.0
-    depth, way = _below_hull(visited, np.bincount(index, ramp.current)[visited] / count[visited])
-    return depth, (way + 1.0) * width
-
-
-def _below_hull(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
-    """Return the largest depth below the concave hull, and its distance from the hull's corner."""
+    x = np.flatnonzero(count)[1:]
+    if len(x) < 4:
+        return 0.0, 0
+    y = np.bincount(place, ramp.current)[x] / count[x]
+    top = int(np.argmax(y))     # What falls from there on is the slide.
     corners = [0]
-    for k in range(1, len(x)):
+    for k in range(1, top + 1):
         while len(corners) > 1:
             i, j = corners[-2:]
             if (y[j] - y[i]) * (x[k] - x[j]) > (y[k] - y[j]) * (x[j] - x[i]):
                 break
             corners.pop()
         corners.append(k)
-    gap = np.interp(x, x[corners], y[corners]) - y
-    lowest = int(np.argmax(gap))
-    before = corners[int(np.searchsorted(corners, lowest, side='right')) - 1]
-    return float(gap[lowest] / np.max(y)), float(x[lowest] - x[before])
+    below = np.interp(x[:top + 1], x[corners], y[corners]) - y[:top + 1]
+    return float(np.max(below) / y[top]), int(np.searchsorted(place, x[np.argmax(below)]))
 
 
 def crossed_backlash(ramps: Sequence[RampFriction], directions: Sequence[int],
-                     resolution: float) -> tuple[float, list[float]]:
-    """Return the backlash of a gear, and what of it each ramp crossed, rad; 0 where none shows.
+                     resolution: float) -> tuple[float, list[int]]:
+    """Return the backlash of a gear, rad, and each ramp's index at which teeth touch; 0 if none.
 
     The friction of a gear's contacts rises more and more slowly with displacement: every contact
     that begins to slide leaves fewer that still hold (in the Dahl, LuGre, Bouc-Wen and Maxwell-slip
-    models alike). Along a ramp it is therefore a concave function of displacement. Where teeth
-    separate, only the motor's own friction acts until they touch on the other side; then that of
-    the link is added, and the curve bends upwards. The distance of the curve below its concave hull
-    indicates backlash, and the displacement from the corner of the hull to the lowest point is its
-    lower bound.
+    models alike). Along a ramp it is therefore a concave function of displacement. While teeth are
+    apart, only the motor's own friction acts; where they touch, that of the link is added and the
+    curve bends upwards. The distance of the curve below its concave hull indicates backlash, and
+    the lowest point is the touch: so far the ramp went since the rest in which the teeth were left.
     """
-    softer = [_depth_below_hull(ramp, resolution) for ramp in ramps]
-    crossed = [way if depth > _DEPTH and way >= _SEEN_COUNTS * resolution else 0.0
-               for depth, way in softer]
-    shares = [np.mean([way > 0.0 for way, other in zip(crossed, directions) if other == sign])
+    depths = [_upturn(ramp, resolution) for ramp in ramps]
+    upturns = [at if depth > _DEPTH and ramp.position[at] >= _SEEN_COUNTS * resolution else 0
+               for ramp, (depth, at) in zip(ramps, depths)]
+    shares = [np.mean([at > 0 for at, other in zip(upturns, directions) if other == sign])
               for sign in set(directions)]
     # A contact that is stiffer on one side also curves upwards, but in one direction only.
     if len(shares) < 2 or min(shares) < _SHARE:
-        return 0.0, [0.0] * len(softer)
-    return float(np.median([way for way in crossed if way > 0.0])), crossed
+        return 0.0, [0] * len(ramps)
+    # Smoothing shows an impact half a window before it happens.
+    met = [ramp.position[min(at + ramp.half, len(ramp.position) - 1)]
+           for ramp, at in zip(ramps, upturns) if at > 0]
+    return float(np.median(met)), upturns

@@ -105,10 +105,10 @@ def evaluate_ramps(ramps: Sequence[Ramp], stopping: Sequence[Ramp], slope: float
     begun = float(np.mean(np.abs(slides.current)) / np.mean(np.abs(records.current)))
     if shares and _lower_bound(shares) <= 0.5 * (1.0 + begun):
         records = slides
-    backlash, crossed = crossed_backlash(peaks, directions, resolution)
+    backlash, upturns = crossed_backlash(peaks, directions, resolution)
     if backlash > 0.0:
         warnings.append(_backlash_message(backlash, records))
-    return RampEvaluation(records, _presliding(kept, peaks, records, crossed, resolution,
+    return RampEvaluation(records, _presliding(kept, peaks, records, upturns, resolution,
                                                backlash or None),
                           warnings, backlash or None)
 
@@ -141,16 +141,16 @@ def _backlash_message(backlash: float, records: BreakawayRecords) -> str:
                 f'backlash of {backlash:.2g} rad: breakaway in the {side} direction scatters by '
                 f'{100.0 * np.std(levels, ddof=1) / np.mean(levels):.0f} %; ask for more '
                 'breakaway_cycles or a less steep ramp_slope')
-    return f'backlash of {backlash:.2g} rad at least; presliding is given without it'
+    return f'backlash of {backlash:.2g} rad; presliding is given without it'
 
 
 def _presliding(ramps: Sequence[Ramp], peaks: Sequence[RampFriction], records: BreakawayRecords,
-                crossed: Sequence[float], resolution: float,
+                upturns: Sequence[int], resolution: float,
                 backlash: float | None) -> Presliding | None:
     levels = np.abs(records.current)
     onward = [ramp.before == ramp.direction for ramp in ramps]
-    ways = [(same, max(0.0, peak.presliding(level) - loose))
-            for same, peak, level, loose in zip(onward, peaks, levels, crossed)]
+    ways = [(same, peak.presliding(level, upturn))
+            for same, peak, level, upturn in zip(onward, peaks, levels, upturns)]
     distance = combined_presliding(ways)
     # Less than two counts cannot be resolved.
     if distance <= 2.0 * resolution:
@@ -178,15 +178,16 @@ def time_of_ramp(elapsed: float, slope: float, stops: Sequence[float]) -> float:
 def moving_level(ramp: Ramp, slope: float, resolution: float) -> float | None:
     """Return the current in A at which the joint keeps moving although the current is held.
 
-    The first stop at which it does not come to rest; None where it does at each.
+    The first stop from which on it never comes to rest; None where it does at the last.
     """
     time, position = ramp.samples[:, 0] - ramp.samples[0, 0], ramp.samples[:, 1]
     way = ramp.direction * (position - position[0])
+    moving = None
     for k, level in enumerate(ramp.stops):
         begin = level / slope + k * STOP_TIME
         if time[-1] < begin + STOP_TIME:
-            return level   # It ran away at this stop, or on the way to it.
+            return moving or level  # It ran away at this stop, or on the way to it.
         a, b, c = np.interp(begin + STOP_TIME * np.array([1.0, 2.0, 3.0]) / 3.0, time, way)
-        if c - b > max(_SPEED_SHARE * (b - a), _COUNTS * resolution, _WAY_SHARE * c):
-            return level
-    return None
+        rests = c - b <= max(_SPEED_SHARE * (b - a), _COUNTS * resolution, _WAY_SHARE * c)
+        moving = None if rests else moving or level
+    return moving
