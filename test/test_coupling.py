@@ -65,9 +65,8 @@ def test_what_mechanics_rules_out_is_not_tried(own):
             assert own in {*moving, *turned}
 
 
-@pytest.mark.parametrize('seed', [10, 11])
-def test_joints_that_move_independently_show_no_coupling(seed):
-    rng = np.random.default_rng(seed)
+def test_joints_that_move_independently_show_no_coupling():
+    rng = np.random.default_rng(10)
     names = tuple('abcd')
     motion = waves(rng, 3000, 4, 0.01)
     v = motion[1][:, 2]
