@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What all tests share: the environment they run in, and the mark of those that start nodes."""
 
+import gc
 import os
 from pathlib import Path
 import signal
@@ -41,6 +42,11 @@ def pytest_collection_modifyitems(items):
         if item.get_closest_marker('slow'):
             long.add(item.path)
     items.sort(key=lambda item: item.path not in long)
+
+
+def pytest_collection_finish():
+    """Spare the garbage collector what was imported: it stays, and is half a million objects."""
+    gc.freeze()
 
 
 @pytest.fixture(scope='module', autouse=True)

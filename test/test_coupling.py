@@ -35,7 +35,7 @@ def seen_by(joint, names, current, motion):
 def test_the_weight_of_the_next_link_is_found_without_a_urdf():
     rng = np.random.default_rng(0)
     names = ('shoulder', 'elbow', 'wrist')
-    currents, motion = planar(rng, 2500)
+    currents, motion = planar(rng, 1500)
     for joint, current in zip(names, currents):
         result = refine([seen_by(joint, names, current, motion)])
         assert result.report['after']['held_out_rmse'] < 0.03

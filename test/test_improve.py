@@ -74,7 +74,7 @@ def test_a_drive_that_changes_between_rounds_is_not_trusted():
         samples = played(plan)
         worse.append(1.0 + 0.25 * len(worse))
         return samples.with_(current=samples.current * worse[-1])
-    result = improve(play, LIMITS, drive.model.drive, schedule=Schedule(20.0, 40.0, 3))
+    result = improve(play, LIMITS, drive.model.drive, schedule=Schedule(12.0, 24.0, 3))
     assert result.verdict != 'trust'
     assert result.rounds[-1].predicted_rmse > 2.0 * drive.noise_floor
 
@@ -112,13 +112,13 @@ def test_wrong_input_is_one_line(wrong, words, tmp_path, capsys):
 def test_one_command_goes_from_nothing_to_a_tested_model(tmp_path, monkeypatch, own_environment):
     pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
     fork_nodes_of_tools(monkeypatch)
-    # A state twice as seldom as otherwise.
+    # As few states a second as a plant may have.
     monkeypatch.setattr('friction_comp.tools.improve.plant_parameters', functools.partial(
-        plant_parameters, sample_time=8e-3))
+        plant_parameters, sample_time=1e-2))
     output = tmp_path / 'improved'
     assert run('improve', [
         '--simulate', 'config/armin_configuration_1.yaml', '--position', '-1', '1', '--velocity',
-        '1.5', '--acceleration', '6', '--seconds', '20', '--budget', '40', '--output',
+        '1.5', '--acceleration', '6', '--seconds', '15', '--budget', '30', '--output',
         str(output)]) == 0
     report = json.loads((output / 'report.json').read_text(encoding='utf-8'))
     assert len(report['rounds']) == 2

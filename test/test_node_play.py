@@ -31,11 +31,11 @@ pytestmark = [pytest.mark.slow, pytest.mark.processes]
 
 
 def motion():
-    """Return six seconds of motion within the limits."""
+    """Return four seconds of motion within the limits."""
     there = Move.within(0.2, 0.0, 0.5, 0.8, 4.0)
-    back = Move.within(2.5, 0.5, -0.4, 0.6, 4.0)
-    home = Move.within(5.0, -0.4, 0.0, 0.8, 4.0)
-    return trajectory_of([JointPlan(LIMITS, 0.0, (there, back, home), 6.5, {})], 50.0)
+    back = Move.within(1.2, 0.5, -0.4, 0.6, 4.0)
+    home = Move.within(3.1, -0.4, 0.0, 0.8, 4.0)
+    return trajectory_of([JointPlan(LIMITS, 0.0, (there, back, home), 4.0, {})], 50.0)
 
 
 @pytest.fixture(scope='module')
