@@ -27,8 +27,8 @@ pytestmark = pytest.mark.slow
 THERMAL = {'ambient': 22.0, 'heating': 200.0, 'time_constant': 60.0}
 
 # Case for the recording's excitation, effect, and the variable under which it must be found. The
-# drive's friction is 1.2 N·m. One of each kind: what varies with speed, direction, place, temperature
-# and history; that each other effect is fed back as it was found, test_effect_properties.py says.
+# drive's friction is 1.2 N·m. One of each kind: speed, direction, place, temperature, history; that
+# each effect is fed back as it was found, test_effect_properties.py says.
 FED_BACK = {
     'stribeck': ({'amplitude': 0.5, 'velocity': 0.15}, 'velocity'),
     'direction': ({'viscous': 1.2}, 'direction'),
