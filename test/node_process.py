@@ -183,13 +183,3 @@ class Process:
             except subprocess.TimeoutExpired:
                 self.send(signal.SIGKILL)
                 self._process.wait()
-
-
-def refuses(folder, name, parameters, words):
-    """Check that a node does not start, and says why in one line."""
-    with Process(folder, name, parameters) as process:
-        assert process.wait() == 2
-        lines = [line for line in process.text.splitlines() if line.startswith(f'{name}: ')]
-        assert len(lines) == 1
-        assert words in lines[0]
-        assert 'Traceback' not in process.text

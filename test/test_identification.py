@@ -58,7 +58,8 @@ def quick():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('number', SLOPES)
+# Configuration 2 is one of the next test's, with a large inertia.
+@pytest.mark.parametrize('number', [1, 3])
 def test_drives_of_the_note_are_identified(number):
     model = note_model(number)
     goal = IdentificationGoal(

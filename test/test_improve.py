@@ -74,7 +74,7 @@ def test_a_drive_that_changes_between_rounds_is_not_trusted():
         samples = played(plan)
         worse.append(1.0 + 0.25 * len(worse))
         return samples.with_(current=samples.current * worse[-1])
-    result = improve(play, LIMITS, drive.model.drive, schedule=Schedule(12.0, 24.0, 3))
+    result = improve(play, LIMITS, drive.model.drive, schedule=Schedule(20.0, 40.0, 3))
     assert result.verdict != 'trust'
     assert result.rounds[-1].predicted_rmse > 2.0 * drive.noise_floor
 
@@ -118,7 +118,7 @@ def test_one_command_goes_from_nothing_to_a_tested_model(tmp_path, monkeypatch, 
     output = tmp_path / 'improved'
     assert run('improve', [
         '--simulate', 'config/armin_configuration_1.yaml', '--position', '-1', '1', '--velocity',
-        '1.5', '--acceleration', '6', '--seconds', '15', '--budget', '30', '--output',
+        '1.5', '--acceleration', '6', '--seconds', '20', '--budget', '40', '--output',
         str(output)]) == 0
     report = json.loads((output / 'report.json').read_text(encoding='utf-8'))
     assert len(report['rounds']) == 2
