@@ -4,7 +4,6 @@
 
 import gc
 import os
-from pathlib import Path
 import signal
 import sys
 from unittest.mock import patch
@@ -15,8 +14,6 @@ import pytest
 
 from friction_comp.package_files import name_this_environment
 from friction_comp.reports import figures
-
-PLAIN_PAGES = Path(__file__).resolve().parent / 'plain_pages'
 
 # As `python3 -m friction_comp` does for nodes: some tests import ROS 2 by themselves.
 name_this_environment()
@@ -53,12 +50,11 @@ def pytest_collection_finish():
 def plain_pages(request):
     """Write pages without Bokeh, and figures without a layout, where a module has no `LIVE_PAGES`.
 
-    It takes a quarter of the time, also in processes that the module starts.
+    It takes a quarter of the time. Processes that a module starts write pages as users get them.
     """
     with pytest.MonkeyPatch.context() as monkeypatch:
         if not getattr(request.module, 'LIVE_PAGES', False):
             monkeypatch.setitem(sys.modules, 'bokeh', None)
-            monkeypatch.setenv('PYTHONPATH', str(PLAIN_PAGES), prepend=os.pathsep)
             monkeypatch.setattr(figures, 'Figure', lambda figsize, layout: Figure(figsize))
         yield
 
