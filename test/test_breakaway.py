@@ -34,7 +34,7 @@ def ramp_recording(number, cycles, seed=1, share=1.0):
     return time, *np.array(seen).T, command, model.drive.position_resolution
 
 
-@njit
+@njit(cache=True)
 def _drive(command, levels, kinetic, viscous, acceleration, stiffness, damping, noise):
     """Step a joint that holds elastically up to a known level, then slides: all in A and rad."""
     position = np.empty(command.size)

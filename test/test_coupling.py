@@ -35,7 +35,7 @@ def seen_by(joint, names, current, motion):
 def test_the_weight_of_the_next_link_is_found_without_a_urdf():
     rng = np.random.default_rng(0)
     names = ('shoulder', 'elbow', 'wrist')
-    currents, motion = planar(rng, 2500)
+    currents, motion = planar(rng, 1500)
     for joint, current in zip(names, currents):
         result = refine([seen_by(joint, names, current, motion)])
         assert result.report['after']['held_out_rmse'] < 0.03
@@ -65,9 +65,8 @@ def test_what_mechanics_rules_out_is_not_tried(own):
             assert own in {*moving, *turned}
 
 
-@pytest.mark.parametrize('seed', [10, 11])
-def test_joints_that_move_independently_show_no_coupling(seed):
-    rng = np.random.default_rng(seed)
+def test_joints_that_move_independently_show_no_coupling():
+    rng = np.random.default_rng(10)
     names = tuple('abcd')
     motion = waves(rng, 3000, 4, 0.01)
     v = motion[1][:, 2]

@@ -24,13 +24,13 @@ PERIOD = REST + MOVE
 STEP = 2e-3
 
 
-def trial(peaks, push=0.2, directions=None, seed=0, noise=0.0):
+def trial(peaks, push=0.2, directions=None, seed=0, noise=0.0, step=STEP):
     """Make a trial with one entry of peaks a movement; even ones are positive.
 
     The torque is a bump of the peak's height 0.2 s after the movement begins, and `push` along the
     movement while it lasts at constant velocity.
     """
-    time = np.arange(round((len(peaks) * PERIOD + REST) / STEP)) * STEP
+    time = np.arange(round((len(peaks) * PERIOD + REST) / step)) * step
     velocity, load = np.zeros_like(time), np.zeros_like(time)
     direction = np.zeros(len(time), dtype=int)
     for k, peak in enumerate(peaks):
@@ -42,7 +42,7 @@ def trial(peaks, push=0.2, directions=None, seed=0, noise=0.0):
         load[(since > RAMP) & (since < RAMP + CRUISE)] += sign * push
         if directions is not None:
             direction[(since > -0.5) & (since < RAMP + CRUISE)] = directions[k]
-    position = np.cumsum(velocity) * STEP
+    position = np.cumsum(velocity) * step
     load = load + noise * np.random.default_rng(seed).normal(size=len(time))
     return Samples(
         time=time, position=position,

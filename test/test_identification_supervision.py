@@ -198,7 +198,7 @@ def test_a_rotor_that_trembles_by_many_counts_stands():
 @pytest.mark.parametrize('noise', [0.001, 0.02])
 @pytest.mark.parametrize('factor', [
     side * factor for side in (1, -1)
-    for factor in (0.01, 0.1, 0.4, 3.0, 10.0, 100.0, 300.0, 1000.0, 10_000.0)] + [-1.0])
+    for factor in (0.01, 0.4, 3.0, 100.0, 10_000.0)] + [-1.0])
 def test_the_first_push_tells_any_factor_and_sign_of_effort(factor, noise):
     """Noise is scaled as well; the velocity may not be measured at all."""
     random, farthest = np.random.default_rng(5), [0.0]

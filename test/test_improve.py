@@ -112,9 +112,9 @@ def test_wrong_input_is_one_line(wrong, words, tmp_path, capsys):
 def test_one_command_goes_from_nothing_to_a_tested_model(tmp_path, monkeypatch, own_environment):
     pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
     fork_nodes_of_tools(monkeypatch)
-    # A state twice as seldom as otherwise.
+    # As few states a second as a plant may have.
     monkeypatch.setattr('friction_comp.tools.improve.plant_parameters', functools.partial(
-        plant_parameters, sample_time=8e-3))
+        plant_parameters, sample_time=1e-2))
     output = tmp_path / 'improved'
     assert run('improve', [
         '--simulate', 'config/armin_configuration_1.yaml', '--position', '-1', '1', '--velocity',

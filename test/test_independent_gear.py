@@ -29,7 +29,7 @@ from law_judge.persons import draw_persons, drivers, FIRM  # noqa: E402
 EVEN, ODD = 0, 1
 
 
-def plain_gears(seed=EVEN, draws=5):
+def plain_gears(seed=EVEN, draws=3):
     """Return gears without scatter, noise and what depends on place."""
     gears = np.concatenate([draw_gears(kind, draws, seed) for kind in KINDS])
     for name in ('scatter', 'cogging', 'ripple', 'current_noise', 'current_ripple',

@@ -42,9 +42,9 @@ def folder(tmp_path_factory):
 
 def trials(room, count):
     for k in range(count):
-        samples = trial([1.0 + 0.1 * k] * 4, directions=[1, -1] * 2)
         # Two hundred a second are enough for what is not about their number.
-        write_samples(room / f't{k}', samples.take(slice(None, None, 5)))
+        write_samples(room / f't{k}', trial(
+            [1.0 + 0.1 * k] * 4, directions=[1, -1] * 2, step=5e-3))
     return room
 
 

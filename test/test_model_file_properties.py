@@ -55,6 +55,8 @@ def models(draw):
             Sigmoid, st.floats(0.0, 2.0), st.floats(-2.0, 0.0), st.floats(1.0, 500.0),
             st.floats(-0.01, 0.01), st.floats(-0.1, 1.0))),
         breakaway=breakaway, effects=draw(st.lists(effects(), max_size=4)),
+        differentiation=draw(st.sampled_from([
+            {}, {'source': 'position', 'bandwidth': 40.0, 'lag': 0.004}])),
         joint=draw(st.text(st.characters(codec='utf-8', exclude_categories=['C', 'Z']),
                            max_size=8)),
         notes=draw(st.dictionaries(
@@ -75,8 +77,8 @@ def test_a_model_predicts_the_same_after_a_round_trip(model):
         model.save(path)
         again = FrictionModel.load(path)
         assert os.listdir(folder) == ['model.yaml']
-    assert (again.drive, again.breakaway, again.joint, again.notes) == (
-        model.drive, model.breakaway, model.joint, model.notes)
+    for name in ('drive', 'breakaway', 'joint', 'notes', 'differentiation'):
+        assert getattr(again, name) == getattr(model, name)
     assert [one.to_dict() for one in again.effects] == [one.to_dict() for one in model.effects]
     assert again.predict(motion()) == pytest.approx(model.predict(motion()), rel=1e-7, abs=1e-9)
 
@@ -122,12 +124,18 @@ def refused(path, *words):
 
 
 @pytest.mark.parametrize(('changes', 'word'), [
+    ({'format': 'something'}, 'format'),
+    ({'version': 99}, 'version'),
+    ({'differentiation': {'lag': 'long'}}, 'differentiation'),
     ({'drive': 7}, 'drive'),
+    ({'drive': {'torque_constant': 0.1}}, 'gear_ratio'),
+    ({'drive': {'torque_constant': -0.1, 'gear_ratio': 100.0}}, 'torque_constant'),
     ({'drive': {'torque_constant': 'strong', 'gear_ratio': 100.0}}, 'drive.torque_constant'),
     ({'drive': {'torque_constant': True, 'gear_ratio': 100.0}}, 'drive.torque_constant'),
     ({'drive': {'torque_constant': 0.1, 'gear_ratio': float('nan')}}, 'drive.gear_ratio'),
     ({'drive': {'torque_constant': 0.1, 'gear_ratio': 1.0, 'colour': 'red'}}, 'colour'),
     ({'sigmoid': None}, 'sigmoid'),
+    ({'sigmoid': {'coefficients': [1, 2, 3]}}, 'six'),
     ({'sigmoid': {'coefficients': 'abcdef'}}, 'sigmoid.coefficients'),
     ({'sigmoid': {'coefficients': [1, 1, 1, 1, 1, 'x']}}, 'sigmoid'),
     ({'sigmoid': {'coefficients': [1, 1, 1, 1, 1, 0], 'velocity_unit': 'rpm'}}, 'rpm'),
@@ -138,6 +146,9 @@ def refused(path, *words):
     ({'breakaway': {'positive': {'mean': -0.1}, 'negative': {'mean': 0.1}}}, 'sign'),
     ({'effects': {'name': 'gravity'}}, 'effects'),
     ({'effects': ['gravity']}, 'name'),
+    ({'effects': [{'name': 'magic', 'parameters': {}}]}, 'magic'),
+    ({'effects': [{'name': 'gravity', 'parameters': {}}]}, 'gravity'),
+    ({'effects': [{'name': 'cogging', 'parameters': {'coefficients': [1, 2]}}]}, 'missing'),
     ({'effects': [{'name': ['gravity']}]}, 'gravity'),
     ({'effects': [{'name': 'gravity', 'parameters': [1]}]}, 'gravity'),
     ({'effects': [{'name': 'gravity', 'parameters': {'coefficients': ['x', 1]}}]}, 'coefficients'),
@@ -184,8 +195,9 @@ def test_a_yaml_tag_runs_no_code(tmp_path):
     assert not mark.exists()
 
 
-def test_a_folder_is_no_model_file(tmp_path):
+def test_a_folder_is_no_model_file_and_one_that_is_not_there_is_none(tmp_path):
     refused(tmp_path)
+    refused(tmp_path / 'nowhere.yaml')
 
 
 def test_the_old_file_survives_a_write_that_fails(tmp_path, monkeypatch):

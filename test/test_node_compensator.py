@@ -66,7 +66,6 @@ def test_answers_every_state_with_the_current_of_the_law(driver, law):
     expected = CompensationLaw([FrictionModel.load(path) for path in MODELS[:2]], law)
     base = time.time_ns()
     times, position, velocity = movement()
-    # Every second message comes without velocity, as some drivers do it throughout.
     driver.announce([1, -1])
     largest = 0.0
     for t, x, v in zip(times, position, velocity):

@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
-from node_process import Process, refuses
+from node_process import Process
 from ros_system import (
     BEST_EFFORT,
     compensator,
@@ -74,17 +74,6 @@ def test_signals_leave_zero_current(room, number):
         assert process.wait() == 0
         probe.until(lambda: list(driver.commands[-1].data) == ZERO, 'zero current')
         assert 'Traceback' not in process.text
-
-
-@pytest.mark.parametrize(('parameters', 'words'), [
-    ({'joints': ['a'], 'model_files': ['none.yaml']}, 'none.yaml'),
-    ({'joints': ['a', 'a'], 'model_files': MODELS[:2]}, 'joints'),
-    ({'joints': ['a'], 'model_files': MODELS[:2]}, 'model_files'),
-    ({'joints': ['a'], 'model_files': MODELS[:1], 'law': 'magic'}, 'law'),
-    ({'joints': ['a'], 'model_files': MODELS[:1], 'breakaway_gain': 3.0}, 'breakaway_gain'),
-])
-def test_starts_only_with_usable_input(room, parameters, words):
-    refuses(room, 'compensator', parameters, words)
 
 
 def test_waits_for_its_manager_without_autostart(room):

@@ -66,18 +66,6 @@ def test_two_publishers_of_one_joint_are_named(driver):
                        'a current')
 
 
-def test_publishers_of_different_joints_are_no_rivals(driver):
-    with probe_node() as other:
-        second = other.talk(JointState, 'joint_states', RELIABLE)
-        other.matched(second)
-        driver.probe.spin_for(0.5)
-        driver.ask(ZERO, ZERO)
-        for _ in range(20):
-            driver.announce([1, 1])
-            second.publish(joint_state(time.time_ns(), ['wrist'], [0.3]))
-            assert driver.ask(ZERO, ZERO)[0] > 0.05
-
-
 @pytest.mark.parametrize(('names', 'position', 'words'), [
     (['elbow', 'shoulder', 'elbow'], [0.0, 0.0, 0.5], 'elbow twice'),
     (JOINTS, [0.0, 1e300], 'shoulder: a position of 1e+300 rad is impossible')])

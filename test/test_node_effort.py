@@ -13,7 +13,7 @@ import yaml
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
-from node_process import Process, refuses
+from node_process import Process
 from ros_system import (
     compensator,
     FakeDriver,
@@ -22,7 +22,6 @@ from ros_system import (
     MODELS,
     probe_node,
     RELIABLE,
-    START,
     value_of,
 )
 from rosgraph_msgs.msg import Clock
@@ -110,11 +109,6 @@ def test_a_joint_is_moved_and_recorded_by_torque(tmp_path):
         np.std(samples.current[moving]), rel=0.2)
 
 
-def test_an_interface_that_is_not_known_is_refused(tmp_path):
-    refuses(tmp_path, 'compensator', {**START, 'command_interface': 'voltage'},
-            'command_interface: must be current or effort')
-
-
 class TorqueController(FakeDriver):
     """Stands in for the torque controller of an arm; one of its joints is simulated.
 
@@ -200,7 +194,7 @@ def test_a_joint_of_an_arm_is_moved_by_its_torque_controller(file, tmp_path):
             tmp_path / 'run', 'identification', {
                 **parameters, 'identification:use_sim_time': True}, arguments=arguments):
         arm = TorqueController(probe, file, 'identification', model)
-        plan = JointPlan(LIMITS, 0.0, (Move.within(0.1, 0.0, 0.2, 0.8, 4.0),), 1.0, {})
+        plan = JointPlan(LIMITS, 0.0, (Move.within(0.05, 0.0, 0.2, 0.8, 4.0),), 0.7, {})
         message = message_of(trajectory_of([plan], 50.0))
         message.joint_names = [arm.joints[0]]
         client = ActionClient(probe, PlayTrajectory, 'play_trajectory')

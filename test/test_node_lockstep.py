@@ -25,6 +25,7 @@ JOINT = 'elbow'
 MOVEMENT = {'amplitude': 0.25, 'speed': 0.7, 'acceleration_time': 0.2, 'standstill': 0.4,
             'announcement': 0.3, 'repetitions': 1}
 SEED = 8
+STEP = 2e-3  # s
 pytestmark = pytest.mark.slow
 
 
@@ -49,7 +50,7 @@ def run(folder):
     with own_domain(), probe_node() as probe, Process(folder, 'plant', {
             **models, 'clock': 'lockstep', 'wait_for_reference': True, 'seed': SEED,
             # The compensator, the recorder and the exercise.
-            'wait_for_listeners': 3}) as plant, Process(
+            'wait_for_listeners': 3, 'sample_time': STEP}) as plant, Process(
                 folder, 'compensator', {
                     **models, **follower, 'law': 'continuous', 'joint_state_timeout': 10.0}
                 ) as compensator, Process(
@@ -76,7 +77,7 @@ def run(folder):
             # What a reader that was held up has lost is sent to it again, seconds later.
             counts.append(tuple(int(value_of(status, topic))
                                 for topic in ('joint_states', 'current_command')))
-            return counts[-1] == counts[-2] and min(counts[-1]) >= round(1e3 * times[-1])
+            return counts[-1] == counts[-2] and min(counts[-1]) >= round(times[-1] / STEP)
         probe.status_of('recorder', has_all)
         recorder.send()
         assert recorder.wait() == 0
@@ -96,12 +97,13 @@ class Later:
 def expected(count):
     model = FrictionModel.load(MODELS[0])
     return closed_loop(
-        Plant([model], SEED), CompensationLaw([model], 'continuous'), Later(0.01), count * 1e-3)
+        Plant([model], SEED, sample_time=STEP), CompensationLaw([model], 'continuous'),
+        Later(0.01), count * STEP)
 
 
 def test_the_nodes_give_the_numbers_of_the_plain_loop_whatever_the_load(tmp_path):
     samples = run(tmp_path)
-    assert len(samples) > 1000 * ReferenceMovement(**MOVEMENT).duration
+    assert len(samples) > ReferenceMovement(**MOVEMENT).duration / STEP
     log = expected(len(samples))
     for name in ('time', 'position', 'velocity', 'current', 'load', 'command'):
         signal = log['interaction_torque' if name == 'load' else name]

@@ -12,7 +12,7 @@ import pytest
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
 from geometry_msgs.msg import WrenchStamped
-from node_process import PATIENCE, Process, refuses
+from node_process import PATIENCE, Process
 from ros_system import joint_state, MODELS, probe_node, RELIABLE, value_of
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, Temperature
@@ -207,16 +207,6 @@ def test_real_time_runs_by_itself_and_forgets_old_commands(room):
         # A thousand a second on a machine that keeps up.
         period = np.median(np.diff(commander.stamps()))
         assert period == pytest.approx(1e6, rel=1e-3)
-
-
-@pytest.mark.parametrize(('parameters', 'words'), [
-    ({'joints': ['a'], 'model_files': MODELS[:1], 'clock': 'sundial'}, 'clock'),
-    ({'joints': ['a'], 'model_files': MODELS[:1], 'undeclared_effect_files': ['none.yaml']},
-     'none.yaml'),
-    ({'joints': ['a'], 'model_files': MODELS[:1], 'sample_time': 1.0}, 'sample_time'),
-    ({'joints': ['a']}, 'model_files')])
-def test_a_plant_starts_only_with_usable_input(room, parameters, words):
-    refuses(room, 'plant', parameters, words)
 
 
 class Ticks:

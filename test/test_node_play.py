@@ -31,11 +31,11 @@ pytestmark = [pytest.mark.slow, pytest.mark.processes]
 
 
 def motion():
-    """Return six seconds of motion within the limits."""
+    """Return four seconds of motion within the limits."""
     there = Move.within(0.2, 0.0, 0.5, 0.8, 4.0)
-    back = Move.within(2.5, 0.5, -0.4, 0.6, 4.0)
-    home = Move.within(5.0, -0.4, 0.0, 0.8, 4.0)
-    return trajectory_of([JointPlan(LIMITS, 0.0, (there, back, home), 6.5, {})], 50.0)
+    back = Move.within(1.2, 0.5, -0.4, 0.6, 4.0)
+    home = Move.within(3.1, -0.4, 0.0, 0.8, 4.0)
+    return trajectory_of([JointPlan(LIMITS, 0.0, (there, back, home), 4.0, {})], 50.0)
 
 
 @pytest.fixture(scope='module')
@@ -48,7 +48,7 @@ def system(room):
     """A plant in lockstep and the node identification."""
     with probe_node() as probe, Process(room, 'plant', {
             'joints': [JOINT, 'wrist'], 'model_files': MODELS[:2], 'clock': 'lockstep',
-            'seed': 4, 'wrench_period': 0.01, 'sample_time': 2e-3}), Process(
+            'seed': 4, 'wrench_period': 0.016, 'sample_time': 4e-3}), Process(
                 room, 'identification', {
                     'joints': [JOINT, 'wrist'], 'model_files': MODELS[:2], 'use_sim_time': True,
                     'output_folder': str(room / 'models'), 'input_reliability': 'reliable',

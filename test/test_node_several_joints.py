@@ -28,7 +28,7 @@ SAMPLE = 1_000_000
 BEGINNING = 1_000_000_000
 # Samples between two ticks of the clock.
 TICK = 10
-MOVEMENT = {'amplitude': 0.6, 'speed': 1.5, 'acceleration_time': 0.1, 'standstill': 0.403,
+MOVEMENT = {'amplitude': 0.3, 'speed': 1.5, 'acceleration_time': 0.1, 'standstill': 0.403,
             'announcement': 0.301, 'repetitions': 1}
 # The exercise learns at the first tick where the joints stand and begins at the second.
 LATE = TICK

@@ -47,7 +47,7 @@ def identified(gear, seed):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(('kind', 'seed'), [
-    ('clamp', 2), ('maxwell_slip', 2), ('maxwell_slip', 5), ('lugre', 1), ('lugre', 4)])
+    ('clamp', 2), ('maxwell_slip', 2), ('lugre', 1)])
 def test_identification_finds_breakaway_and_presliding(kind, seed, tmp_path):
     """Whichever way the contact gives, and whatever it remembers of the slide before."""
     gear = random_gear(seed, kind)

@@ -14,6 +14,8 @@ import friction_comp
 from friction_comp.__main__ import NODES, TOOLS
 
 ROOT = Path(__file__).resolve().parent.parent
+# All modules are imported, those that need Bokeh, too.
+LIVE_PAGES = True
 SLOW = ('numba', 'scipy', 'matplotlib', 'rosbags', 'rclpy', 'rich')
 
 

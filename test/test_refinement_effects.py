@@ -70,7 +70,7 @@ def test_both_of_a_pair_are_named(pair):
     assert ratio <= 1.3
 
 
-@pytest.mark.parametrize('seed', range(40, 43))
+@pytest.mark.parametrize('seed', range(40, 42))
 def test_nothing_is_found_where_nothing_is(seed):
     report, ratio = refined((), seed)
     assert report['effects'] == []

@@ -23,7 +23,7 @@ FRICTION = ((0.02, 0.3, 0.2, 0.05), (-0.03, 0.4, 0.3, 0.04), (0.0, 0.2, 0.1, 0.0
 MASSES = (5.0, 2.2, 2.6)
 
 
-def trial(seed, size=2000):
+def trial(seed, size=1200):
     rng = np.random.default_rng(seed)
     motion = waves(rng, size, 3, 0.01)
     return recorded(small_arm(MASSES), PLANE, motion, SCALES, FRICTION, rng)
@@ -74,7 +74,7 @@ def test_predict_needs_no_urdf_and_is_right_on_another_recording(refined, joint,
         str(refined / 'score'), '--model', str(refined / 'out' / 'model.yaml'), '--joint', joint,
         '--output', str(table)]) == 0
     error = errors_of(table)
-    assert len(error) == 2000
+    assert len(error) == 1200
     # Noise is 0.02 A; the sign of friction at reversals is sharper than 100 Hz shows.
     assert np.sqrt(np.mean(error ** 2)) < 0.035
     assert predict.main([
@@ -139,11 +139,11 @@ def test_a_joint_that_stands_still_is_left_out_and_a_gripper_may_be_there(refine
     """Only the last joint moves; two recordings; a gripper without effort beside the arm."""
     for number, name in enumerate(('one', 'two')):
         rng = np.random.default_rng(20 + number)
-        motion = waves(rng, 1200, 3, 0.01)
+        motion = waves(rng, 800, 3, 0.01)
         for values, place in zip(motion, (0.3, 0.0, 0.0)):
             values[:, :2] = place
         joints = recorded(small_arm(MASSES), PLANE, motion, SCALES, FRICTION, rng)
-        finger = joints[0].with_(joint='finger', current=np.zeros(1200), arm=None)
+        finger = joints[0].with_(joint='finger', current=np.zeros(800), arm=None)
         write_samples(tmp_path / name, [*joints, finger])
     assert refine_tool.main([
         str(tmp_path / 'one'), str(tmp_path / 'two'), '--urdf', str(refined / 'arm.urdf'),

@@ -35,7 +35,7 @@ def first_curve(gear, points=4000):
     return way, torque + link
 
 
-@njit
+@njit(cache=True)
 def _load(gear, state, step, torque):
     """Write the rotor's friction along a slow way of even steps."""
     for k in range(1, len(torque)):

@@ -123,9 +123,14 @@ class Unknowns:
         self.scales = slice(self.links.stop, self.links.stop + joints)
         self.size = self.scales.stop + FRICTION * joints
         self.lowest = np.full(self.size, -np.inf)
+        # Rows and columns of what a joint's current depends on: links, its scale, its friction.
+        self.blocks = []
         for joint in range(joints):
+            own = self.friction(joint)
             # All but the constant must not be negative.
-            self.lowest[self.friction(joint)][1:] = 0.0
+            self.lowest[own][1:] = 0.0
+            places = np.r_[self.links, self.scales.start + joint, own]
+            self.blocks.append(np.ix_(places, places))
 
     def friction(self, joint: int) -> slice:
         """Return where a joint's friction coefficients are."""
@@ -169,7 +174,9 @@ def loss_gradient_hessian(matrices: np.ndarray, prior: Prior, unknowns: Unknowns
     """Return half the loss, its gradient and the Gauss-Newton matrix."""
     joints, links = unknowns.joints, unknowns.links
     parameters, slopes = prior.bodies.parameters(x[links])
-    flat, inner = parameters.ravel(), block_diag(*slopes)
+    flat, inner = parameters.ravel(), np.zeros((parameters.size, parameters.size))
+    for begin, slope in zip(range(0, parameters.size, PARAMETERS), slopes):
+        inner[begin:begin + PARAMETERS, begin:begin + PARAMETERS] = slope
     hessian = np.zeros((x.size, x.size))
     gradient = np.zeros(x.size)
     away = (x[unknowns.scales] - prior.log_scale) / prior.log_width
@@ -189,10 +196,9 @@ def loss_gradient_hessian(matrices: np.ndarray, prior: Prior, unknowns: Unknowns
         change[:flat.size, :flat.size] = scale * inner
         change[:flat.size, flat.size] = scale * flat
         change[flat.size:-1, flat.size + 1:] = np.eye(FRICTION)
-        places = np.concatenate((np.arange(flat.size), [unknowns.scales.start + joint],
-                                 np.arange(own.start, own.stop)))
-        gradient[places] += change.T @ product
-        hessian[np.ix_(places, places)] += change.T @ (matrix @ change)
+        block = unknowns.blocks[joint]
+        gradient[block[1][0]] += change.T @ product
+        hessian[block] += change.T @ (matrix @ change)
     return 0.5 * loss, gradient, hessian
 
 
