@@ -21,7 +21,7 @@ from friction_comp.excitation.plan import (
     SHAPE,
     staircase,
 )
-from friction_comp.excitation.separation import DEFAULT, pairs_of, scene_within, separations
+from friction_comp.excitation.separation import coverage_within, DEFAULT, pairs_of, separations
 
 PAIRS = (('gravity', 'spring'), ('stribeck', 'viscous_shape'), ('gravity', 'inner_load_friction'),
          ('viscous_shape', 'warm_up'), ('hysteresis', 'rest_time'))
@@ -61,10 +61,10 @@ def main():
             rows = []
             for seed in range(half, arguments.seeds, 2):
                 limits = random_limits(np.random.default_rng(1000 + seed))
-                scene = scene_within(limits, 60.0, 0.02)
+                coverage = coverage_within(limits, 60.0, 0.02)
                 others = (staircase(limits, 60.0, 50.0), fourier_series(limits, 60.0, 50.0, seed))
                 rows.append([plan_joint(limits, [pair], 60.0, seed).separation[pair], *(
-                    separations(one, [pair], scene)[pair] for one in others)])
+                    separations(one, [pair], coverage)[pair] for one in others)])
             values = np.array(rows)
             best = int(np.sum(values[:, 0] >= values[:, 1:].max(axis=1)))
             print(f'{pair[0]} / {pair[1]}, {half}:', *np.round(np.median(values, axis=0), 4),

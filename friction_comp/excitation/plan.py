@@ -22,7 +22,7 @@ from scipy.stats import qmc
 
 from friction_comp.errors import InputError
 from friction_comp.excitation.joint_limits import JointLimits
-from friction_comp.excitation.separation import Pair, scene_within, separations
+from friction_comp.excitation.separation import coverage_within, Pair, separations
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.samples import Samples
 from friction_comp.trajectory import Trajectory
@@ -185,14 +185,14 @@ def plan_joint(limits: JointLimits, pairs: Sequence[Pair], seconds: float, seed:
         raise InputError(f'{seconds:g} s are too short for a plan: at least {SHORTEST:g} s')
     if seconds > LONGEST:
         raise InputError(f'{seconds:g} s are too long for a plan: at most {LONGEST:g} s')
-    scene = scene_within(limits, seconds, 1.0 / _EVALUATED)
+    coverage = coverage_within(limits, seconds, 1.0 / _EVALUATED)
     points = qmc.Sobol(3, scramble=True, seed=seed).random(_POINTS)
 
     def separation(shape: np.ndarray, own: JointLimits) -> dict[Pair, float]:
         start, moves = moves_by(shape, own, seconds, points)
         try:
             return separations(samples_of(moves, start, seconds, _EVALUATED, own.joint), pairs,
-                               scene)
+                               coverage)
         except InputError:
             # Almost the whole time is rest.
             return dict.fromkeys(pairs, 0.0)

@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Measures how well a motion separates effects, with refinement's columns and block sums.
 
-An effect is told from another where part of its columns is repeated neither by the other nor by
-Eq. 6. That share is asked of `BlockSums.own_share`, for the hardest of some constants of each.
+An effect can be distinguished from another where a part of its columns is independent of those of
+the other and of Eq. 6. `BlockSums.independent_share` gives that part; of some constants of both
+effects, the smallest is taken.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import numpy as np
 
 from friction_comp.errors import InputError
 from friction_comp.excitation.joint_limits import JointLimits
-from friction_comp.model.effects import Effect, EFFECTS, Scene
+from friction_comp.model.effects import Coverage, Effect, EFFECTS
 from friction_comp.refinement.effect_columns import Table, Term
 from friction_comp.refinement.prepare import Rows
 from friction_comp.refinement.recorded_motion import blocks_of, in_motion, row_starts
@@ -105,19 +106,19 @@ def pairs_in(report: Any, source: str) -> list[Pair]:
     return pairs
 
 
-def scene_within(limits: JointLimits, seconds: float, sample_time: float) -> Scene:
-    """Return the scene of a motion that uses all of the limits, the same for every motion."""
-    return Scene(transition=_TRANSITION * limits.velocity, speed=limits.velocity,
+def coverage_within(limits: JointLimits, seconds: float, sample_time: float) -> Coverage:
+    """Return the coverage of a motion that uses all of the limits, the same for every motion."""
+    return Coverage(transition=_TRANSITION * limits.velocity, speed=limits.velocity,
                  slowest=_SLOWEST * limits.velocity, lowest=limits.lowest, highest=limits.highest,
                  duration=seconds, sample_time=sample_time)
 
 
-def terms_of(name: str, scene: Scene) -> list[Term]:
+def terms_of(name: str, coverage: Coverage) -> list[Term]:
     """Return an effect with a few constants from all over its grid."""
     kind: type[Effect] = EFFECTS[name]
-    grid = kind.grid(scene)
+    grid = kind.grid(coverage)
     if not grid:
-        raise InputError(f'effect {name!r} cannot be seen in {scene.duration:g} s within these '
+        raise InputError(f'effect {name!r} cannot be seen in {coverage.duration:g} s within these '
                          'limits')
     # A carried mass loads the teeth most where the limb is level.
     shares = [{'cosine': 1.0}] if kind.uses_inner_load else []
@@ -125,26 +126,26 @@ def terms_of(name: str, scene: Scene) -> list[Term]:
     return [Term(kind, kind.with_loads(grid[row], shares)) for row in chosen]
 
 
-def separations(samples: Samples, pairs: Sequence[Pair], scene: Scene) -> dict[Pair, float]:
-    """Return for each pair the share of an effect that the other one does not repeat, 0..1.
+def separations(samples: Samples, pairs: Sequence[Pair], coverage: Coverage) -> dict[Pair, float]:
+    """Return for each pair the share of one effect that is independent of the other, 0..1.
 
-    The samples have velocity and acceleration; their current is not looked at. The scene is that of
-    `scene_within`. Raises InputError if there is too little motion.
+    The samples have velocity and acceleration; their current is not used. The coverage is that of
+    `coverage_within`. Raises InputError if there is too little motion.
     """
     nothing = np.zeros(len(samples), dtype=bool)
-    usable = in_motion(samples, nothing, scene.slowest, None)
+    usable = in_motion(samples, nothing, coverage.slowest, None)
     start = row_starts(samples, usable, 1)
     block = blocks_of(samples, start)
-    table = Table(Rows(samples, samples.current, usable, nothing, scene, start, 1, block,
-                       np.zeros_like(block)), 2.0 / scene.transition)
-    keys = {name: table.add(terms_of(name, scene)) for pair in pairs for name in pair}
+    table = Table(Rows(samples, samples.current, usable, nothing, coverage, start, 1, block,
+                       np.zeros_like(block)), 2.0 / coverage.transition)
+    keys = {name: table.add(terms_of(name, coverage)) for pair in pairs for name in pair}
 
     def least(first: str, second: str) -> float:
         shares = []
         for one in keys[first]:
             for other in keys[second]:
                 columns = table.indices([one, other], derivatives=False)
-                share = dict(zip(columns, table.sums.own_share(columns)))
+                share = dict(zip(columns, table.sums.independent_share(columns)))
                 shares += [max(share[column] for column in table.columns_of[key])
                            for key in (one, other)]
         return float(min(shares, default=0.0))

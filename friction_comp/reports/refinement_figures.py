@@ -159,7 +159,7 @@ def spectrum(result: RefineResult, residual: np.ndarray) -> tuple[np.ndarray, np
     rows = result.usable
     samples: Any = result.samples
     highest = highest_frequency(samples.velocity[rows], samples.sample_time,
-                                result.scene.resolution)
+                                result.coverage.resolution)
     y = residual[rows]
     k, power = position_spectrum(samples.position[rows], y - y.mean(),
                                  np.ones(int(rows.sum())), highest, periods=0.5)
