@@ -15,9 +15,9 @@ import numpy as np
 from friction_comp.excitation.joint_limits import JointLimits
 from friction_comp.excitation.plan import (
     fourier_series,
-    moves_by,
+    moves_of_shape,
     plan_joint,
-    sampled,
+    sample_moves,
     SHAPE,
     staircase,
 )
@@ -35,8 +35,8 @@ def random_limits(rng):
 def leaves(limits, rng):
     """Tell whether a random plan leaves its limits, by finite differences at 1 kHz as well."""
     shape = [rng.uniform(low, high) for low, high in SHAPE]
-    start, moves = moves_by(shape, limits, 60.0, rng.uniform(size=(512, 3)))
-    q, v, a = sampled(moves, start, np.arange(60_001) / 1000.0)
+    start, moves = moves_of_shape(shape, limits, 60.0, rng.uniform(size=(512, 3)))
+    q, v, a = sample_moves(moves, start, np.arange(60_001) / 1000.0)
     return bool(q.min() < limits.lowest or q.max() > limits.highest
                 or max(np.abs(v).max(), 1e3 * np.abs(np.diff(q)).max()) > limits.velocity
                 or max(np.abs(a).max(), 1e6 * np.abs(np.diff(q, 2)).max()) > limits.acceleration)

@@ -16,10 +16,10 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.excitation.joint_limits import from_urdf, from_yaml, JointLimits
 from friction_comp.excitation.plan import (
-    effort_of,
     fourier_series,
     JointPlan,
-    moves_by,
+    moves_of_shape,
+    peak_torque,
     plan_joint,
     SHAPE,
     staircase,
@@ -50,7 +50,7 @@ def test_no_plan_leaves_its_limits(seed, bends, lowest, span, velocity, accelera
     limits = JointLimits('j', lowest, lowest + span, velocity, acceleration)
     shape = [low + bend * (high - low) for bend, (low, high) in zip(bends, SHAPE)]
     points = qmc.Sobol(3, scramble=True, seed=seed).random(512)
-    start, moves = moves_by(shape, limits, seconds, points)
+    start, moves = moves_of_shape(shape, limits, seconds, points)
     plan = JointPlan(limits, start, tuple(moves), seconds, {})
     q, v, a = (getattr(plan.samples(500.0), name)
                for name in ('position', 'velocity', 'acceleration'))
@@ -106,8 +106,8 @@ def test_effort_is_kept_by_the_model_or_refused(plan):
                           sigmoid=Sigmoid(0.2, -0.2, 400.0, viscous=0.5))
     pairs = pairs_of(['stribeck', 'viscous_shape'])
     limits = JointLimits('elbow', -1.2, 1.0, 1.5, 6.0, effort=6.0)
-    assert effort_of(model, plan.samples(500.0)) > 6.0
-    assert effort_of(model, plan_joint(limits, pairs, 20.0, 3, model).samples(500.0)) < 6.0
+    assert peak_torque(model, plan.samples(500.0)) > 6.0
+    assert peak_torque(model, plan_joint(limits, pairs, 20.0, 3, model).samples(500.0)) < 6.0
     slow = JointLimits('elbow', -1.2, 1.0, 1e-4, 6.0)
     with pytest.raises(InputError, match='too short for motion within'):
         plan_joint(slow, pairs, 20.0, 1)

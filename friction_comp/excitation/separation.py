@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Measures how well a motion separates effects, with refinement's columns and block sums.
+"""Computes how well a motion separates effects, with refinement's columns and block sums.
 
 An effect can be distinguished from another where a part of its columns is independent of those of
 the other and of Eq. 6. `BlockSums.independent_share` gives that part; of some constants of both
@@ -31,14 +31,14 @@ _NOT_MOVED = {'load', 'temperature', 'rigid_body', 'coupling'}
 _CONSTANTS = 3
 # Share of the top speed at which friction changes its sign, and below which the joint is at rest.
 _TRANSITION, _SLOWEST = 0.02, 0.01
-# An effect chosen by a smaller share of the repeated searches is open.
+# An effect chosen by a smaller share of the repeated searches is uncertain.
 _SURE = 0.9
 
 
 def pairs_of(names: Iterable[str]) -> list[Pair]:
-    """Return each pair of some effects.
+    """Return all pairs of some effects.
 
-    Raises InputError if there are fewer than two, or motion alone cannot tell one of them.
+    Raises InputError if there are fewer than two, or motion alone cannot show one of them.
     """
     names = list(dict.fromkeys(names))
     for name in names:
@@ -52,7 +52,7 @@ def pairs_of(names: Iterable[str]) -> list[Pair]:
 
 def _why_refused(name: str) -> str:
     if name not in EFFECTS:
-        return f'is unknown; there are {", ".join(filter(_of_motion, EFFECTS))}'
+        return f'is unknown; there are {", ".join(filter(_shown_by_motion, EFFECTS))}'
     missing = sorted(set(EFFECTS[name].needs) & _NOT_MOVED)
     if missing or name == 'other_joints':
         return f"cannot be told by the joint's own motion: it needs {missing or 'other joints'}"
@@ -61,36 +61,37 @@ def _why_refused(name: str) -> str:
     return ''
 
 
-def _of_motion(name: str) -> bool:
+def _shown_by_motion(name: str) -> bool:
     return not _why_refused(name)
 
 
 def open_pairs(report: dict[str, Any]) -> list[Pair]:
-    """Return the pairs of effects that refinement's report.json leaves open, none of them twice.
+    """Return the pairs of effects that refinement's report.json leaves open, without duplicates.
 
-    Those that it calls ambiguous; of an effect that not nearly all searches chose, and of a
-    variable that the remaining error depends on, those with the effects of `DEFAULT`.
+    They are the ambiguous pairs, and those of each uncertain effect with the effects of `DEFAULT`.
+    An effect is uncertain if some repeated searches do not choose it, or if the remaining error
+    depends on its variable.
     """
     pairs: dict[Pair, None] = {}
     for entry in report['ambiguous']:
         between = sorted(map(str, entry['between']))
         pairs.update(dict.fromkeys(
-            pair for pair in combinations(filter(_of_motion, EFFECTS), 2)
+            pair for pair in combinations(filter(_shown_by_motion, EFFECTS), 2)
             if sorted(EFFECTS[name].variable for name in pair) == between))
-    barely = [one['name'] for one in report.get('effects', ()) if one['chosen'] < _SURE]
-    left = {one['variable'] for one in report.get('unexplained', ())}
-    barely += [name for name in DEFAULT if EFFECTS[name].variable in left]
-    for first in filter(_of_motion, filter(EFFECTS.__contains__, barely)):
+    uncertain = [one['name'] for one in report.get('effects', ()) if one['chosen'] < _SURE]
+    unexplained = {one['variable'] for one in report.get('unexplained', ())}
+    uncertain += [name for name in DEFAULT if EFFECTS[name].variable in unexplained]
+    for first in filter(_shown_by_motion, filter(EFFECTS.__contains__, uncertain)):
         pairs.update(dict.fromkeys((first, second) for second in DEFAULT if second != first
                                    and (second, first) not in pairs))
     return list(pairs)
 
 
 def pairs_in(report: Any, source: str) -> list[Pair]:
-    """Return the pairs of effects that a report, of a source, leaves open; see `open_pairs`.
+    """Return the pairs of effects that a report leaves open; see `open_pairs`.
 
-    Raises InputError if it is no report of refinement, or motion alone answers none of its
-    questions.
+    `source` names the report in errors. Raises InputError if it is not a report of refinement, or
+    motion alone cannot resolve anything in it.
     """
     entries = report.get('ambiguous') if isinstance(report, dict) else None
     if not isinstance(entries, list):
@@ -107,20 +108,20 @@ def pairs_in(report: Any, source: str) -> list[Pair]:
 
 
 def coverage_within(limits: JointLimits, seconds: float, sample_time: float) -> Coverage:
-    """Return the coverage of a motion that uses all of the limits, the same for every motion."""
+    """Return the coverage of motion that reaches all limits, for all plans within them."""
     return Coverage(transition=_TRANSITION * limits.velocity, speed=limits.velocity,
                  slowest=_SLOWEST * limits.velocity, lowest=limits.lowest, highest=limits.highest,
                  duration=seconds, sample_time=sample_time)
 
 
 def terms_of(name: str, coverage: Coverage) -> list[Term]:
-    """Return an effect with a few constants from all over its grid."""
+    """Return an effect with a few sets of constants, spread over its grid."""
     kind: type[Effect] = EFFECTS[name]
     grid = kind.grid(coverage)
     if not grid:
         raise InputError(f'effect {name!r} cannot be seen in {coverage.duration:g} s within these '
                          'limits')
-    # A carried mass loads the teeth most where the limb is level.
+    # As of a carried mass, whose load on the teeth is largest where the limb is level.
     shares = [{'cosine': 1.0}] if kind.uses_inner_load else []
     chosen = dict.fromkeys(np.linspace(0, len(grid) - 1, _CONSTANTS).astype(int).tolist())
     return [Term(kind, kind.with_loads(grid[row], shares)) for row in chosen]

@@ -46,9 +46,9 @@ class BlockSums:
     def squared_errors(self, columns: Sequence[int], coefficients: np.ndarray) -> np.ndarray:
         """Return the squared error of each block, (K,), by its own coefficients, shape (K, S)."""
         inner = np.append(np.asarray(columns, dtype=int), self.gram.shape[1] - 1)
-        mix = np.concatenate((coefficients, np.full((len(coefficients), 1), -1.0)), axis=1)
-        return np.asarray((mix[:, None] @ self.gram[:, inner[:, None], inner]
-                           @ mix[:, :, None])[:, 0, 0])
+        combination = np.concatenate((coefficients, np.full((len(coefficients), 1), -1.0)), axis=1)
+        return np.asarray((combination[:, None] @ self.gram[:, inner[:, None], inner]
+                           @ combination[:, :, None])[:, 0, 0])
 
     def fits(self, columns: Sequence[int], weights: np.ndarray) -> np.ndarray:
         """Return the coefficients, shape (F, S), of fits to blocks with weights, shape (F, K)."""

@@ -52,7 +52,7 @@ class ArmResult:
                 'intervals': {'current_per_torque': bounds.scales[k].tolist(),
                               **by_name([[end if np.isfinite(end) else None for end in ends]
                                          for ends in bounds.parameters[k].tolist()])},
-                'told_by_recording': by_name(bounds.told[k].tolist()),
+                'told_by_recording': by_name(bounds.from_recording[k].tolist()),
             } for k, name in enumerate(tree.joints)],
             'notes': list(self.notes)}
 

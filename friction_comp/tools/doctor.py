@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 from friction_comp.errors import InputError
 from friction_comp.monitoring import network
 from friction_comp.monitoring.observation import Finding, NOTE, OK, PROBLEM, WARNING
-from friction_comp.package_files import middlewares, name_this_environment
+from friction_comp.package_files import add_environment_to_ament_path, middlewares
 from friction_comp.tools.common import Arguments, positive, progress, to_json
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ def check_machine() -> Iterator[Finding]:
 
 
 def _interfaces() -> Iterator[Finding]:
-    name_this_environment()
+    add_environment_to_ament_path()
     try:
         action = importlib.import_module('friction_comp_interfaces.action')
         wanted = [name for name in ('IdentifyFriction', 'RefineModel')

@@ -20,7 +20,7 @@ import numpy as np
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.package_files import name_this_environment
+from friction_comp.package_files import add_environment_to_ament_path
 from friction_comp.tools.common import Arguments, progress, whole_number
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def main(argv: list[str] | None = None) -> int:
         feed = recorded_feed(arguments.recording, arguments.joint, models)
         _serve(Server, live_page(feed), arguments.port)
         return 0
-    name_this_environment()
+    add_environment_to_ament_path()
     from friction_comp.nodes.live_feed import LiveFeed
 
     ros = itertools.dropwhile(lambda word: word != '--ros-args', given)
