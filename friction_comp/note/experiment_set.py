@@ -105,9 +105,9 @@ def run_experiments(cycles: int, seed: int, report: Callable[[float, str], None]
     with child_process() as pool:
         tables = [pool.submit(identify_table, experiment, seed) for experiment in experiments]
         for k, experiment in enumerate(experiments):
-            def tell(share: float, what: str, k: int = k,
+            def report_part(share: float, what: str, k: int = k,
                      number: int = experiment.number) -> None:
                 report((k + share) / len(experiments), f'configuration {number}: {what}')
 
-            outcomes.append(run_experiment(experiment, tables[k].result, cycles, seed, tell))
+            outcomes.append(run_experiment(experiment, tables[k].result, cycles, seed, report_part))
     return outcomes

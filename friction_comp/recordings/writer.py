@@ -213,7 +213,7 @@ class RecordingWriter:
         self._files.append(file)
         for topic, description in self._topics.items():
             file.declare(topic, *description)
-        # The caller, which records, does not wait for the disk.
+        # The caller, which records, must not wait for the disk.
         self._save_metadata(sync=False)
 
     def _is_full(self, time: int) -> bool:

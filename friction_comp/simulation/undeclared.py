@@ -1,8 +1,8 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Effects of a simulated joint that its model file lacks; only the plant reads them.
+"""Effects of a simulated joint that its model file lacks, for tests of refinement.
 
-The plant alone is given them. Whoever wants to know them has to find them in the recording.
+Only the plant reads them: refinement has to find them in recordings.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ class Undeclared:
 
     @classmethod
     def from_effects(cls, effects: Iterable[Any], thermal: Any = None) -> Undeclared:
-        """Make them of mappings with `name` and `parameters`: see `EFFECTS` and `JOINT_EFFECTS`.
+        """Make them of dicts with `name` and `parameters`: see `EFFECTS` and `JOINT_EFFECTS`.
 
         `thermal` is as in `THERMAL`; its `initial` is the ambient temperature when omitted.
         """

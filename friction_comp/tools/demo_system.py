@@ -76,13 +76,13 @@ class DemoSystem:
         """Wait until the recorder receives all messages from now on."""
         # Subscriptions to the command: the plant's and the recorder's. Identification has a
         # publisher only while it commands.
-        self.ros.until_connected('current_command', 0, 2)
-        self.ros.until_connected('interaction_wrench', 1, 1)
+        self.ros.wait_until_connected('current_command', 0, 2)
+        self.ros.wait_until_connected('interaction_wrench', 1, 1)
         if self.nodes.running('compensator'):
             # Messages sent before the recorder was discovered would be missing in the recording, so
             # an exercise begins after this.
             self.ros.forget('compensator')
-            self.ros.until(
+            self.ros.wait_until(
                 lambda: int(self.ros.value('compensator', 'listeners to the command') or 0)
                 >= self.ros.subscriptions('current_command'), 'the compensator and its listeners')
 

@@ -72,7 +72,7 @@ def main(argv: list[str] | None = None) -> int:
         raise InputError('--undeclared goes with --simulate')
     if not (arguments.model or arguments.simulate or (
             arguments.torque_constant and arguments.gear_ratio)):
-        raise InputError('--model, or --torque-constant and --gear-ratio, must tell the drive')
+        raise InputError('--model, or --torque-constant and --gear-ratio, must specify the drive')
     from friction_comp.model.friction_model import FrictionModel
 
     simulated = FrictionModel.load(arguments.simulate) if arguments.simulate else None
@@ -147,14 +147,14 @@ def _played(arguments: Namespace, names: list[str], plan: JointPlan, ros: ToolCl
         'input_reliability': 'reliable' if arguments.simulate else 'best_effort'})
     # A subscriber that has received one state receives all later ones. Diagnostics of the recorder
     # before may still arrive: they name another folder.
-    ros.until(lambda: ros.value('recorder', 'hardware_id') == str(path)
+    ros.wait_until(lambda: ros.value('recorder', 'hardware_id') == str(path)
               and int(ros.value('recorder', 'joint_states') or 0) > 0,
               'joint_states at the recorder')
 
-    def tell(share: float, word: str) -> None:
+    def report(share: float, word: str) -> None:
         show(None, f'round {index}: {word}, {100.0 * share:.0f} %')
     try:
-        ros.play(trajectory_of([plan], _RATE), tell)
+        ros.play(trajectory_of([plan], _RATE), report)
     finally:
         nodes.stop('recorder')
     names.append(str(arguments.output / 'recordings' / path.name))

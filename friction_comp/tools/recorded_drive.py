@@ -106,7 +106,7 @@ def refine_recordings(arguments: Namespace, paths: Sequence[Path], joint: str | 
     recorded = [samples for samples, _ in recordings]
     drive, limit = with_current_limit(arguments, drive, recorded)
     if history is not None:
-        recorded = history.with_new(recordings)
+        recorded = history.add_all(recordings)
     with errors_name(f'{paths[0]}: {joint}' if joint else paths[0]):
         result = refine(
             recorded, model, drive, unit=unit,

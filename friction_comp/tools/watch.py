@@ -137,15 +137,15 @@ def columns_of(samples: Samples, model: FrictionModel | None) -> dict[str, np.nd
     return {name: values[::every] for name, values in columns.items()}
 
 
-def model_used(info: RecordingInfo, joint: str, notes: list[str]) -> FrictionModel | None:
+def recorded_model(info: RecordingInfo, joint: str, notes: list[str]) -> FrictionModel | None:
     """Return the model that a recording says its compensator used for a joint, where it is here.
 
     Of several the first is meant; the others are told in `notes`.
     """
     from friction_comp.model.friction_model import FrictionModel
 
-    said = [activity.of(joint).model for _, activity in info.activity]
-    paths = list(dict.fromkeys(filter(None, (*said, info.model))))
+    reported = [activity.of(joint).model for _, activity in info.activity]
+    paths = list(dict.fromkeys(filter(None, (*reported, info.model))))
     for path in paths:
         # A model file on another machine cannot be shown here.
         with suppress(InputError):
@@ -181,7 +181,7 @@ def recorded_feed(path: Path, joints: list[str], models: Sequence[FrictionModel]
             (samples[joint], info), = read_recording_with_info(
                 path, joint, drive.torque_constant, drive.gear_ratio)
             notes += [note for note in info.notes if note not in notes]
-            model = None if joint in chosen else model_used(info, joint, notes)
+            model = None if joint in chosen else recorded_model(info, joint, notes)
             if model is not None:
                 chosen[joint] = model
                 # Read without a drive, it holds the torque.
