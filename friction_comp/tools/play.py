@@ -40,8 +40,8 @@ def main(argv: list[str] | None = None) -> int:
                         lambda share, phase: show(share, f'plays: {phase}'))
         else:
             for index, joint in enumerate(trajectory.joints):
-                def report(share: float, phase: str, index: int = index, joint: str = joint) -> None:
-                    show((index + share) / len(trajectory.joints), f'{joint}: {phase}')
+                def report(share: float, phase: str, k: int = index, name: str = joint) -> None:
+                    show((k + share) / len(trajectory.joints), f'{name}: {phase}')
                 ros.play(trajectory.of(joint), report)
     print(f'played {arguments.trajectory}: {", ".join(trajectory.joints)}')
     return 0
