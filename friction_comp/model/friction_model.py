@@ -158,7 +158,7 @@ class FrictionModel:
     def with_arm(self, samples: Samples) -> Samples:
         """Return recorded samples with the torques of the rest of the arm on the joint."""
         known = samples.rigid_body is not None or samples.coupling is not None
-        return samples if known or self.arm is None else self.arm.on(samples, self.joint)
+        return samples if known or self.arm is None else self.arm.with_signal(samples, self.joint)
 
     def current(self, samples: Samples) -> np.ndarray:
         """Return the motor current in A, shape (N,), for samples with velocity.

@@ -27,10 +27,10 @@ LAWS = ('paper', 'continuous')
 
 @dataclass
 class ExperimentOutcome:
-    """Everything that was found with one configuration.
+    """Results of one configuration.
 
-    `model` is the identified one; `trials` are by condition, `standstills` by law. `drive_time` in
-    s was simulated for identification.
+    `model` is the identified one; `trials` are by condition, `standstills` by law. `drive_time` is
+    the simulated time of identification in s.
     """
 
     experiment: Experiment
@@ -76,7 +76,7 @@ class ExperimentOutcome:
 def run_experiment(experiment: Experiment, table: Callable[[], tuple[IdentificationResult, float]],
                    cycles: int, seed: int, report: Callable[[float, str], None]
                    ) -> ExperimentOutcome:
-    """Run everything but the look-up table, which `table` gets from another process."""
+    """Run all experiments but the look-up table, which `table` returns from another process."""
     report(0.0, 'current ramps')
     ramps = identify_breakaway(experiment, cycles, seed)
     report(0.15, 'look-up table')
@@ -97,9 +97,9 @@ def run_experiments(cycles: int, seed: int, report: Callable[[float, str], None]
                     experiments: Sequence[Experiment] = EXPERIMENTS) -> list[ExperimentOutcome]:
     """Run the experiments of every configuration.
 
-    The look-up tables are measured by the identification procedure as it drives a real joint,
-    sample by sample, in a process of their own; everything else runs compiled and in parallel.
-    There are `cycles` ramps per direction. Progress goes to ``report(share, description)``.
+    Look-up tables are measured by the identification procedure, sample by sample as with a real
+    joint, in a separate process; all other experiments run compiled and in parallel. There are
+    `cycles` ramps per direction. ``report(share, description)`` is called with the progress.
     """
     outcomes = []
     with child_process() as pool:

@@ -65,13 +65,13 @@ def _verdict(outcomes: list[ExperimentOutcome]) -> str:
         for o in outcomes)
     better = ', '.join(f'{100 * o.reduction("continuous"):.0f} %' for o in outcomes)
     off = max(abs(o.breakaway.positive_mean / o.experiment.breakaway - 1.0) for o in outcomes)
-    return (f"The note's law takes away {reductions} of the torque to start a movement, in "
-            f'brackets what the note measured; the continuous law takes away **{better}**. '
+    return (f"The note's law lowers the torque that starts a movement by {reductions} (in "
+            f'brackets what the note measured), the continuous law by **{better}**. '
             f"Breakaway currents are within {100 * off:.1g} % of the note's.")
 
 
 def compared(outcome: ExperimentOutcome) -> list[tuple[str, str, str]]:
-    """Return a configuration's figures: name, what the note says or '', and what is found here."""
+    """Return rows of name, the note's value or '', and the simulation's, for a configuration."""
     experiment, both, peaks = outcome.experiment, outcome.breakaway, outcome.peaks
     return [
         ('breakaway, positive (mA)',
@@ -96,13 +96,12 @@ def _add_result(report: Report, outcomes: list[ExperimentOutcome]) -> None:
             for outcome in outcomes for name, note, here in compared(outcome)]
     report.table(['', 'configuration', 'note', 'here'], rows,
                  'Peaks are those of the average over ten repetitions, mean of both directions.')
-    above = '; '.join(
-        f'{o.peaks["continuous"] / o.peaks["inertia"]:.1f} times in configuration '
+    ratios = ', '.join(
+        f'{o.peaks["continuous"] / o.peaks["inertia"]:.1f} times that in configuration '
         f'{o.experiment.number}' for o in outcomes)
     report.text(f"""
-A joint of the same inertia without any friction would ask for the torque in the row *inertia
-alone* of the same person: the physical limit of any friction compensation. The peak under the
-continuous law stands above it by {above}.
+The row *inertia alone* is the torque for a joint of the same inertia without friction: the
+physical limit of any friction compensation. The peak under the continuous law is {ratios}.
 """)
 
 

@@ -8,7 +8,6 @@ averages, but not to sums of products, which contain only the columns of their t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import date, datetime
 import io
@@ -107,12 +106,6 @@ class History:
             recording=np.zeros(len(kept), dtype=int), arm=None)))
         self.recordings.sort(key=lambda recording: (recording.day, recording.start))
         return True
-
-    def add_all(self, recorded: Sequence[tuple[Samples, RecordingInfo]]) -> list[Samples]:
-        """Add new recordings; return the averages of all recordings."""
-        for samples, info in recorded:
-            self.add(samples, info)
-        return self.samples()
 
     def note(self, text: str) -> None:
         """Add a note with today's date."""

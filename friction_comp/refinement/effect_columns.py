@@ -347,4 +347,4 @@ def neighbourhood(names: Sequence[str], joint: str) -> list[Group]:
         return (group.kind == 'weight' and all(side > 0 for _, side in group.angles)
                 and indices[-1] - indices[0] == len(indices) - 1)
     return [group for group in groups_for(tuple(names), joint)
-            if group.everyone <= neighbours or is_weight_of_link(group)]
+            if group.all_joints <= neighbours or is_weight_of_link(group)]

@@ -174,7 +174,7 @@ def _effect_entry(fit: Fit, terms: Sequence[Term], error: float, unit: str) -> d
     entry = {'name': kind.name, 'variable': kind.variable, 'held_out_rmse': error,
              'chosen': min(fit.stability.chosen.get(term, 0.0) for term in terms)}
     if term.group:
-        moved = {name for term in terms if term.group for name in term.group.everyone}
+        moved = {name for term in terms if term.group for name in term.group.all_joints}
         names = ', '.join(sorted(moved - {fit.rows.samples.joint}))
         return {
             **entry, 'parameters': {'coefficients': [1.0], 'terms': len(terms)}, 'intervals': {},

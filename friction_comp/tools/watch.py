@@ -91,7 +91,7 @@ def _serve(server_class: Any, page: Any, port: int) -> None:
 
 
 class RecordedFeed:
-    """A recording as the page takes it, with the models of some joints."""
+    """A recording, with the models of some joints, as a source of the live page."""
 
     def __init__(self, title: str, samples: dict[str, Samples],
                  models: dict[str, FrictionModel], notes: Sequence[str] = ()):
@@ -102,7 +102,7 @@ class RecordedFeed:
         self.duration = max(float(columns['time'][-1]) for columns in self._columns.values())
 
     def window(self, joint: str, end: float, length: float) -> dict[str, np.ndarray]:
-        """Return the signals of the s before `end`."""
+        """Return the signals of the last `length` s before `end`."""
         columns = self._columns[joint]
         first, last = np.searchsorted(columns['time'], (end - length, end + 1e-9))
         return {name: values[first:last] for name, values in columns.items()}
@@ -114,7 +114,7 @@ class RecordedFeed:
 
 
 def columns_of(samples: Samples, model: FrictionModel | None) -> dict[str, np.ndarray]:
-    """Return what the page shows of one joint's samples, NaN where nothing was recorded."""
+    """Return the signals that the page shows, for one joint, NaN where not recorded."""
     from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
 
     none = np.full(len(samples), np.nan)
@@ -138,9 +138,9 @@ def columns_of(samples: Samples, model: FrictionModel | None) -> dict[str, np.nd
 
 
 def recorded_model(info: RecordingInfo, joint: str, notes: list[str]) -> FrictionModel | None:
-    """Return the model that a recording says its compensator used for a joint, where it is here.
+    """Return the compensator's model of a joint according to a recording, None if not readable.
 
-    Of several the first is meant; the others are told in `notes`.
+    If it changed, the first is returned, and a note on the others is added to `notes`.
     """
     from friction_comp.model.friction_model import FrictionModel
 
