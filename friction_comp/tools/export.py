@@ -64,7 +64,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def remarks_on(joint: SimulatorJoint, model: str) -> list[str]:
-    """Return lines on origin, values and error of the simplified form, for a comment in the file."""
+    """Return lines on origin, values and error of the simplified form, as a comment."""
     return [
         f'Friction of {model}, by friction_comp {__version__}',
         f'Coulomb {joint.friction:.6g} N·m, viscous {joint.damping:.6g} N·m·s/rad, inertia of the '
