@@ -176,7 +176,7 @@ def _rms(values: np.ndarray) -> float:
 
 
 def counted_torque(time: np.ndarray, load: np.ndarray, movement: Movement, onset: float | None,
-           has_reference: bool) -> np.ndarray:
+                   has_reference: bool) -> np.ndarray:
     """Return the torque that counts for a movement's peak: that needed to move the joint.
 
     Torque counts from the begin of the movement to its deceleration, or until the joint starts
@@ -246,7 +246,7 @@ def _announcement(samples: Samples, movement: Movement) -> float | None:
 
 
 def _active_compensation(samples: Samples, movement: Movement, info: RecordingInfo | None,
-          moved: bool) -> Compensation:
+                         moved: bool) -> Compensation:
     announced = movement.direction * movement.sign
     law, model, active = '', (info.model or '') if info else '', True
     known = [activity for since, activity in (info.activity if info else [])

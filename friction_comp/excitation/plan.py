@@ -140,7 +140,7 @@ def samples_of(moves: Sequence[Move], start: float, seconds: float, rate: float,
 
 
 def moves_of_shape(shape: Sequence[float] | np.ndarray, limits: JointLimits, seconds: float,
-             points: np.ndarray) -> tuple[float, list[Move]]:
+                   points: np.ndarray) -> tuple[float, list[Move]]:
     """Return the position at the begin and end of a plan, rad, and its moves.
 
     `shape` are values of the parameters in `SHAPE`, and `points`, shape (K, 3), are in the unit

@@ -65,7 +65,7 @@ class _WaitSet:
 
 
 class _SlowEntities:
-    """The node as rclpy's executor sees it: without what is processed here."""
+    """The node for rclpy's executor, without the streams and timers that are processed here."""
 
     subscriptions = timers = ()
 
@@ -77,7 +77,7 @@ class _SlowEntities:
 
 
 class StreamExecutor(executors.Executor):
-    """Waits for messages only, and polls services, actions and timers fifty times a second.
+    """Waits for messages only, and polls services, actions and timers fifty times per second.
 
     rclpy rebuilds its wait set for every callback from all entities of a node: parameter and
     lifecycle services, five entities of each action server, events and timers. Here none of them

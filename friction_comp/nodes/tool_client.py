@@ -101,7 +101,7 @@ class ToolClient:
             self._executor.spin_once(timeout_sec=max(0.0, end - time.monotonic()))
 
     def wait_until(self, condition: Callable[[], object], what: str,
-              patience: float | None = None) -> None:
+                   patience: float | None = None) -> None:
         """Wait until a condition, named `what`, holds; raise InputError if it does not in time."""
         patience = patience or self._patience
         end = time.monotonic() + patience
@@ -226,7 +226,7 @@ class ToolClient:
         return np.array([positions[joint] for joint in joints])
 
     def send_goal(self, kind: Any, name: str, goal: Any, probe: Any,
-              report: Callable[[Any], None], what: str) -> Any:
+                  report: Callable[[Any], None], what: str) -> Any:
         """Send a goal to node `what` until it is accepted, and return its result.
 
         `probe` is a goal that is always refused. It is sent first: its answer shows that the

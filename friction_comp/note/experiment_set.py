@@ -106,7 +106,7 @@ def run_experiments(cycles: int, seed: int, report: Callable[[float, str], None]
         tables = [pool.submit(identify_table, experiment, seed) for experiment in experiments]
         for k, experiment in enumerate(experiments):
             def report_part(share: float, what: str, k: int = k,
-                     number: int = experiment.number) -> None:
+                            number: int = experiment.number) -> None:
                 report((k + share) / len(experiments), f'configuration {number}: {what}')
 
             outcomes.append(run_experiment(experiment, tables[k].result, cycles, seed, report_part))

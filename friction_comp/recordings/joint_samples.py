@@ -64,7 +64,7 @@ def to_samples(scan: Scan, joint: str | None,
     stamp = time_base.message_times(track, info.notes)
     outlier = time_base.outliers(stamp)
     shifts = time_base.clock_shifts(stamp[~outlier], track.order[~outlier], track.receive[~outlier],
-                              info.notes)
+                                    info.notes)
     stamp = shifts.of(stamp, track.order)
     position, velocity, effort = values.T
     finite = np.isfinite(position) & np.isfinite(effort)

@@ -79,7 +79,7 @@ def outliers(times: np.ndarray) -> np.ndarray:
 
 
 def clock_shifts(times: np.ndarray, order: np.ndarray, receive: np.ndarray,
-              notes: list[str]) -> Shifts:
+                 notes: list[str]) -> Shifts:
     """Return the offsets by which times continue after the clock was set back, in ns.
 
     The step between the messages before and after is the difference of their receive times, or a

@@ -270,9 +270,10 @@ class Table:
         """Return the residual of a fit, from which effects propose constants."""
         part, coverage = self.rows.at_rows, self.rows.coverage
         velocity = np.asarray(part.velocity)
-        return ResidualView(coverage, part.position, velocity,
-                    np.tanh(velocity / coverage.transition), self.residual(terms),
-                    self.rows.length * self.rows.samples.sample_time, self.load_shares(terms))
+        return ResidualView(
+            coverage, part.position, velocity, np.tanh(velocity / coverage.transition),
+            self.residual(terms), self.rows.length * self.rows.samples.sample_time,
+            self.load_shares(terms))
 
 
 def _signs_of(term: Term, count: int) -> list[int]:

@@ -33,7 +33,7 @@ def total(errors: Sequence[np.ndarray]) -> float:
 
 
 def error_reductions(sums: np.ndarray, chosen: Sequence[int], candidates: Sequence[Sequence[int]],
-          signs: np.ndarray) -> np.ndarray:
+                     signs: np.ndarray) -> np.ndarray:
     """Return the reduction of the fitted sum of squares by each candidate's columns, shape (N,).
 
     `sums`, shape (P + 1, P + 1), are those of products, the target last; the `chosen` columns are
@@ -105,7 +105,7 @@ class Search:
         return total(self.errors(terms))
 
     def is_improvement(self, before: Sequence[np.ndarray], after: Sequence[np.ndarray],
-                 share: float = 1.0) -> bool:
+                       share: float = 1.0) -> bool:
         """Return whether `errors` decrease by more than may be chance.
 
         Where several joints moved, they have to decrease in held-out regions of posture, too. The
@@ -157,8 +157,9 @@ class Search:
         if not allowed:
             return []
         sums = np.tensordot(self._weights, self.table.sums.gram, 1)
-        reductions = error_reductions(sums, self.table.indices(terms),
-                           [self.table.columns_of[term] for term in allowed], self.table.sums.signs)
+        reductions = error_reductions(
+            sums, self.table.indices(terms), [self.table.columns_of[term] for term in allowed],
+            self.table.sums.signs)
         best: dict[Any, Term] = {}
         for index in np.argsort(-reductions, kind='stable'):
             term = allowed[index]

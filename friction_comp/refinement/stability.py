@@ -67,7 +67,7 @@ def repeat_search(table: Table, terms: Sequence[Term], initial_count: int,
     single_kinds = {term.kind for term in terms if term.kind.max_count == 1 and not term.group}
     # With the adjusted constants: a neighbouring grid point is the same effect.
     offered = [*terms[initial_count:], *(term for term in candidates
-                                if term.kind not in single_kinds and term not in terms)]
+                                         if term.kind not in single_kinds and term not in terms)]
     late = [term for term in offered if term.kind.variable == 'time']
     early = [term for term in offered if term not in late]
     physics = [term for term in early if term.kind.physics and not term.group]
@@ -95,7 +95,7 @@ def repeat_search(table: Table, terms: Sequence[Term], initial_count: int,
                 counts.update(sorted({other.kind.name for other in result
                                       if not contains(terms, other)}))
         alternatives[term] = [(name, count / len(searches)) for name, count in counts.most_common()
-                             if count >= thresholds.ALTERNATIVE_SHARE * len(searches)]
+                              if count >= thresholds.ALTERNATIVE_SHARE * len(searches)]
     return Stability(chosen, alternatives)
 
 

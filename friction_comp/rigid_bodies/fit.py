@@ -161,8 +161,9 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
         return (replace(chain.tree, parameters=bodies.parameters(numbers[unknowns.links])[0]),
                 np.exp(numbers[unknowns.scales]))
     first = np.nonzero(np.diff(stretches_of(joints[0].recording), prepend=-1))[0]
-    held_out_stretches = [HeldOutStretch(int(joints[0].recording[row]), float(joints[0].time[row]),
-                     *tree_of(parts[index % FOLDS])) for index, row in enumerate(first)]
+    held_out_stretches = [
+        HeldOutStretch(int(joints[0].recording[row]), float(joints[0].time[row]),
+                       *tree_of(parts[index % FOLDS])) for index, row in enumerate(first)]
     tree, scales = tree_of(x)
     return ArmFit(
         tree, chain.tree, scales,
@@ -216,7 +217,7 @@ def _trial(
 
 
 def _with_gravity_direction(chain: Chain, joints: list[Samples], bodies: Bodies, best: _Trial,
-             declared: np.ndarray | None) -> tuple[Chain, _Trial]:
+                            declared: np.ndarray | None) -> tuple[Chain, _Trial]:
     """Return the arm with gravity in the direction that the recording shows, and its trial.
 
     An arm may be mounted on a wall or a ceiling, which its URDF does not tell. Another direction

@@ -76,7 +76,7 @@ def _identify(system: DemoSystem) -> Path:
     system.log('starts a simulated joint with effects that its model lacks, and identification')
     # Identification and the recorder listen from the first state on.
     system.start_plant([JOINT], [TRUE_MODEL], UNDECLARED, wait_for_reference=False,
-                      wait_for_listeners=2)
+                       wait_for_listeners=2)
     system.start('identification', TRUE_MODEL, output_folder=system.output / 'models')
     system.start_recorder('identification')
     system.wait_for_recorder()
@@ -86,8 +86,8 @@ def _identify(system: DemoSystem) -> Path:
             f"{feedback.remaining_seconds:.0f} s left of the joint's time"))
     system.nodes.stop('recorder', 'identification')
     system.log(f'identified {JOINT}: breakaway at {1e3 * result.breakaway_positive_mean:.1f} '
-              f'and {1e3 * result.breakaway_negative_mean:.1f} mA, '
-              f'{len(result.speeds)} points of the friction curve')
+               f'and {1e3 * result.breakaway_negative_mean:.1f} mA, '
+               f'{len(result.speeds)} points of the friction curve')
     return Path(result.model_file)
 
 
@@ -97,7 +97,7 @@ def _record_trial(system: DemoSystem, name: str, title: str, announced: bool,
     system.start_recorder(name)
     # Listeners are the compensator, the recorder, and the demo itself, when all is recorded.
     system.start_exercise(announce_direction=announced, wait_for_listeners=3,
-                         repetitions=system.arguments.repetitions, **MOVEMENT)
+                          repetitions=system.arguments.repetitions, **MOVEMENT)
     meanwhile()
     system.wait_for_recorder()
     with system.ros.subscribed_to_direction():

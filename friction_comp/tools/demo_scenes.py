@@ -93,9 +93,9 @@ def play_arm(system: DemoSystem) -> None:
     for model, path in zip(drives.values(), files):
         replace(model, simulation={**model.simulation, 'human': PERSON}).save(path)
     system.log('starts an arm of three joints that hangs down, moved by MuJoCo, and the '
-              'compensator with the models of its drives')
+               'compensator with the models of its drives')
     system.start_plant(list(ARM), files, engine='mujoco',
-                      arm_file=package_file('config', 'arms', 'guided_arm.xml'))
+                       arm_file=package_file('config', 'arms', 'guided_arm.xml'))
     system.start('compensator', *files, law='none')
     _move(system, 'alone', 'a person guides it without any help', exercise)
     gains = {joint: model.drive.torque_per_current for joint, model in drives.items()}
@@ -110,7 +110,7 @@ def play_arm(system: DemoSystem) -> None:
     write_yaml(path, arm_document({
         joint: one.model.to_dict() for joint, one in result.results.items()}))
     system.log('refined all joints from that: weight and inertia of the links, in '
-              f'{path.relative_to(system.output.parent)}')
+               f'{path.relative_to(system.output.parent)}')
     system.ros.set_parameter('compensator', 'model_files', [str(path)] * len(ARM))
     system.ros.set_parameter('compensator', 'law', 'continuous')
     _move(system, 'helped', 'the motors carry the weight and take the friction', exercise)
@@ -147,7 +147,7 @@ def _recorded_joints(path: Path, gains: dict[str, float]) -> dict[str, Samples]:
 def play_wear(system: DemoSystem) -> None:
     """Move a joint whose friction grows until a warning comes; refine, load, and move on."""
     system.log('starts a joint whose gear binds as it warms, the compensator with the model of '
-              'the cold drive, and the node that monitors the residual')
+               'the cold drive, and the node that monitors the residual')
     # The refinement listens, too.
     system.start_plant([JOINT], [TRUE_MODEL], BINDING, wait_for_listeners=4)
     system.start('compensator', TRUE_MODEL)
@@ -161,8 +161,8 @@ def play_wear(system: DemoSystem) -> None:
     marks = {'warned': system.exercise_time()}
     system.log(f'warned after {marks["warned"]:.0f} s of movement: {warning}')
     system.wait_while('moves on, to have enough to refine from',
-                     lambda: system.exercise_time() < WEAR_PAST,
-                     lambda: system.exercise_time() / WEAR_PAST)
+                      lambda: system.exercise_time() < WEAR_PAST,
+                      lambda: system.exercise_time() / WEAR_PAST)
     result = _refine_live(system)
     system.log(f'{result.message}; verdict: {result.verdict}')
     marks['loaded'] = system.exercise_time()
@@ -229,5 +229,5 @@ def _wait_for_verdict(system: DemoSystem, begin: float) -> str:
         return passed < least or (
             not _residual(system).startswith('the model') and passed < WEAR_PATIENCE)
     system.wait_while('moves on with the refined model', going,
-                     lambda: (system.exercise_time() - begin) / max(least, 0.1 * WEAR_PATIENCE))
+                      lambda: (system.exercise_time() - begin) / max(least, 0.1 * WEAR_PATIENCE))
     return _residual(system)

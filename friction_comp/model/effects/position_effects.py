@@ -90,7 +90,7 @@ class Cogging(Effect):
         'frequency': SearchRange(
             1.0, unit=lambda coverage, _: math.pi / max(coverage.span, 1e-12),
             limits=lambda coverage, _: (2.0 * math.pi * FEWEST_PERIODS / max(coverage.span, 1e-9),
-                                     math.inf)),
+                                        math.inf)),
         'growth': None, 'speed': None, 'transition': None}
     # Its amplitude at the speeds that were seen; over position it repeats.
     held = {'velocity': 0.25}
