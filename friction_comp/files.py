@@ -70,12 +70,12 @@ for _tag, _pattern, _first in (
 _PlainLoader.add_constructor('tag:yaml.org,2002:int', _whole_number)
 _PlainLoader.add_constructor('tag:yaml.org,2002:float', _number)
 
-LARGEST = 1_000_000
-"""Bytes that a YAML document may have; the largest model files have a tenth of it."""
+# Bytes that a YAML document may have; the largest model files have a tenth of it.
+_LARGEST = 1_000_000
 
 
-def read_yaml(path: str | Path, largest: int = LARGEST) -> Any:
-    """Return the content of a YAML file of at most `largest` bytes; see `_PlainLoader`.
+def read_yaml(path: str | Path) -> Any:
+    """Return the content of a YAML file; see `_PlainLoader`.
 
     Raises InputError if it cannot be read, is not an ordinary file, is too large or not valid.
     """
@@ -89,11 +89,11 @@ def read_yaml(path: str | Path, largest: int = LARGEST) -> Any:
                 raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
             if not stat.S_ISREG(kind.st_mode):
                 raise InputError(f'{path}: no ordinary file')
-            data = stream.read(largest + 1)
+            data = stream.read(_LARGEST + 1)
     except OSError as error:
         raise InputError(f'{path}: {error.strerror or error}') from None
-    if len(data) > largest:
-        raise InputError(f'{path}: more than {largest // 1000} kB')
+    if len(data) > _LARGEST:
+        raise InputError(f'{path}: more than {_LARGEST // 1000} kB')
     try:
         return yaml.load(data.decode('utf-8'), Loader=_PlainLoader)
     except (yaml.YAMLError, ValueError, RecursionError) as error:

@@ -147,7 +147,9 @@ def _measure_piece(piece: Piece, friction: FrictionModel | None, seconds: float)
             path, piece.joint, *constants, seconds=seconds, layout=piece.layout):
         notes.extend(text for note in info.notes if (text := f'{path}: {note}') not in notes)
         if len(part):
-            buffer = part if buffer is None else _concatenate(buffer, part)
+            # Of one recording, without signals that only one of the stretches has.
+            buffer = part if buffer is None else Samples.concatenate([buffer, part])
+            buffer = buffer.with_(recording=0 * buffer.recording)
         at_end = not len(part)
         if buffer is None or not (at_end or buffer.time[-1] - buffer.time[0] >= 2.0 * seconds):
             continue
@@ -162,9 +164,3 @@ def _measure_piece(piece: Piece, friction: FrictionModel | None, seconds: float)
         raise InputError(f'{path}: no movement of joint {info.joint!r} found in it')
     measured.joint, measured.models = info.joint, [info.model] if info.model else []
     return measured
-
-
-def _concatenate(first: Samples, second: Samples) -> Samples:
-    """Concatenate two stretches, without signals that only one of them has."""
-    joined = Samples.concatenate([first, second])
-    return joined.with_(recording=0 * joined.recording)

@@ -111,12 +111,12 @@ class Standstill:
     duration: float     # in all, s
 
 
-def with_breakaway_error(model: FrictionModel, error: float) -> FrictionModel:
-    """Return the model with breakaway means too large by a share."""
+def with_breakaway_error(model: FrictionModel) -> FrictionModel:
+    """Return the model with breakaway means too large by `BREAKAWAY_ERROR`."""
     both = model.breakaway
     assert both is not None, 'an identified model has breakaway currents'
     return replace(model, breakaway=Breakaway(
-        both.positive_mean * (1.0 + error), both.negative_mean * (1.0 + error),
+        both.positive_mean * (1.0 + BREAKAWAY_ERROR), both.negative_mean * (1.0 + BREAKAWAY_ERROR),
         both.positive_std, both.negative_std))
 
 
@@ -126,7 +126,7 @@ def stand_still(experiment: Experiment, model: FrictionModel, law: str, seed: in
     Each standstill draws new breakaway levels; one rest of an hour would try a single pair. Half of
     them have d = 1, half d = -1. The law's breakaway currents are too large by `BREAKAWAY_ERROR`.
     """
-    model = with_breakaway_error(model, BREAKAWAY_ERROR)
+    model = with_breakaway_error(model)
     count = round(STANDSTILL_TIME / SAMPLE_TIME)
     still, direction = np.zeros((2, count)), np.zeros((2, count))
     direction[:, round(ANNOUNCED / SAMPLE_TIME):] = [[1.0], [-1.0]]

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TYPE_CHECKING
 
@@ -93,8 +93,8 @@ def run_experiment(experiment: Experiment, table: Callable[[], tuple[Identificat
                              table_time + ramps.duration)
 
 
-def run_experiments(cycles: int, seed: int, report: Callable[[float, str], None],
-                    experiments: Sequence[Experiment] = EXPERIMENTS) -> list[ExperimentOutcome]:
+def run_experiments(cycles: int, seed: int,
+                    report: Callable[[float, str], None]) -> list[ExperimentOutcome]:
     """Run the experiments of every configuration.
 
     Look-up tables are measured by the identification procedure, sample by sample as with a real
@@ -103,11 +103,11 @@ def run_experiments(cycles: int, seed: int, report: Callable[[float, str], None]
     """
     outcomes = []
     with child_process() as pool:
-        tables = [pool.submit(identify_table, experiment, seed) for experiment in experiments]
-        for k, experiment in enumerate(experiments):
+        tables = [pool.submit(identify_table, experiment, seed) for experiment in EXPERIMENTS]
+        for k, experiment in enumerate(EXPERIMENTS):
             def report_part(share: float, what: str, k: int = k,
                             number: int = experiment.number) -> None:
-                report((k + share) / len(experiments), f'configuration {number}: {what}')
+                report((k + share) / len(EXPERIMENTS), f'configuration {number}: {what}')
 
             outcomes.append(run_experiment(experiment, tables[k].result, cycles, seed, report_part))
     return outcomes

@@ -34,10 +34,9 @@ _CHUNK = 1 << 20
 _MAX_PENDING = 1 << 28
 
 
-def qos_profile(reliability: str = 'reliable', durability: str = 'volatile',
-                depth: int = 10) -> Qos:
-    """Return a publisher's quality of service as rosbag2's metadata hold it."""
-    return {'history': 'keep_last', 'depth': depth, 'reliability': reliability,
+def qos_profile(reliability: str = 'reliable', durability: str = 'volatile') -> Qos:
+    """Return a publisher's quality of service in the form of rosbag2's metadata."""
+    return {'history': 'keep_last', 'depth': 10, 'reliability': reliability,
             'durability': durability, 'deadline': _INFINITE, 'lifespan': _INFINITE,
             'liveliness': 'automatic', 'liveliness_lease_duration': _INFINITE,
             'avoid_ros_namespace_conventions': False}

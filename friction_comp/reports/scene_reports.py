@@ -64,11 +64,11 @@ def two_joints_report(evaluations: list[Evaluation], shown: dict[str, Samples],
 
 
 @styled
-def exercise_figure(shown: dict[str, Samples], seconds: float = 16.0) -> Figure:
-    """Draw positions and announced directions of the first seconds, one joint above the other."""
+def exercise_figure(shown: dict[str, Samples]) -> Figure:
+    """Draw positions and announced directions of the first 16 s, one joint above the other."""
     figure, axes = new_figure(len(shown), 1, width=8.4, height=2.2, sharex=True, squeeze=False)
     for axis, (joint, samples) in zip(axes[:, 0], shown.items()):
-        part = samples.take(samples.time <= samples.time[0] + seconds)
+        part = samples.take(samples.time <= samples.time[0] + 16.0)
         if part.reference_position is not None:
             axis.plot(*thin(part.time, np.degrees(part.reference_position)), '--',
                       color=COLOURS['grey'], linewidth=1.0)

@@ -239,17 +239,17 @@ def _with_gravity_direction(chain: Chain, joints: list[Samples], bodies: Bodies,
     return mounted, _best_settings(mounted, joints, bodies, declared, lambda share: None)
 
 
-def identifiable(products: np.ndarray, least: float = 1e-6) -> int:
+def identifiable(products: np.ndarray) -> int:
     """Return the number of base parameters: combinations that joint torques show.
 
     `products`, shape (10·J, 10·J), are the sums of products of the links' columns. It is the number
-    of singular values of the normalised columns above a `least` share of the largest.
+    of singular values of the normalised columns above 1e-6 of the largest.
     """
     norm = np.sqrt(np.diag(products))
     seen = norm > 1e-9 * max(norm.max(), 1e-300)
     scaled = products[np.ix_(seen, seen)] / norm[seen] / norm[seen, None]
     values = np.sqrt(np.maximum(np.linalg.eigvalsh(scaled), 0.0))
-    return int(np.count_nonzero(values > least * values.max(initial=0.0)))
+    return int(np.count_nonzero(values > 1e-6 * values.max(initial=0.0)))
 
 
 def _settings(joints: list[Samples]) -> list[dict[str, Any]]:
