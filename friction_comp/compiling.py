@@ -119,9 +119,11 @@ class Kernel:
         _deferred.append(self)
 
     def __call__(self, *args: Any) -> Any:
-        """Run the function, compiled if possible."""
-        run = self._run
-        if run is not None:
+        """Run the function, compiled if possible.
+
+        While compilation is deferred, the first arguments are kept: `compile` needs their types.
+        """
+        if (run := self._run) is not None:
             return run(*args)
         if args and isinstance(args[0], RecordView):
             # Called from another plain kernel.
@@ -135,7 +137,7 @@ class Kernel:
 
     @property
     def dispatcher(self) -> Any:
-        """Numba's own object for the function."""
+        """Numba's compiled function."""
         if self._dispatcher is None:
             import numba
             self._dispatcher = numba.njit(cache=self._cache)(self.py_func)

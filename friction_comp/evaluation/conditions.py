@@ -106,13 +106,14 @@ class MeasuredJoint:
         """Evaluate one or more repetitions; `model` are the files that were active."""
         notes = list(self.notes)
         repetitions = _without_identification(self.repetitions, notes)
+        in_order_of_time = list(dict.fromkeys(r.compensation for r in repetitions))
+        # One group for each condition and direction of movement. Sorted by these keys, conditions
+        # without a direction and without a law come first.
         groups: dict[tuple[Any, ...], list[Repetition]] = {}
-        # Conditions without a direction and without a law come first, others in order of time.
-        order = list(dict.fromkeys(r.compensation for r in repetitions))
         for r in repetitions:
-            groups.setdefault((
-                abs(r.movement.direction), r.compensation.law != 'none',
-                order.index(r.compensation), -r.movement.sign, r.movement.direction), []).append(r)
+            key = (abs(r.movement.direction), r.compensation.law != 'none',
+                   in_order_of_time.index(r.compensation), -r.movement.sign, r.movement.direction)
+            groups.setdefault(key, []).append(r)
         kept = [_without_odd_durations(groups[key], notes) for key in sorted(groups)]
         conditions = [_condition(group, self.averages, notes) for group in kept]
         all_kept = [repetition for group in kept for repetition in group]

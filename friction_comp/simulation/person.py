@@ -68,19 +68,19 @@ class ReferenceHold:
 
     def reset(self) -> None:
         """Forget the reference."""
-        self._shown: tuple[float, np.ndarray, np.ndarray] | None = None
+        self._reference: tuple[float, np.ndarray, np.ndarray] | None = None
 
-    def show(self, time: float, position: ArrayLike, velocity: ArrayLike) -> None:
+    def update(self, time: float, position: ArrayLike, velocity: ArrayLike) -> None:
         """Set a new reference: s, rad, rad/s; arrays of shape (J,)."""
-        self._shown = (float(time), np.array(position, dtype=float),
-                       np.array(velocity, dtype=float))
+        self._reference = (float(time), np.array(position, dtype=float),
+                           np.array(velocity, dtype=float))
 
     def at(self, time: float) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
         """Return position and velocity of shape (J,) at a time in s, or None and None.
 
         There is none before the first reference and after the timeout.
         """
-        if self._shown is None or not time - self._shown[0] <= self.timeout:
+        if self._reference is None or not time - self._reference[0] <= self.timeout:
             return None, None
-        since, position, velocity = self._shown
+        since, position, velocity = self._reference
         return position + velocity * (time - since), velocity

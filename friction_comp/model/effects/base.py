@@ -313,7 +313,7 @@ def checked_range(ranges: Any, held: Collection[str]) -> dict[str, tuple[float, 
 
 
 def with_range(effect: Effect, samples: Samples) -> Effect:
-    """Return an effect with the range in which samples with velocity show it, and some more."""
+    """Return an effect whose valid range is that of samples with velocity, extended by `held`."""
     if not effect.held:
         return effect
     ranges = {}

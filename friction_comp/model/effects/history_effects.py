@@ -46,11 +46,11 @@ def dahl_step(state: float, dt: float, dq: float, velocity: float, c: Any) -> fl
 
 
 @njit(cache=True)
-def _dahl_states(position: np.ndarray, broken: np.ndarray, start: np.ndarray,
+def _dahl_states(position: np.ndarray, is_start: np.ndarray, start: np.ndarray,
                  c: Any) -> np.ndarray:
     states = np.empty(len(position))
     for k in range(len(position)):
-        states[k] = start[k] if broken[k] else dahl_step(
+        states[k] = start[k] if is_start[k] else dahl_step(
             states[k - 1], 0.0, position[k] - position[k - 1], 0.0, c)
     return states
 
@@ -150,11 +150,11 @@ def rest_step(state: float, dt: float, dq: float, velocity: float, c: Any) -> fl
 
 
 @njit(cache=True)
-def _rest_states(time: np.ndarray, position: np.ndarray, velocity: np.ndarray, broken: np.ndarray,
-                 c: Any) -> np.ndarray:
+def _rest_states(time: np.ndarray, position: np.ndarray, velocity: np.ndarray,
+                 is_start: np.ndarray, c: Any) -> np.ndarray:
     states = np.zeros(len(position))
     for k in range(len(position)):
-        if not broken[k]:
+        if not is_start[k]:
             states[k] = rest_step(states[k - 1], time[k] - time[k - 1],
                                   position[k] - position[k - 1], velocity[k], c)
     return states

@@ -74,7 +74,7 @@ class Spring(Effect):
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        """The middle of the range stands for where the spring is slack: see the sigmoid."""
+        """Return one rest position q0: the offset of Eq. 6 makes up for any other."""
         return [{'position': 0.5 * (coverage.lowest + coverage.highest)}]
 
     @staticmethod
