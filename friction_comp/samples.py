@@ -258,13 +258,13 @@ class Samples:
         ----------
         frame : DataFrame or dict of str to array_like
         layout : Layout, optional
-            Which column is what, in which unit; the rest is guessed from the columns' names.
+            Columns and units of signals; others are guessed from the names of the columns.
         torque_constant, gear_ratio : float
             k_t in N·m/A and n, where the frame holds an effort in N·m.
         joint : str, optional
-            Needed where the frame has several.
+            Required if the frame has several.
         notes : list of str, optional
-            Gets what was guessed.
+            The guesses are appended.
 
         Examples
         --------

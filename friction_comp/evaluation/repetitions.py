@@ -247,6 +247,7 @@ def _announcement(samples: Samples, movement: Movement) -> float | None:
 
 def _active_compensation(samples: Samples, movement: Movement, info: RecordingInfo | None,
                          moved: bool) -> Compensation:
+    """Return the law and model of a movement: by the compensator's reports and its commands."""
     announced = movement.direction * movement.sign
     law, model, active = '', (info.model or '') if info else '', True
     known = [activity for since, activity in (info.activity if info else [])

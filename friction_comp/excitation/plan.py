@@ -74,7 +74,7 @@ class Move:
 
 
 def sample_moves(moves: Sequence[Move], start: float, time: np.ndarray
-            ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+                 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return position, velocity and acceleration, each (N,), of moves and rests between them.
 
     The moves are in the order of time, and `start` is the position before the first, rad.

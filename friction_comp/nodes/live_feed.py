@@ -139,7 +139,9 @@ class LiveFeed:
             self._loaded[joint] = path, model
 
     def _on_joint_states(self, cdr: bytes) -> None:
+        """Add a row for each joint, unless the last state was less than a period ago."""
         stamp = stamp_of(cdr) or time.time_ns()
+        # A stamp long before that began a new time base.
         if self._due - 10 * _STEP < stamp < self._due:
             return
         self._due, self._received = stamp + _STEP, time.monotonic()

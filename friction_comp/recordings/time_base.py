@@ -141,7 +141,7 @@ class TimeBase:
         return self.receive, track.receive
 
     def _finite_values(self, track: Track, values: np.ndarray
-                ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+                       ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the times of the joint states, and times and finite values of another topic.
 
         The times are those of `pair`; the other topic's are in ascending order.
@@ -181,7 +181,7 @@ class TimeBase:
 
 
 def other_signals(scan: Scan, joint: str, joints: list[str], base: TimeBase,
-                    torque_per_current: float, notes: list[str]) -> dict[str, Any]:
+                  torque_per_current: float, notes: list[str]) -> dict[str, Any]:
     """Return the signals of other topics, each shape (N,), by their names in `Samples`.
 
     `joints` are all joints of the joint states, in their order; `torque_per_current` in N·m/A at
@@ -218,12 +218,13 @@ def _direction(scan: Scan, joint: str, joints: list[str], order: list[list[str]]
         directions.append((stamped[0], np.sign(stamped[1][:, 1])))
     if not directions:
         return None
-    held = np.array([base.hold(*one) for one in directions])
-    # Each on its own clock: the two may differ.
-    age = np.array([base.pair(track)[0] - base.hold(track, base.pair(track)[1].astype(float), -1.0)
-                    for track, _ in directions])
-    latest: np.ndarray = held[np.argmin(age, axis=0), np.arange(held.shape[1])].astype(int)
-    return latest
+    held, ages = [], []
+    for track, values in directions:
+        # Ages, unlike times, can be compared: the topics may have different clocks.
+        state_times, times = base.pair(track)
+        held.append(base.hold(track, values))
+        ages.append(state_times - base.hold(track, times.astype(float), before=-1.0))
+    return np.where(np.argmin(ages, axis=0) == 0, held[0], held[-1]).astype(int)
 
 
 def _find_joint(tracks: list[Track], joint: str, joints: list[str],

@@ -33,7 +33,8 @@ def plain_columns(samples: Samples, transitions: Sequence[float],
                   motion: tuple[np.ndarray, ...] | None = None, index: int = 0) -> np.ndarray:
     """Return the columns of a plain drive: friction, inertia, weight and load.
 
-    No effect is selected: its held-out error is the criterion by which motion is prepared.
+    No effect is selected: its held-out error is the criterion by which motion is prepared. For an
+    arm, `motion` is that of all joints, as of `moving_states`, and `index` the joint among them.
     """
     v, q = np.asarray(samples.velocity), samples.position
     columns = [np.ones_like(v), *(np.tanh(v / width) for width in transitions), v,

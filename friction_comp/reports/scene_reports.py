@@ -84,7 +84,7 @@ def exercise_figure(shown: dict[str, Samples]) -> Figure:
 
 
 def session_phases(evaluation: Evaluation, marks: dict[str, float], count: int
-              ) -> dict[str, list[Repetition]]:
+                   ) -> dict[str, list[Repetition]]:
     """Return the repetitions at the start, at the warning, and with the refined model.
 
     `marks` are the times of 'warned' and 'loaded' since the exercise began, s; a phase has `count`

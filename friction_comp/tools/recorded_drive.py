@@ -34,7 +34,7 @@ def drive_of(arguments: Namespace, model: FrictionModel | None) -> Drive:
 
 
 def with_current_limit(arguments: Namespace, drive: Drive, recorded: list[Samples]
-            ) -> tuple[Drive, dict[str, str]]:
+                       ) -> tuple[Drive, dict[str, str]]:
     """Return the drive with its current limit, and a note on the origin of the limit.
 
     If no limit is given, it is the largest current in the recordings, which the drive has certainly

@@ -94,7 +94,7 @@ class ViscousShape(Effect):
     @classmethod
     def limited(cls, name: str, value: float, constants: dict[str, float],
                 coverage: Coverage) -> float:
-        """Next to one it is the linear term once more, and the two grow against each other."""
+        """Keep the exponent away from 1, where the term is collinear with viscous friction."""
         if name == 'exponent' and 0.85 < value < 1.2:
             return 0.85 if value < 1.0 else 1.2
         return super().limited(name, value, constants, coverage)
