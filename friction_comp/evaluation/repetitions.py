@@ -32,10 +32,10 @@ _START_SHARE, _PUSH_SHARE = 0.01, 0.1
 _STILL = 0.2
 # Rounding error of sums of sample times, s.
 _ROUNDING = 1e-9
-# Movements whose durations differ by no more than this share have the same pace, and are averaged
+# Movements whose durations differ by no more than this share are of one class, and are averaged
 # or left out together. Finer classes take more memory where people move as they like; coarser ones
 # blur the limit of 25 % by which a duration may differ from the median.
-_PACE = 0.05
+_DURATION_RATIO = 0.05
 # Least number of encoder steps of a joint that has started moving.
 _LEAST_STEPS = 3
 NAMES = {1: 'positive', -1: 'negative'}
@@ -115,19 +115,19 @@ class Repetition:
         return max(self.duration, self.figures.get('onset', -math.inf) + _AFTER_ONSET)
 
     @property
-    def pace(self) -> int:
-        """Index of the class of similar durations."""
-        return round(math.log(self.duration) / _PACE)
+    def duration_class(self) -> int:
+        """Index of the class of movements with similar durations."""
+        return round(math.log(self.duration) / _DURATION_RATIO)
 
     @property
     def usual_duration(self) -> float:
-        """Duration in the middle of the pace, s."""
-        return math.exp(_PACE * self.pace)
+        """Duration in the middle of the class, s."""
+        return math.exp(_DURATION_RATIO * self.duration_class)
 
     @property
     def kind(self) -> tuple[Compensation, int, int, int]:
         """Key of the movements whose curves are averaged together."""
-        return self.compensation, self.movement.sign, self.movement.direction, self.pace
+        return self.compensation, self.movement.sign, self.movement.direction, self.duration_class
 
 
 def measure(samples: Samples, movement: Movement, name: str = '',

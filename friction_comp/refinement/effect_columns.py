@@ -215,18 +215,21 @@ class Table:
         speed = self.rows.coverage.speed
         others = self.columns[self.indices(terms)[EQ6_COLUMNS:]]
         signs = self.sums.signs[self.indices(terms)]
-        plain = [*range(EQ6_LINEAR), *range(EQ6_COLUMNS, EQ6_COLUMNS + len(others))]
+        without_derivatives = [
+            *range(EQ6_LINEAR), *range(EQ6_COLUMNS, EQ6_COLUMNS + len(others))]
 
         def sums_at(steepness: float, shift: float) -> tuple[float, BlockSums]:
             full = np.vstack((self._base(steepness, shift), others, self.target))
             sums = BlockSums.over(full, self.block_rows, signs)
-            return float(sums.held_out_errors(plain).sum()), sums
+            return float(sums.held_out_errors(without_derivatives).sum()), sums
         current = self.transition
         best, sums = sums_at(*current)
         for _ in range(rounds):
             before, coefficients = best, sums.fit(range(EQ6_COLUMNS + len(others)))
             if not coefficients[1] > 0.0:
                 break
+            # Columns 3 and 4 are the derivatives of column 1, Coulomb friction, by the logarithm of
+            # the steepness and by the shift.
             growth = float(np.clip(coefficients[3] / coefficients[1], -1.0, 1.0))
             step = float(np.clip(
                 coefficients[4] / coefficients[1], -1.0 / current[0], 1.0 / current[0]))

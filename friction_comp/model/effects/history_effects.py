@@ -94,7 +94,7 @@ class Hysteresis(Effect):
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        """Distances from a few steps of position to an eighth of the range."""
+        """Return distances from a few steps of position to an eighth of the range."""
         span = coverage.span
         if not span > 0:
             return []
@@ -189,7 +189,7 @@ class RestTime(Effect):
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        """Rest from fractions of a second to a minute, fading over up to a fifth of the range."""
+        """Return time constants of 0.3 to 30 s, and fading over up to a fifth of the range."""
         span = coverage.span
         if not span > 0:
             return []
@@ -245,7 +245,7 @@ class Temperature(Effect):
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        """The reference is a convention: the median temperature of the recordings."""
+        """Return one reference, a convention: the median temperature of the recordings."""
         return [{'reference_temperature': coverage.temperature, 'transition': coverage.transition}]
 
     @classmethod
@@ -278,7 +278,7 @@ class OffsetDrift(Effect):
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        """Time constants from a thirtieth of the recording to five times its length."""
+        """Return time constants from a thirtieth of the recording to five times its length."""
         return [{'time_constant': value}
                 for value in geometric(coverage.duration / 30.0, 5.0 * coverage.duration, 9)]
 

@@ -98,13 +98,13 @@ class Cogging(Effect):
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        """With or without growth with the speed; the frequency comes from a spectrum."""
+        """Return terms with and without growth with speed; `propose` adds the frequency."""
         return [{'growth': growth, 'speed': coverage.speed, 'transition': coverage.transition}
                 for growth in (0.0, 1.0)]
 
     @classmethod
     def propose(cls, view: ResidualView) -> list[dict[str, float]]:
-        """Return the frequencies at which the residual swings most over position."""
+        """Return the frequencies of the largest peaks in the spectrum of the residual."""
         coverage, proposed = view.coverage, []
         highest = highest_frequency(view.velocity, view.row_time, coverage.resolution)
         separation = 2.0 * math.pi / max(coverage.span, 1e-9)
@@ -182,7 +182,7 @@ class Bump(Effect):
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        """Widths from a hundredth to an eighth of the range, places half a width apart."""
+        """Return widths from a hundredth to an eighth of the range, positions a width apart."""
         if not coverage.span > 0:
             return []
         points = []
@@ -195,7 +195,7 @@ class Bump(Effect):
 
     @classmethod
     def propose(cls, view: ResidualView) -> list[dict[str, float]]:
-        """Return for each width the places at which the residual stands out most.
+        """Return for each width the positions at which the residual stands out most.
 
         The mean of the residual over a window is compared with its scatter.
         """

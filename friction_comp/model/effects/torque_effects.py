@@ -262,7 +262,7 @@ class InnerLoadFriction(Effect):
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        """Linear and quadratic, with and without the load of acceleration; fading with speed."""
+        """Return linear and quadratic terms, with and without inertial load, and fading."""
         still = dict.fromkeys(_LOADS, 0.0)
         shapes = [(1.0, 0.0, coverage.speed), (2.0, 0.0, coverage.speed)]
         shapes += [(1.0, 1.0, value)

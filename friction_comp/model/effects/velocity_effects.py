@@ -33,7 +33,7 @@ class Stribeck(Effect):
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        """Stribeck velocities from just above standstill to two thirds of the top speed."""
+        """Return Stribeck velocities from just above standstill to two thirds of the top speed."""
         lowest = max(1.5 * coverage.transition, 1.5 * coverage.slowest, 0.003 * coverage.speed)
         return [{'velocity': velocity, 'exponent': exponent, 'transition': coverage.transition}
                 for velocity in geometric(
@@ -76,7 +76,7 @@ class ViscousShape(Effect):
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        """Exponents below and above one."""
+        """Return exponents below and above one."""
         return [{'exponent': exponent, 'reference': coverage.speed,
                  'transition': coverage.transition}
                 for exponent in (0.3, 0.45, 0.6, 0.75, 1.4, 1.7, 2.0, 2.5, 3.0)]
