@@ -25,7 +25,7 @@ def package_file(*parts: str) -> Path:
         path = folder.joinpath(*parts)
         if path.exists():
             return path
-    raise InputError(f'friction_comp comes with no file {"/".join(parts)}')
+    raise InputError(f'friction_comp has no file {"/".join(parts)}')
 
 
 def middlewares() -> list[str]:

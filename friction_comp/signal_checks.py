@@ -136,7 +136,7 @@ def velocity_fault(ratios: np.ndarray, factor: float) -> str:
     if 1.0 / factor < ratio < factor:
         return ''
     if not math.isfinite(ratio):
-        return 'the position stands still while the velocity leads away: the encoder is stuck'
+        return 'the position stands still while the velocity is not zero: the encoder is stuck'
     if abs(ratio) < 1e-9:
         return 'the position moves while the velocity stays zero: it is not measured, or stuck'
     words = f'velocity is {ratio:.3g} times the rate of position: '

@@ -161,7 +161,7 @@ def test_the_tool_writes_plan_page_and_report(tmp_path, capsys):
 
 
 @pytest.mark.parametrize('wrong, words', [
-    (['--effects', 'load_friction,stribeck'], "cannot be told by the joint's own motion"),
+    (['--effects', 'load_friction,stribeck'], "cannot be shown by the joint's own motion"),
     (['--effects', 'cogging,stribeck'], 'needs no plan'),
     (['--effects', 'nonsense,stribeck'], "effect 'nonsense' is unknown"),
     (['--effects', 'stribeck'], 'at least two effects'),

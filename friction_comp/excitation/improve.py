@@ -194,7 +194,7 @@ def _why_ended(rounds: list[Round], result: RefineResult, spent: bool) -> str:
         return 'a motion that was not fitted is predicted as well as those that were'
     codes = {one['code'] for one in result.report['findings'] if one['grade'] != TRUST}
     if len(rounds) > 1 and codes - set(_BY_MOTION):
-        return 'what is left cannot be told by moving this joint'
+        return 'the open questions cannot be answered by moving this joint'
     recent = rounds[-3:]
     if len(recent) == 3 and len({one.effects for one in recent}) == 1 and (
             max(one.held_out_rmse for one in recent)

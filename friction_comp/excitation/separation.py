@@ -55,7 +55,7 @@ def _why_refused(name: str) -> str:
         return f'is unknown; there are {", ".join(filter(_shown_by_motion, EFFECTS))}'
     missing = sorted(set(EFFECTS[name].needs) & _NOT_MOVED)
     if missing or name == 'other_joints':
-        return f"cannot be told by the joint's own motion: it needs {missing or 'other joints'}"
+        return f"cannot be shown by the joint's own motion: it needs {missing or 'other joints'}"
     if 'frequency' in EFFECTS[name].constants:
         return 'needs no plan: motion over many of its periods shows it, at whatever speeds'
     return ''

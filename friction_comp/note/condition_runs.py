@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Section 2.6: movements by a simulated person under each condition, and joints left alone."""
+"""Section 2.6: movements by a simulated person under each condition, and untouched joints."""
 
 from __future__ import annotations
 

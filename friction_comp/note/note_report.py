@@ -122,7 +122,7 @@ def _add_table(report: Report, outcomes: list[ExperimentOutcome]) -> None:
         ['configuration', 'c1 … c6 (ω in deg/s)', 'E (A)', 'E of Eq. 11 as printed (A)',
          'largest difference to Eq. 11 from 5 deg/s on (mA)'], rows,
         "Rows 2 and 3 of Eq. 11 are taken in each other's place, as Fig. 4 and the breakaway "
-        'currents ask for. Eq. 6 leaves the scale of c1, c3, c4 and c5 free: here c4 + c5 = 2.')
+        'currents require. Eq. 6 leaves the scale of c1, c3, c4 and c5 free: here c4 + c5 = 2.')
     rests = {o.experiment.number: float(o.experiment.model().sigmoid(0.0)) for o in outcomes}
     worst = max(outcomes, key=lambda o: abs(rests[o.experiment.number])).experiment
     level = worst.breakaway
@@ -149,7 +149,7 @@ def _add_standstill(report: Report, outcomes: list[ExperimentOutcome]) -> None:
     report.table(
         ['configuration', 'law', 'hours', 'standstills', 'false starts', 'farthest (deg)'], rows,
         'Nobody touches the joint, d is ±1, and the breakaway currents in use are 10 % too large. '
-        'Every standstill is a rest of its own with new breakaway levels.')
+        'Every standstill has new breakaway levels.')
     report.text(f"""
 A start is false if the joint goes farther than {math.degrees(FALSE_START):.0f} degree. At a gain
 of 0.9 and with breakaway currents 10 % too large, the current is 99 % of the mean breakaway

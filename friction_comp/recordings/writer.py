@@ -140,7 +140,7 @@ class RecordingWriter:
         return name
 
     def write(self, topic: str, type_name: str, stamp_ns: int, cdr: bytes) -> None:
-        """Append one serialised message, with its encapsulation header, that came at a time in ns.
+        """Append one serialised message, with its encapsulation header and its time in ns.
 
         Raises
         ------

@@ -98,7 +98,7 @@ _FINDINGS = {
 
 _EXPERIMENTS = {
     ('temperature', 'time'):
-        'record the motor once warm from the start, or cool it while it goes on moving',
+        'record the motor once warm from the start, or cool it while it keeps moving',
     ('acceleration', 'history'):
         'record movements of the same speed with several different accelerations, and reversals',
     ('acceleration', 'position'):

@@ -42,7 +42,7 @@ def _positive(default: float | None = None) -> Bounds:
 
 _RIPPLE = {'amplitude': _any(), 'frequency': _positive(), 'phase': _any(0.0), 'slope': _any(0.0)}
 # Name: code and parameters in the order of the kernel's columns. Torques N·m at the joint, angles
-# rad, times s, the rest as said.
+# rad, times s, others as noted.
 EFFECTS: dict[str, tuple[int, dict[str, Bounds]]] = {
     # level + amplitude·exp(-(|v|/velocity)^exponent)
     'stribeck': (STRIBECK, {

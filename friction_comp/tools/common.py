@@ -181,7 +181,7 @@ def _move_content(unfinished: Path, path: Path) -> None:
         target = path / source.relative_to(unfinished)
         kind = 'folder' if source.is_dir() else 'file'
         if target.exists() and not (target.is_dir() if kind == 'folder' else target.is_file()):
-            raise InputError(f'{target}: is in the way, and is no ordinary {kind}')
+            raise InputError(f'{target}: exists and is no ordinary {kind}')
     for source in sources:
         target = path / source.relative_to(unfinished)
         if source.is_dir():

@@ -63,7 +63,7 @@ def main(argv: list[str] | None = None) -> int:
     from friction_comp.reports.excitation_report import excitation_report
 
     if arguments.effort is not None and arguments.model is None:
-        raise InputError('--effort needs --model, which says what effort a motion asks for')
+        raise InputError('--effort needs --model, which predicts the effort of a motion')
     if arguments.rate > _HIGHEST_RATE:
         raise InputError(f'--rate must be at most {_HIGHEST_RATE:g} Hz')
     pairs, limits = _pairs(arguments), limits_of(arguments)

@@ -65,7 +65,7 @@ def main(argv: list[str] | None = None) -> int:
         print(f"left out, since it belongs to the recording it was found in: {', '.join(left_out)} "
               '(--with-time-effects applies it)')
     if measured is not samples.current:
-        print('a load was recorded: the current that it spares the motor counts as measured')
+        print('a load was recorded: the current that it replaces is added to the measured current')
     residual, moves = measured - predicted, moving(samples, model)
     errors = [f'{np.sqrt(np.mean(residual ** 2)):.4g} A']
     if moves.any():

@@ -227,10 +227,9 @@ class Bump(Effect):
     def insufficient_data(cls, coverage: Coverage) -> str:
         if coverage.speed_spread >= NEARLY_ONE_SPEED:
             return ''
-        return (f'Speed was near {coverage.median_speed:.3g} rad/s most of the time: what depends '
-                'on speed rests on the few samples of starts and reversals, and as every place is '
-                'passed in one and the same motion, bumps cannot be told from what a start or a '
-                'reversal leaves behind.')
+        return (f'Speed was near {coverage.median_speed:.3g} rad/s most of the time: the few samples '
+                'of starts and reversals determine the dependence on speed, and bumps cannot be '
+                'distinguished from effects of starts and reversals.')
 
     def describe(self) -> str:
         c = self.values
