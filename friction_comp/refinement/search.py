@@ -260,6 +260,7 @@ def at_limit(term: Term, coverage: Coverage) -> bool:
 
     A warm-up slower than the recording is a drift; a bump as wide as the range is a spring.
     """
+    # A step beyond the limit leaves the term unchanged.
     return any(with_step(term, name, step, coverage) == term
                for _, name in free_constants([term]) if name in _DEFINING
                for step in (_STEP, -_STEP))

@@ -96,6 +96,7 @@ def stretches_of(recording: np.ndarray) -> np.ndarray:
     """Return the stretch of each sample, shape (N,); stretches end with their recording."""
     stretch = np.arange(len(recording)) * STRETCHES // max(len(recording), 1)
     run = np.cumsum(np.diff(recording, prepend=recording[:1]) != 0)
+    # One number for each pair of stretch and recording, counted from 0.
     return np.unique(stretch + (STRETCHES + 1) * run, return_inverse=True)[1].reshape(-1)
 
 
