@@ -15,13 +15,13 @@ import numpy as np
 from friction_comp.excitation.joint_limits import JointLimits
 from friction_comp.excitation.plan import (
     fourier_series,
-    moves_by,
+    moves_of_shape,
     plan_joint,
-    sampled,
+    sample_moves,
     SHAPE,
     staircase,
 )
-from friction_comp.excitation.separation import DEFAULT, pairs_of, scene_within, separations
+from friction_comp.excitation.separation import coverage_within, DEFAULT, pairs_of, separations
 
 PAIRS = (('gravity', 'spring'), ('stribeck', 'viscous_shape'), ('gravity', 'inner_load_friction'),
          ('viscous_shape', 'warm_up'), ('hysteresis', 'rest_time'))
@@ -35,8 +35,8 @@ def random_limits(rng):
 def leaves(limits, rng):
     """Tell whether a random plan leaves its limits, by finite differences at 1 kHz as well."""
     shape = [rng.uniform(low, high) for low, high in SHAPE]
-    start, moves = moves_by(shape, limits, 60.0, rng.uniform(size=(512, 3)))
-    q, v, a = sampled(moves, start, np.arange(60_001) / 1000.0)
+    start, moves = moves_of_shape(shape, limits, 60.0, rng.uniform(size=(512, 3)))
+    q, v, a = sample_moves(moves, start, np.arange(60_001) / 1000.0)
     return bool(q.min() < limits.lowest or q.max() > limits.highest
                 or max(np.abs(v).max(), 1e3 * np.abs(np.diff(q)).max()) > limits.velocity
                 or max(np.abs(a).max(), 1e6 * np.abs(np.diff(q, 2)).max()) > limits.acceleration)
@@ -61,10 +61,10 @@ def main():
             rows = []
             for seed in range(half, arguments.seeds, 2):
                 limits = random_limits(np.random.default_rng(1000 + seed))
-                scene = scene_within(limits, 60.0, 0.02)
+                coverage = coverage_within(limits, 60.0, 0.02)
                 others = (staircase(limits, 60.0, 50.0), fourier_series(limits, 60.0, 50.0, seed))
                 rows.append([plan_joint(limits, [pair], 60.0, seed).separation[pair], *(
-                    separations(one, [pair], scene)[pair] for one in others)])
+                    separations(one, [pair], coverage)[pair] for one in others)])
             values = np.array(rows)
             best = int(np.sum(values[:, 0] >= values[:, 1:].max(axis=1)))
             print(f'{pair[0]} / {pair[1]}, {half}:', *np.round(np.median(values, axis=0), 4),

@@ -59,7 +59,7 @@ def motions():
 
 def judged(pair, seed, motion, seconds):
     """Return seconds, whether trusted, whether right, and the error elsewhere."""
-    from friction_comp.excitation.improve import error_of, improve, Schedule
+    from friction_comp.excitation.improve import improve, prediction_error, Schedule
     from friction_comp.excitation.joint_limits import JointLimits
     from simulated_recordings.drives import random_drive, STEP
     from simulated_recordings.motion import mixed_motion
@@ -73,7 +73,7 @@ def judged(pair, seed, motion, seconds):
         60.0, STEP, np.random.default_rng([seed, 7]), 3.0, 1.2, True))
     named = set(result.rounds[-1].effects) - {'inertia'}
     return (result.seconds, result.verdict == 'trust', named == PAIRS[pair],
-            error_of(result.result.model, elsewhere) / drive.noise_floor)
+            prediction_error(result.result.model, elsewhere) / drive.noise_floor)
 
 
 def main():

@@ -62,13 +62,13 @@ def no_regions(number):
 
 def without_lag(before):
     """Return no other lag, but other bandwidths."""
-    return lambda question, found: [one for one in before(question, found)
+    return lambda problem, found: [one for one in before(problem, found)
                                     if one.get('lag') == found.settings.get('lag')]
 
 
 def without_bandwidth(before):
     """Return no other bandwidth, but other lags."""
-    return lambda question, found: [one for one in before(question, found)
+    return lambda problem, found: [one for one in before(problem, found)
                                     if one['bandwidth'] == found.settings['bandwidth']]
 
 
@@ -80,7 +80,7 @@ def offer_all(attempt, terms):
     wanted = proposals(table, terms)
     attempt._retained.update(terms)
     table.keep(attempt._retained.union(wanted))
-    kinds = {term.kind for term in attempt.fixed if term.kind.most == 1}
+    kinds = {term.kind for term in attempt.fixed if term.kind.max_count == 1}
     attempt.candidates = [term for term in table.add(wanted) if term.kind not in kinds]
 
 
@@ -91,9 +91,9 @@ def from_nothing(attempt):
 
 def other_settings(without):
     """Replace what else is tried by what a function leaves of it."""
-    from friction_comp.refinement import attempt
+    from friction_comp.refinement import best_fit
 
-    everywhere('_other_settings', without(attempt._other_settings))
+    everywhere('_other_settings', without(best_fit._other_settings))
 
 
 def constants_of_the_grid():
@@ -111,27 +111,27 @@ RULES = {
     'own share of a column': lambda: everywhere('OWN_SHARE', 0.0),
     'regions of posture': lambda: everywhere('regions_of', no_regions(1)),
     "own term beside a group's": lambda: method(
-        'search', 'Search', 'complete', lambda self, terms: list(terms)),
+        'search', 'Search', 'with_own_terms', lambda self, terms: list(terms)),
     'exchange': lambda: method('search', 'Search', 'exchange', lambda self, terms: list(terms)),
     'backward': lambda: method(
-        'search', 'Search', 'backward', lambda self, terms: self.complete(terms)),
-    'start from physics': lambda: method('attempt', 'Attempt', 'starts', from_nothing),
+        'search', 'Search', 'backward', lambda self, terms: self.with_own_terms(terms)),
+    'start from physics': lambda: method('best_fit', 'EffectSearch', 'starts', from_nothing),
     'lag': lambda: other_settings(without_lag),
     'bandwidth again': lambda: other_settings(without_bandwidth),
     'repeated searches': lambda: everywhere('NAMED_SHARE', 0.0),
     'thirds not fitted': lambda: method(
-        'naming', 'Elsewhere', 'helpful', lambda self, terms, given: list(terms)),
+        'stability', 'LeftOutThirds', 'without_harmful', lambda self, terms, given: list(terms)),
     'interval without zero': lambda: method(
-        'naming', 'Intervals', 'excludes_zero', lambda self, table, key: True),
-    'constant at its limit': lambda: everywhere('at_limit', lambda term, scene: False),
-    'time last': lambda: method('attempt', 'Attempt', 'update_candidates', offer_all),
+        'stability', 'Intervals', 'excludes_zero', lambda self, table, key: True),
+    'constant at its limit': lambda: everywhere('at_limit', lambda term, coverage: False),
+    'time last': lambda: method('best_fit', 'EffectSearch', 'update_candidates', offer_all),
     'transition of all samples': lambda: everywhere(
         '_fit_transition_to_all_samples', lambda table, terms: None),
     'constants adjusted': constants_of_the_grid,
     'beside standstill': lambda: everywhere(
         'maximum_filter1d', lambda mask, size: np.zeros_like(mask)),
     'load by mechanics': lambda: everywhere(
-        'load_by_mechanics', lambda samples, unusable, drive: 0.0),
+        'load_coefficient', lambda samples, unusable, drive: 0.0),
     'fast samples choose motion': lambda: everywhere('TRANSITIONS', (0.3, 0.0, 0.03, 0.01, 0.003)),
     'six of a kind compared': lambda: everywhere('SHORTLIST', 1.0),
     'at most 14': lambda: everywhere('MOST_EFFECTS', 99.0)}

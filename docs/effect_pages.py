@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 import numpy as np
 
 from friction_comp.model.effects import EFFECTS
-from friction_comp.model.effects.scene import Scene
+from friction_comp.model.effects.definitions import Coverage
 from friction_comp.refinement.thresholds import table
 from friction_comp.samples import Samples
 
@@ -55,8 +55,8 @@ _AXES = {'velocity': 'velocity (rad/s)', 'position': 'position (rad)', 'load': '
          'acceleration': 'acceleration (rad/s²)', 'temperature': 'temperature (°C)',
          'time': 'time (s)'}
 _AXIS_OF = {'direction': 'velocity', 'history': 'position', 'other joints': 'position'}
-SCENE = Scene(transition=0.02, speed=1.0, slowest=0.01, lowest=-1.0, highest=1.0, duration=60.0,
-              sample_time=60.0 / _SIZE, gear_ratio=10.0)
+COVERAGE = Coverage(transition=0.02, speed=1.0, slowest=0.01, lowest=-1.0, highest=1.0,
+                    duration=60.0, sample_time=60.0 / _SIZE, gear_ratio=10.0)
 
 
 def write_pages(folder: Path) -> None:
@@ -89,7 +89,7 @@ def page_of(name, kind, folder):
     lines += [f'| `{constant}` | '
               + ('searched' if search is not None else 'shared by all effects, or found otherwise')
               + ' |' for constant, search in kind.constants.items()]
-    lines += ['', f'A model may have {kind.most if kind.most > 1 else "one"} of it.', '',
+    lines += ['', f'A model may have {kind.max_count if kind.max_count > 1 else "one"} of it.', '',
               '## In the compensator', '',
               f'It is not fed back: {kind.not_fed_back}.' if kind.not_fed_back
               else 'It is fed back.']
@@ -98,7 +98,7 @@ def page_of(name, kind, folder):
 
 def draw(name, kind, path):
     """Draw the first column over its variable and tell whether there was anything to draw."""
-    grid = kind.grid(SCENE)
+    grid = kind.grid(COVERAGE)
     if not grid:
         return False
     axis = _AXIS_OF.get(kind.variable, kind.variable)
@@ -118,9 +118,9 @@ def draw(name, kind, path):
 
 def motion(axis):
     """Return samples that sweep one variable, there and back where it is a position."""
-    time = np.linspace(0.0, SCENE.duration, _SIZE)
+    time = np.linspace(0.0, COVERAGE.duration, _SIZE)
     ramp = np.linspace(-1.0, 1.0, _SIZE)
-    position = np.sin(4.0 * np.pi * time / SCENE.duration) if axis == 'position' else 0.3 * ramp
+    position = np.sin(4.0 * np.pi * time / COVERAGE.duration) if axis == 'position' else 0.3 * ramp
     velocity = {'velocity': ramp, 'position': np.gradient(position, time)}.get(axis, 0.5 + 0 * ramp)
     return Samples(
         time=time, position=position, current=0.0 * ramp, velocity=velocity,

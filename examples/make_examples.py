@@ -37,9 +37,9 @@ def record_elbow(folder: Path) -> None:
     from friction_comp.tools.ros_domain import private_domain
 
     with private_domain():
-        from friction_comp.tools.demo_stage import open_stage
+        from friction_comp.tools.demo_system import open_system
 
-        with open_stage(Namespace(output=folder, seed=1, watch=False)) as stage:
+        with open_system(Namespace(output=folder, seed=1, watch=False)) as stage:
             stage.start_plant(['elbow'], [DRIVE], HIDDEN, SAMPLE_TIME)
             stage.start('compensator', DRIVE)
             for name in ('without_direction', 'with_direction'):

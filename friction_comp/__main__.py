@@ -16,10 +16,10 @@ import threading
 from typing import NoReturn
 
 from friction_comp import __version__
-from friction_comp.compiling import begin_plain
+from friction_comp.compiling import defer_compilation
 from friction_comp.errors import InputError, one_line
-from friction_comp.package_files import name_this_environment
-from friction_comp.terminal import patient_output
+from friction_comp.package_files import add_environment_to_ament_path
+from friction_comp.terminal import tolerant_output
 
 NODES = {
     'plant': 'simulates geared joints and the person who moves them',
@@ -95,16 +95,17 @@ def run(name: str, argv: list[str] | None = None) -> int:
     for library in ('OMP', 'OPENBLAS', 'MKL'):
         os.environ.setdefault(f'{library}_NUM_THREADS', '1')
     if name in NODES or name in ('demo', 'doctor', 'play', 'improve'):
-        name_this_environment()
+        add_environment_to_ament_path()
     if name == 'compensator':
-        # A motor waits for the law, so it runs in plain Python until its compiled form is loaded.
-        begin_plain()
+        # So that it answers soon after its start: the law runs in plain Python until it is
+        # compiled.
+        defer_compilation()
     if name in NODES and threading.current_thread() is threading.main_thread():
         # Until the node handles signals itself, there is nothing to clean up.
         signal.signal(signal.SIGINT, _leave)
     elif signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _interrupt)
-    with patient_output():
+    with tolerant_output():
         try:
             # Imported late, so that a tool that needs no ROS 2 runs without it.
             module = importlib.import_module(f'friction_comp.{room}.{name}')
@@ -143,7 +144,7 @@ def main(argv: list[str] | None = None) -> int:
         return run(first, argv[1:])
     answers = {'-h': USAGE, '--help': USAGE, '--completion': COMPLETION,
                '--version': f'friction_comp {__version__}'}
-    with patient_output():
+    with tolerant_output():
         if first in answers:
             print(answers[first])
             return 0

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Checks numbers and sections of files, with one wording for what is refused."""
+"""Checks numbers and sections of files, with uniform error messages."""
 
 from __future__ import annotations
 
@@ -14,28 +14,29 @@ from friction_comp.errors import InputError
 
 def check_number(value: Any, name: str, *, above: float = -math.inf, least: float = -math.inf,
                  most: float = math.inf) -> float:
-    """Return a number from outside, called `name` in errors, as a float.
+    """Return an input, called `name` in errors, as a float.
 
-    Raises InputError if it is no number (True and False are none), not finite, or out of bounds, of
-    which `above` is excluded, the others are included.
+    Raises InputError if it is not a finite number (booleans are not numbers), or out of bounds:
+    `above` is an exclusive, `least` and `most` are inclusive bounds.
     """
     if (isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
             and above < float(value) and least <= float(value) <= most):
         return float(value)
     raise InputError(
-        f'{name} must be a {_wanted("finite number", above, least, most)}, not {value!r}')
+        f'{name} must be a {_requirement("finite number", above, least, most)}, not {value!r}')
 
 
 def check_whole_number(value: Any, name: str, *, least: float = -math.inf,
                        most: float = math.inf) -> int:
-    """Return a whole number from outside; parameters and errors are those of `check_number`."""
+    """Return an input as an int; parameters and errors are those of `check_number`."""
     if isinstance(value, Integral) and not isinstance(value, bool) and least <= int(value) <= most:
         return int(value)
     raise InputError(
-        f'{name} must be a {_wanted("whole number", -math.inf, least, most)}, not {value!r}')
+        f'{name} must be a {_requirement("whole number", -math.inf, least, most)}, not {value!r}')
 
 
-def _wanted(kind: str, above: float, least: float, most: float) -> str:
+def _requirement(kind: str, above: float, least: float, most: float) -> str:
+    """Return the bounds in words, such as 'positive finite number'."""
     if above == 0.0 and most == math.inf:
         return f'positive {kind}'
     above_words = f' above {above:g}' if above > -math.inf else ''
@@ -45,9 +46,9 @@ def _wanted(kind: str, above: float, least: float, most: float) -> str:
 
 
 def check_mapping(value: Any, name: str, known: Collection[str] | None = None) -> dict[str, Any]:
-    """Return a section of a file, called `name` in errors, with `known` entries if these are given.
+    """Return a section of a file, called `name` in errors.
 
-    Raises InputError if it is no mapping, or has unknown entries.
+    Raises InputError if it is not a mapping, or has entries that are not in `known`, if given.
     """
     if not isinstance(value, dict):
         raise InputError(f'{name} is missing or not a mapping')
@@ -59,7 +60,7 @@ def check_mapping(value: Any, name: str, known: Collection[str] | None = None) -
 
 
 def check_list(value: Any, name: str) -> list[Any]:
-    """Return a list of a file, empty where it has none; raises InputError if it is no list."""
+    """Return a list of a file, empty for None; raises InputError if it is not a list."""
     if value is not None and not isinstance(value, list):
         raise InputError(f'{name} is not a list')
     return value or []
@@ -67,10 +68,10 @@ def check_list(value: Any, name: str) -> list[Any]:
 
 def check_document(value: Any, kind: str, format_name: str, version: int,
                    known: Collection[str] | None = None) -> dict[str, Any]:
-    """Return the plain values of a file, of which entries `format` and `version` must be these.
+    """Return the content of a file after a check of its entries `format` and `version`.
 
-    Raises InputError, which calls such a file `kind`, if it is another one, of another version, or
-    has entries that are not `known`, where these are given.
+    `kind` is what error messages call such a file. Raises InputError if it has another format or
+    version, or entries that are not in `known`, if given.
     """
     if not isinstance(value, dict) or value.get('format') != format_name:
         raise InputError(f"not {kind}: 'format: {format_name}' is missing")

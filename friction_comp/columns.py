@@ -1,10 +1,10 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Guesses which column of a table holds which signal, and in which unit.
+"""Finds out which column of a table holds which signal, and in which unit.
 
-One principle: **a column is a signal, a joint and a factor**. What the user says comes first, then
-the unit in the column's own name (``q [deg]``), then the names that labs commonly give. What was
-guessed is always said.
+Each column that is used has a signal, a joint and a factor to SI units. The user's layout takes
+precedence, then the unit in the column's name (``q [deg]``), then common names. Notes tell what was
+guessed.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ _LAST = re.compile(r'_(s|ms|us|ns|deg|rad|rpm|mA|A|Nm|mNm)$')
 
 @dataclass(frozen=True)
 class Layout:
-    """What a user says of a table's columns.
+    """The user's description of a table's columns.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ class Layout:
                              'current')
         for signal, unit in self.units.items():
             if signal != 'effort':
-                factor_of(signal, unit)
+                unit_factor(signal, unit)
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ class Assignment:
                      and column.joint in (joint, '')), None)
 
 
-def factor_of(signal: str, unit: str) -> float:
+def unit_factor(signal: str, unit: str) -> float:
     """Return the factor that converts a column's numbers to SI units.
 
     Raises InputError if the unit is not known for this signal.
@@ -152,7 +152,7 @@ def factor_of(signal: str, unit: str) -> float:
 
 
 def read_pairs(text: str, what: str) -> dict[str, str]:
-    """Return ``a=b,c=d`` as a dictionary; raises InputError if it has another form."""
+    """Parse ``a=b,c=d`` into a dictionary; raises InputError if it has another form."""
     pairs: dict[str, str] = {}
     for part in text.split(','):
         name, sign, value = (piece.strip() for piece in part.partition('='))
@@ -166,9 +166,9 @@ def read_pairs(text: str, what: str) -> dict[str, str]:
 
 
 def assign(names: Sequence[str], layout: Layout | None, where: str) -> Assignment:
-    """Decide which of a table's columns hold what; `where` names the table in messages.
+    """Assign signals to a table's columns; `where` names the table in messages.
 
-    Raises InputError if a column is not there, or time, position or effort cannot be found.
+    Raises InputError if a column is missing, or time, position or effort cannot be found.
     """
     layout = layout or Layout()
     listed = ', '.join(map(repr, names))
@@ -181,7 +181,7 @@ def assign(names: Sequence[str], layout: Layout | None, where: str) -> Assignmen
     taken = {column.name for column in used}
     for column in _guesses([name for name in names if name not in taken], layout):
         # If the user names the columns of a joint, columns of other joints are ignored.
-        if not (column.signal in layout.columns or _one_of_two(column, used)
+        if not (column.signal in layout.columns or _is_duplicate(column, used)
                 or (column.joint and 'position' in layout.columns)):
             used.append(column)
     for wanted in (('time',), ('position',), ('effort', 'current')):
@@ -190,10 +190,10 @@ def assign(names: Sequence[str], layout: Layout | None, where: str) -> Assignmen
                              f'--columns {wanted[0]}=NAME; there are {listed}')
     notes = []
     # A column named after its signal is not a guess.
-    guessed = [column for column in used[known:] if _named(column) != column.name]
+    guessed = [column for column in used[known:] if _full_name(column) != column.name]
     if guessed:
         notes.append('columns guessed from their names: ' + ', '.join(
-            f'{_named(column)}={column.name}{f" in {column.unit}" if column.unit else ""}'
+            f'{_full_name(column)}={column.name}{f" in {column.unit}" if column.unit else ""}'
             for column in guessed) + ' (--columns and --unit say otherwise)')
     measured = [column for column in used if column.signal in ('effort', 'current')]
     in_ampere = {column.signal == 'current' or column.unit in _CURRENTS for column in measured}
@@ -205,26 +205,26 @@ def assign(names: Sequence[str], layout: Layout | None, where: str) -> Assignmen
         for c in used], in_ampere == {True}, notes)
 
 
-def _named(column: Column) -> str:
+def _full_name(column: Column) -> str:
     return f'{column.joint}.{column.signal}' if column.joint else column.signal
 
 
-def _one_of_two(column: Column, used: Iterable[Column]) -> bool:
-    """Return whether a joint's signal is there already; current is a second name of effort."""
+def _is_duplicate(column: Column, used: Iterable[Column]) -> bool:
+    """Return whether a joint's signal is in use already, effort and current being one signal."""
     alike = ('effort', 'current') if column.signal in ('effort', 'current') else (column.signal,)
     return any(other.signal in alike and other.joint == column.joint for other in used)
 
 
 def _column(name: str, signal: str, joint: str, layout: Layout) -> Column:
-    unit = layout.units.get(signal) or _own_unit(name, signal)
+    unit = layout.units.get(signal) or _unit_in_name(name, signal)
     if unit or signal == 'effort':
-        return Column(name, signal, joint, unit, factor_of(signal, unit) if unit else 1.0)
+        return Column(name, signal, joint, unit, unit_factor(signal, unit) if unit else 1.0)
     # The SI unit comes first.
     return Column(name, signal, joint, next(iter(_UNITS[signal]), ''), 1.0)
 
 
-def _own_unit(name: str, signal: str) -> str:
-    """Return the unit that a column's name itself says, '' where it says none that is known."""
+def _unit_in_name(name: str, signal: str) -> str:
+    """Return the unit in a column's name, '' if it has none that is known for the signal."""
     match = _BRACKET.search(name) or _LAST.search(name)
     unit = match[1].strip() if match else ''
     if unit and signal in ('velocity', 'reference_velocity') and f'{unit}/s' in _SPEEDS:
@@ -233,7 +233,7 @@ def _own_unit(name: str, signal: str) -> str:
 
 
 def _guesses(names: Sequence[str], layout: Layout) -> list[Column]:
-    """Return the columns whose names are common, those called most plainly first."""
+    """Return the columns with common names, in the order of `SIGNALS`."""
     columns = [_column(name, signal, joint, layout) for name in names
                for signal, joint in [_signal_and_joint(name)] if signal]
     # `effort` is preferred to `current` if a table has both.
@@ -243,7 +243,7 @@ def _guesses(names: Sequence[str], layout: Layout) -> list[Column]:
 
 
 def _signal_and_joint(name: str) -> tuple[str, str]:
-    """Return the signal and the joint that a column's name means; '' where there is none."""
+    """Return the signal and the joint of a column by its name; '' if it has none."""
     bare = _BRACKET.sub('', name.strip())
     for text in (bare, _LAST.sub('', bare)):
         whole = text.lower().strip().replace(' ', '_').replace('-', '_')

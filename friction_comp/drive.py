@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""A geared drive: the numbers that turn current into torque and counts into angle."""
+"""A geared drive: its constants from current to torque and from counts to angle."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Errors that a user can correct."""
+"""The error for unusable input, which a user can correct."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class InputError(ValueError):
 
 @contextmanager
 def errors_name(thing: object) -> Iterator[None]:
-    """Put what the input came from, a path mostly, before the text of an InputError."""
+    """Prefix the text of an InputError with the origin of the input, usually a path."""
     try:
         yield
     except InputError as error:

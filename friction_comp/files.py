@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reads files with errors that name them, and writes them whole or not at all."""
+"""Reads files with errors that name them, and writes files atomically."""
 
 from __future__ import annotations
 
@@ -20,11 +20,10 @@ from friction_comp.errors import InputError, one_line
 
 
 class _PlainLoader(yaml.SafeLoader):
-    """Reads what people mean by plain values: one meaning a word, each key once, no references.
+    """Reads YAML 1.2's plain values, without duplicate keys and references.
 
-    YAML 1.1 takes 3:00 for 180, 3_000 for 3000, 010 for 8 and 'no' for false, keeps the last of
-    two equal keys without a word, and lets a few lines refer to each other until they fill the
-    memory.
+    YAML 1.1 reads 3:00 as 180, 3_000 as 3000, 010 as 8 and 'no' as false, silently keeps the last
+    of two equal keys, and a few lines that refer to each other can fill the memory.
     """
 
     yaml_implicit_resolvers = {}
@@ -46,7 +45,7 @@ class _PlainLoader(yaml.SafeLoader):
 
 
 class _QuotingDumper(yaml.SafeDumper):
-    """Quotes words that either version of YAML would take for a number: 3:00 as well as 0E0."""
+    """Quotes strings that either version of YAML would read as a number: 3:00 as well as 0E0."""
 
 
 def _whole_number(loader: Any, node: Any) -> int:
@@ -71,15 +70,14 @@ for _tag, _pattern, _first in (
 _PlainLoader.add_constructor('tag:yaml.org,2002:int', _whole_number)
 _PlainLoader.add_constructor('tag:yaml.org,2002:float', _number)
 
-LARGEST = 1_000_000
-"""Bytes that a YAML document may have; the largest model files have a tenth of it."""
+# Bytes that a YAML document may have; the largest model files have a tenth of it.
+_LARGEST = 1_000_000
 
 
-def read_yaml(path: str | Path, largest: int = LARGEST) -> Any:
-    """Return the plain values of a YAML document of no more than `largest` bytes.
+def read_yaml(path: str | Path) -> Any:
+    """Return the content of a YAML file; see `_PlainLoader`.
 
-    Raises InputError if the file cannot be read, is no ordinary file, is too large, or is not YAML
-    in which each value has one meaning.
+    Raises InputError if it cannot be read, is not an ordinary file, is too large or not valid.
     """
     path = Path(path)
     try:
@@ -91,11 +89,11 @@ def read_yaml(path: str | Path, largest: int = LARGEST) -> Any:
                 raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
             if not stat.S_ISREG(kind.st_mode):
                 raise InputError(f'{path}: no ordinary file')
-            data = stream.read(largest + 1)
+            data = stream.read(_LARGEST + 1)
     except OSError as error:
         raise InputError(f'{path}: {error.strerror or error}') from None
-    if len(data) > largest:
-        raise InputError(f'{path}: more than {largest // 1000} kB')
+    if len(data) > _LARGEST:
+        raise InputError(f'{path}: more than {_LARGEST // 1000} kB')
     try:
         return yaml.load(data.decode('utf-8'), Loader=_PlainLoader)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
@@ -105,17 +103,17 @@ def read_yaml(path: str | Path, largest: int = LARGEST) -> Any:
 def encodable(text: str) -> str:
     r"""Return text that can be written as UTF-8.
 
-    Names of files need not be: their other bytes, which Python holds as single surrogates, are
-    shown as ``\udcfc`` is.
+    File names may contain other bytes, which Python represents by surrogates: they are written as
+    escape sequences such as ``\udcfc``.
     """
     return text.encode('utf-8', 'backslashreplace').decode('utf-8')
 
 
 def write_atomically(path: str | Path, content: str | bytes, sync: bool = True) -> None:
-    """Write text or bytes to a file by way of a temporary file beside it.
+    """Write text or bytes to a temporary file that then replaces the file.
 
-    Only an ordinary file is replaced; a device or pipe is written to as it stands. Without `sync`
-    it does not wait for the disk. Raises InputError if the folder cannot be written.
+    A device or pipe is written to directly. Without `sync` it does not wait for the disk. Raises
+    InputError if the file cannot be written.
     """
     path = Path(path)
     data = encodable(content).encode('utf-8') if isinstance(content, str) else content
@@ -154,9 +152,9 @@ def write_yaml(path: str | Path, document: Any) -> None:
 
 
 def plain(value: Any, not_finite: float | None = math.nan) -> Any:
-    """Turn numpy values, tuples and paths, nested as they are, into what YAML and JSON can write.
+    """Convert nested values with numpy types, tuples and paths to types of YAML and JSON.
 
-    JSON has no NaN and no infinity: they become None where `not_finite` is None.
+    JSON has no NaN and no infinity: they become None if `not_finite` is None.
     """
     if isinstance(value, dict):
         return {str(key): plain(item, not_finite) for key, item in value.items()}
@@ -173,7 +171,7 @@ def plain(value: Any, not_finite: float | None = math.nan) -> Any:
 
 
 def check_folder(path: str | Path) -> None:
-    """Raise InputError if files cannot be written into a folder, which is not made if missing."""
+    """Raise InputError if files cannot be written into a folder; it is not created."""
     folder = Path(path).absolute()
     try:
         while not folder.exists() and folder != folder.parent:
@@ -188,7 +186,7 @@ def check_folder(path: str | Path) -> None:
 
 
 def check_file(path: str | Path) -> None:
-    """Raise InputError if a file, or a device that is there already, cannot be written."""
+    """Raise InputError if a file cannot be written; existing devices are accepted."""
     path = Path(path)
     try:
         if path.is_dir():

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Finds what comes with the package, and lets ROS 2 find what came with the environment."""
+"""Finds files of the package, and makes the Python environment known to ROS 2."""
 
 from __future__ import annotations
 
@@ -12,43 +12,42 @@ from friction_comp.errors import InputError
 
 
 def package_file(*parts: str) -> Path:
-    """Return the path of a file or folder that comes with the package.
+    """Return the path of a file or folder of the package.
 
-    Looks into the source tree when the package runs from one, then into every sourced workspace,
-    then into the Python environment, for a path below ``share/friction_comp``, such as ``'config',
-    'armin_configuration_1.yaml'``. Raises InputError when there is no such file.
+    `parts` is its path below ``share/friction_comp``, such as ``'config',
+    'armin_configuration_1.yaml'``. Searched are the source tree, if the package runs from one, all
+    sourced workspaces and the Python environment. Raises InputError if there is no such file.
     """
     root = Path(__file__).resolve().parent.parent
     folders = [root] if (root / 'package.xml').is_file() else []
-    folders += [Path(p, 'share', 'friction_comp') for p in (*_sourced(), sys.prefix)]
+    folders += [Path(p, 'share', 'friction_comp') for p in (*_ament_prefixes(), sys.prefix)]
     for folder in folders:
         path = folder.joinpath(*parts)
         if path.exists():
             return path
-    raise InputError(f'friction_comp comes with no file {"/".join(parts)}')
+    raise InputError(f'friction_comp has no file {"/".join(parts)}')
 
 
 def middlewares() -> list[str]:
     """Return the names of the middlewares that ROS 2 finds on this machine."""
-    installed = {path.name for prefix in (*_sourced(), sys.prefix) for path in Path(
+    installed = {path.name for prefix in (*_ament_prefixes(), sys.prefix) for path in Path(
         prefix, 'share', 'ament_index', 'resource_index', 'rmw_typesupport').glob('rmw_*')}
     # Variables that select another implementation at run time.
     return sorted(installed - {'rmw_implementation'})
 
 
-def name_this_environment() -> None:
-    """Let ROS 2 find what is installed in this Python environment.
+def add_environment_to_ament_path() -> None:
+    """Add this Python environment to AMENT_PREFIX_PATH, where ROS 2 looks for packages.
 
-    A sourced workspace names itself in AMENT_PREFIX_PATH; a virtual environment that holds ROS 2
-    wheels does not. It comes last, so that sourced workspaces keep their precedence. Whoever
-    starts a node calls this before ROS 2 is imported.
+    A sourced workspace does so itself; a virtual environment with ROS 2 wheels does not. It is
+    added last, so that sourced workspaces keep their precedence. Call it before ROS 2 is imported.
     """
     if not Path(sys.prefix, 'share', 'ament_index').is_dir():
         return
-    if sys.prefix not in _sourced():
-        os.environ['AMENT_PREFIX_PATH'] = os.pathsep.join([*_sourced(), sys.prefix])
+    if sys.prefix not in _ament_prefixes():
+        os.environ['AMENT_PREFIX_PATH'] = os.pathsep.join([*_ament_prefixes(), sys.prefix])
 
 
-def _sourced() -> list[str]:
-    """Return the prefixes of the sourced workspaces."""
+def _ament_prefixes() -> list[str]:
+    """Return the prefixes in AMENT_PREFIX_PATH."""
     return [p for p in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep) if p]

@@ -34,11 +34,11 @@ class Failure:
 
 Outcomes = Generator[tuple[int, 'U | Failure'], None, None]
 Runner = Callable[[Callable[[Any], Any], Sequence[Any]], Iterator[tuple[int, Any]]]
-"""Does work on each of several items; yields index and outcome in the order of their end."""
+"""Does work on each item; yields index and outcome of each as soon as it is finished."""
 
 
 def attempt(work: Callable[[T], U], item: T) -> U | Failure:
-    """Return what work makes of an item, or why it made nothing."""
+    """Return the result of work on an item, or a `Failure` if it raises an error."""
     try:
         return work(item)
     except InputError as error:
@@ -51,9 +51,9 @@ def attempt(work: Callable[[T], U], item: T) -> U | Failure:
 def run_each(work: Callable[[T], U], items: Sequence[T], jobs: int = 1) -> Outcomes[U]:
     """Do work on each of several items; yield the index of each and its outcome, or a `Failure`.
 
-    With more than one job, work and items are pickled and done in so many processes. A process that
-    is killed, for want of memory say, is replaced, and costs the item that it had, but no other. An
-    error on the only item is raised.
+    With several jobs, work and items are pickled and processed in this number of processes. If a
+    process is killed, for instance for lack of memory, its item fails and the process is replaced.
+    An error on the only item is raised.
     """
     if len(items) == 1:
         yield 0, work(items[0])
@@ -92,20 +92,20 @@ def _in_processes(work: Callable[[T], U], items: Sequence[T], jobs: int) -> Outc
 
 @contextmanager
 def interrupts_deferred() -> Iterator[None]:
-    """Let an interrupt or request to end, if one comes meanwhile, take effect afterwards."""
+    """Defer interrupts and requests to terminate until the end of the block."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    came = []
-    handlers = {signum: signal.signal(signum, lambda signum, _: came.append(signum))
+    received = []
+    handlers = {signum: signal.signal(signum, lambda signum, _: received.append(signum))
                 for signum in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield
     finally:
         for signum, handler in handlers.items():
             signal.signal(signum, signal.SIG_DFL if handler is None else handler)
-        if came:
-            signal.raise_signal(came[0])
+        if received:
+            signal.raise_signal(received[0])
 
 
 @contextmanager
@@ -113,10 +113,10 @@ def child_process() -> Iterator[ProcessPoolExecutor]:
     """Yield an executor with one process; leaving the block ends its work."""
     # A fresh interpreter: a fork of a process that has run compiled threads may deadlock.
     context = multiprocessing.get_context('spawn')
-    listening, held = context.Pipe(duplex=False)
+    child_end, parent_end = context.Pipe(duplex=False)
     # Close the pipe before the pool, which waits for work that has begun.
-    with ProcessPoolExecutor(max_workers=1, mp_context=context, initializer=_end_with,
-                             initargs=(listening,)) as pool, held:
+    with ProcessPoolExecutor(max_workers=1, mp_context=context, initializer=_end_with_parent,
+                             initargs=(child_end,)) as pool, parent_end:
         # An interrupt while the process starts would leave it half-initialised: it is blocked
         # there, and deferred here, where another thread may receive it. Python's resource tracker
         # would unblock it when it starts, so it is started before.
@@ -130,7 +130,7 @@ def child_process() -> Iterator[ProcessPoolExecutor]:
         yield pool
 
 
-def _end_with(listening: Connection) -> None:
+def _end_with_parent(child_end: Connection) -> None:
     """End this process when the other end of a pipe is closed, also when its process was killed.
 
     The work may take long, and there is no process left to receive the result.
@@ -140,6 +140,6 @@ def _end_with(listening: Connection) -> None:
 
     def end() -> None:
         with suppress(EOFError):
-            listening.recv()
+            child_end.recv()
         os._exit(1)
     threading.Thread(target=end, daemon=True).start()

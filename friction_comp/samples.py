@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""A stretch of measured data."""
+"""Measured data of one joint, and of joints recorded together."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class JointStates:
         return self._change(lambda values: values[index])
 
     def of(self, joints: Sequence[str]) -> JointStates:
-        """Return the states of some joints, in their order; raises InputError if one is missing."""
+        """Return the states of these joints in this order; raises InputError if one is missing."""
         for name in joints:
             if name not in self.joints:
                 raise InputError(f'the motion of joint {name!r} is needed, but only that of '
@@ -61,7 +61,7 @@ class JointStates:
 
     @staticmethod
     def concatenate(parts: Sequence[JointStates]) -> JointStates:
-        """Join stretches; joints that not all of them have are dropped, and so is velocity."""
+        """Concatenate parts; joints and velocity that are not in all of them are dropped."""
         joints = [name for name in parts[0].joints if all(name in part.joints for part in parts)]
         parts = [part.of(joints) for part in parts]
         speeds = [part.velocity for part in parts if part.velocity is not None]
@@ -95,9 +95,9 @@ class Samples:
     reference_position, reference_velocity : ndarray, optional
         The movement shown to the person, rad and rad/s.
     rigid_body : ndarray, optional
-        Torque in N·m that the rigid bodies of the whole arm ask of the joint.
+        Torque of the joint in N·m that carries and moves the links of the arm.
     coupling : ndarray, optional
-        Current in A that other joints ask of the joint's motor, where no URDF says why.
+        Current in A due to the motion of other joints, of an arm without a URDF.
     arm : JointStates, optional
         Motion of all joints that were recorded beside this one.
     recording : ndarray of int, optional
@@ -153,8 +153,8 @@ class Samples:
     def averaged(self, length: int) -> Samples:
         """Return averages over `length` consecutive samples, segment by segment.
 
-        Remaining samples at the end of a segment are dropped. Of values that are not measured
-        (direction, recording) the first is kept.
+        Remaining samples at the end of a segment are dropped. Direction and recording are those of
+        the first sample, not averages.
         """
         if length == 1 or not len(self):
             return self
@@ -167,7 +167,7 @@ class Samples:
         return self._change(lambda values: values[rows].mean(axis=1), **first)
 
     def _change(self, change: Callable[[np.ndarray], np.ndarray], **others: Any) -> Samples:
-        """Return a copy with every signal changed by a function, except for some others."""
+        """Return a copy with a function applied to all signals except those in `others`."""
         for name in _SIGNALS:
             value = getattr(self, name)
             if value is not None and name not in others:
@@ -258,13 +258,13 @@ class Samples:
         ----------
         frame : DataFrame or dict of str to array_like
         layout : Layout, optional
-            Which column is what, in which unit; the rest is guessed from the columns' names.
+            Columns and units of signals; others are guessed from the names of the columns.
         torque_constant, gear_ratio : float
             k_t in N·m/A and n, where the frame holds an effort in N·m.
         joint : str, optional
-            Needed where the frame has several.
+            Required if the frame has several.
         notes : list of str, optional
-            Gets what was guessed.
+            The guesses are appended.
 
         Examples
         --------
@@ -308,7 +308,7 @@ class Samples:
 
     @cached_property
     def position_step(self) -> float:
-        """Smallest step in rad that the position makes, 0 where it never moves: the encoder's."""
+        """Smallest change of position in rad, that of the encoder; 0 if it never moves."""
         steps = np.abs(np.diff(self.position))
         steps = steps[steps > 0.0]
         return float(np.min(steps)) if steps.size else 0.0
@@ -318,10 +318,10 @@ class Samples:
         return {}
 
     def segments(self, largest_gap: float = 5.0) -> list[slice]:
-        """Return slices of unbroken data.
+        """Return slices of samples without gaps.
 
-        A step longer than so many median steps, a step backwards, or the start of another recording
-        begins a new segment.
+        A new segment begins after a time step longer than `largest_gap` median steps, after a step
+        backwards, and at the start of another recording.
         """
         if largest_gap not in self._segments:
             step = np.diff(self.time)
@@ -334,9 +334,9 @@ class Samples:
 
     @staticmethod
     def concatenate(parts: Iterable[Samples]) -> Samples:
-        """Join stretches of one joint; each keeps or gets its own recording number.
+        """Concatenate samples of one joint; recordings are renumbered in order.
 
-        Signals that not every part has are dropped.
+        Signals that are not in all parts are dropped.
         """
         parts = list(parts)
         if not parts:

@@ -2,10 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checks whether measured signals are possible and agree with each other.
 
-A signal is accepted if a second one confirms it: the change of position equals the integrated
-velocity, and the measured current equals the commanded one. The result of either comparison is a
-ratio: one if they agree, negative if a sign is wrong, and otherwise a value that often identifies a
-wrong unit.
+A signal is compared with a second one: the integrated velocity with the change of position, and the
+measured current with the commanded one. The result of either comparison is a ratio: one if they
+agree, negative if a sign is wrong, and otherwise a value that often identifies a wrong unit.
 
 The functions take arrays, as recordings contain them. `VelocityCheck` and `CurrentCheck` apply them
 to recent samples of a running system. The caller decides how far a ratio may be from one: a factor
@@ -29,18 +28,19 @@ LIMITS = {
     'command': (1e5, 'A'), 'load': (1e7, 'N·m'), 'temperature': (1e3, '°C'),
     'reference_position': (1e5, 'rad'), 'reference_velocity': (1e4, 'rad/s'),
 }
-"""Largest magnitude and unit of each signal, far beyond any geared drive: a turn a second for four
-hours is 1e5 rad, the fastest motors turn at 1e4 rad/s, a wind turbine's shaft carries 1e7 N·m."""
+"""Largest magnitude and unit of each signal, far beyond any geared drive: one turn per second for
+four hours is 1e5 rad, the fastest motors turn at 1e4 rad/s, the shaft of a wind turbine carries
+1e7 N·m."""
 
 BLOCK = 0.1
-"""s over which the ways by position and by velocity are compared."""
+"""s over which velocity is integrated and compared with the change of position."""
 
 # A block is not used if the joint moved less than this, rad and encoder counts.
 _SHORT, _FEW_COUNTS = 2e-3, 50.0
 # A position that changes by fewer counts while the velocity predicts more is stuck.
 _STILL_COUNTS = 2.5
-# s by which a drive's filter may delay the velocity: the integral is then short by the change of
-# speed over that time.
+# s by which a drive's filter may delay the velocity: the integral then differs by the change of
+# speed times this delay.
 _VELOCITY_LAG = 0.02
 # Time steps above this in s, and above this multiple of the usual one, are gaps, over which nothing
 # is integrated.
@@ -50,8 +50,8 @@ _GAP, _GAP_STEPS = 0.02, 3.0
 # Longer delays come from the connection between drive and controller.
 _SMOOTHING = 0.05
 LATEST = 0.3
-"""s of the latest answer that is looked for: a busy machine takes a tenth of a second or two to
-hand a current on. What comes later still is no answer to anybody who would tell it from silence."""
+"""Largest delay of the measured current that is considered, s: a busy machine takes a tenth of a
+second or two to transfer a command. Current after a longer delay counts as no response."""
 
 # s of measured current that are compared.
 _MEMORY = 0.5
@@ -60,8 +60,8 @@ _GRID = 0.005
 # A delay is accepted if it raises the correlation by this much: for a constant current all delays
 # are equally good.
 _CLEARLY = 0.005
-# Smallest share of the variation of the commanded current that must be left after smoothing.
-_STANDS_OUT = 0.2
+# Smallest share of the commanded current's oscillation that must remain after smoothing, RMS.
+_LEAST_REMAINING = 0.2
 # A ratio within this share of that of a unit is reported with the unit's name.
 _NAMED = 0.1
 
@@ -83,7 +83,7 @@ def beyond(signal: str, values: np.ndarray) -> np.ndarray:
 
 
 def _name_unit(ratio: float, units: Mapping[float, str]) -> str:
-    """Return the words of the unit whose factor a ratio is, either sign; '' where it is none's."""
+    """Return the text of the unit whose factor is a ratio's magnitude; '' if there is none."""
     nearest = min(units, key=lambda unit: abs(math.log(unit / max(abs(ratio), 1e-300))))
     return units[nearest] if abs(abs(ratio) / nearest - 1.0) < _NAMED else ''
 
@@ -109,25 +109,26 @@ def velocity_ratios(time: np.ndarray, position: np.ndarray, velocity: np.ndarray
     if len(edges) < 2:
         return np.empty(0)
     last, begins = edges[-1], edges[:-1]
-    went = np.diff(position[edges])
+    change = np.diff(position[edges])
     middle = 0.5 * (velocity[1:] + velocity[:-1])[:last]
-    way = np.add.reduceat(middle * step[:last], begins)
-    swing = np.maximum.reduceat(middle, begins) - np.minimum.reduceat(middle, begins)
+    integral = np.add.reduceat(middle * step[:last], begins)
+    velocity_range = np.maximum.reduceat(middle, begins) - np.minimum.reduceat(middle, begins)
     gap = max(_GAP, _GAP_STEPS * float(np.median(step)))
     whole = ((np.maximum.reduceat(step[:last], begins) <= gap)
              & (np.minimum.reduceat(step[:last], begins) > 0.0))
-    moved = whole & (np.maximum(np.abs(went), np.abs(way)) >= max(
+    moved = whole & (np.maximum(np.abs(change), np.abs(integral)) >= max(
         _SHORT, _FEW_COUNTS * resolution))
-    went, way, swing = went[moved], way[moved], swing[moved]
-    stands = np.abs(went) <= _STILL_COUNTS * resolution
-    ratio = np.divide(way, went, out=np.full(len(went), math.inf), where=~stands)
-    return np.where(np.abs(went - way) < _VELOCITY_LAG * swing, 1.0, ratio)
+    change, integral = change[moved], integral[moved]
+    stuck = np.abs(change) <= _STILL_COUNTS * resolution
+    ratio = np.divide(integral, change, out=np.full(len(change), math.inf), where=~stuck)
+    # A delayed velocity explains a difference of up to its range times the delay.
+    return np.where(np.abs(change - integral) < _VELOCITY_LAG * velocity_range[moved], 1.0, ratio)
 
 
 def velocity_fault(ratios: np.ndarray, factor: float) -> str:
-    """Return in words how velocity contradicts position; '' where it does not.
+    """Return how velocity contradicts position, as text; '' if it does not.
 
-    The median of `velocity_ratios` may differ from one by a factor either way.
+    The median of `velocity_ratios` must be between 1 / `factor` and `factor`.
     """
     if not len(ratios):
         return ''
@@ -135,7 +136,7 @@ def velocity_fault(ratios: np.ndarray, factor: float) -> str:
     if 1.0 / factor < ratio < factor:
         return ''
     if not math.isfinite(ratio):
-        return 'the position stands still while the velocity leads away: the encoder is stuck'
+        return 'the position stands still while the velocity is not zero: the encoder is stuck'
     if abs(ratio) < 1e-9:
         return 'the position moves while the velocity stays zero: it is not measured, or stuck'
     words = f'velocity is {ratio:.3g} times the rate of position: '
@@ -148,10 +149,10 @@ def velocity_fault(ratios: np.ndarray, factor: float) -> str:
 class VelocityCheck:
     """Compares velocity with position, sample by sample.
 
-    The median of the latest `blocks` of motion may differ from one by a factor either way;
-    `resolution` is that of the encoder, rad, where it is known. With `zeros`, a velocity that was
-    always zero contradicts nothing: some drivers do not measure it. `fault` says in words what is
-    wrong, until the joint moves as it should; it is empty where nothing is.
+    The median ratio of the latest `blocks` of motion must be between 1 / `factor` and `factor`;
+    `resolution` is that of the encoder, rad, if known. With `zeros`, a velocity that has always
+    been zero is accepted: some drivers do not measure it. `fault` is the result as text, empty if
+    there is no contradiction; it changes only while the joint moves.
     """
 
     def __init__(self, factor: float, blocks: int = 1, resolution: float = 0.0,
@@ -163,22 +164,22 @@ class VelocityCheck:
         self.fault = ''
 
     def interrupt(self) -> None:
-        """Begin a new block, for instance after a gap, in which the motion is unknown."""
+        """Begin a new block, for instance after a gap."""
         self._samples.clear()
 
     def take(self, time: float, position: float, velocity: float) -> str:
-        """Take a finite sample in s, rad and rad/s; return `fault`."""
+        """Add a finite sample in s, rad and rad/s; return `fault`."""
         if self.add(time, position, velocity):
             self.judge()
         return self.fault
 
     def add(self, time: float, position: float, velocity: float) -> bool:
-        """Take a finite sample in s, rad and rad/s; return whether `judge` is due."""
+        """Add a finite sample in s, rad and rad/s; return whether `judge` must be called."""
         self._samples.append((time, position, velocity))
         return time - self._samples[0][0] >= BLOCK
 
     def judge(self) -> None:
-        """Judge what came since the last time; a tenth of a millisecond's work."""
+        """Update `fault` by the samples since the last call, which takes a tenth of a ms."""
         samples = np.array(self._samples)
         self._samples[:] = self._samples[-1:]
         self._moved = self._moved or bool(samples[:, 2].any())
@@ -192,14 +193,13 @@ class VelocityCheck:
 # Measured against commanded current.
 
 class Answer(NamedTuple):
-    """The measured current as a multiple of the commanded one."""
+    """How the measured current follows the commanded one."""
 
     gain: float             # measured over commanded current
     likeness: float         # their correlation about zero
     error: float = 0.0      # standard error of the gain
     delay: float = 0.0      # s by which the measured current is late
-    # Root mean square in A of the commanded current that had time to be answered, even by the
-    # latest answer that is looked for.
+    # Root mean square in A of the commanded current that is older than `LATEST`.
     earliest: float = math.inf
 
 
@@ -212,31 +212,33 @@ def current_answer(command: np.ndarray, measured: np.ndarray) -> Answer:
 
 
 def late_answer(time: np.ndarray, command: np.ndarray, measured: np.ndarray) -> Answer:
-    """Return how the measured current follows the commanded one, late, in the last 0.8 s.
+    """Return how the measured current follows the commanded one with a delay, in the last 0.8 s.
 
-    Both are smoothed alike, A, shape (N,); time is in s.
+    Both are smoothed with the same filter, A, shape (N,); time is in s.
     """
     back = np.arange(round(_MEMORY / _GRID)) * _GRID
-    answered = np.interp(time[-1] - back, time, measured, left=0.0)
+    recent = np.interp(time[-1] - back, time, measured, left=0.0)
     delays = np.arange(round(LATEST / _GRID) + 1) * _GRID
-    asked = np.interp(time[-1] - back - delays[:, None], time, command, left=0.0)
-    power, product = np.sum(asked ** 2, axis=1), asked @ answered
-    alike = product / np.sqrt(np.maximum(power * (answered @ answered), 1e-300))
-    size = np.abs(alike)
+    # The command, delayed by each of the delays.
+    delayed = np.interp(time[-1] - back - delays[:, None], time, command, left=0.0)
+    power, product = np.sum(delayed ** 2, axis=1), delayed @ recent
+    correlation = product / np.sqrt(np.maximum(power * (recent @ recent), 1e-300))
+    size = np.abs(correlation)
     index = int(np.argmax(size)) if size.max() > size[0] + _CLEARLY else 0
     gain = float(product[index] / max(power[index], 1e-300))
-    likeness = float(alike[index])
+    likeness = float(correlation[index])
     # Values smoothed over a time are independent after twice that time.
     return Answer(gain, likeness, _error(gain, likeness, _MEMORY / (2.0 * _SMOOTHING)),
                   float(delays[index]), float(np.sqrt(power[-1] / len(back))))
 
 
 def _error(gain: float, likeness: float, count: float) -> float:
+    """Return the standard error of a gain, by the correlation of `count` independent values."""
     return abs(gain) * math.sqrt(max(1.0 / max(likeness ** 2, 1e-12) - 1.0, 0.0) / count)
 
 
 def current_fault(gain: float, drive: Drive) -> str:
-    """Return in words why a current, computed from effort, is `gain` times the commanded one."""
+    """Return why a current, computed from effort, may be `gain` times the commanded one."""
     if abs(gain) < 1e-6:
         return 'effort is not measured'
     faults = ['effort has the wrong sign'] if gain < 0.0 else []
@@ -257,21 +259,24 @@ def current_fault(gain: float, drive: Drive) -> str:
 class CurrentCheck:
     """Compares the measured current with the commanded one, sample by sample.
 
-    Both are smoothed alike. What is measured before anything was commanded is the sensor's zero.
-    `commanded` is the commanded current in A, smoothed.
+    Both are smoothed with the same filter. The measured current without a command is the sensor's
+    offset. `commanded` is the commanded current in A, smoothed.
     """
 
     def __init__(self) -> None:
         self.commanded = self._measured = 0.0
+        # Mean of the measured current without command, the sensor's offset, and its sample count.
         self._zero, self._zeros = 0.0, 0
         # Integrals over time, exponentially weighted and total: of the squared commanded current,
         # of its product with the measured one, and of one.
         self._recent, self._all = [0.0] * 3, [0.0] * 3
-        self._rattle = 0.0
+        # The same, weighted, of the square of what smoothing removes from the commanded current.
+        self._removed = 0.0
+        # Time and smoothed currents, as far back as `answer` needs them.
         self._past: deque[tuple[float, float, float]] = deque()
 
     def take(self, time: float, step: float, command: float, measured: float) -> None:
-        """Take a sample: s, s since the one before, A, A."""
+        """Add a sample: s, s since the last one, A, A."""
         if command == 0.0 and self.commanded == 0.0:
             self._zeros += 1
             self._zero += (measured - self._zero) / self._zeros
@@ -283,26 +288,25 @@ class CurrentCheck:
         while time - past[0][0] > _MEMORY + LATEST:
             past.popleft()
         fading = math.exp(-step / _MEMORY)
-        self._rattle = fading * self._rattle + step * (command - self.commanded) ** 2
+        self._removed = fading * self._removed + step * (command - self.commanded) ** 2
         for k, value in enumerate((self.commanded ** 2, self.commanded * self._measured, 1.0)):
             self._recent[k] = fading * self._recent[k] + step * value
             self._all[k] += step * value
 
     def gain(self, least: float, lately: bool = True) -> float:
-        """Return measured over commanded current, of the last half second or of all.
+        """Return measured over commanded current, `lately` (in the last half second) or in all.
 
-        NaN where there is too little data: the commanded current must have a root mean square of at
-        least so many A.
+        NaN if there is too little data, or the commanded current is below `least`, RMS in A.
         """
         power, product, duration = self._recent if lately else self._all
         if duration < 0.3 * _MEMORY or power <= duration * least ** 2:
             return math.nan
         # The part of an oscillating controller's current that smoothing removes is not compared,
         # since an amplifier follows it late and incompletely.
-        if lately and power < _STANDS_OUT ** 2 * self._rattle:
+        if lately and power < _LEAST_REMAINING ** 2 * self._removed:
             return math.nan
         return product / power
 
     def answer(self) -> Answer:
-        """Return how the measured current follows the commanded one, late as it may be."""
+        """Return how the measured current follows the commanded one with a delay."""
         return late_answer(*np.array(self._past).T)

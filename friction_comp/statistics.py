@@ -26,7 +26,7 @@ def holm(p_values: Sequence[float]) -> np.ndarray:
 
 
 def robust_std(values: np.ndarray, axis: int | None = None) -> Any:
-    """Return the standard deviation about zero of normal values with the same median magnitude."""
+    """Return the standard deviation about zero, estimated from the median of the magnitudes."""
     return 1.4826 * np.median(np.abs(values), axis=axis)
 
 
@@ -37,10 +37,10 @@ def noise_level(values: np.ndarray) -> float:
 
 
 def quantile_edges(values: np.ndarray, count: int, tails: Sequence[float] = ()) -> np.ndarray:
-    """Return the inner edges of ranges that hold equally many values, ascending.
+    """Return the inner edges of `count` ranges with equal numbers of values, ascending.
 
-    Either end is cut once more at the shares `tails`. Edges are not repeated: where many values
-    are equal, there are fewer than ``count - 1``.
+    There are further edges at the quantiles `tails` and 1 - `tails`. Where many values are equal,
+    there are fewer edges, since none is repeated.
     """
     ends = np.array(tails, dtype=float)
     shares = np.concatenate((ends, np.linspace(0, 1, count + 1)[1:-1], 1.0 - ends))

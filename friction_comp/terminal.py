@@ -1,9 +1,9 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Standard output and error streams whose failure never stops a tool.
+"""Standard output and error streams that never stop a tool.
 
-The results of a tool are in files; what it prints is additional. A closed pipe (``| head``) or a
-terminal without some characters only loses text.
+The results of a tool are in files; its printed output is additional. If a pipe is closed (``|
+head``) or a terminal lacks some characters, only text is lost.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ import sys
 from typing import Any
 
 
-class _Patient:
-    """A text stream that tolerates a reader that has gone."""
+class _TolerantStream:
+    """A text stream that discards its output once its reader has closed the pipe."""
 
     def __init__(self, stream: Any) -> None:
         self._stream = stream
@@ -25,33 +25,33 @@ class _Patient:
         try:
             return int(self._stream.write(text))
         except BrokenPipeError:
-            self._let_go()
+            self._discard_output()
             return len(text)
 
     def flush(self) -> None:
         try:
             self._stream.flush()
         except BrokenPipeError:
-            self._let_go()
+            self._discard_output()
 
-    def _let_go(self) -> None:
-        # Below Python's buffers, which are flushed again when the process ends.
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, self._stream.fileno())
-        os.close(nowhere)
+    def _discard_output(self) -> None:
+        # Redirect the file descriptor: Python's buffers are flushed again when the process ends.
+        null = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(null, self._stream.fileno())
+        os.close(null)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
 
 
 @contextmanager
-def patient_output() -> Iterator[None]:
-    """Let nothing that is printed within end the work; letters that cannot be shown are escaped."""
+def tolerant_output() -> Iterator[None]:
+    """Tolerate closed pipes in the block, and escape characters that the terminal lacks."""
     before = sys.stdout, sys.stderr
     for stream in before:
         if hasattr(stream, 'reconfigure'):
             stream.reconfigure(errors='backslashreplace')
-    sys.stdout, sys.stderr = (stream and _Patient(stream) for stream in before)
+    sys.stdout, sys.stderr = (stream and _TolerantStream(stream) for stream in before)
     try:
         yield
     finally:

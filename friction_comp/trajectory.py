@@ -29,7 +29,7 @@ class Trajectory:
 
     @classmethod
     def load(cls, path: str | Path) -> Trajectory:
-        """Read a YAML file in the message's own layout; raises InputError if it is none."""
+        """Read a message from a YAML file; raises InputError if it is not valid."""
         try:
             # The C loader reads a minute of motion in a tenth of the time.
             loader = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
@@ -69,7 +69,7 @@ class Trajectory:
         return [divmod(round(1e9 * float(time)), 1_000_000_000) for time in self.time]
 
     def to_yaml(self, remark: str) -> str:
-        """Return the message below a remark, for ``ros2 topic pub`` or an action's goal."""
+        """Return the message as YAML, for ``ros2 topic pub`` or a goal, below a comment."""
         names = ', '.join(json.dumps(joint, ensure_ascii=False) for joint in self.joints)
         lines = [*(f'# {line}' for line in remark.splitlines()),
                  'header: {stamp: {sec: 0, nanosec: 0}, frame_id: ""}',

@@ -12,11 +12,11 @@ from hypothesis import HealthCheck, settings
 from matplotlib.figure import Figure
 import pytest
 
-from friction_comp.package_files import name_this_environment
+from friction_comp.package_files import add_environment_to_ament_path
 from friction_comp.reports import figures
 
 # As `python3 -m friction_comp` does for nodes: some tests import ROS 2 by themselves.
-name_this_environment()
+add_environment_to_ament_path()
 # A shell's background jobs, and what they start, ignore interrupts: tools that tests interrupt
 # would never end.
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:

@@ -13,7 +13,7 @@ import signal
 import sys
 
 from friction_comp.__main__ import run
-from friction_comp.compiling import begin_plain
+from friction_comp.compiling import defer_compilation
 
 
 def become(name, arguments, folder, output, environment):
@@ -34,7 +34,7 @@ def main(plain):
     # The test ends what it has started.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if plain:
-        begin_plain()
+        defer_compilation()
         import friction_comp.nodes.compensator
     else:
         from friction_comp.nodes.compile_nodes import compile_nodes

@@ -118,8 +118,8 @@ def fork_nodes_of_tools(monkeypatch):
 
 
 def shorten_scenes(monkeypatch, folder):
-    """Let scenes of the demo fork their nodes, exercise once, and have as few states as may be."""
-    from friction_comp.tools import demo_scenes, demo_stage
+    """Let scenes of the demo fork their nodes, exercise once, and have few states."""
+    from friction_comp.tools import demo_scenes, demo_system
 
     def shortened(*parts):
         path = package_file(*parts)
@@ -133,7 +133,7 @@ def shorten_scenes(monkeypatch, folder):
         return processes.plant_parameters(*arguments[:4], sample_time=2.5 * processes.SAMPLE_TIME)
     fork_nodes_of_tools(monkeypatch)
     monkeypatch.setattr(demo_scenes, 'package_file', shortened)
-    monkeypatch.setattr(demo_stage, 'plant_parameters', seldom)
+    monkeypatch.setattr(demo_system, 'plant_parameters', seldom)
 
 
 class Process:

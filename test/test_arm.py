@@ -186,9 +186,9 @@ def test_intervals_hold_the_truth_and_say_what_the_urdf_alone_tells(pinocchio, t
     found = fit_arm(chain, joints, declared=np.array(SCALES)).intervals
     # The first link turns about the vertical: nothing shows its mass, and all show what the last
     # one, whose weight is felt by two joints, weighs at its distance.
-    assert found.told[0, 0] < 0.1
+    assert found.from_recording[0, 0] < 0.1
     assert not np.isfinite(found.parameters[0, 0]).any()
-    assert found.told[2, 1] > 0.9
+    assert found.from_recording[2, 1] > 0.9
     low, high = found.parameters[2, 1]
     assert low - 0.01 <= true[2, 1] <= high + 0.01
     assert high - low < 0.2 * true[2, 1]

@@ -8,7 +8,7 @@ from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 
-from friction_comp.refinement.sums import BlockSums, sums_of
+from friction_comp.refinement.block_sums import BlockSums, sums_of
 
 SEED, BLOCKS, COLUMNS = st.integers(0, 2 ** 31), st.integers(2, 9), st.integers(1, 6)
 
@@ -25,7 +25,7 @@ def made(seed, blocks, columns):
 @given(SEED, BLOCKS, COLUMNS)
 def test_a_block_left_out_is_predicted_as_by_a_fit_to_the_others(seed, blocks, columns):
     matrix, target, block = made(seed, blocks, columns)
-    found = sums_of(matrix, target, block).left_out(range(columns))
+    found = sums_of(matrix, target, block).held_out_errors(range(columns))
     for k in range(blocks):
         fit = np.linalg.lstsq(matrix[block != k], target[block != k], rcond=None)[0]
         expected = np.sum((target - matrix @ fit)[block == k] ** 2)

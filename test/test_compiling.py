@@ -26,7 +26,7 @@ def printed_by(code):
 LAW = """
     import sys
     from friction_comp import compiling
-    compiling.begin_plain()
+    compiling.defer_compilation()
     import numpy as np
     from friction_comp.compensation.law import CompensationLaw
     from friction_comp.model.friction_model import FrictionModel
@@ -52,12 +52,12 @@ def test_the_exchange_of_plain_kernels_for_compiled_ones_is_not_seen_in_the_curr
     worst, largest, exchanged, again = map(float, printed_by(LAW + """
     laws = [CompensationLaw(models, name) for name in ('continuous', 'paper', 'kinetic')]
     begun = [currents(law, 0, 1000) for law in laws]
-    exchanged = compiling.compile_rest()
+    exchanged = compiling.compile_deferred()
     mixed = [np.concatenate([b, currents(law, 1000, 3000)]) for b, law in zip(begun, laws)]
     compiled = [currents(CompensationLaw(models, name), 0, 3000)
                 for name in ('continuous', 'paper', 'kinetic')]
     print(max(np.abs(a - b).max() for a, b in zip(mixed, compiled)), np.abs(compiled).max(),
-          exchanged, compiling.compile_rest())
+          exchanged, compiling.compile_deferred())
     """))
     # The last bit of an exponential.
     assert worst < 1e-12
@@ -78,11 +78,11 @@ def test_the_law_starts_without_what_takes_long_to_import():
 def test_a_kernel_that_is_first_called_afterwards_is_compiled_then():
     assert printed_by("""
     from friction_comp import compiling
-    compiling.begin_plain()
+    compiling.defer_compilation()
     from friction_comp.low_pass import low_pass_weight
     from friction_comp.model.compiled import compiled_kinetic_current
     before = low_pass_weight(1e-3, 1e-2)
-    compiling.compile_rest()
+    compiling.compile_deferred()
     print(before == low_pass_weight(1e-3, 1e-2), compiled_kinetic_current(0.1, 1, -1, 9, 0, 0) > 0,
           len(compiled_kinetic_current.dispatcher.signatures))
     """) == ['True', 'True', '1']
@@ -93,9 +93,9 @@ def test_nothing_begins_in_plain_python_where_numba_is_there_already():
     assert printed_by("""
     import numba
     from friction_comp import compiling
-    compiling.begin_plain()
+    compiling.defer_compilation()
     from friction_comp.low_pass import low_pass_weight
-    print(type(low_pass_weight).__name__, compiling.compile_rest())
+    print(type(low_pass_weight).__name__, compiling.compile_deferred())
     """) == ['CPUDispatcher', '0']
 
 

@@ -55,7 +55,7 @@ def test_the_weight_of_the_next_link_is_found_without_a_urdf():
 def test_what_mechanics_rules_out_is_not_tried(own):
     for group in groups_for('abcd', own):
         turned = {name for name, _ in group.angles}
-        assert group.everyone != {own}
+        assert group.all_joints != {own}
         if group.kind == 'weight':
             assert own in turned
         else:

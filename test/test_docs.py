@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from friction_comp.model.effects import EFFECTS
-from friction_comp.model.effects.scene import VARIABLES
+from friction_comp.model.effects.definitions import VARIABLES
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.note.published import EXPERIMENTS
 

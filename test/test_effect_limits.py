@@ -10,14 +10,14 @@ from test_prepare import swings
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.model.effects import EFFECTS, Scene
+from friction_comp.model.effects import Coverage, EFFECTS
 from friction_comp.model.effects.base import with_range
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
 
-SCENE = Scene(transition=0.02, speed=1.0, slowest=0.01, lowest=-1.0, highest=1.0, duration=100.0,
-              sample_time=0.01, resolution=1e-5)
+COVERAGE = Coverage(transition=0.02, speed=1.0, slowest=0.01, lowest=-1.0, highest=1.0,
+                    duration=100.0, sample_time=0.01, resolution=1e-5)
 
 
 @pytest.mark.parametrize('name, constants', [
@@ -27,20 +27,20 @@ def test_a_constant_is_kept_where_the_effect_is_what_its_name_says(name, constan
     kind = EFFECTS[name]
     full = {**dict.fromkeys(kind.constants, 1.0), 'transition': 0.02, **constants}
     (key, value), = constants.items()
-    kept = kind.limited(key, value, full, SCENE)
+    kept = kind.limited(key, value, full, COVERAGE)
     assert (kept == value) == (value <= 0.1)
     assert kept <= value
 
 
 @pytest.mark.parametrize('name, changes', [
-    ('gravity', {'lowest': 0.0, 'highest': 0.034}), ('rest_time', {'rested': 0.2}),
-    ('warm_up', {'duration': 27.0}), ('hysteresis', {'positions': 28.0}),
+    ('gravity', {'lowest': 0.0, 'highest': 0.034}), ('rest_time', {'rest_duration': 0.2}),
+    ('warm_up', {'duration': 27.0}), ('hysteresis', {'distinct_positions': 28.0}),
     ('hysteresis', {'reversals': 0.0}),
     ('stribeck', {'slow': 0.9}), ('temperature', {'temperature_span': 1.0}),
     ('direction_asymmetry', {'both_directions': False})])
 def test_what_cannot_be_seen_is_said_by_the_effect_itself(name, changes):
-    assert EFFECTS[name].insufficient_data(SCENE) == ''
-    assert EFFECTS[name].insufficient_data(replace(SCENE, **changes)).endswith('.')
+    assert EFFECTS[name].insufficient_data(COVERAGE) == ''
+    assert EFFECTS[name].insufficient_data(replace(COVERAGE, **changes)).endswith('.')
 
 
 def test_what_drifted_by_the_clock_is_left_out_on_another_day():

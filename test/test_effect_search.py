@@ -8,10 +8,10 @@ from test_prepare import swings
 
 from friction_comp.drive import Drive
 from friction_comp.model.effects import EFFECTS
-from friction_comp.refinement.effect_columns import base_columns, proposals, Table, Term
-from friction_comp.refinement.naming import intervals, repeat_search, Stability
+from friction_comp.refinement.effect_columns import eq6_columns, proposals, Table, Term
 from friction_comp.refinement.prepare import prepare
 from friction_comp.refinement.search import adjust_constants, Search, total
+from friction_comp.refinement.stability import intervals, repeat_search, Stability
 from friction_comp.refinement.thresholds import table as thresholds
 
 COGGING = {'frequency': 14.0, 'growth': 0.0, 'speed': 1.0, 'transition': 0.01}
@@ -40,7 +40,7 @@ def test_the_columns_of_a_term_are_its_effect_and_their_sums_those_of_the_rows(r
     assert rippled.add(terms) == terms
     assert rippled.add(terms) == terms
     rows = rippled.rows
-    matrix = np.column_stack([rows.averaged(base_columns(rows, 200.0, 0.0)),
+    matrix = np.column_stack([rows.averaged(eq6_columns(rows, 200.0, 0.0)),
                               *(rows.averaged(term.columns(rows)) for term in terms)])
     assert rippled.columns[rippled.indices(terms)] == pytest.approx(matrix.T)
     full = np.column_stack((matrix, rippled.target))
@@ -96,7 +96,7 @@ def test_a_drawn_part_is_judged_by_the_blocks_that_were_not_drawn(plain):
     weights = np.bincount(np.random.default_rng(4).integers(0, 16, 16), minlength=16)
     columns = plain.indices([])
     fit = plain.sums.fits(columns, weights[None].astype(float))
-    errors = plain.sums.squares(columns, np.repeat(fit, 16, axis=0))
+    errors = plain.sums.squared_errors(columns, np.repeat(fit, 16, axis=0))
     held_out = Search(plain, [], weights=weights).errors([])
     assert total(held_out) == pytest.approx(errors[weights == 0].sum())
 
@@ -154,7 +154,7 @@ def test_a_name_is_given_where_most_searches_choose_it_whatever_the_others_have(
     term, other = (Term(EFFECTS['cogging'], {'frequency': value}) for value in (14.0, 14.1))
     found = Stability({term: own}, {term: [('bump', instead)]})
     assert found.named(term) is named
-    assert found.renamed({term: other}).named(other) is named
+    assert found.with_new_terms({term: other}).named(other) is named
 
 
 def test_every_threshold_has_a_unit_and_a_reason():

@@ -12,7 +12,7 @@ from friction_comp.__main__ import run
 from friction_comp.errors import InputError
 from friction_comp.evaluation.conditions import evaluate
 from friction_comp.evaluation.movements import find_movements
-from friction_comp.evaluation.repetitions import Help
+from friction_comp.evaluation.repetitions import Compensation
 from friction_comp.recordings import RecordingInfo, write_samples
 from friction_comp.recordings.activity import Activity
 from friction_comp.reports.evaluation_words import condition_line
@@ -270,7 +270,7 @@ def test_a_bound_is_told_as_one_and_a_recording_without_compensation_is_one_cond
     about = RecordingInfo('trial', 'elbow', activity=[
         (0.0, Activity(0, 'active', 'none', 'elbow.yaml'))])
     evaluation = evaluate([both.with_(recording=0 * both.recording)], about=[about])
-    assert {c.help for c in evaluation.conditions} == {Help('none', '', 0)}
+    assert {c.compensation for c in evaluation.conditions} == {Compensation('none', '', 0)}
     report = evaluation.as_dict()
     assert [c['stuck'] for c in report['conditions']] == [1, 1]
     assert '>\u00a0' in condition_line(evaluation.conditions[0])

@@ -54,7 +54,7 @@ def test_laws_and_models_are_never_averaged():
              info_of(activity=[(0.0, 'continuous', 'a.yaml')]),
              info_of(activity=[(0.0, 'continuous', 'b.yaml')])]
     evaluation = evaluate(recordings, about=about)
-    found = {(c.help.law, c.help.model): c for c in evaluation.conditions
+    found = {(c.compensation.law, c.compensation.model): c for c in evaluation.conditions
              if c.movement == 'positive'}
     assert {key: round(c.peak_torque, 1) for key, c in found.items()} == {
         ('paper', 'a.yaml'): 1.0, ('continuous', 'a.yaml'): 0.5, ('continuous', 'b.yaml'): 0.3}
@@ -75,15 +75,15 @@ def test_what_changes_within_a_recording_is_told_apart():
     change = 4 * PERIOD + 0.5 * REST
     about = info_of(activity=[(0.0, 'paper', 'a.yaml'), (change, 'continuous', 'a.yaml')])
     conditions = evaluate([samples], about=[about]).conditions
-    assert {(c.help.law, c.movement, c.repetitions) for c in conditions} == {
+    assert {(c.compensation.law, c.movement, c.repetitions) for c in conditions} == {
         (law, way, 2) for law in ('paper', 'continuous') for way in ('positive', 'negative')}
     # A command of zero is no compensation, whatever else was active.
     off = samples.with_(command=np.where(samples.time < change, 0.0, 0.1))
     conditions = evaluate([off], about=[about]).conditions
-    assert {c.help.law for c in conditions} == {'none', 'continuous'}
+    assert {c.compensation.law for c in conditions} == {'none', 'continuous'}
     # Somebody else's command while the compensator was inactive is not its doing.
     other = RecordingInfo('trial', 'elbow', activity=[(0.0, Activity(0, 'inactive', '', ''))])
-    assert {c.help.law for c in evaluate(
+    assert {c.compensation.law for c in evaluate(
         [samples.with_(command=np.ones(len(samples)))], about=[other]).conditions} == {'other'}
 
 
@@ -126,13 +126,13 @@ def test_a_joint_that_stuck_took_more_than_was_given():
     assert evaluation.is_bound
     # Nothing is commanded to a joint that stands still, and the law was there all the same.
     idle = evaluate([stuck.with_(command=np.zeros(len(stuck)))], about=[kinetic])
-    assert {c.help.law for c in idle.conditions} == {'kinetic'}
+    assert {c.compensation.law for c in idle.conditions} == {'kinetic'}
     words = summary(evaluation)
     assert 'instead of more than **' in words
     assert 'at least **' in words
     assert 'With d = ±1 · kinetic the joint did not move in 10 of 10 movements.' in words
     for condition in evaluation.conditions:
-        assert ('smoothness' in condition.figures) == (condition.help.law != 'kinetic')
+        assert ('smoothness' in condition.figures) == (condition.compensation.law != 'kinetic')
     other = evaluate([both([1.0] * 10), stuck], about=[kinetic, law])
     assert not other.is_bound
     assert 'at least' not in summary(other)
@@ -143,10 +143,10 @@ def test_movements_that_identification_made_are_no_persons():
     own.activity = [(0.0, Activity(0, 'identification', '', ''))]
     evaluation = evaluate([both([1.0] * 4), both([0.4] * 4)], about=[
         own, info_of(activity=[(0.0, 'paper', 'a.yaml')])])
-    assert {c.help.law for c in evaluation.conditions} == {'paper'}
+    assert {c.compensation.law for c in evaluation.conditions} == {'paper'}
     assert any('4 movements were made by identification' in note for note in evaluation.notes)
     alone = evaluate([both([1.0] * 4)], about=[own])
-    assert {c.help.law for c in alone.conditions} == {'identification'}
+    assert {c.compensation.law for c in alone.conditions} == {'identification'}
 
 
 def test_a_difference_is_found_and_chance_is_not_taken_for_one():
@@ -300,8 +300,8 @@ def test_averages_are_those_of_all_curves_though_none_is_kept():
         np.testing.assert_allclose(mean, rows.mean(axis=0))
         np.testing.assert_allclose(spread, rows.std(axis=0, ddof=1), rtol=1e-6)
         assert all_of_them.rms(name, points) == pytest.approx(np.sqrt((rows ** 2).mean()))
-        assert all_of_them.known_by_all(name, points)
-    assert not all_of_them.known_by_all('reference_position', points)
+        assert all_of_them.is_complete(name, points)
+    assert not all_of_them.is_complete('reference_position', points)
     assert np.isnan(all_of_them.mean_and_std('reference_position', points)[0]).all()
     # A thousand more take no more memory.
     size = sum(sums.nbytes for sums in all_of_them.sums.values())
@@ -350,7 +350,8 @@ def test_what_the_compensator_said_decides_the_condition(tmp_path):
         (0, ('paper', 'old.yaml')), (round(4 * PERIOD + 0.5), ('continuous', 'new.yaml'))])
     for seconds in (600.0, 8.0):
         evaluation, = evaluate_recordings([tmp_path / 'r'], seconds=seconds)
-        assert {(c.help.law, c.help.model, c.repetitions) for c in evaluation.conditions} == {
+        assert {(c.compensation.law, c.compensation.model, c.repetitions)
+                for c in evaluation.conditions} == {
             ('paper', 'old.yaml', 2), ('continuous', 'new.yaml', 2)}
 
 
@@ -388,7 +389,7 @@ def test_what_identification_moved_is_left_out(tmp_path):
     record_with_diagnostics(tmp_path / 'moved', both([1.0] * 4), [(0, ('', ''))], phase)
     write_samples(tmp_path / 'pushed', both([0.4] * 4))
     evaluation, = evaluate_recordings([tmp_path / 'moved', tmp_path / 'pushed'])
-    assert {c.help.law for c in evaluation.conditions} == {''}
+    assert {c.compensation.law for c in evaluation.conditions} == {''}
     assert sum(c.repetitions for c in evaluation.conditions) == 4
     assert any('made by identification' in note for note in evaluation.notes)
 

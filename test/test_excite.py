@@ -16,19 +16,19 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.excitation.joint_limits import from_urdf, from_yaml, JointLimits
 from friction_comp.excitation.plan import (
-    effort_of,
     fourier_series,
     JointPlan,
-    moves_by,
+    moves_of_shape,
+    peak_torque,
     plan_joint,
     SHAPE,
     staircase,
     trajectory_of,
 )
 from friction_comp.excitation.separation import (
+    coverage_within,
     pairs_in,
     pairs_of,
-    scene_within,
     separations,
 )
 from friction_comp.model.friction_model import FrictionModel
@@ -50,7 +50,7 @@ def test_no_plan_leaves_its_limits(seed, bends, lowest, span, velocity, accelera
     limits = JointLimits('j', lowest, lowest + span, velocity, acceleration)
     shape = [low + bend * (high - low) for bend, (low, high) in zip(bends, SHAPE)]
     points = qmc.Sobol(3, scramble=True, seed=seed).random(512)
-    start, moves = moves_by(shape, limits, seconds, points)
+    start, moves = moves_of_shape(shape, limits, seconds, points)
     plan = JointPlan(limits, start, tuple(moves), seconds, {})
     q, v, a = (getattr(plan.samples(500.0), name)
                for name in ('position', 'velocity', 'acceleration'))
@@ -86,17 +86,18 @@ def test_the_same_seed_gives_the_same_plan_and_another_another(plan):
     ('stribeck', 'viscous_shape'), ('viscous_shape', 'warm_up'), ('hysteresis', 'rest_time')])
 def test_a_plan_tells_more_apart_than_a_staircase_or_a_fourier_series(pair):
     pairs = pairs_of(pair)
-    scene = scene_within(ELBOW, 40.0, 0.02)
+    coverage = coverage_within(ELBOW, 40.0, 0.02)
     planned = plan_joint(ELBOW, pairs, 40.0, 7).separation[pairs[0]]
     for other in (staircase(ELBOW, 40.0, 50.0), fourier_series(ELBOW, 40.0, 50.0, 7)):
-        assert planned > 1.1 * separations(other, pairs, scene)[pairs[0]]
+        assert planned > 1.1 * separations(other, pairs, coverage)[pairs[0]]
 
 
 def test_separation_sees_what_cannot_be_told_apart():
     narrow = JointLimits('j', -0.05, 0.05, 1.5, 6.0)
     pairs = pairs_of(['gravity', 'spring'])
     shares = [separations(staircase(limits, 40.0, 50.0), pairs,
-                          scene_within(limits, 40.0, 0.02))[pairs[0]] for limits in (ELBOW, narrow)]
+                          coverage_within(limits, 40.0, 0.02))[pairs[0]]
+              for limits in (ELBOW, narrow)]
     assert shares[1] < 0.1 * shares[0]
 
 
@@ -105,8 +106,8 @@ def test_effort_is_kept_by_the_model_or_refused(plan):
                           sigmoid=Sigmoid(0.2, -0.2, 400.0, viscous=0.5))
     pairs = pairs_of(['stribeck', 'viscous_shape'])
     limits = JointLimits('elbow', -1.2, 1.0, 1.5, 6.0, effort=6.0)
-    assert effort_of(model, plan.samples(500.0)) > 6.0
-    assert effort_of(model, plan_joint(limits, pairs, 20.0, 3, model).samples(500.0)) < 6.0
+    assert peak_torque(model, plan.samples(500.0)) > 6.0
+    assert peak_torque(model, plan_joint(limits, pairs, 20.0, 3, model).samples(500.0)) < 6.0
     slow = JointLimits('elbow', -1.2, 1.0, 1e-4, 6.0)
     with pytest.raises(InputError, match='too short for motion within'):
         plan_joint(slow, pairs, 20.0, 1)
@@ -160,7 +161,7 @@ def test_the_tool_writes_plan_page_and_report(tmp_path, capsys):
 
 
 @pytest.mark.parametrize('wrong, words', [
-    (['--effects', 'load_friction,stribeck'], "cannot be told by the joint's own motion"),
+    (['--effects', 'load_friction,stribeck'], "cannot be shown by the joint's own motion"),
     (['--effects', 'cogging,stribeck'], 'needs no plan'),
     (['--effects', 'nonsense,stribeck'], "effect 'nonsense' is unknown"),
     (['--effects', 'stribeck'], 'at least two effects'),

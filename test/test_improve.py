@@ -12,7 +12,7 @@ import pytest
 
 from friction_comp.__main__ import run
 from friction_comp.errors import InputError
-from friction_comp.excitation.improve import error_of, improve, Schedule
+from friction_comp.excitation.improve import improve, prediction_error, Schedule
 from friction_comp.excitation.joint_limits import JointLimits
 from friction_comp.excitation.plan import plan_joint
 from friction_comp.excitation.separation import open_pairs
@@ -41,7 +41,7 @@ def test_two_hidden_effects_are_found_and_the_model_is_trusted(improved):
     assert result.rounds[-1].held_out_rmse < 1.3 * drive.noise_floor
     # What the verdict promises: motion that nobody has planned for is predicted as well.
     other = plan_joint(LIMITS, [('gravity', 'spring')], 20.0, 77)
-    assert error_of(result.result.model, PlayedDrive(drive, 5)(other)) < (
+    assert prediction_error(result.result.model, PlayedDrive(drive, 5)(other)) < (
         1.3 * result.rounds[-1].held_out_rmse)
 
 

@@ -25,8 +25,8 @@ class TightEnd(Effect):
         return (x.velocity * np.exp(x.position / c.reach),)
 
     @classmethod
-    def grid(cls, scene):
-        return [{'reach': share * scene.span} for share in (0.1, 0.2, 0.4, 0.8)]
+    def grid(cls, coverage):
+        return [{'reach': share * coverage.span} for share in (0.1, 0.2, 0.4, 0.8)]
 
     def describe(self):
         return 'The joint gets tighter along its stroke'

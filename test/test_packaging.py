@@ -19,7 +19,7 @@ import yaml
 import friction_comp
 from friction_comp import __main__ as entry
 from friction_comp.errors import InputError
-from friction_comp.package_files import name_this_environment, package_file
+from friction_comp.package_files import add_environment_to_ament_path, package_file
 
 ROOT = Path(__file__).resolve().parent.parent
 NAMES = {**entry.NODES, **entry.TOOLS}
@@ -199,7 +199,7 @@ def test_an_environment_with_ros_wheels_names_itself(monkeypatch, tmp_path):
     monkeypatch.setattr(sys, 'prefix', str(tmp_path))
     monkeypatch.setenv('AMENT_PREFIX_PATH', 'workspace')
     for _ in range(2):
-        name_this_environment()
+        add_environment_to_ament_path()
         assert os.environ['AMENT_PREFIX_PATH'].split(os.pathsep) == ['workspace', str(tmp_path)]
 
 

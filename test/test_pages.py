@@ -12,7 +12,7 @@ import pytest
 
 from friction_comp.evaluation.compare import Comparison, effect_size
 from friction_comp.evaluation.intervals import mean_interval
-from friction_comp.evaluation.repetitions import Help
+from friction_comp.evaluation.repetitions import Compensation
 from friction_comp.evaluation.sessions import evaluate_recordings
 from friction_comp.reports.evaluation_report import evaluation_report, scenes_of
 from friction_comp.reports.figures import new_figure
@@ -114,7 +114,7 @@ def test_the_picture_of_the_readme_is_drawn_from_the_examples():
 
 
 def of(differences):
-    one, two = Help('none', '', 0), Help('continuous', '', 1)
+    one, two = Compensation('none', '', 0), Compensation('continuous', '', 1)
     return Comparison('peak_torque', one, two, len(differences), 1.0, 0.5,
                       mean_interval(differences), None)
 

@@ -8,17 +8,17 @@ import pytest
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.model.differentiation import earlier
+from friction_comp.model.differentiation import shifted_in_time
 from friction_comp.model.effects import EFFECTS
 from friction_comp.refinement.prepare import (
     blocks_of,
     clipped,
+    coverage_of,
     join,
-    load_by_mechanics,
+    load_coefficient,
     prepare,
     row_starts,
     samples_per_row,
-    scene_of,
 )
 from friction_comp.samples import Samples
 
@@ -135,23 +135,23 @@ def test_moving_in_time_stays_within_stretches(lag):
         for column in range(3):
             expected[part, column] = np.interp(
                 samples.time[part] + lag, samples.time[part], values[part, column])
-    assert earlier(values, samples, lag) == pytest.approx(expected, abs=1e-12)
+    assert shifted_in_time(values, samples, lag) == pytest.approx(expected, abs=1e-12)
 
 
-@pytest.mark.parametrize(('carried', 'by_mechanics'), [(0.3, True), (1.0, True), (0.0, False)])
-def test_a_load_that_a_person_carries_belongs_to_what_is_measured(carried, by_mechanics):
+@pytest.mark.parametrize(('carried', 'is_known'), [(0.3, True), (1.0, True), (0.0, False)])
+def test_a_load_that_a_person_carries_belongs_to_what_is_measured(carried, is_known):
     """Under a law the current follows the motion; a motor that holds the load shows it itself."""
     samples = swings(5)
     rng = np.random.default_rng(5)
-    if by_mechanics:
+    if is_known:
         load = carried * samples.current * DRIVE.torque_per_current
         current = (1.0 - carried) * samples.current
     else:
         load = np.cumsum(rng.standard_normal(len(samples))) / 20.0
         current = samples.current - load / DRIVE.torque_per_current
     block = np.repeat(np.arange(16), 250)
-    gain = load_by_mechanics(samples.with_(load=load, current=current), block, DRIVE)
-    assert gain == (-1.0 / DRIVE.torque_per_current if by_mechanics else 0.0)
+    gain = load_coefficient(samples.with_(load=load, current=current), block, DRIVE)
+    assert gain == (-1.0 / DRIVE.torque_per_current if is_known else 0.0)
 
 
 def test_the_target_is_what_motor_and_person_do_together():
@@ -173,5 +173,5 @@ def test_bumps_are_not_looked_for_where_every_place_is_passed_in_one_motion():
             speed * np.where(time % 2.0 < 1.0, 1.0, -1.0), np.ones(40) / 40.0)[:len(time)]
         samples = Samples(time=time, position=np.cumsum(velocity) * 0.005, velocity=velocity,
                           current=np.tanh(velocity / 0.02))
-        scene = scene_of(samples, np.abs(velocity) > 0.01, Drive(1.0, 1.0), 0.01)
-        assert ('bumps' in EFFECTS['bump'].insufficient_data(scene)) is one
+        coverage = coverage_of(samples, np.abs(velocity) > 0.01, Drive(1.0, 1.0), 0.01)
+        assert ('bumps' in EFFECTS['bump'].insufficient_data(coverage)) is one

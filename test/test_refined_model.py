@@ -14,6 +14,7 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.recordings import write_samples
 from friction_comp.refinement import refine
+from friction_comp.refinement.dependence import remaining_dependences
 from friction_comp.refinement.judge import (
     AGAIN,
     experiment,
@@ -24,7 +25,6 @@ from friction_comp.refinement.judge import (
     TRUST,
     verdict_of,
 )
-from friction_comp.refinement.leftover import leftover
 from friction_comp.refinement.prepare import prepare
 from friction_comp.samples import JointStates
 from friction_comp.tools.refine import main as run_refine
@@ -156,7 +156,7 @@ def test_the_residual_is_traced_to_its_variable(shape, expected):
     moving = samples.take(np.abs(samples.velocity) > 0.02)
     rng = np.random.default_rng(1)
     residual = 0.1 * shape(moving) + 0.02 * rng.standard_normal(len(moving))
-    found = [entry.variable for entry in leftover(moving, residual, 0.02)]
+    found = [entry.variable for entry in remaining_dependences(moving, residual, 0.02)]
     assert found[:1] == ([expected] if expected else [])
 
 

@@ -155,7 +155,7 @@ def test_the_refined_model_makes_the_drive_easier_to_move(declared, name):
     if name in STANDSTILL:
         for direction in (-1, 1):
             assert farthest_untouched(
-                declared, with_breakaway_error(result.model, 0.1), name, parameters,
+                declared, with_breakaway_error(result.model), name, parameters,
                 direction) < np.radians(0.1)
 
 

@@ -7,8 +7,8 @@ import pytest
 from test_prepare import swings
 
 from friction_comp.drive import Drive
+from friction_comp.model.effects.definitions import Coverage
 from friction_comp.model.effects.history_effects import RestTime
-from friction_comp.model.effects.scene import Scene
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement import refine
@@ -135,10 +135,10 @@ def test_velocity_that_is_not_the_slope_of_position_is_said(scale, said):
 def test_a_joint_that_turns_round_slowly_has_not_rested():
     t, q, v, _ = strokes(2, duration=60.0)
     samples = recorded(t, q, friction(v), 2, velocity=v, acceleration=0.0 * v)
-    scene = Scene(transition=0.02, speed=0.8, slowest=0.01, lowest=-0.8, highest=0.8,
+    coverage = Coverage(transition=0.02, speed=0.8, slowest=0.01, lowest=-0.8, highest=0.8,
                   duration=60.0, sample_time=0.005)
     grown = []
-    for threshold in sorted({point['velocity'] for point in RestTime.grid(scene)}):
+    for threshold in sorted({point['velocity'] for point in RestTime.grid(coverage)}):
         constants = {'time_constant': 0.5, 'distance': 0.1, 'velocity': threshold,
                      'transition': 0.02}
         grown.append(float(np.max(np.abs(RestTime.matrix(samples, constants)))))

@@ -113,7 +113,7 @@ def test_only_ordinary_files_are_replaced(tmp_path):
         with output_folder(tmp_path) as folder:
             (folder / 'first').write_text('')
             (folder / 'pipe').write_text('')
-    with pytest.raises(InputError, match='pipe: is in the way'):
+    with pytest.raises(InputError, match='pipe: exists and is no ordinary'):
         into_the_folder()
     assert stat.S_ISFIFO(pipe.stat().st_mode)
     assert list(tmp_path.iterdir()) == [pipe], 'nothing half-written'

@@ -98,12 +98,12 @@ def test_one_model_shown_of_several_is_said():
     said = [(float(k), Activity(0, 'active', 'paper', str(path)))
             for k, path in enumerate((FILE, other, FILE))]
     notes = []
-    model = watch.model_used(RecordingInfo('trial', '', activity=said), '', notes)
+    model = watch.recorded_model(RecordingInfo('trial', '', activity=said), '', notes)
     assert model.sigmoid(1.0) == MODEL.sigmoid(1.0)
     note, = notes
     assert str(other) in note
     assert '--model' in note
-    watch.model_used(RecordingInfo('trial', '', activity=said[:1]), '', notes)
+    watch.recorded_model(RecordingInfo('trial', '', activity=said[:1]), '', notes)
     assert len(notes) == 1
 
 

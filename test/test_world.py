@@ -185,7 +185,7 @@ def test_reference_hold_extrapolates_and_times_out():
     """Between samples the reference goes on at its velocity, after the timeout there is none."""
     hold = ReferenceHold(timeout=0.5)
     assert hold.at(0.0) == (None, None)
-    hold.show(1.0, [0.2], [0.1])
+    hold.update(1.0, [0.2], [0.1])
     position, velocity = hold.at(1.05)
     assert position[0] == pytest.approx(0.205)
     assert velocity[0] == 0.1

@@ -51,7 +51,7 @@ def handed_over(case, seen, folder):
     return back
 
 
-def error_of(model, recordings, mask):
+def prediction_error(model, recordings, mask):
     """Return the RMS in A of measured minus predicted over `mask`, and the largest prediction."""
     predicted = np.concatenate([predict(model, s) for s in recordings])
     measured = np.concatenate([s.current for s in recordings])
@@ -102,8 +102,8 @@ def judge(family, seed):
         cpu = time.process_time() - began
         scores = handed_over(case, score, Path(folder) / 'score') if case.files else (
             score.recordings)
-        after, largest = error_of(result.model, scores, mask)
-        before, _ = error_of(result.start, scores, mask)
+        after, largest = prediction_error(result.model, scores, mask)
+        before, _ = prediction_error(result.start, scores, mask)
     measured = max(np.max(abs(s.current)) for s in (*fit.recordings, *score.recordings))
     return {
         'family': family, 'seed': seed, 'motions': case.motions,

@@ -63,8 +63,8 @@ def closed_loop(plant: Plant, law: CompensationLaw, movement: ReferenceMovement,
         if k % every == 0:
             position, velocity, d = movement.at(state.time)
             direction = np.full(plant.joints, float(d))
-            hold.show(state.time, np.full(plant.joints, position),
-                      np.full(plant.joints, velocity))
+            hold.update(state.time, np.full(plant.joints, position),
+                        np.full(plant.joints, velocity))
         command = law.update(state.time, state.position, state.velocity, direction,
                              temperature=state.temperature)
         position, velocity = hold.at(state.time)

@@ -14,8 +14,8 @@ import math
 from typing import NamedTuple
 
 from friction_comp.model.effects.base import Effect
+from friction_comp.model.effects.definitions import CARRIES, RESISTS
 from friction_comp.model.effects.live_term import LiveTerm
-from friction_comp.model.effects.scene import CARRIES, RESISTS
 from friction_comp.model.friction_model import FrictionModel
 
 _ARM_SIGNALS = {'rigid_body', 'coupling'}

@@ -21,7 +21,7 @@ from friction_comp.evaluation.intervals import (
     mean_interval,
     student,
 )
-from friction_comp.evaluation.repetitions import FIGURES, Help, Repetition
+from friction_comp.evaluation.repetitions import Compensation, FIGURES, Repetition
 from friction_comp.statistics import holm
 
 # The figures that are compared where they are known; the trend is that of the first one. The first
@@ -39,8 +39,8 @@ class Comparison:
     """
 
     figure: str  # a name in `FIGURES`
-    first: Help
-    second: Help
+    first: Compensation
+    second: Compensation
     pairs: int  # number of pairs
     mean_first: float  # over the pairs
     mean_second: float
@@ -63,7 +63,7 @@ class Comparison:
             'difference': self.difference.as_dict(), 'p_value': self.p_value}
 
 
-def is_informative(first: Help, second: Help, baseline: Help) -> bool:
+def is_informative(first: Compensation, second: Compensation, baseline: Compensation) -> bool:
     """Return whether comparing two conditions answers a question.
 
     These are: what any condition changes against the baseline, if that has no direction; what any
@@ -106,14 +106,15 @@ def compare(repetitions: Sequence[Repetition]) -> list[Comparison]:
     return comparisons
 
 
-def _by_condition(repetitions: Sequence[Repetition]) -> dict[Help, list[Repetition]]:
-    groups: dict[Help, list[Repetition]] = {}
+def _by_condition(repetitions: Sequence[Repetition]) -> dict[Compensation, list[Repetition]]:
+    groups: dict[Compensation, list[Repetition]] = {}
     for repetition in repetitions:
-        groups.setdefault(repetition.help, []).append(repetition)
+        groups.setdefault(repetition.compensation, []).append(repetition)
     return groups
 
 
-def _compare_values(figure: str, first: Help, second: Help, values: np.ndarray) -> Comparison:
+def _compare_values(figure: str, first: Compensation, second: Compensation, values: np.ndarray
+                    ) -> Comparison:
     difference = values[:, 1] - values[:, 0]
     p_value = None
     if len(values) >= 5:
@@ -142,7 +143,7 @@ class Trend:
     """One figure under one condition by day."""
 
     figure: str  # a name in `FIGURES`
-    help: Help
+    compensation: Compensation
     days: dict[str, Interval]  # mean over the day's repetitions, by ISO date
     # Slope of a straight line through the daily means, None for fewer than three days. Repetitions
     # of one day are not independent, so days are counted.
@@ -157,7 +158,7 @@ class Trend:
     def as_dict(self) -> dict[str, Any]:
         """Return the entry of report.json."""
         return {
-            'figure': self.figure, 'unit': FIGURES[self.figure][1], **self.help.as_dict(),
+            'figure': self.figure, 'unit': FIGURES[self.figure][1], **self.compensation.as_dict(),
             'days': {day: value.as_dict() for day, value in self.days.items()},
             'per_week': self.per_week.as_dict() if self.per_week else None,
             'p_value': self.p_value}
@@ -171,7 +172,7 @@ def trends(repetitions: Sequence[Repetition]) -> list[Trend]:
     return [_trend(condition, group) for condition, group in sorted(_by_condition(dated).items())]
 
 
-def _trend(condition: Help, repetitions: list[Repetition]) -> Trend:
+def _trend(condition: Compensation, repetitions: list[Repetition]) -> Trend:
     figure = next((name for name in COMPARED if any(name in r.figures for r in repetitions)),
                   'smoothness')
     values: dict[str, list[float]] = {}

@@ -22,7 +22,7 @@ from friction_comp.evaluation.intervals import mean_interval, share_interval
 from friction_comp.evaluation.movements import find_movements
 from friction_comp.evaluation.outcome import Condition, Evaluation
 from friction_comp.evaluation.repetitions import (
-    effort,
+    counted_torque,
     FIGURES,
     measure,
     NAMES,
@@ -67,18 +67,18 @@ def evaluate(recordings: Sequence[Samples], names: Sequence[str] | None = None,
     names = [str(name) for name in names or [f'recording {k}' for k in range(len(recordings))]]
     if not recordings:
         raise InputError('no recording to evaluate')
-    measured = Measured(recordings[0].joint)
+    measured = MeasuredJoint(recordings[0].joint)
     for k, (samples, name) in enumerate(zip(recordings, names)):
         info = about[k] if about else None
         found = repetitions_of(samples, name, info, friction, measured.notes)
         if not found:
             raise InputError(f'{name}: no movement of joint {samples.joint!r} found in it')
-        measured.extend(found)
+        measured.add_repetitions(found)
     return measured.evaluate(model)
 
 
 @dataclass
-class Measured:
+class MeasuredJoint:
     """The repetitions of one joint, and the averages of their curves by kind of movement."""
 
     joint: str
@@ -87,14 +87,14 @@ class Measured:
     notes: list[str] = field(default_factory=list)
     models: list[str] = field(default_factory=list)
 
-    def extend(self, repetitions: Sequence[Repetition]) -> None:
-        """Add repetitions, and their curves to the averages."""
+    def add_repetitions(self, repetitions: Sequence[Repetition]) -> None:
+        """Add repetitions; their curves are summed up in the averages and not kept."""
         for r in repetitions:
             self.averages.setdefault(r.kind, Ensemble()).add(Ensemble.of(r.curves))
             r.curves = {}
         self.repetitions += repetitions
 
-    def add(self, other: Measured) -> None:
+    def merge(self, other: MeasuredJoint) -> None:
         """Add what was measured in another recording of the joint."""
         self.repetitions += other.repetitions
         for kind, ensemble in other.averages.items():
@@ -106,13 +106,14 @@ class Measured:
         """Evaluate one or more repetitions; `model` are the files that were active."""
         notes = list(self.notes)
         repetitions = _without_identification(self.repetitions, notes)
+        in_order_of_time = list(dict.fromkeys(r.compensation for r in repetitions))
+        # One group for each condition and direction of movement. Sorted by these keys, conditions
+        # without a direction and without a law come first.
         groups: dict[tuple[Any, ...], list[Repetition]] = {}
-        # Conditions without a direction and without a law come first, others in order of time.
-        order = list(dict.fromkeys(r.help for r in repetitions))
         for r in repetitions:
-            groups.setdefault((
-                abs(r.movement.direction), r.help.law != 'none', order.index(r.help),
-                -r.movement.sign, r.movement.direction), []).append(r)
+            key = (abs(r.movement.direction), r.compensation.law != 'none',
+                   in_order_of_time.index(r.compensation), -r.movement.sign, r.movement.direction)
+            groups.setdefault(key, []).append(r)
         kept = [_without_odd_durations(groups[key], notes) for key in sorted(groups)]
         conditions = [_condition(group, self.averages, notes) for group in kept]
         all_kept = [repetition for group in kept for repetition in group]
@@ -122,7 +123,7 @@ class Measured:
 
 def _without_identification(repetitions: list[Repetition], notes: list[str]) -> list[Repetition]:
     """Return the repetitions without those of identification, unless there are no others."""
-    kept = [r for r in repetitions if r.help.law != 'identification']
+    kept = [r for r in repetitions if r.compensation.law != 'identification']
     if not kept or len(kept) == len(repetitions):
         return repetitions
     notes.append(f'{len(repetitions) - len(kept)} movements were made by identification and are '
@@ -170,8 +171,9 @@ def _without_odd_durations(repetitions: list[Repetition], notes: list[str]) -> l
     kept = [r for r in repetitions if abs(r.usual_duration - median) <= _ODD * median]
     if len(kept) < len(repetitions):
         notes.append(
-            f'{len(repetitions) - len(kept)} repetitions with {repetitions[0].help.label} lasted '
-            'much longer or shorter than the others and are left out')
+            f'{len(repetitions) - len(kept)} repetitions with '
+            f'{repetitions[0].compensation.label} lasted much longer or shorter than the others '
+            'and are left out')
     # With an even number, the median may be far from all of them.
     return kept or repetitions
 
@@ -185,24 +187,23 @@ def _condition(repetitions: list[Repetition], averages: Mapping[Any, Ensemble],
     time, points = ensemble.points(float(np.median([r.shown_time for r in repetitions])))
     torque, torque_std = ensemble.mean_and_std('load', points)
     position, position_std = ensemble.mean_and_std('position', points)
-    has_reference = ensemble.known_by_all('reference_position', points)
-    peak, peak_time, constant = _figures_of_average(repetitions, time, torque)
+    has_reference = ensemble.is_complete('reference_position', points)
     peaks = [r.figures['peak_torque'] for r in repetitions if 'peak_torque' in r.figures]
     restless = sum(r.restless for r in repetitions)
     if restless:
         notes.append(
             f'the joint did not come to rest before {restless} of {len(repetitions)} movements '
-            f'with {first.help.label} in the {NAMES[first.movement.sign]} direction')
+            f'with {first.compensation.label} in the {NAMES[first.movement.sign]} direction')
     starts = sum(r.false_start for r in repetitions)
     return Condition(
-        help=first.help, direction=first.movement.direction,
+        compensation=first.compensation, direction=first.movement.direction,
         movement=NAMES[first.movement.sign], repetitions=len(repetitions),
-        stuck=sum(not r.moved for r in repetitions), peak_torque=peak,
+        stuck=sum(not r.moved for r in repetitions),
+        **_average_torque_figures(repetitions, time, torque),
         peak_torque_std=float(np.std(peaks, ddof=1)) if len(peaks) > 1 else (
             0.0 if peaks else float('nan')),
-        peak_time=peak_time,
         rms_torque=ensemble.rms('load', points[(time >= 0.0) & (time <= duration)]),
-        mean_torque_constant_velocity=constant, false_starts=starts,
+        false_starts=starts,
         figures={name: mean_interval(values) for name in FIGURES if (values := [
             r.figures[name] for r in repetitions if name in r.figures])},
         false_start_share=share_interval(starts, len(repetitions)),
@@ -211,9 +212,14 @@ def _condition(repetitions: list[Repetition], averages: Mapping[Any, Ensemble],
         reference=ensemble.mean_and_std('reference_position', points)[0] if has_reference else None)
 
 
-def _figures_of_average(repetitions: list[Repetition], time: np.ndarray,
-                        mean: np.ndarray) -> tuple[float, float, float]:
-    """Return the averaged torque's peak, its time, and the mean at constant velocity."""
+def _average_torque_figures(repetitions: list[Repetition], time: np.ndarray,
+                            mean: np.ndarray) -> dict[str, float]:
+    """Return peak, its time, and mean at constant velocity of the averaged torque.
+
+    `mean` is the average of τ_b over the repetitions in N·m, shape (N,), at times in s since the
+    start of the movement. The phases of the average movement are the medians of those of the
+    repetitions. Keys are fields of `Condition`; values are NaN where no torque counts.
+    """
     movement = repetitions[0].movement
     medians: dict[str, Any] = {
         name: float(np.median([getattr(r.movement, name) - r.movement.begin for r in repetitions]))
@@ -221,10 +227,13 @@ def _figures_of_average(repetitions: list[Repetition], time: np.ndarray,
     average = replace(movement, **medians)
     onset = float(np.median([r.figures.get('onset', math.inf) for r in repetitions]))
     has_reference = any('onset' in r.figures or not r.moved for r in repetitions)
-    torque = effort(time, mean, average, onset if math.isfinite(onset) else None, has_reference)
+    torque = counted_torque(
+        time, mean, average, onset if math.isfinite(onset) else None, has_reference)
     peak = int(np.argmax(torque))
-    counted = torque[peak] >= 0.0
+    counts = torque[peak] >= 0.0
     constant = (time <= average.constant_end) & (time >= average.constant_begin)
-    return (float(torque[peak]) if counted else math.nan,
-            float(time[peak]) if counted else math.nan,
-            float(movement.sign * np.mean(mean[constant])) if constant.any() else math.nan)
+    return {
+        'peak_torque': float(torque[peak]) if counts else math.nan,
+        'peak_time': float(time[peak]) if counts else math.nan,
+        'mean_torque_constant_velocity': (
+            float(movement.sign * np.mean(mean[constant])) if constant.any() else math.nan)}

@@ -24,11 +24,12 @@ _LEAD_POINTS = round(LEAD / STEP)
 
 def grid(duration: float) -> np.ndarray:
     """Return the times of the points of a movement's curves since its begin, s, shape (N,)."""
-    return _times(round((1.0 + _BEYOND) * duration / STEP) + 1)
+    return _point_times(round((1.0 + _BEYOND) * duration / STEP) + 1)
 
 
-def _times(after: int) -> np.ndarray:
-    return np.arange(-_LEAD_POINTS, after) * STEP
+def _point_times(stop: int) -> np.ndarray:
+    """Return the times of the points before number `stop`, where 0 is the begin of the movement."""
+    return np.arange(-_LEAD_POINTS, stop) * STEP
 
 
 @dataclass
@@ -60,7 +61,7 @@ class Ensemble:
 
     def points(self, duration: float) -> tuple[np.ndarray, np.ndarray]:
         """Return the times up to `duration` that all movements cover, s, and their indices."""
-        time = _times(round(duration / STEP) + 1)
+        time = _point_times(round(duration / STEP) + 1)
         known = self._sums_at('position', np.arange(len(time)))[0]
         # A mean over fewer curves would jump where one of them begins or ends.
         complete = known == self.count
@@ -70,7 +71,7 @@ class Ensemble:
         return time[chosen], chosen
 
     def mean_and_std(self, name: str, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the mean and the standard deviation of a curve at points, NaN where not known."""
+        """Return mean and standard deviation over the movements at points, NaN where not known."""
         known, total, squares = self._sums_at(name, points)
         with np.errstate(invalid='ignore', divide='ignore'):
             mean = np.where(known > 0, total / known, np.nan)
@@ -83,11 +84,12 @@ class Ensemble:
         known, _, squares = self._sums_at(name, points).sum(axis=1)
         return float(np.sqrt(squares / known)) if known else float('nan')
 
-    def known_by_all(self, name: str, points: np.ndarray) -> bool:
-        """Return whether all movements have a curve's value at points."""
+    def is_complete(self, name: str, points: np.ndarray) -> bool:
+        """Return whether a curve is known at points for all movements."""
         return bool((self._sums_at(name, points)[0] == self.count).all())
 
     def _sums_at(self, name: str, points: np.ndarray) -> np.ndarray:
+        """Return the rows of `sums` at points, zeros beyond the end of the curves."""
         size = int(points.max(initial=-1)) + 1
         return _padded(self.sums.get(name, np.zeros((3, 0))), size)[:, points]
 

@@ -61,6 +61,7 @@ def find_movements(samples: Samples) -> list[Movement]:
     if not top > 0:
         return []
     time = samples.time
+    # First index, end and distance of each run of motion in one direction.
     runs = [(start, stop, float(abs(np.sum(
         velocity[start:stop - 1] * np.diff(time[start:stop])))))
         for start, stop in _runs(np.sign(velocity) * (np.abs(velocity) > moving * top))
@@ -73,12 +74,12 @@ def find_movements(samples: Samples) -> list[Movement]:
     for (start, stop, travel), rest_begin, rest_end in zip(runs, rest_begins, rest_ends):
         speed = np.abs(velocity[start:stop])
         fast = start + np.nonzero(speed >= constant * speed.max())[0]
-        begin, end, constant_begin, constant_end, before, after = time[
-            [start, stop - 1, fast[0], fast[-1], rest_begin, rest_end]].tolist()
         movements.append(Movement(
-            begin, end, constant_begin, constant_end, before, after,
-            int(np.sign(velocity[start])), _announced_direction(samples, start, fast[0] + 1),
-            travel))
+            begin=float(time[start]), end=float(time[stop - 1]),
+            constant_begin=float(time[fast[0]]), constant_end=float(time[fast[-1]]),
+            rest_begin=float(time[rest_begin]), rest_end=float(time[rest_end]),
+            sign=int(np.sign(velocity[start])),
+            direction=_announced_direction(samples, start, fast[0] + 1), travel=travel))
     return movements
 
 

@@ -5,27 +5,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
 
 from friction_comp.evaluation.compare import Comparison, Trend
 from friction_comp.evaluation.intervals import Interval
-from friction_comp.evaluation.repetitions import FIGURES, Help, NAMES, Repetition
+from friction_comp.evaluation.repetitions import Compensation, FIGURES, NAMES, Repetition
 
 
 @dataclass
 class Condition:
     """The repetitions under one condition; torques in N·m, NaN where none was measured."""
 
-    help: Help
+    compensation: Compensation
     direction: int  # announced direction d
     movement: str  # 'positive' or 'negative'
     repetitions: int  # their number
     # Number of those in which the joint did not start moving, so that the peak torque is a lower
     # bound of the torque that was needed.
     stuck: int
-    peak_torque: float  # largest magnitude of the mean of τ_b while `effort` counts it
+    peak_torque: float  # largest magnitude of the mean of τ_b while `counted_torque` counts it
     peak_torque_std: float  # standard deviation of the repetitions' peaks
     peak_time: float  # of the peak of the mean, s after the start of the movement
     rms_torque: float  # over all repetitions, from start to end of the movement
@@ -48,7 +49,7 @@ class Condition:
             'direction', 'movement', 'repetitions', 'stuck', 'peak_torque', 'peak_torque_std',
             'peak_time', 'rms_torque', 'mean_torque_constant_velocity', 'false_starts')}
         return {
-            **named, 'law': self.help.law or None, 'model': self.help.model or None,
+            **named, 'law': self.compensation.law or None, 'model': self.compensation.model or None,
             'figures': {name: value.as_dict() for name, value in self.figures.items()},
             'false_start_share': self.false_start_share.as_dict()}
 
@@ -70,44 +71,47 @@ class Evaluation:
         """Whether the back-driving torque was measured."""
         return any('peak_torque' in r.figures for r in self.repetitions)
 
-    def words(self, condition: Help) -> tuple[str, ...]:
+    def words(self, condition: Compensation) -> tuple[str, ...]:
         """Return the direction, the law and, where there are several, the model of a condition."""
-        models = {c.help.model for c in self.conditions if c.help.model}
+        models = {c.compensation.model for c in self.conditions if c.compensation.model}
         parts = condition.words if len(models) > 1 else condition.words[:2]
         return tuple(filter(None, parts))
 
-    def label(self, condition: Help) -> str:
-        """Return these words in one line."""
+    def label(self, condition: Compensation) -> str:
+        """Return the words of a condition in one line."""
         return ' · '.join(self.words(condition))
 
-    def pair(self) -> tuple[Help, Help] | None:
-        """Return the conditions d = 0 and d = ±1 whose comparison is reported first.
+    def pair(self) -> tuple[Compensation, Compensation] | None:
+        """Return the conditions without and with direction whose comparison is reported first.
 
-        The first of these that is available: d = 0 with the same law and model; kinetic
-        compensation with the same model, to which every law reduces without a direction; no
-        compensation; the only two conditions, one of either. None where the choice is ambiguous. Of
-        several laws or models, the one with the most repetitions is used.
+        Pairs are considered in this order: both with the same law and model; kinetic compensation,
+        to which every law reduces without a direction, and a law with the same model; no
+        compensation and any law; the only two conditions. Of several pairs of one kind, the one
+        with the most repetitions is used. None where the choice is ambiguous.
         """
-        counts: dict[Help, int] = {}
+        counts: dict[Compensation, int] = {}
         for condition in self.conditions:
-            counts[condition.help] = counts.get(condition.help, 0) + condition.repetitions
+            counts[condition.compensation] = (
+                counts.get(condition.compensation, 0) + condition.repetitions)
         plain = [c for c in counts if c.announced >= 0 and not c.uses_direction]
         assisted = [c for c in counts if c.announced == 1 and c.uses_direction]
-        for matches in (lambda a, b: (a.law, a.model) == (b.law, b.model),
-                        lambda a, b: (a.law, a.model) == ('kinetic', b.model),
-                        lambda a, b: a.law == 'none'):
-            pairs = [(a, b) for a in plain for b in assisted if matches(a, b)]
-            if pairs:
-                return max(pairs, key=lambda pair: (min(counts[pair[0]], counts[pair[1]]), pair))
+        pairs = list(product(plain, assisted))
+        same_law = [(a, b) for a, b in pairs if (a.law, a.model) == (b.law, b.model)]
+        kinetic = [(a, b) for a, b in pairs if (a.law, a.model) == ('kinetic', b.model)]
+        uncompensated = [(a, b) for a, b in pairs if a.law == 'none']
+        for comparable in (same_law, kinetic, uncompensated):
+            if comparable:
+                return max(comparable, key=lambda pair: (min(map(counts.__getitem__, pair)), pair))
         return (plain[0], assisted[0]) if len(plain) == len(assisted) == 1 else None
 
-    def stuck(self, condition: Help) -> int:
+    def stuck(self, condition: Compensation) -> int:
         """Return the number of movements under a condition in which the joint did not move."""
-        return sum(r.help == condition and not r.moved for r in self.repetitions)
+        return sum(r.compensation == condition and not r.moved for r in self.repetitions)
 
-    def peak_of(self, condition: Help) -> float:
+    def peak_of(self, condition: Compensation) -> float:
         """Return a condition's peak torque, averaged over both movements, N·m."""
-        return float(np.mean([c.peak_torque for c in self.conditions if c.help == condition]))
+        return float(np.mean(
+            [c.peak_torque for c in self.conditions if c.compensation == condition]))
 
     def compared(self, name: str) -> tuple[float, float] | None:
         """Return 'peak_torque' or 'rms_torque' with d = 0 and with d = ±1, N·m.
@@ -117,7 +121,7 @@ class Evaluation:
         pair = self.pair()
         if pair is None:
             return None
-        values = {(c.help, c.movement): getattr(c, name) for c in self.conditions}
+        values = {(c.compensation, c.movement): getattr(c, name) for c in self.conditions}
         both = np.array([[values.get((condition, movement), np.nan) for condition in pair]
                          for movement in NAMES.values()])
         both = both[np.isfinite(both).all(axis=1)]
@@ -164,6 +168,6 @@ class Evaluation:
                   'model', *FIGURES, 'moved', 'false_start']
         return [header, *([
             self.joint, r.recording, r.day, round(r.begin, 4), round(r.duration, 4),
-            NAMES[r.movement.sign], r.movement.direction, r.help.law, r.help.model,
+            NAMES[r.movement.sign], r.movement.direction, r.compensation.law, r.compensation.model,
             *(f'{r.figures[name]:.6g}' if name in r.figures else '' for name in FIGURES),
             int(r.moved), int(r.false_start)] for r in self.repetitions)]

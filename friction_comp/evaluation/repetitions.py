@@ -32,10 +32,10 @@ _START_SHARE, _PUSH_SHARE = 0.01, 0.1
 _STILL = 0.2
 # Rounding error of sums of sample times, s.
 _ROUNDING = 1e-9
-# Movements whose durations differ by no more than this share have the same pace, and are averaged
+# Movements whose durations differ by no more than this share are of one class, and are averaged
 # or left out together. Finer classes take more memory where people move as they like; coarser ones
 # blur the limit of 25 % by which a duration may differ from the median.
-_PACE = 0.05
+_DURATION_RATIO = 0.05
 # Least number of encoder steps of a joint that has started moving.
 _LEAST_STEPS = 3
 NAMES = {1: 'positive', -1: 'negative'}
@@ -52,7 +52,7 @@ FIGURES = {
 
 
 @dataclass(frozen=True, order=True)
-class Help:
+class Compensation:
     """The compensation that was active during a movement."""
 
     # Compensation law; 'none' where no current was commanded, 'other' where another node than the
@@ -91,7 +91,7 @@ class Repetition:
     day: str  # ISO date; '' where unknown
     begin: float  # since the recording's first joint state, s
     movement: Movement
-    help: Help
+    compensation: Compensation
     figures: dict[str, float]  # by the names in `FIGURES`, without those that are unknown
     # Whether the joint moved before the next movement of the reference began. Where it did not, the
     # peak torque was not sufficient.
@@ -115,19 +115,19 @@ class Repetition:
         return max(self.duration, self.figures.get('onset', -math.inf) + _AFTER_ONSET)
 
     @property
-    def pace(self) -> int:
-        """Index of the class of similar durations."""
-        return round(math.log(self.duration) / _PACE)
+    def duration_class(self) -> int:
+        """Index of the class of movements with similar durations."""
+        return round(math.log(self.duration) / _DURATION_RATIO)
 
     @property
     def usual_duration(self) -> float:
-        """Duration in the middle of the pace, s."""
-        return math.exp(_PACE * self.pace)
+        """Duration in the middle of the class, s."""
+        return math.exp(_DURATION_RATIO * self.duration_class)
 
     @property
-    def kind(self) -> tuple[Help, int, int, int]:
+    def kind(self) -> tuple[Compensation, int, int, int]:
         """Key of the movements whose curves are averaged together."""
-        return self.help, self.movement.sign, self.movement.direction, self.pace
+        return self.compensation, self.movement.sign, self.movement.direction, self.duration_class
 
 
 def measure(samples: Samples, movement: Movement, name: str = '',
@@ -157,8 +157,8 @@ def measure(samples: Samples, movement: Movement, name: str = '',
         velocity = measured_velocity(samples.take(part))
         figures['smoothness'] = spectral_arc_length(velocity, samples.sample_time)
     repetition = Repetition(
-        name, _day(info, movement), movement.begin, movement,
-        _help(samples, movement, info, moved),
+        name, _date_of(info, movement), movement.begin, movement,
+        _active_compensation(samples, movement, info, moved),
         {key: value for key, value in figures.items() if np.isfinite(value)},
         moved, _is_false_start(samples, movement, figures.get('peak_torque')),
         _is_restless(samples, movement))
@@ -175,9 +175,9 @@ def _rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values ** 2)))
 
 
-def effort(time: np.ndarray, load: np.ndarray, movement: Movement, onset: float | None,
-           has_reference: bool) -> np.ndarray:
-    """Return the torque that counts for a movement's peak: the torque needed to move the joint.
+def counted_torque(time: np.ndarray, load: np.ndarray, movement: Movement, onset: float | None,
+                   has_reference: bool) -> np.ndarray:
+    """Return the torque that counts for a movement's peak: that needed to move the joint.
 
     Torque counts from the begin of the movement to its deceleration, or until the joint starts
     moving where that is later. Earlier torque belongs to the previous movement, unless the joint
@@ -202,13 +202,13 @@ def effort(time: np.ndarray, load: np.ndarray, movement: Movement, onset: float 
     """
     first, last = movement.begin, movement.constant_end
     if has_reference and onset is None:
-        set_out, last = np.inf, movement.end
+        start, last = np.inf, movement.end
     else:
-        set_out = movement.begin if onset is None else onset
-        last = max(last, set_out)
-        if not has_reference or set_out < first:
+        start = movement.begin if onset is None else onset
+        last = max(last, start)
+        if not has_reference or start < first:
             first = max(first - EARLY, movement.rest_begin)
-    torque = np.where(time >= set_out, np.abs(load), np.maximum(movement.sign * load, 0.0))
+    torque = np.where(time >= start, np.abs(load), np.maximum(movement.sign * load, 0.0))
     counts = (time >= first - _ROUNDING) & (time <= last + _ROUNDING) & np.isfinite(load)
     return np.where(counts, torque, -1.0)
 
@@ -216,7 +216,7 @@ def effort(time: np.ndarray, load: np.ndarray, movement: Movement, onset: float 
 def _torque_figures(samples: Samples, load: np.ndarray, movement: Movement,
                     onset: float | None, has_reference: bool) -> dict[str, float]:
     whole = _slice_between(samples, movement.begin - EARLY, movement.rest_end)
-    torque = effort(samples.time[whole], load[whole], movement, onset, has_reference)
+    torque = counted_torque(samples.time[whole], load[whole], movement, onset, has_reference)
     peak = int(np.argmax(torque))
     constant = _slice_between(samples, movement.constant_begin, movement.constant_end)
     return {
@@ -245,15 +245,16 @@ def _announcement(samples: Samples, movement: Movement) -> float | None:
     return float(samples.time[others[-1] + 1]) if len(others) and others[-1] + 1 < last else None
 
 
-def _help(samples: Samples, movement: Movement, info: RecordingInfo | None,
-          moved: bool) -> Help:
+def _active_compensation(samples: Samples, movement: Movement, info: RecordingInfo | None,
+                         moved: bool) -> Compensation:
+    """Return the law and model of a movement: by the compensator's reports and its commands."""
     announced = movement.direction * movement.sign
     law, model, active = '', (info.model or '') if info else '', True
     known = [activity for since, activity in (info.activity if info else [])
              if since <= movement.constant_end]
     if known:
         if known[-1].state == 'identification':
-            return Help('identification', '', announced)
+            return Compensation('identification', '', announced)
         active = known[-1].state in ('', 'active')
         law, model = known[-1].law, known[-1].model or model
     if samples.command is not None:
@@ -264,17 +265,17 @@ def _help(samples: Samples, movement: Movement, info: RecordingInfo | None,
     elif not active:
         law = 'none'
     # Without a law, a loaded model is not in use.
-    return Help(law, '' if law in ('none', 'other') else model, announced)
+    return Compensation(law, '' if law in ('none', 'other') else model, announced)
 
 
-def _day(info: RecordingInfo | None, movement: Movement) -> str:
-    """Return the date from the stamps or, for simulated time, from the name; '' where unknown."""
+def _date_of(info: RecordingInfo | None, movement: Movement) -> str:
+    """Return the ISO date by the stamps or, in simulated time, by the path; '' if unknown."""
     if info is None:
         return ''
-    moment = info.start + movement.begin
+    stamp = info.start + movement.begin
     # Stamps before 2000 are not wall-clock time.
-    if moment > 946_684_800:
-        return datetime.fromtimestamp(moment, timezone.utc).date().isoformat()
+    if stamp > 946_684_800:
+        return datetime.fromtimestamp(stamp, timezone.utc).date().isoformat()
     dated = re.search(r'(20\d\d)[-_.]?([01]\d)[-_.]?([0-3]\d)', str(info.path))
     try:
         return date.fromisoformat('-'.join(dated.groups())).isoformat() if dated else ''

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from friction_comp.columns import Layout
 from friction_comp.errors import InputError
-from friction_comp.evaluation.conditions import Evaluation, Measured, repetitions_of
+from friction_comp.evaluation.conditions import Evaluation, MeasuredJoint, repetitions_of
 from friction_comp.parallel import Failure, run_each, Runner
 from friction_comp.recordings import (
     find_recordings,
@@ -101,14 +101,14 @@ def evaluate_pieces(pieces: Sequence[Piece], failures: Sequence[Failure] = (),
     InputError
         If no recording can be used, with the first one's reason.
     """
-    joints: dict[str, Measured] = {}
+    joints: dict[str, MeasuredJoint] = {}
     left_out = list(failures)
     work = partial(_measure_piece, friction=friction, seconds=seconds)
     for outcome in _in_order(run(work, pieces) if pieces else (), len(pieces), progress):
         if isinstance(outcome, Failure):
             left_out.append(outcome)
         else:
-            joints.setdefault(outcome.joint, Measured(outcome.joint)).add(outcome)
+            joints.setdefault(outcome.joint, MeasuredJoint(outcome.joint)).merge(outcome)
     if not joints:
         raise InputError(left_out[0].reason)
     active = ', '.join(dict.fromkeys(
@@ -118,10 +118,10 @@ def evaluate_pieces(pieces: Sequence[Piece], failures: Sequence[Failure] = (),
     return [measured.evaluate(active) for measured in joints.values()]
 
 
-def _in_order(outcomes: Iterable[tuple[int, Measured | Failure]], count: int,
-              progress: Callable[[float], None] | None) -> Iterator[Measured | Failure]:
+def _in_order(outcomes: Iterable[tuple[int, MeasuredJoint | Failure]], count: int,
+              progress: Callable[[float], None] | None) -> Iterator[MeasuredJoint | Failure]:
     """Yield outcomes in the order of the pieces, so that sums do not depend on the processes."""
-    waiting: dict[int, Measured | Failure] = {}
+    waiting: dict[int, MeasuredJoint | Failure] = {}
     done = following = 0
     for index, outcome in outcomes:
         waiting[index], done = outcome, done + 1
@@ -135,36 +135,32 @@ def _in_order(outcomes: Iterable[tuple[int, Measured | Failure]], count: int,
         yield waiting[index]
 
 
-def _measure_piece(piece: Piece, friction: FrictionModel | None, seconds: float) -> Measured:
+def _measure_piece(piece: Piece, friction: FrictionModel | None, seconds: float) -> MeasuredJoint:
     """Measure the repetitions of a piece."""
     path = piece.path
     constants = (1.0, 1.0) if friction is None else (
         friction.drive.torque_constant, friction.drive.gear_ratio)
-    measured = Measured('')
+    measured = MeasuredJoint('')
     notes = measured.notes
     buffer: Samples | None = None
     for part, info in stream_recording_with_info(
             path, piece.joint, *constants, seconds=seconds, layout=piece.layout):
         notes.extend(text for note in info.notes if (text := f'{path}: {note}') not in notes)
         if len(part):
-            buffer = part if buffer is None else _concatenate(buffer, part)
+            # Of one recording, without signals that only one of the stretches has.
+            buffer = part if buffer is None else Samples.concatenate([buffer, part])
+            buffer = buffer.with_(recording=0 * buffer.recording)
         at_end = not len(part)
         if buffer is None or not (at_end or buffer.time[-1] - buffer.time[0] >= 2.0 * seconds):
             continue
         # The last stretch is evaluated again with the next one, since movements are recognised by
-        # comparison with those around them.
+        # comparison with their neighbours.
         end = buffer.time[-1] - (0.0 if at_end else seconds)
         finished = [r for r in repetitions_of(buffer, str(path), info, friction, notes, at_end)
                     if at_end or r.movement.end < end]
-        measured.extend(finished)
+        measured.add_repetitions(finished)
         buffer = buffer.take(buffer.time >= (finished[-1].movement.end if finished else end))
     if not measured.repetitions:
         raise InputError(f'{path}: no movement of joint {info.joint!r} found in it')
     measured.joint, measured.models = info.joint, [info.model] if info.model else []
     return measured
-
-
-def _concatenate(first: Samples, second: Samples) -> Samples:
-    """Concatenate two stretches, without signals that only one of them has."""
-    joined = Samples.concatenate([first, second])
-    return joined.with_(recording=0 * joined.recording)

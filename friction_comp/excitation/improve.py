@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Improves a model with motion planned for what the recordings so far leave open.
 
-One principle: **a recording tests the model before it teaches it**. The motion of each round is
-new, so the error with which the model of the earlier rounds predicts it is the error that the model
-has anywhere within the limits. Then the round is fitted together with all others, and the next
-motion is planned for what that fit leaves open, until a new motion adds no information.
+Each recording tests the model before it is fitted. The motion of each round is new, so the error
+with which the model of the earlier rounds predicts it is the error to expect within the limits.
+Then the round is fitted together with all others, and the next motion is planned for what that fit
+leaves open, until new motion adds no information.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class Schedule:
 
 @dataclass(frozen=True)
 class Round:
-    """One round: the question it asked and its answer."""
+    """The motion and the results of one round."""
 
     seconds: float  # of motion, in this round
     asked: list[Pair]  # effects that its motion was planned to tell apart
@@ -68,7 +68,7 @@ class Round:
 
 @dataclass(frozen=True)
 class Improvement:
-    """What all rounds together found."""
+    """The results of all rounds."""
 
     rounds: list[Round]
     result: RefineResult  # of all recordings together
@@ -76,12 +76,12 @@ class Improvement:
 
     @property
     def verdict(self) -> str:
-        """That of the last round."""
+        """The verdict of the last round."""
         return self.rounds[-1].verdict
 
     @property
     def seconds(self) -> float:
-        """Of motion, of all rounds."""
+        """Duration of motion in all rounds, s."""
         return sum(one.seconds for one in self.rounds)
 
     def report(self) -> dict[str, Any]:
@@ -93,8 +93,8 @@ class Improvement:
                 'ended': self.ended}
 
 
-def error_of(model: FrictionModel, samples: Samples) -> float:
-    """Return the RMS error in A with which a model predicts a recording in motion."""
+def prediction_error(model: FrictionModel, samples: Samples) -> float:
+    """Return the RMS error with which a model predicts a recording, in motion, A."""
     settings: dict[str, Any] = dict(model.differentiation or DEFAULT_SETTINGS)
     moved = differentiate(samples, settings)
     moving = in_motion(moved, np.zeros(len(moved), dtype=bool), standstill_speed(moved),
@@ -117,15 +117,15 @@ def improve(play: Callable[[JointPlan], Samples], limits: JointLimits, drive: Dr
         Moves the joint along a plan and returns the recording.
     limits, drive, schedule
     model : FrictionModel, optional
-        The start; the note's sigmoid when omitted.
+        The initial model; the note's sigmoid when omitted.
     recorded : sequence of Samples
-        What was recorded before the first round.
+        Recordings from before the first round.
     progress : callable, optional
-        Called with the share of the budget that is spent and a word on what happens.
+        Called with the share of the budget that is spent and the present step.
     done : callable, optional
-        Called after each round with what was found so far.
+        Called after each round with the results so far.
     plan : callable, optional
-        As `plan_joint`.
+        A replacement of `plan_joint`.
 
     Raises
     ------
@@ -147,8 +147,8 @@ def improve(play: Callable[[JointPlan], Samples], limits: JointLimits, drive: Dr
         planned = plan(limits, asked, seconds, schedule.seed + number, model)
         report(spent / budget, 'moving')
         recordings.append(play(planned))
-        predicted = error_of(result.model, recordings[-1]) if result else math.nan
-        before = effects_of(result) if result else None
+        predicted = prediction_error(result.model, recordings[-1]) if result else math.nan
+        before = named_effects(result) if result else None
         report((spent + seconds) / budget, 'refining')
         result = refine(recordings, model, drive)
         rounds.append(_round(planned.seconds, asked, predicted, result, before))
@@ -160,21 +160,21 @@ def improve(play: Callable[[JointPlan], Samples], limits: JointLimits, drive: Dr
             return improvement
 
 
-def effects_of(result: RefineResult) -> tuple[str, ...]:
-    """Return the names of the effects that refinement names, each once."""
+def named_effects(result: RefineResult) -> tuple[str, ...]:
+    """Return the names of the effects in a result, without duplicates."""
     return tuple(sorted({one['name'] for one in result.report['effects']}))
 
 
 def _round(seconds: float, asked: list[Pair], predicted: float, result: RefineResult,
            before: tuple[str, ...] | None) -> Round:
     report = result.report
-    held_out, effects = report['after']['held_out_rmse'], effects_of(result)
+    held_out, effects = report['after']['held_out_rmse'], named_effects(result)
     same = effects == before
     tested = same and predicted <= GROWTH * held_out
-    # That it holds where it was fitted alone is refuted by a motion that it predicted.
-    left = [one for one in report['findings'] if one['grade'] != TRUST
+    # A motion that was predicted well shows that the model does not extrapolate badly.
+    open_findings = [one for one in report['findings'] if one['grade'] != TRUST
             and not (tested and one['code'] == 'extrapolates')]
-    reasons = [one['text'] for one in left]
+    reasons = [one['text'] for one in open_findings]
     if before is None:
         reasons.append('No motion that was not fitted has tested the model.')
     elif not same:
@@ -182,7 +182,7 @@ def _round(seconds: float, asked: list[Pair], predicted: float, result: RefineRe
     elif not tested:
         reasons.append(f'The last recording was predicted with an error of {predicted:.3g}, where '
                        f'{held_out:.3g} is left once it is fitted too.')
-    grades = {one['grade'] for one in left}
+    grades = {one['grade'] for one in open_findings}
     verdict = AGAIN if AGAIN in grades else IN_PART if reasons else TRUST
     return Round(seconds, asked, predicted, held_out, effects, verdict, reasons)
 
@@ -194,7 +194,7 @@ def _why_ended(rounds: list[Round], result: RefineResult, spent: bool) -> str:
         return 'a motion that was not fitted is predicted as well as those that were'
     codes = {one['code'] for one in result.report['findings'] if one['grade'] != TRUST}
     if len(rounds) > 1 and codes - set(_BY_MOTION):
-        return 'what is left cannot be told by moving this joint'
+        return 'the open questions cannot be answered by moving this joint'
     recent = rounds[-3:]
     if len(recent) == 3 and len({one.effects for one in recent}) == 1 and (
             max(one.held_out_rmse for one in recent)

@@ -1,12 +1,12 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""A plan: moves between places, at speeds and with rests that never repeat.
+"""Plans a motion of one joint: moves between positions with rests, which never repeat.
 
-The n-th move's place, speed and rest are the n-th point of a scrambled Sobol sequence, so that all
-combinations come and none twice. Five numbers bend that sequence (`SHAPE`): how slow the slowest
-move is, how many are slow, how long a move and a rest may last, how near the ends places are.
-`scipy.optimize.differential_evolution` chooses them so that the pair of effects that is told apart
-worst is told apart as well as can be.
+Target, speed and rest of the n-th move are the n-th point of a scrambled Sobol sequence, which
+covers all combinations evenly. Five parameters transform that sequence (`SHAPE`): the slowest
+speed, the share of slow moves, the longest move and rest, and how near targets are to the ends of
+the range. `scipy.optimize.differential_evolution` chooses them so that the pair of effects that is
+hardest to distinguish is separated best.
 """
 
 from __future__ import annotations
@@ -22,16 +22,15 @@ from scipy.stats import qmc
 
 from friction_comp.errors import InputError
 from friction_comp.excitation.joint_limits import JointLimits
-from friction_comp.excitation.separation import Pair, scene_within, separations
+from friction_comp.excitation.separation import coverage_within, Pair, separations
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.samples import Samples
 from friction_comp.trajectory import Trajectory
 
-# Share of the slowest speed, exponent of speeds, longest move and longest rest in s, exponent of
-# positions; each with its search range.
+# Search ranges of the parameters: slowest speed relative to the limit, exponent of speeds, longest
+# move and longest rest in s, exponent of positions.
 SHAPE = ((0.01, 0.5), (0.3, 4.0), (1.0, 15.0), (0.05, 3.0), (0.05, 1.2))
-# Share of the limits that is used: the rest is left to controllers, which interpolate and
-# overshoot.
+# Share of the limits that is used: controllers interpolate and overshoot.
 MARGIN = 0.95
 SHORTEST = 20.0         # s, below which a plan has too few moves to be planned
 LONGEST = 1800.0        # s, beyond which it holds more moves than points are drawn
@@ -52,17 +51,17 @@ _SPEEDS, _HARMONICS = 8, 5
 class Move:
     """One motion from rest to rest."""
 
-    begin: float  # when it sets out, s
+    begin: float  # s
     start: float  # rad
     distance: float  # rad, with a sign
-    speed: float  # while it is constant, rad/s
-    ramp: float  # s in which speed rises, and falls
-    cruise: float  # s in which it is constant
+    speed: float  # during the phase of constant speed, rad/s
+    ramp: float  # duration of acceleration, and of deceleration, s
+    cruise: float  # duration of constant speed, s
 
     @classmethod
     def within(cls, begin: float, start: float, end: float, speed: float,
                acceleration: float) -> Move:
-        """Return the move at a speed, or at the highest that the limits leave it."""
+        """Return a move at a speed, or at the highest one that distance and acceleration allow."""
         distance = abs(end - start)
         speed = min(speed, math.sqrt(distance * acceleration / _STEEPEST), distance / _SHORTEST)
         ramp = max(_STEEPEST * speed / acceleration, _SHORTEST)
@@ -70,12 +69,12 @@ class Move:
 
     @property
     def duration(self) -> float:
-        """Seconds."""
+        """Duration in s."""
         return 2.0 * self.ramp + self.cruise
 
 
-def sampled(moves: Sequence[Move], start: float, time: np.ndarray
-            ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def sample_moves(moves: Sequence[Move], start: float, time: np.ndarray
+                 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return position, velocity and acceleration, each (N,), of moves and rests between them.
 
     The moves are in the order of time, and `start` is the position before the first, rad.
@@ -84,23 +83,25 @@ def sampled(moves: Sequence[Move], start: float, time: np.ndarray
     velocity, acceleration = np.zeros(len(time)), np.zeros(len(time))
     for move in moves:
         first, stop = np.searchsorted(time, (move.begin, move.begin + move.duration))
-        late = time[first:stop] - move.begin
+        elapsed = time[first:stop] - move.begin
+        # Time since the begin and until the end, as shares of the acceleration time.
         before, after = (np.clip(part / move.ramp, 0.0, 1.0)
-                         for part in (late, move.duration - late))
+                         for part in (elapsed, move.duration - elapsed))
         side = math.copysign(1.0, move.distance)
         rise = np.minimum(before, after)
         speed = move.speed * rise ** 3 * (10.0 - 15.0 * rise + 6.0 * rise ** 2)
         slope = move.speed / move.ramp * 30.0 * (rise * (1.0 - rise)) ** 2
-        way = (_way(move, before) + move.speed * np.clip(late - move.ramp, 0.0, move.cruise)
-               + 0.5 * move.speed * move.ramp - _way(move, after))
-        position[first:stop] = move.start + side * way
+        distance = (_ramp_distance(move, before)
+                    + move.speed * np.clip(elapsed - move.ramp, 0.0, move.cruise)
+                    + 0.5 * move.speed * move.ramp - _ramp_distance(move, after))
+        position[first:stop] = move.start + side * distance
         velocity[first:stop] = side * speed
         acceleration[first:stop] = side * np.where(before < after, slope, -slope)
         position[stop:] = move.start + move.distance
     return position, velocity, acceleration
 
 
-def _way(move: Move, share: np.ndarray) -> np.ndarray:
+def _ramp_distance(move: Move, share: np.ndarray) -> np.ndarray:
     """Return the distance covered in a share of the acceleration time, rad."""
     return np.asarray(
         move.speed * move.ramp * share ** 4 * (2.5 - 3.0 * share + share ** 2))
@@ -111,10 +112,10 @@ class JointPlan:
     """The planned motion of one joint."""
 
     limits: JointLimits
-    start: float  # where it begins and ends, rad
+    start: float  # position at the begin and at the end, rad
     moves: tuple[Move, ...]
     seconds: float
-    separation: dict[Pair, float]  # of each pair of effects, as of `separations`
+    separation: dict[Pair, float]  # of each pair of effects, see `separations`
 
     def samples(self, rate: float) -> Samples:
         """Return the motion sampled at a rate in Hz, with zero current."""
@@ -133,38 +134,42 @@ def samples_of(moves: Sequence[Move], start: float, seconds: float, rate: float,
                joint: str) -> Samples:
     """Return moves sampled at a rate in Hz, up to the end at least, with zero current."""
     time = np.arange(math.ceil(seconds * rate - 1e-9) + 1) / rate
-    position, velocity, acceleration = sampled(moves, start, time)
+    position, velocity, acceleration = sample_moves(moves, start, time)
     return Samples(time=time, position=position, velocity=velocity, acceleration=acceleration,
                    current=np.zeros(len(time)), joint=joint)
 
 
-def moves_by(shape: Sequence[float] | np.ndarray, limits: JointLimits, seconds: float,
-             points: np.ndarray) -> tuple[float, list[Move]]:
-    """Return the place where a plan begins and ends, and its moves.
+def moves_of_shape(shape: Sequence[float] | np.ndarray, limits: JointLimits, seconds: float,
+                   points: np.ndarray) -> tuple[float, list[Move]]:
+    """Return the position at the begin and end of a plan, rad, and its moves.
 
-    `shape` is a point of `SHAPE`, and `points`, shape (K, 3), are in the unit cube.
+    `shape` are values of the parameters in `SHAPE`, and `points`, shape (K, 3), are in the unit
+    cube: target, speed and rest of each move.
     """
-    slowest, lean, longest, rest, reach = shape
-    top, most = MARGIN * limits.velocity, MARGIN * limits.acceleration
+    slowest, speed_exponent, longest_move, longest_rest, position_exponent = shape
+    top, acceleration = MARGIN * limits.velocity, MARGIN * limits.acceleration
     centre = 0.5 * (limits.lowest + limits.highest)
     half = 0.5 * MARGIN * (limits.highest - limits.lowest)
-    now, here, moves = float(rest * points[0, 2]), centre, []
-    for share, pace, wait in points[1:]:
-        speed = top * slowest ** (pace ** lean)
-        aim = centre + half * np.copysign(abs(2.0 * share - 1.0) ** reach, share - 0.5)
-        there = float(np.clip(aim, here - speed * longest, here + speed * longest))
-        if abs(there - here) < 0.01 * half:
+    time, position, moves = float(longest_rest * points[0, 2]), centre, []
+    for u_target, u_speed, u_rest in points[1:]:
+        speed = top * slowest ** (u_speed ** speed_exponent)
+        target = centre + half * np.copysign(
+            abs(2.0 * u_target - 1.0) ** position_exponent, u_target - 0.5)
+        target = float(np.clip(
+            target, position - speed * longest_move, position + speed * longest_move))
+        if abs(target - position) < 0.01 * half:
             continue
-        move = Move.within(now, here, there, speed, most)
-        then = now + move.duration + rest * wait ** 2
-        back = (Move.within(then, there, centre, 0.5 * top, most)
-                if abs(there - centre) > 1e-6 * half else None)
-        if then + (back.duration if back else 0.0) > seconds:
+        move = Move.within(time, position, target, speed, acceleration)
+        end = time + move.duration + longest_rest * u_rest ** 2
+        # There must be time left to return to the centre.
+        back = (Move.within(end, target, centre, 0.5 * top, acceleration)
+                if abs(target - centre) > 1e-6 * half else None)
+        if end + (back.duration if back else 0.0) > seconds:
             break
         moves.append(move)
-        now, here = then, there
-    if abs(here - centre) > 1e-6 * half:
-        moves.append(Move.within(now, here, centre, 0.5 * top, most))
+        time, position = end, target
+    if abs(position - centre) > 1e-6 * half:
+        moves.append(Move.within(time, position, centre, 0.5 * top, acceleration))
     return centre, moves
 
 
@@ -173,8 +178,8 @@ def plan_joint(limits: JointLimits, pairs: Sequence[Pair], seconds: float, seed:
                report: Callable[[float], None] = lambda share: None) -> JointPlan:
     """Return a motion of one joint that separates pairs of effects.
 
-    The same seed gives the same plan. `model` predicts the effort of a motion, which is not checked
-    otherwise; `report` is called with the share that is done.
+    The same seed gives the same plan. The effort limit is checked with `model`, if given; `report`
+    is called with the share of the work done.
 
     Raises
     ------
@@ -185,16 +190,16 @@ def plan_joint(limits: JointLimits, pairs: Sequence[Pair], seconds: float, seed:
         raise InputError(f'{seconds:g} s are too short for a plan: at least {SHORTEST:g} s')
     if seconds > LONGEST:
         raise InputError(f'{seconds:g} s are too long for a plan: at most {LONGEST:g} s')
-    scene = scene_within(limits, seconds, 1.0 / _EVALUATED)
+    coverage = coverage_within(limits, seconds, 1.0 / _EVALUATED)
     points = qmc.Sobol(3, scramble=True, seed=seed).random(_POINTS)
 
     def separation(shape: np.ndarray, own: JointLimits) -> dict[Pair, float]:
-        start, moves = moves_by(shape, own, seconds, points)
+        start, moves = moves_of_shape(shape, own, seconds, points)
         try:
             return separations(samples_of(moves, start, seconds, _EVALUATED, own.joint), pairs,
-                               scene)
+                               coverage)
         except InputError:
-            # Almost the whole time is rest.
+            # There is hardly any motion.
             return dict.fromkeys(pairs, 0.0)
 
     def cost(shape: np.ndarray) -> float:
@@ -205,58 +210,55 @@ def plan_joint(limits: JointLimits, pairs: Sequence[Pair], seconds: float, seed:
     shape = differential_evolution(
         cost, SHAPE, popsize=_POPULATION, maxiter=_GENERATIONS, tol=0.0, polish=False, seed=seed,
         callback=lambda *_, **__: report(next(generation) / _GENERATIONS)).x
-    own = limits
+    reduced = limits
     for _ in range(_TRIALS):
-        start, moves = moves_by(shape, own, seconds, points)
-        distances = separation(shape, own)
-        if not any(distances.values()):
-            # Slowed down, hardly any move fits into the time.
+        start, moves = moves_of_shape(shape, reduced, seconds, points)
+        shares = separation(shape, reduced)
+        if not any(shares.values()):
+            # At this speed, hardly any move fits into the time.
             break
-        if model is None or effort_of(model, samples_of(
-                moves, start, seconds, 200.0, own.joint)) <= MARGIN * limits.effort:
-            return JointPlan(limits, start, tuple(moves), seconds, distances)
-        own = own.slowed(_SLOWER)
+        if model is None or peak_torque(model, samples_of(
+                moves, start, seconds, 200.0, limits.joint)) <= MARGIN * limits.effort:
+            return JointPlan(limits, start, tuple(moves), seconds, shares)
+        reduced = reduced.slowed(_SLOWER)
     raise InputError(
         f'joint {limits.joint!r}: {seconds:g} s are too short for motion within these limits'
-        if own is limits else f'joint {limits.joint!r}: by its model even slow motion needs more '
-        f'than the effort limit of {limits.effort:g} N·m')
+        if reduced is limits else f'joint {limits.joint!r}: by its model even slow motion needs '
+        f'more than the effort limit of {limits.effort:g} N·m')
 
 
-def effort_of(model: FrictionModel, samples: Samples) -> float:
-    """Return the largest torque at the joint in N·m that a motion needs by a model."""
+def peak_torque(model: FrictionModel, samples: Samples) -> float:
+    """Return the largest joint torque of a motion, predicted by a model, N·m."""
     return float(np.max(np.abs(model.predict(samples)))) * model.drive.torque_per_current
 
 
 def staircase(limits: JointLimits, seconds: float, rate: float) -> Samples:
-    """Return motion to and fro at speeds that rise in steps, each with an equal share of the time.
-
-    Plans are compared with it.
-    """
+    """Return motion to and fro at a speed that rises in equally long steps, for comparison."""
     centre = 0.5 * (limits.lowest + limits.highest)
     half = 0.5 * MARGIN * (limits.highest - limits.lowest)
-    now, here, side, moves = 0.0, centre, 1.0, []
+    time, position, side, moves = 0.0, centre, 1.0, []
     while True:
-        step = min(int(now / seconds * _SPEEDS) + 1, _SPEEDS)
+        step = min(int(time / seconds * _SPEEDS) + 1, _SPEEDS)
         speed = MARGIN * limits.velocity * step / _SPEEDS
-        # Slow steps reverse earlier, so that they too go in both directions.
-        way = min(half, 0.2 * speed * seconds / _SPEEDS)
-        move = Move.within(now, here, centre + side * way, speed, MARGIN * limits.acceleration)
-        if now + move.duration > seconds:
+        # Slow steps reverse earlier, so that they have motion in both directions, too.
+        target = centre + side * min(half, 0.2 * speed * seconds / _SPEEDS)
+        move = Move.within(time, position, target, speed, MARGIN * limits.acceleration)
+        if time + move.duration > seconds:
             break
         moves.append(move)
-        now, here, side = now + move.duration, centre + side * way, -side
+        time, position, side = time + move.duration, target, -side
     return samples_of(moves, centre, seconds, rate, limits.joint)
 
 
 def fourier_series(limits: JointLimits, seconds: float, rate: float, seed: int) -> Samples:
-    """Return a random Fourier series of a period of 10 s that just keeps the limits."""
+    """Return a random Fourier series with a period of 10 s, scaled to the limits."""
     rng = np.random.default_rng(seed)
     time = np.arange(round(seconds * rate) + 1) / rate
-    turns = 2.0 * np.pi / 10.0 * np.arange(1, _HARMONICS + 1)
-    angle = turns * time[:, None] + rng.uniform(0.0, 2.0 * np.pi, _HARMONICS)
-    size = rng.normal(0.0, 1.0, _HARMONICS) / turns
-    position, velocity = np.sin(angle) @ size, np.cos(angle) @ (size * turns)
-    acceleration = -np.sin(angle) @ (size * turns ** 2)
+    frequency = 2.0 * np.pi / 10.0 * np.arange(1, _HARMONICS + 1)
+    phase = frequency * time[:, None] + rng.uniform(0.0, 2.0 * np.pi, _HARMONICS)
+    amplitude = rng.normal(0.0, 1.0, _HARMONICS) / frequency
+    position, velocity = np.sin(phase) @ amplitude, np.cos(phase) @ (amplitude * frequency)
+    acceleration = -np.sin(phase) @ (amplitude * frequency ** 2)
     middle = 0.5 * (position.max() + position.min())
     scale = MARGIN * min((limits.highest - limits.lowest) / np.ptp(position),
                          limits.velocity / np.abs(velocity).max(),

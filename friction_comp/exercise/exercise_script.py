@@ -45,7 +45,7 @@ class ExerciseScript:
     times : ndarray, shape (K,)
         s of each waypoint, increasing from 0.
     positions : ndarray, shape (K, J)
-        rad, relative to where the joints stand at the beginning.
+        rad, relative to the positions at the beginning.
     announcement : float
         s by which a movement from rest is announced ahead.
     """
@@ -78,9 +78,9 @@ class ExerciseScript:
         return position, velocity, direction
 
     def of(self, joints: Sequence[str]) -> ExerciseScript:
-        """Return the same exercise with a node's joints in their order; others are held.
+        """Return the exercise for these joints in this order; joints that it lacks are held.
 
-        Raises InputError if the exercise moves a joint that is not among them.
+        Raises InputError if it moves a joint that is not among them.
         """
         if unknown := sorted(set(self.joints) - set(joints)):
             raise InputError(f'the exercise moves {", ".join(unknown)}, but the joints are '
@@ -140,7 +140,7 @@ def _waypoints(steps: list[Any], joints: list[str], unit: float,
 
 def _step(name: str, step: Any, joints: list[str], before: np.ndarray,
           unit: float) -> tuple[float, np.ndarray]:
-    """Return the duration of a step and where it leads."""
+    """Return the duration of a step in s and the positions at its end, rad."""
     if isinstance(step, dict) and set(step) == {'hold'}:
         return check_number(step['hold'], f'{name}.hold', above=0.0), before
     if not isinstance(step, dict) or set(step) not in ({'to', 'time'}, {'to', 'speed'}):
@@ -148,17 +148,17 @@ def _step(name: str, step: Any, joints: list[str], before: np.ndarray,
     position = before.copy()
     for joint, angle in check_mapping(step['to'], f'{name}.to', joints).items():
         position[joints.index(joint)] = unit * check_number(angle, f'{name}.to.{joint}')
-    way = float(np.abs(position - before).max())
-    if way < _SAME:
+    distance = float(np.abs(position - before).max())
+    if distance < _SAME:
         raise InputError(f'{name} moves nothing: use a hold')
     if 'time' in step:
         return check_number(step['time'], f'{name}.time', above=0.0), position
-    return way / (unit * check_number(step['speed'], f'{name}.speed', above=0.0)), position
+    return distance / (unit * check_number(step['speed'], f'{name}.speed', above=0.0)), position
 
 
 def _spans(times: np.ndarray, position: np.ndarray, speed: Any,
            announcement: float) -> list[tuple[float, float, int]]:
-    """Return from when to when a direction is announced for one joint."""
+    """Return begin, end and direction of each announcement for one joint; s."""
     steps = np.diff(position)
     signs = np.where(np.abs(steps) < _SAME, 0, np.sign(steps)).astype(int)
     spans: list[tuple[float, float, int]] = []

@@ -22,9 +22,9 @@ class ReferenceMovement:
     """Standstill, acceleration, constant velocity, deceleration; forth and back, repeated.
 
     One repetition is: standstill at the start, the positive movement, standstill at the far end,
-    the negative movement back. The direction d of the coming movement is announced while the joint
-    still stands, and falls back to 0 as the movement begins to slow down: an exercise that wants
-    the joint to stop should not make it easy to go on.
+    the negative movement back. The direction d of the next movement is announced during the
+    standstill, and returns to 0 when the movement begins to decelerate: the compensation must not
+    help the joint beyond the target.
 
     Raises InputError if a number is out of range, or the amplitude leaves no phase of constant
     velocity.

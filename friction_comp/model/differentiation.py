@@ -18,7 +18,7 @@ METHOD = 'zero-phase Butterworth'
 DEFAULT_SETTINGS = {'method': METHOD, 'source': 'position', 'bandwidth': 40.0}
 _ORDER = 2
 # Time steps that differ by a smaller share than this are uniform.
-_EVEN = 1e-3
+_UNIFORM = 1e-3
 _MOTION = ('position', 'velocity', 'acceleration', 'load', 'temperature', 'rigid_body', 'coupling')
 
 
@@ -26,21 +26,21 @@ def differentiate(samples: Samples, settings: dict[str, Any]) -> Samples:
     """Return samples with velocity and acceleration by a zero-phase filter.
 
     The signal is filtered forwards and backwards by a second-order Butterworth low pass, and
-    differentiated by central differences, stretch by stretch. Where the stamps are uneven they are
-    filtered in the same way: the unevenness is then in both, and drops out of their ratio to first
-    order, whether the samples or only their stamps came unevenly. Time is then from the start of
-    each recording; position stays as recorded.
+    differentiated by central differences, segment by segment. Stamps that are not uniform are
+    filtered as well: jitter is then in both signals, and cancels in their ratio to first order,
+    whether the samples or only their stamps have it. The returned time begins at zero in each
+    recording; position stays as recorded.
 
     Settings are ``source``, 'position' or 'velocity'; ``bandwidth``, Hz, the -3 dB point of one
     pass, None without filter; and ``lag``, s by which torque follows the recorded current: motion,
-    load and temperature are those of the time t + lag then. Raises InputError if they are unknown,
-    or the velocity that they ask for is not recorded.
+    load and temperature are then those of the time t + lag. Raises InputError if a setting is
+    unknown, or the velocity is needed and not recorded.
     """
     source, bandwidth = settings.get('source', 'position'), settings.get('bandwidth')
     if source not in ('position', 'velocity'):
         raise InputError(f"differentiation.source must be 'position' or 'velocity', not {source!r}")
     if source == 'velocity' and samples.velocity is None:
-        raise InputError('the model wants the recorded velocity, but the recording has none')
+        raise InputError('the model needs the recorded velocity, but the recording has none')
     velocity = np.zeros(len(samples))
     acceleration = np.zeros(len(samples))
     measured = np.asarray(samples.velocity)
@@ -50,7 +50,7 @@ def differentiate(samples: Samples, settings: dict[str, Any]) -> Samples:
             continue
         time = _increasing(time)
         step = np.diff(time)
-        if np.ptp(step) >= _EVEN * np.median(step):
+        if np.ptp(step) >= _UNIFORM * np.median(step):
             time = _increasing(_smooth(time, samples.sample_time, bandwidth))
         if source == 'position':
             speed = _derivative(
@@ -60,12 +60,12 @@ def differentiate(samples: Samples, settings: dict[str, Any]) -> Samples:
         velocity[part] = speed
         acceleration[part] = _derivative(speed, time)
     return advance(samples.with_(
-        time=elapsed(samples), velocity=velocity, acceleration=acceleration),
+        time=time_in_recording(samples), velocity=velocity, acceleration=acceleration),
         settings.get('lag') or 0.0)
 
 
-def elapsed(samples: Samples) -> np.ndarray:
-    """Return the time in s since the start of each sample's own recording, shape (N,)."""
+def time_in_recording(samples: Samples) -> np.ndarray:
+    """Return the time in s since the start of each sample's recording, shape (N,)."""
     time = np.array(samples.time, dtype=float)
     starts = np.nonzero(np.diff(samples.recording, prepend=samples.recording[:1] - 1))[0]
     for begin, end in zip(starts, [*starts[1:], len(time)]):
@@ -78,22 +78,22 @@ def advance(samples: Samples, lag: float) -> Samples:
     if not lag:
         return samples
     names = [name for name in _MOTION if getattr(samples, name) is not None]
-    moved = earlier(np.array([getattr(samples, name) for name in names]).T, samples, lag)
+    moved = shifted_in_time(np.array([getattr(samples, name) for name in names]).T, samples, lag)
     return samples.with_(**dict(zip(names, moved.T)))
 
 
-def earlier(values: np.ndarray, samples: Samples, lag: float) -> np.ndarray:
-    """Return values, shape (N,) or (N, M), as they will be at the time t + lag of their samples.
+def shifted_in_time(values: np.ndarray, samples: Samples, lag: float) -> np.ndarray:
+    """Return the values at t + lag for the time t of each sample, shape (N,) or (N, M).
 
-    Beyond the ends of a stretch the last values are held.
+    Beyond the ends of a segment the last values are held.
     """
     source = np.reshape(np.asarray(values, dtype=float), (len(values), -1)).T
-    moved = np.empty_like(source)
+    shifted = np.empty_like(source)
     for part in samples.segments():
         time = samples.time[part]
-        for column, result in zip(source, moved):
+        for column, result in zip(source, shifted):
             result[part] = np.interp(time + lag, time, column[part])
-    return moved.T.reshape(np.shape(values))
+    return shifted.T.reshape(np.shape(values))
 
 
 def _smooth(signal: np.ndarray, sample_time: float, bandwidth: float | None) -> np.ndarray:
@@ -111,8 +111,8 @@ def _smooth(signal: np.ndarray, sample_time: float, bandwidth: float | None) -> 
 def _derivative(values: np.ndarray, time: np.ndarray) -> np.ndarray:
     """Return the slope by central differences of second order, one-sided at both ends, (N,).
 
-    Samples that were sent late arrive together, with next to no time between their stamps. What
-    changed meanwhile took longer than that: no step counts as less than a quarter of the usual one.
+    Samples that were delayed may arrive together, with hardly any time between their stamps, though
+    the motion between them took longer: a step counts as a quarter of the median step at least.
     """
     step = np.diff(time)
     step = np.maximum(step, 0.25 * float(np.median(step)))
@@ -120,7 +120,7 @@ def _derivative(values: np.ndarray, time: np.ndarray) -> np.ndarray:
 
 
 def _increasing(time: np.ndarray) -> np.ndarray:
-    """Return times without equal neighbours, which repeated stamps would make."""
+    """Return strictly increasing times; repeated stamps are moved by a thousandth of a step."""
     step = np.diff(time)
     if np.all(step > 0):
         return time

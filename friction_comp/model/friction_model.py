@@ -32,8 +32,8 @@ T = TypeVar('T')
 class Breakaway:
     """Breakaway currents of Eq. 9 and 10 in A; the negative direction's mean is negative.
 
-    The positions in rad at which they were measured, where known, let effects of position be
-    told from the breakaway friction itself.
+    The positions in rad at which they were measured, where known, allow effects of position to be
+    subtracted.
     """
 
     positive_mean: float
@@ -82,7 +82,7 @@ class FrictionModel:
     effects : list of Effect
     presliding : Presliding, optional
     position_limits : tuple of float, optional
-        Ends of the joint's range in rad; the compensator lets no friction push beyond them.
+        Ends of the joint's range in rad, beyond which the compensator does not push.
     joint : str
     lookup_table : dict, optional
         ``speeds`` rad/s, ``currents`` A, ``standard_deviations`` A: the table the sigmoid was
@@ -93,9 +93,9 @@ class FrictionModel:
         How velocity and acceleration are derived from position when the model is applied to a
         recording; written by refinement, empty otherwise.
     simulation : dict
-        What only the simulated plant reads; never used by identification or compensation.
+        Only for the simulated plant; not used by identification or compensation.
     notes : dict
-        Where the model comes from.
+        Origin of the model.
     """
 
     drive: Drive
@@ -114,18 +114,17 @@ class FrictionModel:
     def predict(self, samples: Samples, same_recording: bool = False) -> np.ndarray:
         """Return the motor current in A, shape (N,), that the model expects for recorded samples.
 
-        Velocity and acceleration are computed the way the model was fitted. There is a finite
-        value for every sample, also at standstill, where it is the model's value for no motion.
-        Effects that belong to the recording they were found in (what drifted by the clock) are
-        left out of any other one.
+        Velocity and acceleration are computed with the settings of the fit. The value is finite for
+        every sample, also at standstill, where it is the model's value for zero velocity. Effects
+        that do not hold in other recordings, such as drift over time, are left out.
 
         Parameters
         ----------
         samples : Samples
             As recorded.
         same_recording : bool
-            Whether it is the recording that the model was refined on, or one begun in the same
-            state of the drive, so that what drifted in the one drifts in the other.
+            Whether it is the recording that the model was refined on, or one that began in the same
+            state of the drive, with the same drift.
 
         Raises
         ------
@@ -140,12 +139,12 @@ class FrictionModel:
     def measured(self, samples: Samples) -> np.ndarray:
         """Return the measured current in A, shape (N,), with which `predict` is compared.
 
-        Friction is overcome by the motor and the person together. Where the load was recorded, the
-        person's share ``τ_b/(k_t·n)`` is therefore added to the motor current, unless the model has
-        an effect of the load torque, which already describes that share.
+        Motor and person overcome friction together. Where the load was recorded, the person's share
+        ``τ_b/(k_t·n)`` is therefore added to the motor current, unless the model describes that
+        share by an effect of the load torque.
         """
         if samples.load is None or any(
-                effect.by_mechanics(self.drive) is not None for effect in self.effects):
+                effect.known_coefficients(self.drive) is not None for effect in self.effects):
             return samples.current
         return samples.current + np.nan_to_num(samples.load) / self.drive.torque_per_current
 
@@ -161,12 +160,12 @@ class FrictionModel:
     def with_arm(self, samples: Samples) -> Samples:
         """Return recorded samples with the torques of the rest of the arm on the joint."""
         known = samples.rigid_body is not None or samples.coupling is not None
-        return samples if known or self.arm is None else self.arm.on(samples, self.joint)
+        return samples if known or self.arm is None else self.arm.with_signal(samples, self.joint)
 
     def current(self, samples: Samples) -> np.ndarray:
-        """Return the motor current in A, shape (N,), for samples that are differentiated already.
+        """Return the motor current in A, shape (N,), for samples with velocity.
 
-        They have velocity, and what the effects ask for.
+        They also have the signals that the effects need.
         """
         current = np.asarray(self.sigmoid(np.asarray(samples.velocity)), dtype=float)
         for effect in self.effects:
@@ -197,14 +196,14 @@ class FrictionModel:
         return plain(document)
 
     def save(self, path: Path | str) -> None:
-        """Write the model file; the old file stays whole until the new one is complete."""
+        """Write the model file atomically."""
         write_yaml(path, self.to_dict())
 
     @classmethod
     def load(cls, path: str | Path, joint: str | None = None) -> FrictionModel:
-        """Read a model file; of one that holds those of a whole arm, the model of a joint.
+        """Read a model file; of the file of a whole arm, the model of one joint.
 
-        Raises InputError, which names the file and what is wrong with it.
+        Raises InputError, which names the file and the reason, if it cannot be used.
         """
         document = read_yaml(path)
         with errors_name(path):
@@ -228,12 +227,12 @@ class FrictionModel:
 
 
 def _entries(section: Any) -> dict[str, Any]:
-    """Return the entries of a dataclass that are known."""
+    """Return the fields of a dataclass that are not None."""
     return {name: value for name, value in vars(section).items() if value is not None}
 
 
 def _section(kind: type[T], section: Any, name: str) -> T:
-    """Return a section as the dataclass whose fields are its entries, and which checks them."""
+    """Return a section as a dataclass whose fields are its entries."""
     known = fields(kind)  # type: ignore[arg-type]
     check_mapping(section, name, [entry.name for entry in known])
     for entry in known:
@@ -319,9 +318,9 @@ def _effect(entry: Any) -> Effect:
 
 
 def arm_document(models: dict[str, dict[str, Any]]) -> dict[str, Any]:
-    """Return the document of a whole arm, from each joint's own document.
+    """Return the document of a whole arm, from the document of each joint.
 
-    What all joints say alike of their arm stands in it once.
+    The links of the arm, which are the same in all of them, are written once.
     """
     shared = [model['arm'] for model in models.values() if 'links' in model.get('arm', {})]
     document: dict[str, Any] = {'format': ARM_FORMAT, 'version': VERSION, 'joints': {}}
@@ -343,9 +342,9 @@ def joints_of(document: Any) -> list[str] | None:
 
 
 def one_joint_of(document: Any, joint: str | None) -> Any:
-    """Return one joint's own document; that of a single joint is returned as it is.
+    """Return the document of one joint; that of a single joint is returned unchanged.
 
-    Raises InputError if the joint is not in it, or none was named where there are several.
+    Raises InputError if it lacks the joint, or has several and none is given.
     """
     names = joints_of(document)
     if names is None:

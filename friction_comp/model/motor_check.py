@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checks a model before its currents are sent to a motor.
 
-A model file that can be read may still hold a slip of the pen: 99.5 A where 0.0995 A was meant,
-the file of another joint, a coefficient too few. What a model says is therefore checked against
-itself, over the motion that it was identified on: its friction, its breakaway currents and its
-effects must be of one size, and below the drive's limit.
+A valid model file may still have a mistake: 99.5 A instead of 0.0995 A, the file of another joint,
+a missing coefficient. The parts of a model are therefore compared with each other over the motion
+that it was identified on: its friction, its breakaway currents and its effects must be of similar
+size, and below the drive's limit.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from friction_comp.errors import InputError
-from friction_comp.model.effects.scene import RESISTS
+from friction_comp.model.effects.definitions import RESISTS
 from friction_comp.samples import Samples
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ _PERIOD, _RATE = 5.0, 100.0
 _COLD, _WARM = 10.0, 60.0
 # Largest and smallest ratio of breakaway, and of effects that are friction, to sliding friction.
 # The note's drives have 1.05, measured gears 0.8 to 2.
-_MOST, _LEAST = 5.0, 0.2
+_LARGEST_RATIO, _SMALLEST_RATIO = 5.0, 0.2
 # Exponents of friction laws are between 0.5 and 2.
 _STEEPEST = 10.0
 # Share of the sigmoid's span by which it may decrease where it should increase, since a fit is
@@ -43,10 +43,10 @@ _MISS = 0.5
 
 
 def check_for_motor(model: FrictionModel, joint: str = '', joints: Collection[str] = ()) -> None:
-    """Raise InputError for a model that no motor should be given, naming what is wrong with it.
+    """Raise InputError, with the reason, if the currents of a model must not be sent to a motor.
 
-    `joint` is the one that it is to serve, `joints` are all that are driven together: the model of
-    one of them does not serve another.
+    `joint` is the joint that uses the model, `joints` are all that are driven together: the model
+    of one of them must not be used for another.
     """
     if model.joint != joint and model.joint in joints:
         raise InputError(f"this is the model of joint '{model.joint}', not of '{joint}'")
@@ -70,7 +70,7 @@ def _motion(model: FrictionModel) -> Samples:
 
 
 def _check_sigmoid(model: FrictionModel, motion: Samples) -> float:
-    """Return the sliding friction in A that the sigmoid says, at most."""
+    """Return the largest sliding friction of the sigmoid, A."""
     velocity = np.asarray(motion.velocity)
     speeds = np.linspace(velocity.min(), velocity.max(), 401)
     current = np.asarray(model.sigmoid(speeds), dtype=float)
@@ -108,7 +108,7 @@ def _check_table(model: FrictionModel) -> None:
 
 def _check_effect(model: FrictionModel, effect: Effect, motion: Samples,
                   friction: float) -> float:
-    """Return what an effect adds to sliding friction, at most, in A."""
+    """Return the largest current that an effect adds to sliding friction, A."""
     for name, value in effect.values.items():
         if name == 'exponent' and value > _STEEPEST:
             raise InputError(f"effect '{effect.name}': exponent {value:g} is above {_STEEPEST:g}")
@@ -120,7 +120,7 @@ def _check_effect(model: FrictionModel, effect: Effect, motion: Samples,
     if effect.not_fed_back:
         return 0.0
     if effect.role == RESISTS:
-        if largest > _MOST * friction:
+        if largest > _LARGEST_RATIO * friction:
             raise InputError(
                 f"effect '{effect.name}': {largest:.3g} A are too many beside sliding friction of "
                 f'{friction:.3g} A')
@@ -138,7 +138,7 @@ def _check_breakaway(model: FrictionModel, friction: float) -> None:
             ('negative', -model.breakaway.negative_mean, model.breakaway.negative_std,
              -model.sigmoid.lower)):
         _check_limit(model, mean, f'breakaway.{side}: {mean:.4g} A is')
-        if mean > _MOST * friction or mean < _LEAST * plateau:
+        if mean > _LARGEST_RATIO * friction or mean < _SMALLEST_RATIO * plateau:
             raise InputError(
                 f'breakaway.{side}: {mean:.4g} A does not go with sliding friction of '
                 f'{plateau:.3g} to {friction:.3g} A')

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A model's friction in the form of simulators: Coulomb, viscous, inertia and spring.
 
-One principle: **the poorer form is fitted to what the model says of one motion**, sweeps at
-constant speeds over the joint's range in both directions, and the error that it makes there is part
-of it. What belongs to the links (weight, the rest of the arm) or depends on something that a
-simulator's joint does not know (load, temperature, time) is left out, and named.
+The simpler form is fitted to the torque that the model predicts for sweeps at constant speeds over
+the joint's range in both directions; its error there is part of the result. Effects of the links
+(weight, the rest of the arm), and those that depend on signals that a simulator's joint does not
+have (load, temperature, time), are left out and listed.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ class SimulatorJoint:
     stiffness: float        # of a spring, N·m/rad
     rest: float             # its rest position, rad
     error: float            # RMS error of the simplified form, N·m
-    share: float            # the same as a share of the model's torque
+    relative_error: float   # the same as a share of the model's torque
     top_speed: float        # up to which the form was fitted, rad/s
     left_out: list[str]     # effects that are left out, with the reason
 
 
 def simulator_joint(model: FrictionModel, top_speed: float | None = None) -> SimulatorJoint:
-    """Return the parameters of a simulator's joint that come nearest to a model.
+    """Return the parameters of a simulator's joint that fit a model best.
 
     The top speed is in rad/s; the largest of the model's look-up table when omitted, else 1.
     """
@@ -57,22 +57,22 @@ def simulator_joint(model: FrictionModel, top_speed: float | None = None) -> Sim
     torque = gain * kept.current(motion)[late]
     speed = np.asarray(motion.velocity)[late]
     (friction, damping), _ = nnls(np.column_stack((np.sign(speed), speed)), torque)
-    missed = torque - friction * np.sign(speed) - damping * speed
+    residual = torque - friction * np.sign(speed) - damping * speed
     inertias = [gain * effect.coefficients[0] for effect in model.effects
                 if effect.name == 'inertia']
     inertia = float(sum(inertias) if inertias else model.simulation.get('inertia', 0.0))
     springs = [effect for effect in model.effects if effect.name == 'spring']
     stiffness = gain * sum(effect.coefficients[0] for effect in springs)
     rest = springs[0].values['position'] if springs else 0.0
-    error = math.sqrt(float(np.mean(missed ** 2)))
-    whole = math.sqrt(float(np.mean(torque ** 2)))
+    error = math.sqrt(float(np.mean(residual ** 2)))
+    rms_torque = math.sqrt(float(np.mean(torque ** 2)))
     return SimulatorJoint(float(friction), float(damping), inertia, stiffness, rest, error,
-                          error / whole if whole else 0.0, top_speed, left_out)
+                          error / rms_torque if rms_torque else 0.0, top_speed, left_out)
 
 
 def joint_friction_only(model: FrictionModel, known: tuple[str, ...] = ('acceleration', 'velocity')
                         ) -> tuple[FrictionModel, list[str]]:
-    """Return the model with what friction of known signals depends on, and what was left out."""
+    """Return the model with the friction that depends on known signals, and what is left out."""
     kept, left_out = [], []
     for effect in model.effects:
         unknown = [name for name in effect.needs if name not in known]
@@ -90,7 +90,7 @@ def joint_friction_only(model: FrictionModel, known: tuple[str, ...] = ('acceler
 def sweeps(model: FrictionModel, top_speed: float) -> tuple[Samples, np.ndarray]:
     """Return sweeps at constant speeds over the joint's range, or a turn, in both directions.
 
-    With them, which samples follow the first tenth of a sweep: presliding is over by then.
+    Also return which samples are after the first tenth of their sweep, where presliding is over.
     """
     check_number(top_speed, 'the top speed', above=0.0)
     low, high = model.position_limits or (-math.pi, math.pi)
@@ -108,8 +108,8 @@ def sweeps(model: FrictionModel, top_speed: float) -> tuple[Samples, np.ndarray]
     return Samples.concatenate(parts), late
 
 
-def table(model: FrictionModel, loads: np.ndarray, top_speed: float | None = None
-          ) -> tuple[list[str], np.ndarray]:
+def friction_table(model: FrictionModel, loads: np.ndarray, top_speed: float | None = None
+                   ) -> tuple[list[str], np.ndarray]:
     """Return friction torque over speed, position and load, without weight and inertia.
 
     Names of the columns (velocity, position, load, torque), and the rows, shape (N, 4). Loads,

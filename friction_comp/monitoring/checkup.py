@@ -325,22 +325,22 @@ def _check_current(seen: Observation, states: StatesSeen, joint: str, model: Fri
 
 def _check_fit(seen: Observation, joint: str, model: FrictionModel, rows: np.ndarray
                ) -> list[Finding]:
-    speed = np.abs(rows[:, 2])
-    moving = (speed > _STILL) & np.isfinite(rows[:, 3])
+    """Compare a joint's model with rows for `LiveResidual`."""
+    _, _, velocity, current, load, _ = rows.T
+    moving = (np.abs(velocity) > _STILL) & np.isfinite(current)
     if moving.sum() < _FEWEST_SAMPLES:
         return [Finding(NOTE, joint, 'too little motion to compare it with its model',
                         'run doctor again while it is moved')]
-    loaded = np.isfinite(rows[:, 4]).all()
+    loaded = np.isfinite(load).all()
     commanded = any('compensator' in end.node
                     for end in seen.topic('current_command').publishers)
     if commanded and not loaded:
         return [Finding(NOTE, joint, 'the compensator feeds the model itself forward and no load '
                         'is measured: the model cannot be checked',
                         'publish interaction_wrench, or run doctor while the motor alone moves it')]
-    current = rows[moving, 3]
     if loaded:
-        current = current + rows[moving, 4] / model.drive.torque_per_current
-    power = float(np.mean(current * np.sign(rows[moving, 2])))
+        current = current + load / model.drive.torque_per_current
+    power = float(np.mean(current[moving] * np.sign(velocity[moving])))
     if power < 0.0:
         return [Finding(PROBLEM, joint, f'the current opposes the motion ({power:.3g} A on '
                         'average): friction would supply energy', 'reverse the sign of effort, or '

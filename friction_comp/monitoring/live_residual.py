@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Computes the residual of a running joint, also of a new model on trial beside the present one."""
+"""Computes the residual of a running joint, with its model and with a new model on trial."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class LiveResidual:
         if not len(rows):
             return
         if len(self._rows) and rows[0, 0] < self._rows[-1, 0]:
-            # Time went back: a new run.
+            # Time decreased: a new run began.
             self._start_over()
         if not len(self._rows):
             self._origin = rows[0, 0]
@@ -112,12 +112,12 @@ class LiveResidual:
         return samples.with_(current=self.model.measured(samples))
 
     def verdict(self) -> ModelFit:
-        """Return the verdict on the motion so far."""
+        """Return the verdict of the monitor."""
         return self.monitor.verdict()
 
 
 class JointWatch:
-    """Watches the model in one joint's `file`, and a new model while it is on trial."""
+    """Computes the residual of one joint by the model in `file`, and by the last one in a trial."""
 
     def __init__(self, tolerance: float, path: str) -> None:
         self._tolerance = tolerance

@@ -26,7 +26,7 @@ def loopback_fault(address: str = '127.0.0.1') -> str:
 
 
 def alone(seconds: float) -> str:
-    """Return the warning for a node that has found no other for so many s."""
+    """Return the warning for a node that found no other node within a time in s."""
     domain = os.environ.get('ROS_DOMAIN_ID', '0')
     return (f'no other node was found in {seconds:g} s, in ROS domain {domain}: '
             + (loopback_fault() or NO_PEER))

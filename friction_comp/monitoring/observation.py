@@ -14,7 +14,7 @@ OK, NOTE, WARNING, PROBLEM = 'ok', 'note', 'warning', 'problem'
 
 @dataclass(frozen=True)
 class Finding:
-    """Result of one check: its level, subject, what was found, and what to do, if anything."""
+    """Result of one check: level, subject, observation, and advice, if any."""
 
     level: str
     about: str

@@ -31,8 +31,8 @@ _NAMED_SHARE, _NAMED_MARGIN = 0.3, 0.1
 _BINS = 6
 # Fewest blocks before or after a change in time.
 _FEWEST_BESIDE = 5
-# The residual is a change of the friction level if its squared mean exceeds this share of its mean
-# square.
+# The friction level has changed if the squared mean of the relative residual exceeds this share of
+# its mean square.
 _LEVEL_SHARE = 0.6
 # Columns of the table of blocks.
 (_TIME, _POSITION, _VELOCITY, _ACCELERATION, _LOAD, _TEMPERATURE, _RESIDUAL,
@@ -136,26 +136,27 @@ class ResidualMonitor:
 
 
 def _explaining_variables(blocks: np.ndarray, throughout: bool) -> tuple[tuple[str, float], ...]:
-    """Return the variables that explain the residual, in the clearest of three readings.
+    """Return the variables that explain the residual, each with its share, the largest first.
 
-    The three are the residual itself (a constant push), the residual along the motion (resistance),
-    and its share of the model's friction (wear or warming). With a change of the friction level,
-    only the last is used.
+    The residual is considered in three forms: as it is (an offset), in the direction of motion
+    (resistance), and relative to the model's friction (wear or warm-up). The form that a single
+    variable explains best is used. With a change of the friction level (`throughout`), only the
+    last form is considered.
     """
     residual = _without_inertia(blocks)
     columns = {'temperature': blocks[:, _TEMPERATURE], 'time': blocks[:, _TIME],
                'position': blocks[:, _POSITION], 'load': blocks[:, _LOAD],
                'speed': np.abs(blocks[:, _VELOCITY])}
-    readings = [_relative_residual(blocks)]
+    forms = [_relative_residual(blocks)]
     if not throughout:
-        readings += [residual, residual * np.sign(blocks[:, _VELOCITY])]
+        forms += [residual, residual * np.sign(blocks[:, _VELOCITY])]
 
     def explained(values: np.ndarray) -> dict[str, float]:
         shares = {name: _explained(values, variable) for name, variable in columns.items()}
         return {**shares, 'time': max(shares['time'], _explained_by_step(values))}
-    clearest = max(map(explained, readings), key=lambda shares: max(shares.values()))
-    least = max(_NAMED_SHARE, max(clearest.values()) - _NAMED_MARGIN)
-    return tuple(sorted((item for item in clearest.items() if item[1] >= least),
+    best = max(map(explained, forms), key=lambda shares: max(shares.values()))
+    least = max(_NAMED_SHARE, max(best.values()) - _NAMED_MARGIN)
+    return tuple(sorted((item for item in best.items() if item[1] >= least),
                         key=lambda item: -item[1]))
 
 
@@ -168,6 +169,7 @@ def _relative_residual(blocks: np.ndarray) -> np.ndarray:
 
 
 def _level(blocks: np.ndarray) -> float:
+    """Return the relative change of the friction if it is about constant; otherwise 0."""
     ratio = _relative_residual(blocks)
     mean = float(ratio.mean())
     return mean if mean ** 2 > _LEVEL_SHARE * float(np.mean(ratio ** 2)) else 0.0

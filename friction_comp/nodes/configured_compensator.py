@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a compensator has from its configuration to its clean-up: law, command port and inputs."""
+"""Law, command port and inputs of a compensator, from its configuration to its clean-up."""
 
 from __future__ import annotations
 

@@ -65,7 +65,7 @@ class _WaitSet:
 
 
 class _SlowEntities:
-    """The node as rclpy's executor sees it: without what is processed here."""
+    """The node for rclpy's executor, without the streams and timers that are processed here."""
 
     subscriptions = timers = ()
 
@@ -77,7 +77,7 @@ class _SlowEntities:
 
 
 class StreamExecutor(executors.Executor):
-    """Waits for messages only, and polls services, actions and timers fifty times a second.
+    """Waits for messages only, and polls services, actions and timers fifty times per second.
 
     rclpy rebuilds its wait set for every callback from all entities of a node: parameter and
     lifecycle services, five entities of each action server, events and timers. Here none of them
@@ -156,13 +156,14 @@ class StreamExecutor(executors.Executor):
         wait_set, _ = self._wait_sets()
         wait_set.wait(0.0 if self._batch_time else seconds)
         self._call_timers(self._fast_timers)
-        last = -1
+        last_ready = -1
         for index in range(len(self._subscriptions)):
             if wait_set.is_ready('subscription', index):
-                last = index
-        # The list itself may be replaced by a callback.
-        for index, subscription in enumerate(self._subscriptions[:last + 1]):
-            while self._take(*subscription) and index < last:
+                last_ready = index
+        # Take one message of the last ready subscription, and all of those before it. A copy, since
+        # a callback may replace the list.
+        for index, subscription in enumerate(self._subscriptions[:last_ready + 1]):
+            while self._take(*subscription) and index < last_ready:
                 pass
         if self._batch_time:
             time.sleep(min(self._batch_time, seconds))

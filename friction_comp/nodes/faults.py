@@ -11,6 +11,8 @@ import time
 from typing import Any
 
 WARN, ERROR = b'\x01', b'\x02'
+# A fault that has not been reported for this time has ended, s.
+_HOLD = 2.0
 
 
 @dataclass
@@ -24,13 +26,12 @@ class _Fault:
 class Faults:
     """Present faults of a node, and latched ones that remain until they are reset.
 
-    May be used from several threads. A fault that has not been reported for `hold` s has ended, so
+    May be used from several threads. A fault ends when it has not been reported for some time, so
     that an intermittent fault is one.
     """
 
-    def __init__(self, logger: Any, hold: float = 2.0,
-                 clock: Callable[[], float] = time.monotonic) -> None:
-        self._logger, self._hold, self._clock = logger, hold, clock
+    def __init__(self, logger: Any, clock: Callable[[], float] = time.monotonic) -> None:
+        self._logger, self._clock = logger, clock
         self._faults: dict[str, _Fault] = {}
         self._latched: dict[str, str] = {}
         self._lock = threading.RLock()
@@ -70,7 +71,7 @@ class Faults:
         now = self._clock()
         with self._lock:
             ended = {cause: fault for cause, fault in self._faults.items()
-                     if now - fault.seen > self._hold}
+                     if now - fault.seen > _HOLD}
             for cause in ended:
                 del self._faults[cause]
         for fault in ended.values():

@@ -59,7 +59,7 @@ class RunningGoal:
 
 
 def declare_defaults(node: Any) -> dict[str, Any]:
-    """Declare the defaults of a goal's empty or zero fields and return them as a dict."""
+    """Declare the defaults for empty or zero fields of a goal and return them by name."""
     defaults = {'speeds': list(node.declare_parameter(
         'default_speeds', DEFAULT_SPEEDS, ParameterDescriptor(
             description='speeds of a goal that names none [rad/s]', read_only=True)).value)}

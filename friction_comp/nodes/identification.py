@@ -37,7 +37,7 @@ from friction_comp.nodes.watchdog import Watchdog
 # Real s between checks of the publishers of joint_states, other commanders, and the client; and
 # between feedback messages.
 _CHECK_PERIOD = _FEEDBACK_PERIOD = 0.1
-# Largest real age in s of the last joint state for a goal to be accepted. It is long since a busy
+# Largest real age in s of the last joint state for a goal to be accepted. It is large, since a busy
 # machine may delay reading; the joint is not driven before a new state has arrived.
 _MAX_AGE = 2.0
 

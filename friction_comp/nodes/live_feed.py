@@ -54,10 +54,10 @@ def frame_of(cdr: bytes) -> str:
 
 
 class LiveFeed:
-    """Joints of a running system, as the live page takes them.
+    """Joints of a running system as a source of the live page.
 
-    Without `joints`, in the order of arrays on topics, they are those of the joint states; without
-    `models`, one for each joint, they are those of the compensator. `arguments` are ROS arguments.
+    `joints` are in the order of arrays on topics, by default those of the joint states. `models`
+    has one for each joint, by default those of the compensator. `arguments` are ROS arguments.
     """
 
     title = 'What runs'
@@ -70,7 +70,7 @@ class LiveFeed:
                              f'{", ".join(joints)}')
         self.joints, self._fixed = list(joints), bool(joints)
         self._models = list(models)
-        # Of the compensator, with their paths.
+        # Models that the compensator reports, with their paths.
         self._loaded: dict[str, tuple[str, FrictionModel | None]] = {}
         self._rows: defaultdict[str, deque[tuple[float, ...]]] = defaultdict(
             lambda: deque(maxlen=_MAX_ROWS))
@@ -99,18 +99,18 @@ class LiveFeed:
                 (JointState, 'direction_stamped', 'direction'),
                 (WrenchStamped, 'interaction_wrench', 'load')):
             self._node.create_subscription(
-                kind, topic, partial(self._hold, key, kind), _QOS, raw=True)
+                kind, topic, partial(self._keep_last, key, kind), _QOS, raw=True)
         self._node.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, _QOS)
         self._node.create_subscription(
             JointState, 'joint_states', self._on_joint_states, _QOS, raw=True)
 
-    def _hold(self, key: str, kind: Any, cdr: bytes) -> None:
+    def _keep_last(self, key: str, kind: Any, cdr: bytes) -> None:
         if key == 'load':
             key = f'load of {frame_of(cdr)}'
         self._last[key] = kind, cdr, time.monotonic()
 
     def _message(self, key: str, age: float = math.inf) -> Any:
-        """Return the last message, None if there is none or if it is older than s."""
+        """Return the last message, None if there is none or if it is older than `age` s."""
         kind, cdr, arrival = self._last.get(key, (None, b'', 0.0))
         if kind is None or time.monotonic() - arrival > age:
             return None
@@ -127,10 +127,10 @@ class LiveFeed:
                 _LEVELS.get(ord(status.level), 'note'), status.message, time.monotonic())
             activity = None if self._models else compensator_activity(status)
             for joint, path in activity.models.items() if activity else ():
-                self._use(joint, path)
+                self._load_model(joint, path)
 
-    def _use(self, joint: str, path: str) -> None:
-        """Show a joint with the model that its compensator reports."""
+    def _load_model(self, joint: str, path: str) -> None:
+        """Load the model that a joint's compensator reports, unless it is already loaded."""
         if self._loaded.get(joint, ('', None))[0] != path:
             model = None
             # The model file may be on another machine.
@@ -139,7 +139,9 @@ class LiveFeed:
             self._loaded[joint] = path, model
 
     def _on_joint_states(self, cdr: bytes) -> None:
+        """Add a row for each joint, unless the last state was less than a period ago."""
         stamp = stamp_of(cdr) or time.time_ns()
+        # A stamp long before that began a new time base.
         if self._due - 10 * _STEP < stamp < self._due:
             return
         self._due, self._received = stamp + _STEP, time.monotonic()
@@ -165,7 +167,7 @@ class LiveFeed:
         return {joint: message.wrench.torque.z for joint, message in messages.items() if message}
 
     def _commands(self) -> dict[str, float]:
-        """Return the command in A; a torque without a model is not known in A."""
+        """Return the command in A of each joint; a torque is converted only with a model."""
         command = self._message('command', _COMMAND_AGE)
         if command is None:
             return {}

@@ -43,7 +43,7 @@ class _Signal:
         self.stamps, self.values = self.stamps[index:], self.values[index:]
 
     def at(self, stamps: np.ndarray, age: int) -> np.ndarray:
-        """Return the values at some stamps, NaN where they are older or later than an age."""
+        """Return the last values at some stamps, NaN if more than `age` ns away."""
         if not len(self.stamps):
             return np.full(len(stamps), math.nan)
         index = np.maximum(np.searchsorted(self.stamps, stamps, 'right') - 1, 0)
@@ -76,33 +76,35 @@ class LiveSignals:
             self._new[STATES].append((stamp, cdr))
 
     def take(self) -> list[np.ndarray]:
-        """Return the new rows of each joint whose load is known, or has not come in time."""
+        """Return the new rows of each joint: those whose load has come or is no longer awaited."""
         self._decode()
         return [self._rows(joint) for joint in self._gains]
 
     def _decode(self) -> None:
+        """Decode the new messages and add their values to the signals."""
         for topic, messages in self._new.items():
             stamps = np.array([stamp for stamp, _ in messages], dtype=np.int64)
-            found = defaultdict(list)
+            parts = defaultdict(list)
+            # Messages that name the same joints are decoded together.
             for index, names, fields in decode(
                     TOPICS[topic], [cdr for _, cdr in messages], broken=[]):
                 for column, joint in enumerate(names):
                     if joint in self._gains:
-                        found[joint].append((index, _columns(topic, fields, column)))
-            for joint, groups in found.items():
-                index = np.concatenate([index for index, _ in groups])
-                order = index.argsort()
+                        parts[joint].append((index, _columns(topic, fields, column)))
+            for joint, joint_parts in parts.items():
+                index, values = map(np.concatenate, zip(*joint_parts))
+                in_order = index.argsort()
                 signal = self._signals[topic, joint]
-                signal.add(stamps[index[order]],
-                           np.concatenate([values for _, values in groups])[order])
+                signal.add(stamps[index[in_order]], values[in_order])
                 if topic != STATES:
                     signal.keep_from(-_MAX_KEPT)
             messages.clear()
 
     def _rows(self, joint: str) -> np.ndarray:
+        """Return time, position, velocity, current, load and temperature of complete states."""
         states, load, temperature = (self._signals[topic, joint] for topic in _FIELDS)
-        complete = max(load.stamps[-1], self._last - _PATIENCE) if len(load.stamps) else self._last
-        count = int(np.searchsorted(states.stamps, complete, 'right'))
+        newest = max(load.stamps[-1], self._last - _PATIENCE) if len(load.stamps) else self._last
+        count = int(np.searchsorted(states.stamps, newest, 'right'))
         stamps = states.stamps[:count]
         rows = np.column_stack((
             1e-9 * stamps, states.values[:count, :2], states.values[:count, 2] / self._gains[joint],

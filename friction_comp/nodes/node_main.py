@@ -22,7 +22,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.utilities import remove_ros_args
 
-from friction_comp.compiling import compile_rest, import_numba
+from friction_comp.compiling import compile_deferred, import_numba
 from friction_comp.errors import InputError
 from friction_comp.monitoring.network import alone
 from friction_comp.nodes.executor import StreamExecutor
@@ -124,7 +124,7 @@ def _compile(logger: Any) -> None:
     """Replace kernels in plain Python by compiled ones while the node spins."""
     begin = time.monotonic()
     try:
-        if compile_rest():
+        if compile_deferred():
             logger.info(f'compiled code is in place after {time.monotonic() - begin:.2g} s')
     except Exception as error:
         logger.warning(f'continues in plain Python, since compilation failed: {error!r}')

@@ -236,7 +236,7 @@ class PlantNode(Node):
         stamp = nanoseconds(message.header.stamp)
         position, velocity, _ = self._columns.read(message)
         if velocity is not None and message.name:
-            self._hold.show((stamp - self._origin) / NANO, position, velocity)
+            self._hold.update((stamp - self._origin) / NANO, position, velocity)
         if self._lockstep:
             self._nobody_holds = not message.name
             self._reference_stamp = stamp

@@ -70,6 +70,6 @@ class RecentPast:
         return (self._newest - self._messages[0].stamp) / NANO if self._messages else 0.0
 
     def last(self, seconds: float = 0.0) -> list[Message]:
-        """Return the messages of the last s; all of them for zero or less."""
+        """Return the messages of the last `seconds`; all of them for zero or less."""
         since = self._newest - seconds * NANO
         return [message for message in self._messages if seconds <= 0.0 or message.stamp >= since]

@@ -117,7 +117,7 @@ class RefinementNode(Node):
         if model_changes != self._compensator.model_changes:
             # The answer may be older than the change, and would end the trial of the new model.
             return
-        compensated = self._compensated()
+        compensated = self._is_compensated()
         for joint, rows in zip(self._joints, self._signals.take()):
             watch = self._watches[joint]
             if not self._busy:
@@ -133,7 +133,7 @@ class RefinementNode(Node):
             watch.take(rows)
             await self._judge(joint, watch)
 
-    def _compensated(self) -> bool:
+    def _is_compensated(self) -> bool:
         name = self._compensator.name.rpartition('/')[2]
         return any(info.node_name == name for info in self.get_publishers_info_by_topic(
             self.resolve_topic_name('current_command')))
@@ -226,7 +226,7 @@ class RefinementNode(Node):
         return job.result(), start
 
     async def _load_if_requested(self, joint: str, request: RefineModel.Goal, refined: JobResult,
-                          start: str, result: RefineModel.Result) -> str:
+                                 start: str, result: RefineModel.Result) -> str:
         """Load the refined model if requested and allowed; return a message about it."""
         watch = self._watches[joint]
         watch.use(start)

@@ -32,7 +32,7 @@ def start_ros(name: str, arguments: Sequence[str], context: Context | None = Non
 
 @contextmanager
 def own_node(name: str, arguments: Sequence[str] = ()) -> Iterator[Node]:
-    """Yield a node of a tool, in a context of its own."""
+    """Yield a node of a tool, in a separate context."""
     context = Context()
     start_ros(name, arguments, context)
     node = Node(name, context=context)

@@ -44,10 +44,10 @@ class Direction:
             [0.0] * count, [_NEVER] * count, [_NEVER] * count)
 
     def begin(self, time: int) -> None:
-        """Joint states begin; earlier announcements count from then.
+        """Set the time of earlier directions to that of the first joint state at most.
 
-        Earlier announcements are dated by the node's clock. If the driver's clock is behind it,
-        they would otherwise override later announcements.
+        They are dated by the node's clock. If the driver's clock is behind it, they would otherwise
+        override later directions.
         """
         self._times = [min(stamp, time) for stamp in self._times]
 
@@ -99,7 +99,7 @@ class Direction:
         return False
 
     def _set(self, indices: Sequence[int], values: Sequence[float], time: int) -> None:
-        # Who has got the values keeps them.
+        # Callers of `at` may still hold the previous array.
         self._values = self._values.copy()
         for index, value in zip(indices, values):
             if time < self._times[index]:

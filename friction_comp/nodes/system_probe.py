@@ -47,16 +47,16 @@ def observe(seconds: float, arguments: list[str],
     `progress` is called with progress 0..1 and the present step.
     """
     # Messages of each topic, with the system time in s of their arrival.
-    heard: dict[str, list[tuple[float, Any]]] = {topic: [] for topic in _KINDS}
+    messages: dict[str, list[tuple[float, Any]]] = {topic: [] for topic in _KINDS}
     with ToolClient(patience=_TIMEOUT, name=NAME, arguments=arguments) as ros:
         for topic, kind in _KINDS.items():
             ros.node.create_subscription(
-                kind, topic, lambda message, topic=topic: heard[topic].append(
+                kind, topic, lambda message, topic=topic: messages[topic].append(
                     (time.time(), message)), _QOS)
         for step in range(_STEPS):
             progress(0.8 * step / _STEPS, 'listening')
             ros.wait(seconds / _STEPS)
-        seen = _observation(ros.node, seconds, heard)
+        seen = _observation(ros.node, seconds, messages)
         for index, name in enumerate(seen.nodes):
             progress(0.8 + 0.2 * index / len(seen.nodes), f'asking {name}')
             # Not every node answers.
@@ -65,13 +65,13 @@ def observe(seconds: float, arguments: list[str],
         return seen
 
 
-def _observation(node: Any, seconds: float, heard: dict[str, list[tuple[float, Any]]]
+def _observation(node: Any, seconds: float, messages: dict[str, list[tuple[float, Any]]]
                  ) -> Observation:
-    width = max((len(command.data) for _, command in heard['current_command']), default=0)
-    commands = [(received, command) for received, command in heard['current_command']
+    width = max((len(command.data) for _, command in messages['current_command']), default=0)
+    commands = [(received, command) for received, command in messages['current_command']
                 if len(command.data) == width]
     load: dict[str, list[Any]] = {}
-    for received, message in heard['interaction_wrench']:
+    for received, message in messages['interaction_wrench']:
         load.setdefault(message.header.frame_id, []).append(
             (received, message.wrench.torque.z))
     return Observation(
@@ -85,15 +85,15 @@ def _observation(node: Any, seconds: float, heard: dict[str, list[tuple[float, A
             for name, types in node.get_topic_names_and_types()
             if {*TOPICS.values()} & set(types)},
         names={name: node.resolve_topic_name(name) for name in TOPICS},
-        states=_to_arrays(heard['joint_states']),
+        states=_to_arrays(messages['joint_states']),
         commands=np.array([list(command.data) for _, command in commands]),
         commanded=np.array([received for received, _ in commands]),
         command_unit='N·m' if commands and command_unit(commands[-1][1]) == TORQUE_UNIT else 'A',
-        directions=[[int(value) for value in message.data] for _, message in heard['direction']],
+        directions=[[int(value) for value in message.data] for _, message in messages['direction']],
         load={joint: np.array(values) for joint, values in load.items()},
         diagnostics={status.name: (ord(status.level), status.message)
-                     for _, message in heard['/diagnostics'] for status in message.status},
-        clock=bool(heard['/clock']))
+                     for _, message in messages['/diagnostics'] for status in message.status},
+        clock=bool(messages['/clock']))
 
 
 def _endpoints(infos: Any) -> list[Endpoint]:

@@ -100,8 +100,8 @@ class ToolClient:
             self._check()
             self._executor.spin_once(timeout_sec=max(0.0, end - time.monotonic()))
 
-    def until(self, condition: Callable[[], object], what: str,
-              patience: float | None = None) -> None:
+    def wait_until(self, condition: Callable[[], object], what: str,
+                   patience: float | None = None) -> None:
         """Wait until a condition, named `what`, holds; raise InputError if it does not in time."""
         patience = patience or self._patience
         end = time.monotonic() + patience
@@ -115,9 +115,9 @@ class ToolClient:
         """Return the number of subscriptions of a topic."""
         return self.node.count_subscribers(topic)
 
-    def until_connected(self, topic: str, publishers: int, subscriptions: int) -> None:
-        """Wait until a topic has the given numbers of publishers and subscriptions."""
-        self.until(
+    def wait_until_connected(self, topic: str, publishers: int, subscriptions: int) -> None:
+        """Wait until a topic has at least these numbers of publishers and subscriptions."""
+        self.wait_until(
             lambda: (self.node.count_publishers(topic) >= publishers
                      and self.subscriptions(topic) >= subscriptions),
             f'{topic} with {publishers} publishers and {subscriptions} subscriptions')
@@ -155,7 +155,7 @@ class ToolClient:
     def _call(self, kind: Any, name: str, request: Any) -> Any:
         client = self.node.create_client(kind, name)
         try:
-            self.until(client.service_is_ready, f'the service {name}')
+            self.wait_until(client.service_is_ready, f'the service {name}')
             return self._request(lambda: client.call_async(request), f'the service {name}')
         finally:
             self.node.destroy_client(client)
@@ -165,24 +165,25 @@ class ToolClient:
 
         `goal` has the fields of IdentifyFriction's goal; `report` gets each feedback message.
         """
-        return self._identify_or_refine(
+        return self._send_joint_goal(
             IdentifyFriction, 'identify_friction', goal, report, 'identification')
 
     def refine(self, goal: dict[str, Any], report: Callable[[Any], None]) -> Any:
         """Send a goal to the refinement node and return its result, as `identify` does."""
-        return self._identify_or_refine(RefineModel, 'refine_model', goal, report, 'refinement')
+        return self._send_joint_goal(RefineModel, 'refine_model', goal, report, 'refinement')
 
-    def _identify_or_refine(self, kind: Any, name: str, goal: dict[str, Any],
-                            report: Callable[[Any], None], what: str) -> Any:
-        return self.reach(kind, name, kind.Goal(**goal), kind.Goal(**{**goal, 'joint': 'nobody'}),
-                          report, what)
+    def _send_joint_goal(self, kind: Any, name: str, goal: dict[str, Any],
+                         report: Callable[[Any], None], what: str) -> Any:
+        """Send a goal with a field `joint`; a probe with an unknown joint is always refused."""
+        probe = kind.Goal(**{**goal, 'joint': 'nobody'})
+        return self.send_goal(kind, name, kind.Goal(**goal), probe, report, what)
 
     def play(self, trajectory: Trajectory, report: Callable[[float, str], None]) -> None:
         """Move one joint along a trajectory by the node `identification`.
 
         `report` gets progress 0..1 and the present phase.
         """
-        self.reach(
+        self.send_goal(
             PlayTrajectory, 'play_trajectory',
             PlayTrajectory.Goal(trajectory=message_of(trajectory)), PlayTrajectory.Goal(),
             lambda feedback: report(feedback.progress, feedback.phase), 'identification')
@@ -204,13 +205,14 @@ class ToolClient:
         later = max(_MIN_APPROACH_TIME, 1.875 * distance / speed)
         end = later + trajectory.time[-1]
 
-        def tell(feedback: Any) -> None:
+        def report_feedback(feedback: Any) -> None:
             at = feedback.desired.time_from_start
             report((at.sec + 1e-9 * at.nanosec) / end, 'trajectory')
-        # A trajectory of unknown joints is refused.
-        self.reach(kind, f'{controller}/follow_joint_trajectory',
-                   kind.Goal(trajectory=message_of(trajectory, later)),
-                   kind.Goal(trajectory=JointTrajectory(joint_names=['nobody'])), tell, controller)
+        # A trajectory of unknown joints is always refused.
+        probe = kind.Goal(trajectory=JointTrajectory(joint_names=['nobody']))
+        self.send_goal(kind, f'{controller}/follow_joint_trajectory',
+                       kind.Goal(trajectory=message_of(trajectory, later)), probe,
+                       report_feedback, controller)
 
     def _positions(self, joints: tuple[str, ...]) -> np.ndarray:
         """Return the positions of the joints, rad."""
@@ -219,21 +221,21 @@ class ToolClient:
                 JointState, 'joint_states',
                 lambda message: positions.update(zip(message.name, message.position)),
                 qos_profile_sensor_data):
-            self.until(
+            self.wait_until(
                 lambda: set(joints) <= set(positions), f'joint_states of {", ".join(joints)}')
         return np.array([positions[joint] for joint in joints])
 
-    def reach(self, kind: Any, name: str, goal: Any, refused: Any,
-              report: Callable[[Any], None], what: str) -> Any:
+    def send_goal(self, kind: Any, name: str, goal: Any, probe: Any,
+                  report: Callable[[Any], None], what: str) -> Any:
         """Send a goal to node `what` until it is accepted, and return its result.
 
-        `refused` is a goal that is always refused: its answer shows that the connection works both
-        ways. If waiting is interrupted, the goal is cancelled.
+        `probe` is a goal that is always refused. It is sent first: its answer shows that the
+        connection works in both directions. If waiting is interrupted, the goal is cancelled.
         """
         action = ActionClient(self.node, kind, name)
         try:
-            self.until(action.server_is_ready, f'the action of {what}')
-            self._request(lambda: action.send_goal_async(refused), 'an answer to the goal')
+            self.wait_until(action.server_is_ready, f'the action of {what}')
+            self._request(lambda: action.send_goal_async(probe), 'an answer to the goal')
             outcome = self._result(self._send(action, goal, report, what), what)
         finally:
             action.destroy()
@@ -248,7 +250,7 @@ class ToolClient:
         end = time.monotonic() + self._patience
         while time.monotonic() < end:
             future = action.send_goal_async(goal, lambda feedback: report(feedback.feedback))
-            self.until(future.done, 'an answer to the goal')
+            self.wait_until(future.done, 'an answer to the goal')
             if future.result().accepted:
                 return future.result()
             self.wait(0.2)
@@ -258,7 +260,7 @@ class ToolClient:
     def _result(self, handle: Any, what: str) -> Any:
         try:
             future = handle.get_result_async()
-            self.until(future.done, f'the result of {what}', 3600.0)
+            self.wait_until(future.done, f'the result of {what}', 3600.0)
         except BaseException:
             # Not every server notices that its client is gone.
             handle.cancel_goal_async()

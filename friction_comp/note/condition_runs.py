@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Section 2.6: movements by a simulated person under each condition, and joints left alone."""
+"""Section 2.6: movements by a simulated person under each condition, and untouched joints."""
 
 from __future__ import annotations
 
@@ -49,9 +49,9 @@ class ConditionRun:
 
 def persons_reference(movement: ReferenceMovement, time: np.ndarray, repetitions: int,
                       seed: int) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
-    """Return what the person aims at in each repetition, and factors of the person's stiffness.
+    """Return the person's target in each repetition, and factors of the person's stiffness.
 
-    Position, velocity and direction have the shape (repetitions, N).
+    The target is position, velocity and direction, each of shape (repetitions, N).
     """
     rng = np.random.default_rng(seed)
     begin = movement.begins(0)
@@ -70,7 +70,8 @@ def run_trial(experiment: Experiment, model: FrictionModel, name: str, seed: int
               repetitions: int = REPETITIONS) -> ConditionRun:
     """Run the condition `name`, one of `CONDITIONS`, with a model for the compensation.
 
-    The seed is that of the person and of the joint; the same person comes under every condition.
+    The seed determines person and joint: with the same seed, the person varies alike under every
+    condition.
     """
     movement = experiment.movement(compensated=name in ('paper', 'continuous'))
     count = round((movement.begins(1) + movement.movement_time + 1.0) / SAMPLE_TIME)
@@ -105,30 +106,27 @@ class Standstill:
     """Outcome of many standstills; in false starts the joint went farther than `FALSE_START`."""
 
     false_starts: int
-    farthest: float
-    """rad"""
+    farthest: float     # rad
     standstills: int
-    duration: float
-    """s in all"""
+    duration: float     # in all, s
 
 
-def with_breakaway_error(model: FrictionModel, error: float) -> FrictionModel:
-    """Return the model with breakaway means too large by a share."""
+def with_breakaway_error(model: FrictionModel) -> FrictionModel:
+    """Return the model with breakaway means too large by `BREAKAWAY_ERROR`."""
     both = model.breakaway
     assert both is not None, 'an identified model has breakaway currents'
     return replace(model, breakaway=Breakaway(
-        both.positive_mean * (1.0 + error), both.negative_mean * (1.0 + error),
+        both.positive_mean * (1.0 + BREAKAWAY_ERROR), both.negative_mean * (1.0 + BREAKAWAY_ERROR),
         both.positive_std, both.negative_std))
 
 
 def stand_still(experiment: Experiment, model: FrictionModel, law: str, seed: int) -> Standstill:
-    """Leave the joint alone with a direction announced, again and again, for an hour in all.
+    """Simulate standstills of an untouched joint with an announced direction, an hour in all.
 
-    Every standstill is a new rest with breakaway levels of its own: one rest of an hour would try a
-    single pair of them. Half of them have d = 1, half d = -1. The breakaway currents in use are too
-    large by the share `BREAKAWAY_ERROR`.
+    Each standstill draws new breakaway levels; one rest of an hour would try a single pair. Half of
+    them have d = 1, half d = -1. The law's breakaway currents are too large by `BREAKAWAY_ERROR`.
     """
-    model = with_breakaway_error(model, BREAKAWAY_ERROR)
+    model = with_breakaway_error(model)
     count = round(STANDSTILL_TIME / SAMPLE_TIME)
     still, direction = np.zeros((2, count)), np.zeros((2, count))
     direction[:, round(ANNOUNCED / SAMPLE_TIME):] = [[1.0], [-1.0]]

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TYPE_CHECKING
 
@@ -27,10 +27,10 @@ LAWS = ('paper', 'continuous')
 
 @dataclass
 class ExperimentOutcome:
-    """Everything that was found with one configuration.
+    """Results of one configuration.
 
-    `model` is the identified one; `trials` are by condition, `standstills` by law. `drive_time` in
-    s was simulated for identification.
+    `model` is the identified one; `trials` are by condition, `standstills` by law. `drive_time` is
+    the simulated time of identification in s.
     """
 
     experiment: Experiment
@@ -76,7 +76,7 @@ class ExperimentOutcome:
 def run_experiment(experiment: Experiment, table: Callable[[], tuple[IdentificationResult, float]],
                    cycles: int, seed: int, report: Callable[[float, str], None]
                    ) -> ExperimentOutcome:
-    """Run everything but the look-up table, which `table` gets from another process."""
+    """Run all experiments but the look-up table, which `table` returns from another process."""
     report(0.0, 'current ramps')
     ramps = identify_breakaway(experiment, cycles, seed)
     report(0.15, 'look-up table')
@@ -93,21 +93,21 @@ def run_experiment(experiment: Experiment, table: Callable[[], tuple[Identificat
                              table_time + ramps.duration)
 
 
-def run_experiments(cycles: int, seed: int, report: Callable[[float, str], None],
-                    experiments: Sequence[Experiment] = EXPERIMENTS) -> list[ExperimentOutcome]:
+def run_experiments(cycles: int, seed: int,
+                    report: Callable[[float, str], None]) -> list[ExperimentOutcome]:
     """Run the experiments of every configuration.
 
-    The look-up tables are measured by the identification procedure as it drives a real joint,
-    sample by sample, in a process of their own; everything else runs compiled and in parallel.
-    There are `cycles` ramps per direction. Progress goes to ``report(share, description)``.
+    Look-up tables are measured by the identification procedure, sample by sample as with a real
+    joint, in a separate process; all other experiments run compiled and in parallel. There are
+    `cycles` ramps per direction. ``report(share, description)`` is called with the progress.
     """
     outcomes = []
     with child_process() as pool:
-        tables = [pool.submit(identify_table, experiment, seed) for experiment in experiments]
-        for k, experiment in enumerate(experiments):
-            def tell(share: float, what: str, k: int = k,
-                     number: int = experiment.number) -> None:
-                report((k + share) / len(experiments), f'configuration {number}: {what}')
+        tables = [pool.submit(identify_table, experiment, seed) for experiment in EXPERIMENTS]
+        for k, experiment in enumerate(EXPERIMENTS):
+            def report_part(share: float, what: str, k: int = k,
+                            number: int = experiment.number) -> None:
+                report((k + share) / len(EXPERIMENTS), f'configuration {number}: {what}')
 
-            outcomes.append(run_experiment(experiment, tables[k].result, cycles, seed, tell))
+            outcomes.append(run_experiment(experiment, tables[k].result, cycles, seed, report_part))
     return outcomes

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Sections 2.3 and 2.4 on a simulated joint that shows what a real drive would show."""
+"""Sections 2.3 and 2.4 on a simulated joint, with the sensors of a real drive only."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def _ramp_runs(joints: np.ndarray, random: np.ndarray, states: np.ndarray, outs:
 
 
 def identify_breakaway(experiment: Experiment, cycles: int, seed: int) -> Ramps:
-    """Run the current ramps of Eq. 8, so many cycles in each direction, many at once."""
+    """Run the current ramps of Eq. 8, `cycles` in each direction, on many joints in parallel."""
     model = experiment.model()
     each = min(CYCLES_PER_RUN, cycles)
     runs = -(-cycles // each)
@@ -111,11 +111,11 @@ def identify_breakaway(experiment: Experiment, cycles: int, seed: int) -> Ramps:
                np.zeros(runs, JOINT_STATE), np.zeros(runs, MEASURED), experiment.ramp_slope,
                RAMP_PERIOD, count, SAMPLE_TIME, log)
     time = np.arange(count) * SAMPLE_TIME
-    found = [breakaway_currents(time, position, current, command,
+    parts = [breakaway_currents(time, position, current, command,
                                 model.drive.position_resolution or 1e-6)
              for position, current, command in (rows.T for rows in log)]
-    columns = {name: np.concatenate([getattr(part, name) for part in found])
-               for name in vars(found[0])}
+    columns = {name: np.concatenate([getattr(part, name) for part in parts])
+               for name in vars(parts[0])}
     # The last run may be longer than requested.
     first = np.sort(np.concatenate([
         np.flatnonzero(columns['direction'] == sign)[:cycles] for sign in (1, -1)]))
@@ -127,6 +127,6 @@ def identify_breakaway(experiment: Experiment, cycles: int, seed: int) -> Ramps:
 
 def identified_model(experiment: Experiment, table: IdentificationResult,
                      ramps: Ramps) -> FrictionModel:
-    """Return the model that the compensation is given: only what was measured."""
+    """Return the model for the compensation, which contains only measured values."""
     return replace(experiment.model(), sigmoid=table.sigmoid,
                    breakaway=ramps.records.statistics(), simulation={}, notes={})

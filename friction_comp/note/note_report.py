@@ -65,13 +65,13 @@ def _verdict(outcomes: list[ExperimentOutcome]) -> str:
         for o in outcomes)
     better = ', '.join(f'{100 * o.reduction("continuous"):.0f} %' for o in outcomes)
     off = max(abs(o.breakaway.positive_mean / o.experiment.breakaway - 1.0) for o in outcomes)
-    return (f"The note's law takes away {reductions} of the torque to start a movement, in "
-            f'brackets what the note measured; the continuous law takes away **{better}**. '
+    return (f"The note's law lowers the torque that starts a movement by {reductions} (in "
+            f'brackets what the note measured), the continuous law by **{better}**. '
             f"Breakaway currents are within {100 * off:.1g} % of the note's.")
 
 
 def compared(outcome: ExperimentOutcome) -> list[tuple[str, str, str]]:
-    """Return a configuration's figures: name, what the note says or '', and what is found here."""
+    """Return rows of name, the note's value or '', and the simulation's, for a configuration."""
     experiment, both, peaks = outcome.experiment, outcome.breakaway, outcome.peaks
     return [
         ('breakaway, positive (mA)',
@@ -96,13 +96,12 @@ def _add_result(report: Report, outcomes: list[ExperimentOutcome]) -> None:
             for outcome in outcomes for name, note, here in compared(outcome)]
     report.table(['', 'configuration', 'note', 'here'], rows,
                  'Peaks are those of the average over ten repetitions, mean of both directions.')
-    above = '; '.join(
-        f'{o.peaks["continuous"] / o.peaks["inertia"]:.1f} times in configuration '
+    ratios = ', '.join(
+        f'{o.peaks["continuous"] / o.peaks["inertia"]:.1f} times that in configuration '
         f'{o.experiment.number}' for o in outcomes)
     report.text(f"""
-A joint of the same inertia without any friction would ask for the torque in the row *inertia
-alone* of the same person: the physical limit of any friction compensation. The peak under the
-continuous law stands above it by {above}.
+The row *inertia alone* is the torque for a joint of the same inertia without friction: the
+physical limit of any friction compensation. The peak under the continuous law is {ratios}.
 """)
 
 
@@ -123,7 +122,7 @@ def _add_table(report: Report, outcomes: list[ExperimentOutcome]) -> None:
         ['configuration', 'c1 … c6 (ω in deg/s)', 'E (A)', 'E of Eq. 11 as printed (A)',
          'largest difference to Eq. 11 from 5 deg/s on (mA)'], rows,
         "Rows 2 and 3 of Eq. 11 are taken in each other's place, as Fig. 4 and the breakaway "
-        'currents ask for. Eq. 6 leaves the scale of c1, c3, c4 and c5 free: here c4 + c5 = 2.')
+        'currents require. Eq. 6 leaves the scale of c1, c3, c4 and c5 free: here c4 + c5 = 2.')
     rests = {o.experiment.number: float(o.experiment.model().sigmoid(0.0)) for o in outcomes}
     worst = max(outcomes, key=lambda o: abs(rests[o.experiment.number])).experiment
     level = worst.breakaway
@@ -150,7 +149,7 @@ def _add_standstill(report: Report, outcomes: list[ExperimentOutcome]) -> None:
     report.table(
         ['configuration', 'law', 'hours', 'standstills', 'false starts', 'farthest (deg)'], rows,
         'Nobody touches the joint, d is ±1, and the breakaway currents in use are 10 % too large. '
-        'Every standstill is a rest of its own with new breakaway levels.')
+        'Every standstill has new breakaway levels.')
     report.text(f"""
 A start is false if the joint goes farther than {math.degrees(FALSE_START):.0f} degree. At a gain
 of 0.9 and with breakaway currents 10 % too large, the current is 99 % of the mean breakaway

@@ -75,7 +75,7 @@ class _Cursor:
 
 
 def _walk(cursor: _Cursor, kind: str) -> tuple[str, ...]:
-    """Pass all fields of a message, and return the names in it."""
+    """Advance the cursor over all fields of a message, and return the names in it."""
     if kind in (FLOAT_ARRAY, INT8_ARRAY):
         unit: tuple[str, ...] = ()
         for k in range(cursor.count(MOST_VALUES)):

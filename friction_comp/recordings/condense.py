@@ -1,11 +1,10 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reads long or many recordings as averages over a few samples each.
+"""Reads long or many recordings as averages over a few samples each, in limited memory.
 
-One principle: **memory is limited by what a fit can use, not by what was recorded**. Samples are
-averaged while they are read. Position, velocity, current, load and temperature are averaged over
-the same samples, so that all are filtered alike. If averages at the slowest rate are still too
-many, pieces spread over all recordings are kept.
+Samples are averaged while they are read. All signals are averaged over the same samples, so that
+they have the same filter. If averages at the slowest rate are still too many, pieces spread over
+all recordings are kept.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from friction_comp.columns import Layout
 from friction_comp.errors import InputError
 from friction_comp.recordings.joint_samples import RecordingInfo
 from friction_comp.recordings.reader import read_recording_with_info, stream_recording_with_info
-from friction_comp.recordings.sources import find_recordings, part_of, Progress
+from friction_comp.recordings.sources import find_recordings, part_of, Progress, size_of
 from friction_comp.recordings.storage import AnyPath
 from friction_comp.samples import Samples
 
@@ -33,14 +32,14 @@ _SLOWEST_RATE = 100.0
 _STRETCH, _PIECE = 60.0, 10.0
 # s that are read to estimate the number of samples.
 _PROBE = 600.0
-# Its multiples modulo 1 are evenly spread without a period.
+# Its multiples modulo 1 are evenly distributed without a period: they select pieces.
 _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 # Smallest size of a sample, bytes.
 _SMALLEST = 10
 
 
 @dataclass(frozen=True)
-class Condensing:
+class Averaging:
     """Averages over `length` samples, of which a share of all pieces is kept."""
 
     length: int = 1
@@ -61,9 +60,9 @@ class Condensing:
 
 
 def condensed(samples: Samples, limit: int) -> Samples:
-    """Return some `limit` averages at 100 Hz or more, spread over one recording."""
+    """Return about `limit` averages at 100 Hz or more, spread over one recording."""
     length = _longest(samples)
-    return Condensing(length, min(1.0, limit * length / max(len(samples), 1))).of(samples)
+    return Averaging(length, min(1.0, limit * length / max(len(samples), 1))).of(samples)
 
 
 def _longest(samples: Samples) -> int:
@@ -77,48 +76,46 @@ def read_condensed(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
                    limit: int = LIMIT) -> list[tuple[Samples, RecordingInfo]]:
     """Read recordings of one joint as `read_recording_with_info`, in a bounded amount of memory.
 
-    `limit` is the approximate number of samples kept of all recordings together. If there are more,
-    they are averaged, and the notes of the first recording say so.
+    `limit` is the approximate number of samples of all recordings together. If there are more, they
+    are averaged, with a note in the first recording's info.
     """
     recordings = find_recordings(paths)
-    condensing = _condensing(recordings, joint, layout, limit)
-    if condensing == Condensing():
+    averaging = _choose_averaging(recordings, joint, layout, limit)
+    if averaging == Averaging():
         return read_recording_with_info(recordings, joint, torque_constant, gear_ratio,
                                         progress=progress, layout=layout)
     results: list[tuple[Samples, RecordingInfo]] = []
     for index, path in enumerate(recordings):
-        samples, info = _read(condensing, path, stream_recording_with_info(
+        samples, info = _read(averaging, path, stream_recording_with_info(
             path, joint, torque_constant, gear_ratio, _STRETCH, layout, others=True,
             progress=part_of(progress, index, len(recordings))))
         if results:
             info.check_joint(results[0][1])
         results.append((samples.with_(recording=np.full(len(samples), index)), info))
-    results[0][1].notes.append(str(condensing))
+    results[0][1].notes.append(str(averaging))
     return results
 
 
-def _condensing(recordings: Sequence[Path], joint: str | None, layout: Layout | None, limit: int
-                ) -> Condensing:
-    """Return the averaging to use, estimated from the start of the largest recording."""
-    sizes = [_bytes(path) for path in recordings]
+def _choose_averaging(recordings: Sequence[Path], joint: str | None, layout: Layout | None,
+                      limit: int) -> Averaging:
+    """Return the averaging for a limited number of samples in all recordings.
+
+    Their number is estimated from the beginning of the largest recording and the sizes of all.
+    """
+    sizes = [size_of(path) for path in recordings]
     if sum(sizes) < _SMALLEST * limit:
-        return Condensing()
-    shares: list[float] = []
+        return Averaging()
+    shares_read: list[float] = []
     largest = recordings[int(np.argmax(sizes))]
-    stretches = stream_recording_with_info(largest, joint, seconds=_PROBE, layout=layout,
-                                           progress=shares.append)
-    samples, _ = next(stretches)
-    rows = len(samples) / max(shares[-1], 1e-9) * sum(sizes) / max(sizes)
-    length = int(np.clip(math.ceil(rows / limit), 1, _longest(samples)))
-    return Condensing(length, min(1.0, limit * length / rows))
+    samples, _ = next(stream_recording_with_info(
+        largest, joint, seconds=_PROBE, layout=layout, progress=shares_read.append))
+    in_largest = len(samples) / max(shares_read[-1], 1e-9)
+    total = in_largest * sum(sizes) / max(sizes)
+    length = int(np.clip(math.ceil(total / limit), 1, _longest(samples)))
+    return Averaging(length, min(1.0, limit * length / total))
 
 
-def _bytes(path: Path) -> int:
-    parts = [path] if path.is_file() else [part for part in path.rglob('*') if part.is_file()]
-    return sum(part.stat().st_size for part in parts)
-
-
-def _read(condensing: Condensing, path: Path, stretches: Iterator[tuple[Samples, RecordingInfo]]
+def _read(averaging: Averaging, path: Path, stretches: Iterator[tuple[Samples, RecordingInfo]]
           ) -> tuple[Samples, RecordingInfo]:
     """Return the averages of one recording."""
     parts: list[Samples] = []
@@ -128,7 +125,7 @@ def _read(condensing: Condensing, path: Path, stretches: Iterator[tuple[Samples,
             # Angles are unwrapped only within each stretch.
             turns = round(float(samples.position[0] - parts[-1].position[-1]) / (2.0 * math.pi))
             samples = samples.with_(position=samples.position - 2.0 * math.pi * turns)
-        kept = condensing.of(samples)
+        kept = averaging.of(samples)
         if len(kept):
             parts.append(kept)
         notes += [note for note in info.notes if note not in notes]

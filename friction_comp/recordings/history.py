@@ -1,14 +1,13 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Keeps averages of a drive's recordings in a small file beside its model.
+"""Stores averages of a drive's recordings in a small file beside its model.
 
-One principle: **averages are kept, not sums of products**. A later refinement can fit new effects
-to averages, but not to sums, which contain only the columns of their time and are larger.
+They are averages of signals, not sums of products: a later refinement can fit new effects to
+averages, but not to sums of products, which contain only the columns of their time and are larger.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import date, datetime
 import io
@@ -35,7 +34,7 @@ _FIRST_DATE = 1e9
 
 
 @dataclass(frozen=True)
-class Remembered:
+class RecordedAverages:
     """Averages of one recording, at 100 Hz at most."""
 
     name: str       # of the file or folder
@@ -49,7 +48,7 @@ class History:
     """Averages of a drive's recordings, and notes on the drive."""
 
     torque_per_current: float  # N·m/A at the joint, used to convert effort to current
-    recordings: list[Remembered] = field(default_factory=list)  # in the order of their dates
+    recordings: list[RecordedAverages] = field(default_factory=list)  # in the order of their dates
     notes: list[tuple[str, str]] = field(default_factory=list)  # ISO date and text
 
     @staticmethod
@@ -87,7 +86,7 @@ class History:
                     signals: dict[str, Any] = {
                         name: stored[key] for name in _SIGNALS
                         if (key := f'{index}/{name}') in stored}
-                    history.recordings.append(Remembered(
+                    history.recordings.append(RecordedAverages(
                         str(entry['name']), float(entry['start']), str(entry['day']),
                         Samples(joint=str(entry['joint']), **signals)))
         except (AttributeError, EOFError, KeyError, OSError, TypeError, ValueError,
@@ -101,18 +100,12 @@ class History:
         if any((name, start) == (recording.name, recording.start) for recording in self.recordings):
             return False
         kept = condensed(samples, KEPT)
-        dated = start > _FIRST_DATE
-        day = (datetime.fromtimestamp(start).date() if dated else date.today()).isoformat()
-        self.recordings.append(Remembered(name, start, day, kept.with_(
+        has_date = start > _FIRST_DATE
+        day = (datetime.fromtimestamp(start).date() if has_date else date.today()).isoformat()
+        self.recordings.append(RecordedAverages(name, start, day, kept.with_(
             recording=np.zeros(len(kept), dtype=int), arm=None)))
         self.recordings.sort(key=lambda recording: (recording.day, recording.start))
         return True
-
-    def with_new(self, recorded: Sequence[tuple[Samples, RecordingInfo]]) -> list[Samples]:
-        """Add new recordings; return the averages of all."""
-        for samples, info in recorded:
-            self.add(samples, info)
-        return self.samples()
 
     def note(self, text: str) -> None:
         """Add a note with today's date."""

@@ -62,9 +62,9 @@ def to_samples(scan: Scan, joint: str | None,
     info = RecordingInfo(scan.path, joint, joints, scan.topics, notes=list(scan.notes),
                          model=scan.model, effort_is_current=scan.effort_is_current)
     stamp = time_base.message_times(track, info.notes)
-    stray = time_base.far_off(stamp)
-    shifts = time_base.set_backs(stamp[~stray], track.order[~stray], track.receive[~stray],
-                              info.notes)
+    outlier = time_base.outliers(stamp)
+    shifts = time_base.clock_shifts(stamp[~outlier], track.order[~outlier], track.receive[~outlier],
+                                    info.notes)
     stamp = shifts.of(stamp, track.order)
     position, velocity, effort = values.T
     finite = np.isfinite(position) & np.isfinite(effort)
@@ -75,29 +75,29 @@ def to_samples(scan: Scan, joint: str | None,
         velocity = None
     else:
         finite &= has_velocity
-    order, duplicates = _in_order(stamp, finite & ~stray, info.notes)
+    order, duplicates = _in_order(stamp, finite & ~outlier, info.notes)
     info.dropped = {reason: count for reason, count in (
         ('not finite', int(np.count_nonzero(~finite))), ('duplicate stamp', duplicates),
-        ('stamp far off', int(np.count_nonzero(finite & stray)))) if count}
+        ('stamp far off', int(np.count_nonzero(finite & outlier)))) if count}
     for reason, count in info.dropped.items():
         info.notes.append(f'{count} joint states left out: {reason}')
     lost = scan.custom.get('messages_lost', '')
     if lost:
         info.notes.append(f'the recorder lost messages: {lost}')
-    origin = int(stamp[~stray].min())
+    origin = int(stamp[~outlier].min())
     info.start = origin * 1e-9
     info.stamps = (stamp - origin) * 1e-9
     info.rows = order
     time_base.note_gaps(info.stamps[order], info.notes)
     base = time_base.TimeBase(stamp[order], track.receive[order], bool(track.stamp.any()), shifts)
-    info.activity = [(base.moment(activity.time) - info.start, activity.of(joint))
+    info.activity = [(base.to_state_time(activity.time) - info.start, activity.of(joint))
                      for activity in scan.activity]
     time = info.stamps[order]
     samples = Samples(
         time=time, position=_unwrap(time, position[order], info.notes),
         current=effort[order] / torque_per_current,
         velocity=None if velocity is None else velocity[order], joint=joint)
-    samples = samples.with_(**time_base.further_signals(
+    samples = samples.with_(**time_base.other_signals(
         scan, joint, joints, base, torque_per_current, info.notes))
     check_plausible(samples, str(scan.path), alone=not _others_moved(scan, values))
     return samples, info
@@ -148,7 +148,7 @@ def joint_states_at(samples: Samples, info: RecordingInfo,
 
 
 def _unwrap(time: np.ndarray, position: np.ndarray, notes: list[str]) -> np.ndarray:
-    """Return the unwrapped position in rad."""
+    """Return the position in rad without jumps by a turn, where the sensor wraps around."""
     jumps = np.diff(position)
     size = np.abs(jumps)
     wraps = (size > _WRAP[0]) & (size < _WRAP[1]) & (np.diff(time) < _WRAP_TIME)
@@ -161,7 +161,7 @@ def _unwrap(time: np.ndarray, position: np.ndarray, notes: list[str]) -> np.ndar
 
 
 def _others_moved(scan: Scan, own: np.ndarray) -> bool:
-    """Return whether a joint with other values was moved."""
+    """Return whether another joint than that with the values `own` moved."""
     positions = [values[np.isfinite(values[:, 0]), 0] for track in scan.of('joint_states')
                  for values in track.values.values() if values is not own]
     return any(len(position) > 0 and np.ptp(position) > 0.01 for position in positions)

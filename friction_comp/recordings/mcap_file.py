@@ -50,7 +50,7 @@ class McapFile:
     """One mcap file; raises DamagedError if it is empty."""
 
     def __init__(self, path: Path) -> None:
-        # Remarks on missing or damaged parts; complete after `messages` has ended.
+        # Notes on missing or damaged parts; complete after `messages` has ended.
         self.notes: list[str] = []
         # Topic to (message type, number of messages), as far as the file has been read.
         self.topics: dict[str, tuple[str, int]] = {}
@@ -115,7 +115,7 @@ class McapFile:
                 self.notes.append('damaged outside its messages (checksum of the data)')
 
     def _records(self) -> Iterator[bytes]:
-        """Yield the data section's records, past damaged places."""
+        """Yield the records of the data section; damaged parts are skipped."""
         # A corrupt length leads to an arbitrary position: resume from the last valid chunk.
         at = last_valid = len(MAGIC)
         while at < self._size:
@@ -158,7 +158,7 @@ class McapFile:
         return None
 
     def _iterate(self, content: bytes, wanted: Wanted) -> Iterator[Message]:
-        """Yield the messages among successive records, and read what describes them."""
+        """Yield the messages among successive records, and read the records that describe them."""
         at, stop = 0, len(content)
         requested: dict[int, tuple[str, str] | None] = {}
         counts: defaultdict[int, int] = defaultdict(int)
@@ -200,7 +200,7 @@ class McapFile:
             self.notes.append('a description of its contents is damaged')
 
     def _add(self, record: object) -> None:
-        """Remember what a record says of topics, or of the number of messages."""
+        """Store the topics, number of messages or metadata in a record."""
         if isinstance(record, Schema):
             self._schemas[record.id] = record.name
         elif isinstance(record, Channel):

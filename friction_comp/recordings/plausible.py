@@ -97,11 +97,11 @@ def _fault_of_command(samples: Samples) -> str:
 
 
 def _fault_of_power(samples: Samples) -> str:
-    """Return in words that the motor's power over the motion shows a reversed sign of the effort.
+    """Return the fault of an effort with reversed sign, by the power of the motor.
 
     At a given position, gravity is the same in both directions of motion, and friction requires
-    more torque along the motion than against it. With a command or a measured load there is no
-    such check: the motor may have been braking or been driven.
+    more torque along the motion than against it. This is not checked with a command or a measured
+    load: the motor may have been braking or been driven.
     """
     if samples.load is not None or (samples.command is not None and samples.command.any()):
         return ''

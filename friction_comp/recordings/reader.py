@@ -162,7 +162,7 @@ def read_joints(path: AnyPath, joints: Sequence[str] | None = None,
 
 def _scan_all(paths: AnyPath | Sequence[AnyPath], progress: Progress | None, joint: str | None,
               layout: Layout | None) -> Iterator[Scan]:
-    """Yield the scan of each recording; progress is that of all."""
+    """Yield the scan of each recording, and report the progress of all."""
     recordings = find_recordings(paths)
     for index, path in enumerate(recordings):
         report = part_of(progress, index, len(recordings))
@@ -177,10 +177,10 @@ def stream_recording_with_info(path: AnyPath, joint: str | None = None,
                                ) -> Iterator[tuple[Samples, RecordingInfo]]:
     """Read one joint of one recording in stretches of some seconds, each with its `RecordingInfo`.
 
-    Concatenated, the stretches are what `read_recording_with_info` returns with the same arguments,
-    except that signals are interpolated and checked within each stretch: a signal that covers less
-    than half of a stretch is None there. The last item has no samples, but the notes on the whole
-    recording, such as gaps or a truncated file.
+    Concatenated, the stretches equal the result of `read_recording_with_info`, except that signals
+    are interpolated and checked within each stretch: a signal that covers less than half of a
+    stretch is None there. The last item has no samples, but the notes on the whole recording, such
+    as gaps or a truncated file.
 
     Raises
     ------
@@ -213,19 +213,19 @@ def stream_recording_with_info(path: AnyPath, joint: str | None = None,
 
 
 def _stretches(scans: Iterator[Scan], length: int) -> Iterator[Scan]:
-    """Yield stretches of a length in ns; the rest comes last, with or without joint states."""
+    """Yield stretches of a length in ns; the last, the rest, may have no joint states."""
     tracks: dict[str, Track] = {}
     for scan in scans:
         for track in scan.tracks:
             before = tracks.get(track.topic)
             tracks[track.topic] = Track.concatenate([before, track] if before else [track])
-        while stretch := _cut(tracks, length):
+        while stretch := _next_stretch(tracks, length):
             yield replace(scan, tracks=stretch)
     yield replace(scan, tracks=[track for track in tracks.values() if len(track)])
 
 
-def _cut(tracks: dict[str, Track], length: int) -> list[Track]:
-    """Take the next stretch off the tracks; empty until enough has been read."""
+def _next_stretch(tracks: dict[str, Track], length: int) -> list[Track]:
+    """Remove the next stretch from the tracks and return it; empty until enough has been read."""
     states = next((track for track in tracks.values() if track.signal == 'joint_states'), None)
     if states is None or not len(states):
         return []
@@ -250,7 +250,7 @@ def _cut(tracks: dict[str, Track], length: int) -> list[Track]:
 
 
 class _CommonClock:
-    """Converts the times of stretches to the clock of the first."""
+    """Converts the times of stretches to the time of the first, and keeps the length of gaps."""
 
     def __init__(self) -> None:
         self.gaps: list[float] = []
@@ -258,6 +258,7 @@ class _CommonClock:
         self._last = 0.0
 
     def convert(self, samples: Samples, info: RecordingInfo) -> Samples:
+        """Return the next stretch in the time of the first; update its info."""
         if self._origin is None:
             self._origin = info.start
         offset = info.start - self._origin
@@ -278,5 +279,5 @@ class _CommonClock:
             self.gaps.extend(float(step) for step in steps[steps > gap_length(steps)])
             self._last = float(time[-1])
         info.start = self._origin
-        info.activity = [(moment + offset, activity) for moment, activity in info.activity]
+        info.activity = [(begin + offset, activity) for begin, activity in info.activity]
         return samples.with_(time=time)

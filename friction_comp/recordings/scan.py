@@ -45,7 +45,7 @@ class Track:
 
     @staticmethod
     def concatenate(parts: Sequence[Track]) -> Track:
-        """Join parts of one topic; their `values` are emptied, to need no memory for both."""
+        """Concatenate parts of one topic, whose `values` are emptied to save memory."""
         first = parts[0]
         if len(parts) == 1:
             return first
@@ -81,7 +81,7 @@ class Scan:
     effort_is_current: bool = False        # in A already, as tables may declare
 
     def of(self, signal: str) -> list[Track]:
-        """Return the tracks of a signal; an exact topic name takes precedence over its ending."""
+        """Return the tracks of a signal; topics with exactly its name take precedence."""
         tracks = [track for track in self.tracks if track.signal == signal]
         exact = [t for t in tracks if t.topic.rsplit('/', 1)[-1] == signal]
         return exact or tracks
@@ -130,7 +130,7 @@ class MessageScanner:
         return self._storage.progress
 
     def scans(self) -> Iterator[Scan]:
-        """Yield what was read since the last one: a batch of joint states, at the end the rest."""
+        """Yield a scan after each batch of joint states, and one of the rest at the end."""
         begin = 0
         try:
             for index, (topic, kind, receive, raw) in enumerate(
@@ -183,7 +183,10 @@ class _TopicReader:
         self._tracks: list[Track] = []
 
     def decode(self) -> None:
-        """Decode the collected messages, so that they no longer take memory."""
+        """Decode the collected messages into a track, and release them.
+
+        Messages of different layouts may have arrays of different lengths: they are padded by NaN.
+        """
         receive, order, payloads = zip(*self.messages)
         size = len(payloads)
         stamps = np.zeros(size, dtype=np.int64)
@@ -194,12 +197,14 @@ class _TopicReader:
             if 'stamp' in fields:
                 stamps[index] = fields['stamp']
             for key, columns in self._columns(names, fields):
-                known = values.get(key, np.empty((size, 0)))
-                missing = columns.shape[1] - known.shape[1]
-                if key not in values or missing > 0:
-                    known = np.pad(known, ((0, 0), (0, max(missing, 0))), constant_values=np.nan)
-                    values[key] = known
-                known[index, :columns.shape[1]] = columns
+                width = columns.shape[1]
+                if key not in values:
+                    values[key] = np.full((size, width), np.nan)
+                missing = width - values[key].shape[1]
+                if missing > 0:
+                    values[key] = np.pad(
+                        values[key], ((0, 0), (0, missing)), constant_values=np.nan)
+                values[key][index, :width] = columns
         self.broken += len(broken)
         whole = np.delete(np.arange(size), broken)
         if len(whole):
@@ -232,7 +237,7 @@ class _TopicReader:
                 yield name, columns
 
     def take(self) -> Track | None:
-        """Return what was read since the last call; None if that is nothing."""
+        """Return the messages since the last call; None if there are none."""
         if self.messages:
             self.decode()
         tracks, self._tracks = self._tracks, []

@@ -11,7 +11,7 @@ from pathlib import Path
 from friction_comp.columns import Layout, TABLES
 from friction_comp.errors import InputError
 from friction_comp.recordings.scan import MessageScanner, Scan, Track
-from friction_comp.recordings.storage import AnyPath, belongs_to_folder, is_storage, METADATA
+from friction_comp.recordings.storage import AnyPath, is_split_recording, is_storage, METADATA
 from friction_comp.recordings.tables import is_table, TableScanner
 
 Progress = Callable[[float], None]
@@ -21,7 +21,7 @@ _FIRST_MESSAGES = 200
 
 
 def part_of(progress: Progress | None, index: int, count: int) -> Progress:
-    """Return what reports the progress of one of several recordings."""
+    """Return a function that reports the progress of one of several recordings."""
     def report(share: float) -> None:
         if progress:
             progress((index + share) / count)
@@ -31,8 +31,8 @@ def part_of(progress: Progress | None, index: int, count: int) -> Progress:
 def find_recordings(paths: AnyPath | Sequence[AnyPath]) -> list[Path]:
     """Return the recordings at paths, and in folders at any depth in the order of their names.
 
-    Recordings are rosbag2 folders, .mcap and .db3 files, and tables (.csv, .parquet, .npz) that are
-    named themselves. Raises InputError if a path does not exist or holds none.
+    Recordings are rosbag2 folders, .mcap and .db3 files; tables (.csv, .parquet, .npz) only if
+    `paths` name them. Raises InputError if a path does not exist or has no recording.
     """
     unique: dict[Path, Path] = {}
     for path in map(Path, [paths] if isinstance(paths, (str, PathLike)) else paths):
@@ -62,11 +62,17 @@ def find_recording(path: AnyPath) -> Path:
     return recordings[0]
 
 
+def size_of(path: Path) -> int:
+    """Return the size of a recording, a file or a folder, in bytes."""
+    files = path.rglob('*') if path.is_dir() else [path]
+    return sum(file.stat().st_size for file in files if file.is_file())
+
+
 def _expand(path: Path) -> Iterator[Path]:
     if path.is_file():
         if is_storage(path) or is_table(path):
             yield path
-    elif (path / METADATA).is_file() or belongs_to_folder(path):
+    elif (path / METADATA).is_file() or is_split_recording(path):
         yield path
     else:
         for child in sorted(path.iterdir()):
@@ -78,9 +84,9 @@ def _expand(path: Path) -> Iterator[Path]:
 
 def open_scanner(path: AnyPath, joint: str | None = None, layout: Layout | None = None,
                  **options: int) -> MessageScanner | TableScanner:
-    """Return what reads a recording in batches, only one joint's values if one is given.
+    """Return a reader of a recording in batches, of all joints or one.
 
-    The option ``batch`` is the number of messages or rows in memory at once.
+    The option ``batch`` is the number of messages or rows in a batch.
     """
     path = Path(path)
     if path.is_file() and is_table(path):

@@ -34,8 +34,8 @@ def is_storage(path: Path) -> bool:
     return path.name.endswith(SUFFIXES)
 
 
-def belongs_to_folder(folder: Path) -> bool:
-    """Return whether a folder's storage files are parts of one recording that lacks its metadata.
+def is_split_recording(folder: Path) -> bool:
+    """Return whether a folder without metadata holds the files of one recording.
 
     rosbag2 names them after the folder, with a number.
     """
@@ -49,7 +49,7 @@ class Storage:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        # Topic to (message type, number of messages), and remarks on missing or damaged parts; both
+        # Topic to (message type, number of messages), and notes on missing or damaged parts; both
         # are complete after `messages` has ended.
         self.topics: dict[str, tuple[str, int]] = {}
         self.notes: list[str] = []

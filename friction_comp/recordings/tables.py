@@ -2,9 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads CSV, Parquet and npz files as recordings.
 
-One principle: **a table is read as if its rows were messages**. Each block of rows becomes the same
-tracks as those of a rosbag2 recording, so that checking, streaming, refinement and evaluation work
-on tables without changes.
+The rows of a table are read as if they were messages: each block of rows becomes the same tracks as
+those of a rosbag2 recording, so that all other code works on tables without changes.
 """
 
 from __future__ import annotations
@@ -83,7 +82,7 @@ class TableScanner:
 
 
 def _tracks(columns: Columns, use: Assignment, first: int, joint: str | None) -> Iterator[Track]:
-    """Yield the tracks of a block whose first row has a number; all have the same times."""
+    """Yield the tracks of a block of rows, `first` being the number of its first row."""
     stamp, valid = _stamps(use.time.factor * columns[use.time.name])
     order = first + np.arange(len(stamp))
     missing = np.full(len(stamp), np.nan)
@@ -93,8 +92,8 @@ def _tracks(columns: Columns, use: Assignment, first: int, joint: str | None) ->
         return None if column is None else column.factor * columns[column.name]
 
     def stack(name: str, *signals: str) -> np.ndarray:
-        found = [read(signal, name) for signal in signals]
-        return np.column_stack([missing if values is None else values for values in found])
+        parts = [read(signal, name) for signal in signals]
+        return np.column_stack([missing if values is None else values for values in parts])
 
     def track(topic: str, values: Columns) -> Track:
         return Track(topic, topic, stamp, stamp, order, use.joints, values)
@@ -118,7 +117,7 @@ def _tracks(columns: Columns, use: Assignment, first: int, joint: str | None) ->
 def _stamps(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return times in s as ns, and which rows have one.
 
-    The others get the time of the row before, so that there is no jump of the clock.
+    The others get the time of the row before, so that time does not jump.
     """
     valid = np.abs(time) < 9e9
     stamp = np.zeros(len(time), dtype=np.int64)
@@ -240,8 +239,7 @@ class _Parquet:
             from pyarrow import ArrowException
             from pyarrow.parquet import ParquetFile
         except ModuleNotFoundError:
-            raise InputError(f'{path}: Parquet files need pyarrow: pip install '
-                             '"friction_comp[parquet]", or pip install pyarrow') from None
+            raise _without_pyarrow(path) from None
         try:
             self._file = ParquetFile(path)
         except ArrowException as error:
@@ -255,6 +253,11 @@ class _Parquet:
             read += batch.num_rows
             yield {name: _numbers(batch.column(name).to_numpy(zero_copy_only=False), name,
                                   self._path) for name in wanted}, read / total
+
+
+def _without_pyarrow(path: Path) -> InputError:
+    return InputError(f'{path}: Parquet files need pyarrow: pip install '
+                      '"friction_comp[parquet]", or pip install pyarrow')
 
 
 class _Npz:
@@ -331,8 +334,7 @@ def write_table(path: Path, joints: Sequence[Samples]) -> None:
             from pyarrow import table
             from pyarrow.parquet import write_table as write
         except ModuleNotFoundError:
-            raise InputError(f'{path}: Parquet files need pyarrow: pip install '
-                             '"friction_comp[parquet]", or pip install pyarrow') from None
+            raise _without_pyarrow(path) from None
         write(table(columns), stream)
     elif name.endswith('.csv'):
         stream.write((','.join(columns) + '\n').encode())

@@ -15,7 +15,8 @@ from friction_comp.topics import TORQUE_UNIT
 _SECOND = 1_000_000_000
 # A leading stamp of zero is a time, not an empty field, if the next one is smaller than this.
 _LARGEST_AFTER_ZERO = _SECOND
-# Successive messages with earlier stamps that mean a clock set back; fewer are merely out of order.
+# Number of successive messages with earlier stamps from which the clock was set back; fewer are out
+# of order.
 _SET_BACK = 20
 # Distance of a stamp from its neighbours above which it is an outlier.
 _FAR_OFF = _SECOND
@@ -67,22 +68,22 @@ def message_times(track: Track, notes: list[str]) -> np.ndarray:
     return repaired
 
 
-def far_off(times: np.ndarray) -> np.ndarray:
+def outliers(times: np.ndarray) -> np.ndarray:
     """Return which times are outliers among their neighbours, bool, shape (N,)."""
     if len(times) < 5:
         return np.zeros(len(times), dtype=bool)
-    since = (times - times[0]).astype(float)
-    around = np.lib.stride_tricks.sliding_window_view(np.pad(since, 2, mode='edge'), 5)
-    off: np.ndarray = np.abs(since - np.median(around, axis=1)) > _FAR_OFF
-    return off
+    elapsed = (times - times[0]).astype(float)
+    neighbours = np.lib.stride_tricks.sliding_window_view(np.pad(elapsed, 2, mode='edge'), 5)
+    is_outlier: np.ndarray = np.abs(elapsed - np.median(neighbours, axis=1)) > _FAR_OFF
+    return is_outlier
 
 
-def set_backs(times: np.ndarray, order: np.ndarray, receive: np.ndarray,
-              notes: list[str]) -> Shifts:
-    """Return the offsets that make times continue where the clock was set back, in ns.
+def clock_shifts(times: np.ndarray, order: np.ndarray, receive: np.ndarray,
+                 notes: list[str]) -> Shifts:
+    """Return the offsets by which times continue after the clock was set back, in ns.
 
-    After a set-back, time continues by the difference of receive times where it is positive, else
-    by a gap.
+    The step between the messages before and after is the difference of their receive times, or a
+    gap of ten usual steps where that is not positive.
     """
     shifts = Shifts()
     steps = np.diff(times)
@@ -123,7 +124,7 @@ def note_gaps(times: np.ndarray, notes: list[str]) -> None:
 
 @dataclass
 class TimeBase:
-    """The times of the joint states, the time base of all other signals."""
+    """The times in ns of the joint states, at which all other signals are evaluated."""
 
     stamp: np.ndarray
     receive: np.ndarray
@@ -131,27 +132,33 @@ class TimeBase:
     shifts: Shifts
 
     def pair(self, track: Track) -> tuple[np.ndarray, np.ndarray]:
-        """Return the times of the joint states and of another topic on a common clock."""
+        """Return the times of the joint states and of another topic, ns, on a common clock.
+
+        They are stamps if both topics have them, otherwise receive times.
+        """
         if self.stamped and track.stamp.any():
             return self.stamp, self.shifts.of(track.stamp, track.order)
         return self.receive, track.receive
 
-    def _finite(self, track: Track, values: np.ndarray
-                ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the times of the joint states, and times and finite values of another topic."""
+    def _finite_values(self, track: Track, values: np.ndarray
+                       ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the times of the joint states, and times and finite values of another topic.
+
+        The times are those of `pair`; the other topic's are in ascending order.
+        """
         times, other_times = self.pair(track)
         finite = np.isfinite(values)
         order = np.argsort(other_times[finite], kind='stable')
         return times, other_times[finite][order], values[finite][order]
 
-    def moment(self, receive: int) -> float:
+    def to_state_time(self, receive: int) -> float:
         """Convert a receive time in ns to the clock of the joint states, s."""
         ahead = np.interp(receive, self.receive, self.stamp - self.receive)
         return float(receive + ahead) * 1e-9
 
     def hold(self, track: Track, values: np.ndarray, before: float = 0.0) -> np.ndarray:
-        """Return the last value at each joint state; `before` where there is none yet."""
-        times, other_times, values = self._finite(track, values)
+        """Return the last value at each joint state; `before` until there is one."""
+        times, other_times, values = self._finite_values(track, values)
         index = np.searchsorted(other_times, times, side='right') - 1
         held: np.ndarray = np.where(
             index >= 0, values[index.clip(0)] if len(values) else before, before)
@@ -162,7 +169,7 @@ class TimeBase:
 
         Beyond its ends the nearest value is used.
         """
-        times, other_times, values = self._finite(track, values)
+        times, other_times, values = self._finite_values(track, values)
         if not len(values):
             return None
         origin = times[0]
@@ -173,8 +180,8 @@ class TimeBase:
         return interpolated
 
 
-def further_signals(scan: Scan, joint: str, joints: list[str], base: TimeBase,
-                    torque_per_current: float, notes: list[str]) -> dict[str, Any]:
+def other_signals(scan: Scan, joint: str, joints: list[str], base: TimeBase,
+                  torque_per_current: float, notes: list[str]) -> dict[str, Any]:
     """Return the signals of other topics, each shape (N,), by their names in `Samples`.
 
     `joints` are all joints of the joint states, in their order; `torque_per_current` in N·m/A at
@@ -182,16 +189,16 @@ def further_signals(scan: Scan, joint: str, joints: list[str], base: TimeBase,
     """
     signals: dict[str, Any] = {}
     for topic, names in _INTERPOLATED.items():
-        found = _find_joint(scan.of(topic), joint, joints, notes)
-        if found is None:
+        track_and_values = _find_joint(scan.of(topic), joint, joints, notes)
+        if track_and_values is None:
             continue
-        track, values = found
+        track, values = track_and_values
         for column, name in zip(values.T, names):
             if np.isfinite(column).any() or len(names) == 1:
                 signals[name] = base.interpolate(track, column)
                 if signals[name] is None:
                     notes.append(f'{track.topic} covers less than half of the recording: not used')
-    # Joints of arrays without names: the reference's, or else the states'.
+    # Joints in the order of arrays without names: that of the reference, or of the states.
     order = [*(track.names for track in scan.of('reference')), joints]
     command = _find_array(scan.of('current_command'), joint, order, notes, torque_per_current)
     return {**signals, 'command': None if command is None else base.hold(*command),
@@ -200,7 +207,7 @@ def further_signals(scan: Scan, joint: str, joints: list[str], base: TimeBase,
 
 def _direction(scan: Scan, joint: str, joints: list[str], order: list[list[str]],
                base: TimeBase, notes: list[str]) -> np.ndarray | None:
-    """Return the announced direction, by the later message of the plain and stamped topics."""
+    """Return the announced direction, of the topics with and without stamp by the later message."""
     directions = []
     plain = _find_array(scan.of('direction'), joint, order, notes)
     if plain is not None:
@@ -211,12 +218,13 @@ def _direction(scan: Scan, joint: str, joints: list[str], order: list[list[str]]
         directions.append((stamped[0], np.sign(stamped[1][:, 1])))
     if not directions:
         return None
-    held = np.array([base.hold(*one) for one in directions])
-    # Each on its own clock: the two may differ.
-    age = np.array([base.pair(track)[0] - base.hold(track, base.pair(track)[1].astype(float), -1.0)
-                    for track, _ in directions])
-    latest: np.ndarray = held[np.argmin(age, axis=0), np.arange(held.shape[1])].astype(int)
-    return latest
+    held, ages = [], []
+    for track, values in directions:
+        # Ages, unlike times, can be compared: the topics may have different clocks.
+        state_times, times = base.pair(track)
+        held.append(base.hold(track, values))
+        ages.append(state_times - base.hold(track, times.astype(float), before=-1.0))
+    return np.where(np.argmin(ages, axis=0) == 0, held[0], held[-1]).astype(int)
 
 
 def _find_joint(tracks: list[Track], joint: str, joints: list[str],

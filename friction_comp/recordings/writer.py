@@ -34,10 +34,9 @@ _CHUNK = 1 << 20
 _MAX_PENDING = 1 << 28
 
 
-def qos_profile(reliability: str = 'reliable', durability: str = 'volatile',
-                depth: int = 10) -> Qos:
-    """Return a publisher's quality of service as rosbag2's metadata hold it."""
-    return {'history': 'keep_last', 'depth': depth, 'reliability': reliability,
+def qos_profile(reliability: str = 'reliable', durability: str = 'volatile') -> Qos:
+    """Return a publisher's quality of service in the form of rosbag2's metadata."""
+    return {'history': 'keep_last', 'depth': 10, 'reliability': reliability,
             'durability': durability, 'deadline': _INFINITE, 'lifespan': _INFINITE,
             'liveliness': 'automatic', 'liveliness_lease_duration': _INFINITE,
             'avoid_ros_namespace_conventions': False}
@@ -141,7 +140,7 @@ class RecordingWriter:
         return name
 
     def write(self, topic: str, type_name: str, stamp_ns: int, cdr: bytes) -> None:
-        """Append one serialised message, with its encapsulation header, that came at a time in ns.
+        """Append one serialised message, with its encapsulation header and its time in ns.
 
         Raises
         ------
@@ -213,7 +212,7 @@ class RecordingWriter:
         self._files.append(file)
         for topic, description in self._topics.items():
             file.declare(topic, *description)
-        # The caller, which records, does not wait for the disk.
+        # The caller, which records, must not wait for the disk.
         self._save_metadata(sync=False)
 
     def _is_full(self, time: int) -> bool:
@@ -356,7 +355,8 @@ class _SyncedFile:
 
     def wait(self) -> None:
         """Wait until all blocks are written; raises OSError if one could not be."""
-        self._thread.submit(int).result()
+        # The only thread runs its tasks in order: an empty one ends after all blocks.
+        self._thread.submit(lambda: None).result()
         if self._failure is not None:
             raise self._failure
 

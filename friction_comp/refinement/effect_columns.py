@@ -19,26 +19,26 @@ from typing import Any
 import numpy as np
 
 from friction_comp.model.arm.coupling import Group
-from friction_comp.model.effects import Effect, EFFECTS, Look
+from friction_comp.model.effects import Effect, EFFECTS, ResidualView
+from friction_comp.refinement.block_sums import BlockSums
 from friction_comp.refinement.prepare import Rows
-from friction_comp.refinement.sums import BlockSums
 
-# Number of columns of Eq. 6, and of those that are no derivatives; the signs of its coefficients.
-BASE, PLAIN, _BASE_SIGNS = 5, 3, (0, 1, 1, 0, 0)
+# Number of columns of Eq. 6, and of those that are not derivatives; signs of their coefficients.
+EQ6_COLUMNS, EQ6_LINEAR, _EQ6_SIGNS = 5, 3, (0, 1, 1, 0, 0)
 # Limits of steepness times top speed: beyond them recordings show no difference.
 _FLATTEST, _STEEPEST = 2.0, 6000.0
 # Steepness times shift at which Eq. 6 has 15 % of Coulomb friction at zero velocity.
-MOST_SHIFT = 0.3
+MAX_SHIFT = 0.3
 
 
 @dataclass(frozen=True, eq=False)
 class Term:
-    """An effect with its constants, or a group of terms of other joints, whose effect is a sum."""
+    """An effect with its constants, or one group of terms of the effect `other_joints`."""
 
     kind: type[Effect]
     constants: dict[str, Any] = field(default_factory=dict)
     group: Group | None = None
-    # What distinguishes a term, hashable.
+    # Hashable, for comparison.
     _identity: tuple[Any, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -59,10 +59,13 @@ class Term:
         return self.kind.matrix(rows.samples, self.constants)
 
     def same_effect(self, other: Term, span: float) -> bool:
-        """Return whether another term is the same effect, its constants similar over `span` rad."""
+        """Return whether another term is the same effect with similar constants.
+
+        `span` is the range of position, rad.
+        """
         if self.kind is not other.kind or self.group != other.group:
             return False
-        if self.kind.most == 1:
+        if self.kind.max_count == 1:
             return True
         for name in ('frequency', 'position'):
             if name in self.constants:
@@ -72,18 +75,18 @@ class Term:
         return True
 
 
-def base_columns(rows: Rows, steepness: float, shift: float) -> np.ndarray:
-    """Return Eq. 6 as columns, shape (N, BASE): constant, transition, viscous, derivatives.
+def eq6_columns(rows: Rows, steepness: float, shift: float) -> np.ndarray:
+    """Return Eq. 6 as columns, shape (N, EQ6_COLUMNS): constant, transition, viscous, derivatives.
 
-    The last two are the derivatives of the transition by the logarithm of its steepness and by
-    its shift: their coefficients say how far to move both.
+    The last two are the derivatives of the transition with respect to the logarithm of its
+    steepness and to its shift: their coefficients are Gauss-Newton steps of both.
     """
     v = np.asarray(rows.samples.velocity)
     half = 0.5 * steepness * (v - shift)
     transition = np.tanh(half)
     slope = 1.0 - transition ** 2
     # In motion in one direction, an offset and Coulomb friction are the same.
-    bidirectional = 1.0 if rows.scene.both_directions else 0.0
+    bidirectional = 1.0 if rows.coverage.both_directions else 0.0
     return np.column_stack((
         np.full(len(v), bidirectional), transition, v, half * slope,
         -0.5 * bidirectional * steepness * slope))
@@ -92,8 +95,8 @@ def base_columns(rows: Rows, steepness: float, shift: float) -> np.ndarray:
 class Table:
     """Columns of terms on the rows of a recording, shape (P, R), and their sums over cells.
 
-    A cell holds the rows of one block and one region of posture: `block` and `region` tell which,
-    for each cell.
+    A cell is the set of rows of one block and one region of posture, whose indices are `block` and
+    `region`, one of each cell.
     """
 
     def __init__(self, rows: Rows, steepness: float, shift: float = 0.0) -> None:
@@ -109,10 +112,10 @@ class Table:
         self.block, self.region = rows.block[first], rows.region[first]
         self.sums = BlockSums.over(self.target[None], self._cells, np.empty(0, dtype=int))
         self.columns = np.empty((0, len(self.target)))
-        self._append(self._base(steepness, shift), _BASE_SIGNS)
+        self._append(self._base(steepness, shift), _EQ6_SIGNS)
 
     def _base(self, steepness: float, shift: float) -> np.ndarray:
-        return self.rows.averaged(base_columns(self.rows, steepness, shift)).T
+        return self.rows.averaged(eq6_columns(self.rows, steepness, shift)).T
 
     def _columns_for(self, term: Term) -> np.ndarray | None:
         """Return a term's columns, shape (M, R); None where they are not finite."""
@@ -148,7 +151,8 @@ class Table:
                               self.sums.signs[columns])
         self.columns, self.columns_of = self.columns[columns], {}
         for term, stop, size in zip(remaining, np.cumsum(sizes), sizes):
-            self.columns_of[term] = list(range(BASE + int(stop) - size, BASE + int(stop)))
+            last = EQ6_COLUMNS + int(stop)
+            self.columns_of[term] = list(range(last - size, last))
 
     def _append(self, fresh: np.ndarray, signs: Sequence[int]) -> None:
         old = len(self.columns)
@@ -171,7 +175,7 @@ class Table:
 
     def indices(self, terms: Sequence[Term], derivatives: bool = True) -> list[int]:
         """Return the column indices of Eq. 6 and of some terms."""
-        base = range(BASE if derivatives else PLAIN)
+        base = range(EQ6_COLUMNS if derivatives else EQ6_LINEAR)
         return [*base, *(column for term in terms for column in self.columns_of[term])]
 
     def residual(self, terms: Sequence[Term], derivatives: bool = True) -> np.ndarray:
@@ -181,7 +185,7 @@ class Table:
 
     def error_with(self, terms: Sequence[Term]) -> float:
         """Return the squared error of a fit of terms, which need not be in the table."""
-        parts, signs = [self.columns[:PLAIN]], list(_BASE_SIGNS[:PLAIN])
+        parts, signs = [self.columns[:EQ6_LINEAR]], list(_EQ6_SIGNS[:EQ6_LINEAR])
         for term in terms:
             own_columns = self._columns_for(term)
             if own_columns is None:
@@ -190,7 +194,7 @@ class Table:
             signs += _signs_of(term, len(own_columns))
         sums = BlockSums.over(np.vstack((*parts, self.target)), [slice(None)], np.array(signs))
         columns = range(len(signs))
-        return float(sums.squares(columns, sums.fit(columns)[None])[0])
+        return float(sums.squared_errors(columns, sums.fit(columns)[None])[0])
 
     def coefficients(self, terms: Sequence[Term]) -> dict[int, float]:
         """Return the coefficient of each column index, fitted to all blocks."""
@@ -202,34 +206,37 @@ class Table:
         count = self.rows.blocks
         return np.bincount(rng.integers(0, count, count), minlength=count)
 
-    def left_out(self, columns: Sequence[int]) -> np.ndarray:
+    def held_out_errors(self, columns: Sequence[int]) -> np.ndarray:
         """Return the squared error of each cell by the fit to all other blocks, shape (K,)."""
-        return self.sums.left_out(columns, self.block)
+        return self.sums.held_out_errors(columns, self.block)
 
     def fit_transition(self, terms: Sequence[Term], rounds: int = 4) -> None:
         """Move the transition of Eq. 6 to its optimum beside some terms, by Gauss-Newton steps."""
-        speed = self.rows.scene.speed
-        others = self.columns[self.indices(terms)[BASE:]]
+        speed = self.rows.coverage.speed
+        others = self.columns[self.indices(terms)[EQ6_COLUMNS:]]
         signs = self.sums.signs[self.indices(terms)]
-        plain = [*range(PLAIN), *range(BASE, BASE + len(others))]
+        without_derivatives = [
+            *range(EQ6_LINEAR), *range(EQ6_COLUMNS, EQ6_COLUMNS + len(others))]
 
         def sums_at(steepness: float, shift: float) -> tuple[float, BlockSums]:
             full = np.vstack((self._base(steepness, shift), others, self.target))
             sums = BlockSums.over(full, self.block_rows, signs)
-            return float(sums.left_out(plain).sum()), sums
+            return float(sums.held_out_errors(without_derivatives).sum()), sums
         current = self.transition
         best, sums = sums_at(*current)
         for _ in range(rounds):
-            before, coefficients = best, sums.fit(range(BASE + len(others)))
+            before, coefficients = best, sums.fit(range(EQ6_COLUMNS + len(others)))
             if not coefficients[1] > 0.0:
                 break
+            # Columns 3 and 4 are the derivatives of column 1, Coulomb friction, by the logarithm of
+            # the steepness and by the shift.
             growth = float(np.clip(coefficients[3] / coefficients[1], -1.0, 1.0))
             step = float(np.clip(
                 coefficients[4] / coefficients[1], -1.0 / current[0], 1.0 / current[0]))
             for share in (1.0, 0.5, 0.25):
                 steepness = float(np.clip(current[0] * math.exp(share * growth), _FLATTEST / speed,
                                           _STEEPEST / speed))
-                limit = MOST_SHIFT / steepness
+                limit = MAX_SHIFT / steepness
                 trial = steepness, float(np.clip(current[1] + share * step, -limit, limit))
                 error, other = sums_at(*trial)
                 if error < best:
@@ -243,28 +250,33 @@ class Table:
         """Set the steepness and the shift of Eq. 6 and recompute its columns."""
         if (steepness, shift) != self.transition:
             self.transition = steepness, shift
-            self.columns[:BASE] = self._base(steepness, shift)
-            self._update_sums(slice(0, BASE))
+            self.columns[:EQ6_COLUMNS] = self._base(steepness, shift)
+            self._update_sums(slice(0, EQ6_COLUMNS))
 
-    def loads(self, terms: Sequence[Term]) -> list[dict[str, float]]:
-        """Return the loads that follow from the terms of a fit; see `Effect.load_share`."""
+    def load_shares(self, terms: Sequence[Term]) -> list[dict[str, float]]:
+        """Return the load on the teeth due to each term of a fit; see `Effect.load_share`.
+
+        Empty if no term gives a load that depends on position. The offset of Eq. 6 is a load where
+        it is part of such a term, as with gravity over a short range.
+        """
         coefficients, shares, carries_load = self.coefficients(terms), [], False
         for term in terms:
             if term.group is None and not term.kind.uses_inner_load:
                 values = [coefficients[column] for column in self.columns_of[term]]
                 shares.append(term.kind.load_share(values, term.constants))
                 carries_load = carries_load or term.kind.gives_load
-                if term.kind.gives_load and term.kind.holds_offset(self.rows.scene):
+                if term.kind.gives_load and term.kind.determines_offset(self.rows.coverage):
                     shares.append({'offset': coefficients[0]})
         return shares if carries_load else []
 
-    def look(self, terms: Sequence[Term]) -> Look:
-        """Return the residual of a fit in the form from which effects propose constants."""
-        part, scene = self.rows.at_rows, self.rows.scene
+    def residual_view(self, terms: Sequence[Term]) -> ResidualView:
+        """Return the residual of a fit, from which effects propose constants."""
+        part, coverage = self.rows.at_rows, self.rows.coverage
         velocity = np.asarray(part.velocity)
-        return Look(scene, part.position, velocity,
-                    np.tanh(velocity / scene.transition), self.residual(terms),
-                    self.rows.length * self.rows.samples.sample_time, self.loads(terms))
+        return ResidualView(
+            coverage, part.position, velocity, np.tanh(velocity / coverage.transition),
+            self.residual(terms), self.rows.length * self.rows.samples.sample_time,
+            self.load_shares(terms))
 
 
 def _signs_of(term: Term, count: int) -> list[int]:
@@ -275,14 +287,15 @@ def _signs_of(term: Term, count: int) -> list[int]:
 
 def proposals(table: Table, terms: Sequence[Term]) -> list[Term]:
     """Return candidate terms to add to a fit, of effects whose signals were recorded and varied."""
-    rows, look = table.rows, table.look(terms)
+    rows, view = table.rows, table.residual_view(terms)
     terms = [
         Term(kind, constants) for kind in EFFECTS.values()
         if all(getattr(rows.samples, signal) is not None for signal in kind.needs)
-        and not kind.insufficient_data(rows.scene) and (look.loads or not kind.uses_inner_load)
+        and not kind.insufficient_data(rows.coverage)
+        and (view.load_shares or not kind.uses_inner_load)
         # The person's torque answers friction: it correlates with every missing effect.
-        and not (rows.load_by_mechanics and 'load' in kind.needs)
-        for constants in kind.propose(look)]
+        and not (rows.load_coefficient and 'load' in kind.needs)
+        for constants in kind.propose(view)]
     if rows.joints:
         terms += [Term(EFFECTS['other_joints'], {}, group)
                   for group in groups_for(rows.joints, rows.samples.joint)]
@@ -338,4 +351,4 @@ def neighbourhood(names: Sequence[str], joint: str) -> list[Group]:
         return (group.kind == 'weight' and all(side > 0 for _, side in group.angles)
                 and indices[-1] - indices[0] == len(indices) - 1)
     return [group for group in groups_for(tuple(names), joint)
-            if group.everyone <= neighbours or is_weight_of_link(group)]
+            if group.all_joints <= neighbours or is_weight_of_link(group)]

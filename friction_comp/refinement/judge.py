@@ -3,7 +3,7 @@
 """Estimates a model's error on other recordings and how far to trust it.
 
 The growth of errors in thirds of the recording that were not fitted tells what to expect on
-another recording; see `Elsewhere`. Everything else to report is a finding with a code, and the
+another recording; see `LeftOutThirds`. Everything else to report is a finding with a code, and the
 verdict is the grade of the worst one.
 """
 
@@ -17,12 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.model.effects import EFFECTS, Scene
-from friction_comp.model.effects.scene import too_coarse
+from friction_comp.model.effects import Coverage, EFFECTS
+from friction_comp.model.effects.definitions import too_coarse
 from friction_comp.refinement import thresholds
-from friction_comp.refinement.attempt import Fit
+from friction_comp.refinement.best_fit import Fit
+from friction_comp.refinement.dependence import Dependence, rank_correlation
 from friction_comp.refinement.effect_columns import proposals, Table
-from friction_comp.refinement.leftover import Dependence, rank_correlation
 from friction_comp.refinement.prepare import blocks_of_samples, Rows
 from friction_comp.samples import Samples
 from friction_comp.signal_checks import velocity_fault, velocity_ratios
@@ -98,7 +98,7 @@ _FINDINGS = {
 
 _EXPERIMENTS = {
     ('temperature', 'time'):
-        'record the motor once warm from the start, or cool it while it goes on moving',
+        'record the motor once warm from the start, or cool it while it keeps moving',
     ('acceleration', 'history'):
         'record movements of the same speed with several different accelerations, and reversals',
     ('acceleration', 'position'):
@@ -201,7 +201,7 @@ def ambiguities(fit: Fit) -> list[dict[str, Any]]:
         if first != second:
             entries.setdefault(frozenset((first, second)), {
                 'between': [first, second], 'why': why, 'experiment': experiment(first, second)})
-    for term in fit.terms[fit.given:]:
+    for term in fit.terms[fit.initial_count:]:
         for name, share in fit.stability.alternatives.get(term, ()):
             add(term.kind.variable, EFFECTS[name].variable,
                 f'{100 * share:.0f} % of the searches repeated on parts of the recording choose '
@@ -231,11 +231,11 @@ def friction_would_push(rows: Rows) -> bool:
     with any signs. Where the second fit predicts much better, the current is a controller's
     response, something that was not recorded moves the joint, or a signal has the wrong sign.
     """
-    table = Table(rows, 2.0 / rows.scene.transition)
+    table = Table(rows, 2.0 / rows.coverage.transition)
     terms = table.add([term for term in proposals(table, []) if term.kind.physics])
     columns = table.indices(terms, derivatives=False)
     free = replace(table.sums, signs=np.zeros_like(table.sums.signs))
-    bounded, unbounded = (float(sums.left_out(columns, table.block).sum())
+    bounded, unbounded = (float(sums.held_out_errors(columns, table.block).sum())
                           for sums in (table.sums, free))
     return unbounded < thresholds.PUSHING_ERROR * bounded
 
@@ -257,7 +257,7 @@ def findings(fit: Fit, raw: Samples, after: dict[str, Any], growth: dict[str, fl
              ) -> Iterator[Finding]:
     """Yield all findings on a model.
 
-    `after`, `growth` and `open_questions` are what `errors_of`, `Elsewhere.growth` and
+    `after`, `growth` and `open_questions` are what `errors_of`, `LeftOutThirds.error_growth` and
     `ambiguities` return.
     """
     rows, held_out = fit.rows, after['held_out_rmse']
@@ -278,7 +278,7 @@ def findings(fit: Fit, raw: Samples, after: dict[str, Any], growth: dict[str, fl
     for question in open_questions:
         yield finding('ambiguous', variables=' or '.join(question['between']), **question)
     yield from findings_on_recording(rows, raw)
-    yield from notes_on_coverage(rows.samples, rows.scene)
+    yield from notes_on_coverage(rows.samples, rows.coverage)
     # The fit's error comes from block sums, that of the model from `predict` on the recording. Rows
     # average noise out, and samples outside all rows may have larger errors.
     fitted = math.hypot(rms(fit.table.residual(fit.terms, derivatives=False)),
@@ -289,20 +289,20 @@ def findings(fit: Fit, raw: Samples, after: dict[str, Any], growth: dict[str, fl
 
 def findings_on_recording(rows: Rows, raw: Samples) -> Iterator[Finding]:
     """Yield the findings on the recordings themselves."""
-    scene = rows.scene
+    coverage = rows.coverage
     if rows.joints:
         yield finding('other_joints', joints=', '.join(
             name for name in rows.joints if name != raw.joint))
         if moves_as_one(rows):
             yield finding('moves_as_one', joint=raw.joint)
     fault = '' if raw.velocity is None else velocity_fault(velocity_ratios(
-        raw.time, raw.position, raw.velocity, scene.resolution), thresholds.VELOCITY_RATIO)
+        raw.time, raw.position, raw.velocity, coverage.resolution), thresholds.VELOCITY_RATIO)
     if fault:
         yield finding('velocity', fault=fault[0].upper() + fault[1:])
-    coarse = too_coarse(scene)
+    coarse = too_coarse(coverage)
     if coarse:
         yield finding('coarse', reason=coarse)
-    if not scene.both_directions:
+    if not coverage.both_directions:
         yield finding('one_direction')
     if rows.clipped.any():
         limits = raw.current[rows.clipped]
@@ -310,15 +310,15 @@ def findings_on_recording(rows: Rows, raw: Samples) -> Iterator[Finding]:
         yield finding('ceiling', ends=' and '.join(ends), percent=100 * rows.clipped.mean())
 
 
-def notes_on_coverage(samples: Samples, scene: Scene) -> Iterator[Finding]:
+def notes_on_coverage(samples: Samples, coverage: Coverage) -> Iterator[Finding]:
     """Yield notes on what the recordings cannot show, none of which lowers the verdict."""
     if samples.temperature is None:
         yield finding('no_temperature')
     if samples.load is None:
         yield finding('no_load')
-    reasons = {kind.insufficient_data(scene): None for kind in EFFECTS.values() if all(
+    reasons = {kind.insufficient_data(coverage): None for kind in EFFECTS.values() if all(
         getattr(samples, signal) is not None for signal in kind.needs)}
     for reason in filter(None, reasons):
         yield finding('not_seen', reason=reason)
-    if scene.duration < 60.0 and not EFFECTS['warm_up'].insufficient_data(scene):
-        yield finding('short', duration=scene.duration)
+    if coverage.duration < 60.0 and not EFFECTS['warm_up'].insufficient_data(coverage):
+        yield finding('short', duration=coverage.duration)

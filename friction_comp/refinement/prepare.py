@@ -21,20 +21,20 @@ from scipy.cluster.vq import kmeans2
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.differentiation import differentiate
-from friction_comp.model.effects import Scene
+from friction_comp.model.effects import Coverage
 from friction_comp.refinement import thresholds
+from friction_comp.refinement.block_sums import held_out_error
 from friction_comp.refinement.recorded_motion import (
     arm_motion,
     blocks_of,
-    choose_motion,
+    choose_differentiation,
     in_motion,
-    load_by_mechanics,
+    load_coefficient,
     moving_joints,
     plain_columns,
     row_starts,
     standstill_speed,
 )
-from friction_comp.refinement.sums import held_out
 from friction_comp.samples import Samples
 
 _SLOWEST_RATE = 100.0
@@ -51,13 +51,13 @@ class Rows:
     target: np.ndarray  # (N,): current that the model has to explain, A
     usable: np.ndarray  # (N,): which samples are fitted
     clipped: np.ndarray  # (N,): which are at a limit of the current; none of them is usable
-    scene: Scene
+    coverage: Coverage
     start: np.ndarray  # (R,): first sample of each row
     length: int  # samples averaged in each row
     block: np.ndarray  # (R,): block of time
     region: np.ndarray  # (R,): region of posture where several joints moved; otherwise zeros
     # Current per load, A/(N·m), where the load is part of the target; otherwise 0.
-    load_by_mechanics: float = 0.0
+    load_coefficient: float = 0.0
     # Position, velocity and acceleration, each (N, J), of all joints where others moved too.
     motion: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
     joints: tuple[str, ...] = ()  # names of these joints
@@ -156,8 +156,8 @@ def samples_per_row(samples: Samples, usable: int) -> int:
     return max(1, min(math.ceil(usable / thresholds.ROWS), int(rate / _SLOWEST_RATE)))
 
 
-def thin_out(start: np.ndarray) -> np.ndarray:
-    """Return the starts of at most as many rows as are searched, in pieces from all over."""
+def thinned(start: np.ndarray) -> np.ndarray:
+    """Return the starts of at most as many rows as are searched, in pieces from everywhere."""
     share = _MOST * thresholds.ROWS / max(len(start), 1)
     if share >= 1.0:
         return start
@@ -174,21 +174,21 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
     """
     unusable = clipped(samples.current)
     joints = moving_joints(samples)
-    load = load_by_mechanics(samples, unusable, drive) if declared else 0.0
-    settings = settings or choose_motion(samples, unusable, joints, load)
+    load = load_coefficient(samples, unusable, drive) if declared else 0.0
+    settings = settings or choose_differentiation(samples, unusable, joints, load)
     moved = differentiate(samples, settings)
     slowest = standstill_speed(moved)
     usable = in_motion(moved, unusable, slowest, settings['bandwidth'])
     motion = arm_motion(samples, joints, settings)
     length = samples_per_row(moved, int(usable.sum()))
-    start = thin_out(row_starts(moved, usable, length))
+    start = thinned(row_starts(moved, usable, length))
     block = blocks_of(moved, start)
     target = moved.current - load * np.asarray(moved.load) if load else moved.current
-    scene = scene_of(moved, usable, drive, slowest)
+    coverage = coverage_of(moved, usable, drive, slowest)
     region = regions_of(motion[0][start]) if motion else np.zeros_like(block)
-    rows = Rows(moved, target, usable, unusable, scene, start, length, block, region, load, motion,
-                joints)
-    return replace(rows, scene=replace(scene, transition=choose_transition(rows))), settings
+    rows = Rows(moved, target, usable, unusable, coverage, start, length, block, region, load,
+                motion, joints)
+    return replace(rows, coverage=replace(coverage, transition=choose_transition(rows))), settings
 
 
 def with_settings(rows: Rows, raw: Samples, settings: dict[str, Any]) -> Rows:
@@ -199,19 +199,19 @@ def with_settings(rows: Rows, raw: Samples, settings: dict[str, Any]) -> Rows:
 
 def choose_transition(rows: Rows) -> float:
     """Return the velocity in rad/s over which friction changes sign: tanh(v/transition)."""
-    speed = rows.scene.speed
+    speed = rows.coverage.speed
     part, target = rows.samples.take(rows.start), rows.averaged(rows.target)
-    if rows.load_by_mechanics:
+    if rows.load_coefficient:
         part = part.with_(load=None)
     best = (math.inf, speed)
     for width in np.geomspace(0.001, 0.25, 12) * speed:
-        error = held_out(plain_columns(part, [width]), target, rows.block)
+        error = held_out_error(plain_columns(part, [width]), target, rows.block)
         if error < (1.0 - thresholds.EQUIVALENT) * best[0]:
             best = (error, float(width))
     return best[1]
 
 
-def scene_of(samples: Samples, usable: np.ndarray, drive: Drive, slowest: float) -> Scene:
+def coverage_of(samples: Samples, usable: np.ndarray, drive: Drive, slowest: float) -> Coverage:
     """Return the ranges that recordings cover."""
     moving = samples.take(usable)
     # Only within one recording can a time constant be observed.
@@ -228,15 +228,15 @@ def scene_of(samples: Samples, usable: np.ndarray, drive: Drive, slowest: float)
     if samples.temperature is not None:
         temperature = float(np.median(samples.temperature))
         temperature_span = float(np.ptp(np.percentile(samples.temperature[usable], (1, 99))))
-    return Scene(
+    return Coverage(
         transition=0.05 * float(speed), speed=float(speed), slowest=slowest, lowest=float(lowest),
         highest=float(highest), duration=duration, sample_time=samples.sample_time,
         temperature=temperature, gear_ratio=drive.gear_ratio,
         resolution=float(steps.min()) if steps.size else 0.0,
         both_directions=0.02 < float(np.mean(velocity > 0)) < 0.98, slow=float(slow),
         reversals=float(np.count_nonzero(np.diff(np.sign(velocity)))),
-        rested=float(np.sum(resting)) * samples.sample_time,
-        positions=count_positions(moving.position), usual_speed=float(np.median(moves)),
+        rest_duration=float(np.sum(resting)) * samples.sample_time,
+        distinct_positions=count_positions(moving.position), median_speed=float(np.median(moves)),
         speed_spread=float(np.std(moves) / np.mean(moves)), temperature_span=temperature_span)
 
 

@@ -20,7 +20,7 @@ from friction_comp.errors import InputError
 from friction_comp.model.arm.arm import moving_states
 from friction_comp.model.differentiation import differentiate, METHOD
 from friction_comp.refinement import thresholds
-from friction_comp.refinement.sums import held_out, sums_of
+from friction_comp.refinement.block_sums import held_out_error, sums_of
 from friction_comp.samples import Samples
 
 _BANDWIDTHS = (5.0, 10.0, 20.0, 40.0, 80.0, 120.0, 200.0)
@@ -33,7 +33,8 @@ def plain_columns(samples: Samples, transitions: Sequence[float],
                   motion: tuple[np.ndarray, ...] | None = None, index: int = 0) -> np.ndarray:
     """Return the columns of a plain drive: friction, inertia, weight and load.
 
-    No effect is selected: its held-out error is the criterion by which motion is prepared.
+    No effect is selected: its held-out error is the criterion by which motion is prepared. For an
+    arm, `motion` is that of all joints, as of `moving_states`, and `index` the joint among them.
     """
     v, q = np.asarray(samples.velocity), samples.position
     columns = [np.ones_like(v), *(np.tanh(v / width) for width in transitions), v,
@@ -54,8 +55,8 @@ def plain_columns(samples: Samples, transitions: Sequence[float],
     return np.column_stack(columns)
 
 
-def differentiations(samples: Samples) -> list[dict[str, Any]]:
-    """Return the differentiation settings that are compared."""
+def candidate_settings(samples: Samples) -> list[dict[str, Any]]:
+    """Return the differentiation settings to compare."""
     rate = 1.0 / max(samples.sample_time, 1e-9)
     values = [*(value for value in _BANDWIDTHS if value <= 0.3 * rate), None]
     recorded = samples.velocity is not None and np.any(samples.velocity)
@@ -65,7 +66,7 @@ def differentiations(samples: Samples) -> list[dict[str, Any]]:
 
 
 def excerpt(samples: Samples, mask: np.ndarray) -> tuple[Samples, np.ndarray]:
-    """Return at most `_EXCERPT` samples in pieces from all over, and the mask of these."""
+    """Return at most `_EXCERPT` samples in pieces from everywhere, and their part of the mask."""
     size, pieces = len(samples), 15
     if size <= _EXCERPT:
         return samples, mask
@@ -159,7 +160,7 @@ def smooth_motion(samples: Samples, unusable: np.ndarray) -> tuple[Samples, np.n
     Motion is detected from a smooth velocity, since without a filter an encoder's steps look like
     standstill and bursts.
     """
-    choices = differentiations(samples)
+    choices = candidate_settings(samples)
     smooth = max((choice for choice in choices if (choice['bandwidth'] or np.inf) <= 20.0),
                  key=lambda choice: (choice['bandwidth'], choice['source']), default=choices[-1])
     moved = differentiate(samples, smooth)
@@ -171,13 +172,13 @@ def smooth_motion(samples: Samples, unusable: np.ndarray) -> tuple[Samples, np.n
     return moved, row_starts(samples, usable, 1)[::max(1, int(usable.sum()) // 12000)]
 
 
-def load_by_mechanics(samples: Samples, unusable: np.ndarray, drive: Drive) -> float:
-    """Return the current per load, A/(N·m), where it cannot be fitted; otherwise 0.
+def load_coefficient(samples: Samples, unusable: np.ndarray, drive: Drive) -> float:
+    """Return -1/(k_t·n), A/(N·m), if the load must enter with this coefficient; 0 if it is fitted.
 
-    By J·a = k_t·n·i + τ_b - F, friction shows in i + τ_b/(k_t·n). Where the motor carries the load,
-    a fit of the current gives a coefficient near -1/(k_t·n). Where the person carries it, and the
-    current is a function of the motion (a compensation law) or zero, the fit gives a coefficient
-    near zero, and the load enters with -1/(k_t·n) instead.
+    By J·a = k_t·n·i + τ_b - F, friction is i + τ_b/(k_t·n). If the motor carries the load, a fit of
+    the current gives a coefficient near -1/(k_t·n). If the person carries it, and the current is a
+    function of the motion (a compensation law) or zero, the fit gives a coefficient near zero, and
+    the known one has to be used.
     """
     if samples.load is None or not np.any(samples.load):
         return 0.0
@@ -192,8 +193,8 @@ def load_by_mechanics(samples: Samples, unusable: np.ndarray, drive: Drive) -> f
     return 0.0 if coefficient / mechanics > 0.5 else mechanics
 
 
-def choose_motion(samples: Samples, unusable: np.ndarray, joints: Sequence[str], load: float
-                  ) -> dict[str, Any]:
+def choose_differentiation(samples: Samples, unusable: np.ndarray, joints: Sequence[str],
+                           load: float) -> dict[str, Any]:
     """Return the differentiation settings with which a plain drive predicts other blocks best.
 
     `joints` and `load` are those of `Rows`.
@@ -205,7 +206,7 @@ def choose_motion(samples: Samples, unusable: np.ndarray, joints: Sequence[str],
     _, start = smooth_motion(samples, unusable)
     block = blocks_of(samples, start)
     errors: list[tuple[float, int, dict[str, Any]]] = []
-    for choice in differentiations(samples):
+    for choice in candidate_settings(samples):
         moved = differentiate(samples, choice)
         top = float(np.percentile(np.abs(np.asarray(moved.velocity)[start]), 95))
         if not top > 0.0:
@@ -216,7 +217,7 @@ def choose_motion(samples: Samples, unusable: np.ndarray, joints: Sequence[str],
             part, [share * top for share in TRANSITIONS],
             motion and tuple(signal[start] for signal in motion),
             joints.index(samples.joint) if joints else 0)
-        errors.append((held_out(columns, part.current, block), len(errors), choice))
+        errors.append((held_out_error(columns, part.current, block), len(errors), choice))
     least = min(error for error, *_ in errors)
     # A narrow filter blunts reversals, so the widest of equivalent ones is used. The less of the
     # current a plain drive explains, the less its error says about the bandwidth.

@@ -13,19 +13,19 @@ import numpy as np
 from friction_comp.drive import Drive
 from friction_comp.model.arm.arm import Arm
 from friction_comp.model.arm.coupling import Coupling
-from friction_comp.model.effects import Effect, EFFECTS, Scene
+from friction_comp.model.effects import Coverage, Effect, EFFECTS
 from friction_comp.model.effects.base import with_range
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement import thresholds
-from friction_comp.refinement.attempt import find_best_fit, Fit, fit_eq6_alone, Question
-from friction_comp.refinement.effect_columns import base_columns, MOST_SHIFT, PLAIN, Table, Term
+from friction_comp.refinement.best_fit import find_best_fit, Fit, fit_eq6_alone, Problem
+from friction_comp.refinement.effect_columns import eq6_columns, EQ6_LINEAR, MAX_SHIFT, Table, Term
 from friction_comp.refinement.judge import rms
-from friction_comp.refinement.naming import Elsewhere, intervals, repeat_search
 from friction_comp.refinement.prepare import join
 from friction_comp.refinement.recorded_motion import settings_for_arm
 from friction_comp.refinement.report import report_of
 from friction_comp.refinement.search import adjust_constants, at_limit
+from friction_comp.refinement.stability import intervals, LeftOutThirds, repeat_search
 from friction_comp.samples import Samples
 
 _STEEPNESSES = 16
@@ -45,7 +45,7 @@ class RefineResult:
     # (N,): residual of parts that were not fitted, by the initial and by the refined model, A.
     before: np.ndarray
     after: np.ndarray
-    scene: Scene  # the ranges that the recordings cover
+    coverage: Coverage  # the ranges that the recordings cover
 
 
 def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
@@ -79,30 +79,30 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
     report_progress = progress or (lambda share, word: None)
     declared = drive is not None or model is not None
     drive = drive or (model.drive if model else Drive(1.0, 1.0))
-    question = Question(join(list(recorded)), drive, declared, model)
-    fit = find_best_fit(question)
+    problem = Problem(join(list(recorded)), drive, declared, model)
+    fit = find_best_fit(problem)
     report_progress(0.6, 'repeating the search on resampled parts')
     fit = select_named(fit)
     report_progress(0.9, 'writing')
-    raw, rows = question.raw, fit.rows
-    refined = model_of(fit, question)
+    raw, rows = problem.raw, fit.rows
+    refined = model_of(fit, problem)
     if model:
         start = model
         before = own_before = model.measured(raw) - model.predict(raw, same_recording=True)
     else:
-        plain = refit(fit_eq6_alone(question, fit.settings), [])
-        start, before = model_of(plain, question), plain.residual()
+        plain = refit(fit_eq6_alone(problem, fit.settings), [])
+        start, before = model_of(plain, problem), plain.residual()
         own_before = rows.samples.current - start.current(rows.samples)
     after, own_after = fit.residual(), raw.current - refined.predict(raw, same_recording=True)
     # A model that is no better on parts that were not fitted is not used.
     keep_start = rms(after[rows.usable]) >= rms(before[rows.usable])
     if keep_start:
         refined, after, own_after = start, before, own_before
-    report = report_of(question, fit, refined, (own_before, before), (own_after, after),
+    report = report_of(problem, fit, refined, (own_before, before), (own_after, after),
                        unit or ('A' if declared else 'N·m'), keep_start)
     return RefineResult(
         report, refined, start, model is not None, rows.samples, rows.usable, before, after,
-        rows.scene)
+        rows.coverage)
 
 
 def select_named(fit: Fit) -> Fit:
@@ -112,17 +112,18 @@ def select_named(fit: Fit) -> Fit:
     on thirds of the recording that were not fitted, where the interval of one of its coefficients
     excludes zero, and where none of its defining constants is at its limit.
     """
-    stability = repeat_search(fit.table, fit.terms, fit.given, fit.candidates)
-    terms = [term for k, term in enumerate(fit.terms) if k < fit.given or stability.named(term)]
-    terms = Elsewhere(fit.table, terms).helpful(terms, fit.given)
+    stability = repeat_search(fit.table, fit.terms, fit.initial_count, fit.candidates)
+    terms = [term for k, term in enumerate(fit.terms)
+             if k < fit.initial_count or stability.named(term)]
+    terms = LeftOutThirds(fit.table, terms).without_harmful(terms, fit.initial_count)
     while True:
         fit = refit(fit, terms)
         # The constants were adjusted again, so terms have changed.
-        stability = stability.renamed(dict(zip(terms, fit.terms)))
-        terms, table, scene = fit.terms, fit.table, fit.rows.scene
+        stability = stability.with_new_terms(dict(zip(terms, fit.terms)))
+        terms, table, coverage = fit.terms, fit.table, fit.rows.coverage
         bounds = intervals(table, terms)
-        certain = [term for k, term in enumerate(terms) if k < fit.given or (
-            bounds.excludes_zero(table, term) and not at_limit(term, scene))]
+        certain = [term for k, term in enumerate(terms) if k < fit.initial_count or (
+            bounds.excludes_zero(table, term) and not at_limit(term, coverage))]
         if len(certain) == len(terms):
             return replace(fit, stability=stability, intervals=bounds)
         terms = certain
@@ -147,7 +148,7 @@ def _fit_transition_to_all_samples(table: Table, terms: Sequence[Term]) -> None:
     rows = table.rows
     index = np.arange(0, len(rows.samples), max(1, len(rows.samples) // _MOST_SAMPLES))
     steepness, shift = table.transition
-    widths = rows.scene.speed * np.geomspace(3e-4, 0.25, _STEEPNESSES)
+    widths = rows.coverage.speed * np.geomspace(3e-4, 0.25, _STEEPNESSES)
     grid = [(steepness, shift), (steepness, 0.0)] + [
         (2.0 / width, trial) for width in widths for trial in dict.fromkeys((shift, 0.0))]
     others = np.column_stack([term.columns(rows) for term in terms]
@@ -155,10 +156,10 @@ def _fit_transition_to_all_samples(table: Table, terms: Sequence[Term]) -> None:
     columns = table.indices(terms, derivatives=False)
     trials = []
     for steepness, shift in grid:
-        limit = MOST_SHIFT / steepness
+        limit = MAX_SHIFT / steepness
         table.set_transition(steepness, float(np.clip(shift, -limit, limit)))
-        error = float(table.left_out(columns).sum())
-        base = base_columns(rows, *table.transition)[index, :PLAIN]
+        error = float(table.held_out_errors(columns).sum())
+        base = eq6_columns(rows, *table.transition)[index, :EQ6_LINEAR]
         residual = rows.target[index] - np.column_stack((base, others)) @ table.sums.fit(columns)
         # Limit the influence of outliers.
         size = np.abs(residual)
@@ -169,11 +170,11 @@ def _fit_transition_to_all_samples(table: Table, terms: Sequence[Term]) -> None:
     table.set_transition(*best)
 
 
-def model_of(fit: Fit, question: Question) -> FrictionModel:
-    """Return the model of a fit; what refinement does not touch is that of the initial one."""
+def model_of(fit: Fit, problem: Problem) -> FrictionModel:
+    """Return the model of a fit; the parts that refinement does not fit are the initial model's."""
     table, rows, settings = fit.table, fit.rows, fit.settings
     coefficients = table.coefficients(fit.terms)
-    offset, coulomb, viscous = (coefficients[column] for column in range(PLAIN))
+    offset, coulomb, viscous = (coefficients[column] for column in range(EQ6_LINEAR))
     sigmoid = Sigmoid(offset + coulomb, offset - coulomb, *table.transition, viscous)
     moving = rows.samples.take(rows.usable)
     effects: list[Effect] = []
@@ -192,12 +193,12 @@ def model_of(fit: Fit, question: Question) -> FrictionModel:
         # The model applies the lag to these torques, as to all others.
         arm = Arm(Coupling(tuple(groups), tuple(gains)),
                   settings_for_arm(rows.samples, {**settings, 'lag': 0.0}))
-    if rows.load_by_mechanics:
-        effects.append(EFFECTS['load_torque']({'coefficients': [rows.load_by_mechanics]}))
-    given = question.model
+    if rows.load_coefficient:
+        effects.append(EFFECTS['load_torque']({'coefficients': [rows.load_coefficient]}))
+    initial = problem.model
     fitted: dict[str, Any] = {
         'sigmoid': sigmoid, 'effects': effects, 'differentiation': dict(settings),
-        'joint': question.raw.joint or (given.joint if given else '')}
-    if not given:
-        return FrictionModel(question.drive, arm=arm, **fitted)
-    return replace(given, drive=question.drive, arm=arm or given.arm, **fitted)
+        'joint': problem.raw.joint or (initial.joint if initial else '')}
+    if not initial:
+        return FrictionModel(problem.drive, arm=arm, **fitted)
+    return replace(initial, drive=problem.drive, arm=arm or initial.arm, **fitted)

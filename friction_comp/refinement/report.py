@@ -12,7 +12,8 @@ import numpy as np
 
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement import thresholds
-from friction_comp.refinement.attempt import Fit, Question
+from friction_comp.refinement.best_fit import Fit, Problem
+from friction_comp.refinement.dependence import Dependence, remaining_dependences
 from friction_comp.refinement.effect_columns import Term
 from friction_comp.refinement.judge import (
     ambiguities,
@@ -23,16 +24,15 @@ from friction_comp.refinement.judge import (
     rms,
     verdict_of,
 )
-from friction_comp.refinement.leftover import Dependence, leftover
-from friction_comp.refinement.naming import Elsewhere, Parameter
 from friction_comp.refinement.prepare import Rows
+from friction_comp.refinement.stability import LeftOutThirds, Parameter
 
 # Number of ranges of a variable in which samples at a limit are counted.
 _RANGES = 15
 _MOST_PAIRS = 8
 
 
-def report_of(question: Question, fit: Fit, model: FrictionModel,
+def report_of(problem: Problem, fit: Fit, model: FrictionModel,
               before: tuple[np.ndarray, np.ndarray], after: tuple[np.ndarray, np.ndarray],
               unit: str, kept: bool) -> dict[str, Any]:
     """Return the content of report.json on a model, fitted with the named terms alone.
@@ -41,15 +41,15 @@ def report_of(question: Question, fit: Fit, model: FrictionModel,
     fits to other parts. `kept` tells whether the initial model was kept, since no refined one
     predicts better.
     """
-    rows, raw, given = fit.rows, question.raw, question.model is not None
-    dependences = [*limits(rows), *leftover(
-        rows.at_rows, rows.averaged(after[1]), rows.scene.slowest)]
-    growth = Elsewhere(fit.table, fit.terms).growth(fit.terms)
+    rows, raw, given = fit.rows, problem.raw, problem.model is not None
+    dependences = [*clipping_dependence(rows), *remaining_dependences(
+        rows.at_rows, rows.averaged(after[1]), rows.coverage.slowest)]
+    growth = LeftOutThirds(fit.table, fit.terms).error_growth(fit.terms)
     errors = errors_of(rows, *after, max(1.0, *growth.values()))
-    effects = [] if kept else effects_of(question, fit, unit)
+    effects = [] if kept else effects_of(problem, fit, unit)
     open_questions = [] if kept else ambiguities(fit)
     base = 'the given model' if given else 'sigmoid of Eq. 6 fitted to the recording'
-    if rows.load_by_mechanics and not given:
+    if rows.load_coefficient and not given:
         base += ', the measured load taken as it is'
     refined = 'the given model' if given else 'sigmoid of Eq. 6'
     return {
@@ -76,8 +76,8 @@ def report_of(question: Question, fit: Fit, model: FrictionModel,
         **verdict_of(findings(fit, raw, errors, growth, dependences, open_questions), unit)}
 
 
-def limits(rows: Rows) -> list[Dependence]:
-    """Return the variable on which it depends most whether the current is at a limit, if any."""
+def clipping_dependence(rows: Rows) -> list[Dependence]:
+    """Return the variable on which clipping of the current depends most; empty without clipping."""
     if not rows.clipped.any():
         return []
     share = float(rows.clipped.mean())
@@ -99,7 +99,7 @@ def limits(rows: Rows) -> list[Dependence]:
 
 
 def friction_of(model: FrictionModel) -> dict[str, float]:
-    """Return Eq. 6 in the field's words, A, A·s/rad and rad/s."""
+    """Return the parameters of Eq. 6 by their usual names, in A, A·s/rad and rad/s."""
     base = model.sigmoid
     return {'offset': 0.5 * (base.upper + base.lower), 'coulomb': 0.5 * (base.upper - base.lower),
             'viscous': base.viscous, 'transition': 2.0 / base.steepness, 'shift': base.shift}
@@ -123,12 +123,13 @@ def correlations_of(fit: Fit) -> list[dict[str, Any]]:
             if abs(value) > thresholds.CORRELATED and a in names and b in names][:_MOST_PAIRS]
 
 
-def effects_of(question: Question, fit: Fit, unit: str) -> list[dict[str, Any]]:
+def effects_of(problem: Problem, fit: Fit, unit: str) -> list[dict[str, Any]]:
     """Return the entries of the effects, those first that lower the error most.
 
     All terms of other joints make one entry.
     """
-    remaining, chosen, entries = list(fit.terms[fit.given:]), list(fit.terms[:fit.given]), []
+    chosen, remaining = fit.terms[:fit.initial_count], fit.terms[fit.initial_count:]
+    entries: list[dict[str, Any]] = []
     lag = fit.settings.get('lag', 0.0)
     # A shorter lag is due to sampling; a negative one, due to a filter of the motion's sensor.
     if lag >= fit.rows.samples.sample_time:
@@ -148,32 +149,32 @@ def effects_of(question: Question, fit: Fit, unit: str) -> list[dict[str, Any]]:
         terms = candidates[index]
         chosen += terms
         remaining = [term for term in remaining if term not in terms]
-        if terms is groups or not known_load(question, fit, terms[0]):
-            entries.append(_entry(fit, terms, error, unit))
+        if terms is groups or not is_known_load(problem, fit, terms[0]):
+            entries.append(_effect_entry(fit, terms, error, unit))
     return entries
 
 
-def known_load(question: Question, fit: Fit, term: Term) -> bool:
+def is_known_load(problem: Problem, fit: Fit, term: Term) -> bool:
     """Return whether a term is the load with the coefficient -1/(k_t·n), beside a given model.
 
     `FrictionModel.measured` includes that load for every model: this one does not lack it.
     """
-    by_mechanics = term.kind.by_mechanics(question.drive)
-    if by_mechanics is None or question.model is None:
+    known_coefficients = term.kind.known_coefficients(problem.drive)
+    if known_coefficients is None or problem.model is None:
         return False
     column, = fit.table.columns_of[term]
     coefficient = fit.table.coefficients(fit.terms)[column]
-    return abs(coefficient / by_mechanics[0] - 1.0) < thresholds.SAME_LOAD
+    return abs(coefficient / known_coefficients[0] - 1.0) < thresholds.SAME_LOAD
 
 
-def _entry(fit: Fit, terms: Sequence[Term], error: float, unit: str) -> dict[str, Any]:
+def _effect_entry(fit: Fit, terms: Sequence[Term], error: float, unit: str) -> dict[str, Any]:
     """Return the entry of one term, or of all terms of other joints."""
     term, table = terms[0], fit.table
     kind = term.kind
     entry = {'name': kind.name, 'variable': kind.variable, 'held_out_rmse': error,
              'chosen': min(fit.stability.chosen.get(term, 0.0) for term in terms)}
     if term.group:
-        moved = {name for term in terms if term.group for name in term.group.everyone}
+        moved = {name for term in terms if term.group for name in term.group.all_joints}
         names = ', '.join(sorted(moved - {fit.rows.samples.joint}))
         return {
             **entry, 'parameters': {'coefficients': [1.0], 'terms': len(terms)}, 'intervals': {},

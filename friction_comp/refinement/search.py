@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.model.effects import Scene
+from friction_comp.model.effects import Coverage
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.effect_columns import Table, Term
 
@@ -32,8 +32,8 @@ def total(errors: Sequence[np.ndarray]) -> float:
     return float(sum(part.sum() for part in errors))
 
 
-def gains(sums: np.ndarray, chosen: Sequence[int], candidates: Sequence[Sequence[int]],
-          signs: np.ndarray) -> np.ndarray:
+def error_reductions(sums: np.ndarray, chosen: Sequence[int], candidates: Sequence[Sequence[int]],
+                     signs: np.ndarray) -> np.ndarray:
     """Return the reduction of the fitted sum of squares by each candidate's columns, shape (N,).
 
     `sums`, shape (P + 1, P + 1), are those of products, the target last; the `chosen` columns are
@@ -82,8 +82,11 @@ class Search:
         # A resampled sample holds out too few blocks to test their mean.
         self._standard_errors = 1.0 if self._resampled else float(thresholds.STANDARD_ERRORS)
 
-    def improve(self, terms: list[Term]) -> list[Term]:
-        """Return terms, after one was added, with better constants; may replace `candidates`."""
+    def after_addition(self, terms: list[Term]) -> list[Term]:
+        """Return terms to which one was just added; called by `forward`.
+
+        A subclass may adjust their constants and update `candidates`.
+        """
         return terms
 
     def errors(self, terms: Sequence[Term]) -> list[np.ndarray]:
@@ -91,21 +94,22 @@ class Search:
         table, sums, columns = self.table, self.table.sums, self.table.indices(terms)
         if self._resampled:
             coefficients = sums.fits(columns, self._weights[None])
-            errors = sums.squares(columns, np.repeat(coefficients, len(self._weights), axis=0))
+            errors = sums.squared_errors(
+                columns, np.repeat(coefficients, len(self._weights), axis=0))
             return [errors[self._weights == 0.0]]
-        blocks = np.bincount(table.block, table.left_out(columns))
-        return [blocks, sums.left_out(columns, table.region)] if self._regions else [blocks]
+        blocks = np.bincount(table.block, table.held_out_errors(columns))
+        return [blocks, sums.held_out_errors(columns, table.region)] if self._regions else [blocks]
 
     def error(self, terms: Sequence[Term]) -> float:
         """Return the sum of the held-out squared errors of a fit of some terms."""
         return total(self.errors(terms))
 
-    def improves(self, before: Sequence[np.ndarray], after: Sequence[np.ndarray],
-                 share: float = 1.0) -> bool:
-        """Return whether `errors` decrease by more than chance explains.
+    def is_improvement(self, before: Sequence[np.ndarray], after: Sequence[np.ndarray],
+                       share: float = 1.0) -> bool:
+        """Return whether `errors` decrease by more than may be chance.
 
-        Where several joints moved, they have to decrease in held-out regions of posture, too. A
-        `share` of the thresholds is applied.
+        Where several joints moved, they have to decrease in held-out regions of posture, too. The
+        thresholds are multiplied by `share`.
         """
         for old, new in zip(before, after):
             gain = old - new
@@ -117,8 +121,8 @@ class Search:
                 return False
         return True
 
-    def complete(self, terms: Sequence[Term]) -> list[Term]:
-        """Return terms together with the joint's own terms that groups of other joints need.
+    def with_own_terms(self, terms: Sequence[Term]) -> list[Term]:
+        """Return terms, and the joint's own inertia or weight where groups of other joints need it.
 
         An inertia or a weight that depends on other joints also has a part of the joint alone.
         Without that part, the group would have to represent both, and fail in other postures.
@@ -129,16 +133,16 @@ class Search:
         return [*terms, *(term for term in self.table.columns_of
                           if not term.group and term.kind.name in needed)]
 
-    def separable(self, terms: Sequence[Term]) -> list[Term]:
-        """Return the terms without collinear ones, the last removed first.
+    def without_collinear(self, terms: Sequence[Term]) -> list[Term]:
+        """Return the terms without collinear ones; of these, the last is removed first.
 
         Over a short range a spring looks like a weight, and at one speed curvature like an offset:
-        such terms get large coefficients that cancel, and mislead wherever the joint has not been.
+        such terms get large coefficients that cancel, and are wrong in all other motion.
         """
         terms = list(terms)
         while True:
             columns = self.table.indices(terms, derivatives=False)
-            share = dict(zip(columns, self.table.sums.own_share(columns)))
+            share = dict(zip(columns, self.table.sums.independent_share(columns)))
             collinear = [term for term in terms if term not in self.fixed and max(
                 share[column] for column in self.table.columns_of[term]) < thresholds.OWN_SHARE]
             if not collinear:
@@ -146,15 +150,16 @@ class Search:
             terms.remove(collinear[-1])
 
     def shortlist(self, terms: Sequence[Term]) -> list[Term]:
-        """Return the best candidates, one of each effect, by the error that is fitted."""
+        """Return the candidates that reduce the fitted error most, one of each effect."""
         counts = Counter(term.kind for term in terms)
         allowed = [term for term in self.candidates if term not in terms and (
-            term.group or counts[term.kind] < term.kind.most)]
+            term.group or counts[term.kind] < term.kind.max_count)]
         if not allowed:
             return []
         sums = np.tensordot(self._weights, self.table.sums.gram, 1)
-        reductions = gains(sums, self.table.indices(terms),
-                           [self.table.columns_of[term] for term in allowed], self.table.sums.signs)
+        reductions = error_reductions(
+            sums, self.table.indices(terms), [self.table.columns_of[term] for term in allowed],
+            self.table.sums.signs)
         best: dict[Any, Term] = {}
         for index in np.argsort(-reductions, kind='stable'):
             term = allowed[index]
@@ -169,15 +174,15 @@ class Search:
         while len(terms) < thresholds.MOST_EFFECTS:
             trials = []
             for term in self.shortlist(terms):
-                after = self.errors(self.complete([*terms, term]))
-                if (self.improves(before, after)
-                        and len(self.separable([*terms, term])) > len(terms)):
+                after = self.errors(self.with_own_terms([*terms, term]))
+                if (self.is_improvement(before, after)
+                        and len(self.without_collinear([*terms, term])) > len(terms)):
                     trials.append((total(after), term))
             if not trials:
                 break
             transition = self.table.transition
-            grown = self.complete([*terms, min(trials, key=lambda trial: trial[0])[1]])
-            grown = self.backward(self.improve(grown))
+            grown = self.with_own_terms([*terms, min(trials, key=lambda trial: trial[0])[1]])
+            grown = self.backward(self.after_addition(grown))
             now = self.errors(grown)
             if not total(now) < total(before):
                 self.table.set_transition(*transition)
@@ -187,17 +192,17 @@ class Search:
 
     def backward(self, terms: Sequence[Term]) -> list[Term]:
         """Remove terms that are no improvement, the least useful first."""
-        terms = self.complete(terms)
+        terms = self.with_own_terms(terms)
         while True:
             full = self.errors(terms)
             trials: list[tuple[float, Term]] = []
             for term in terms:
                 rest = [other for other in terms if other != term]
-                if term in self.fixed or term in self.complete(rest):
+                if term in self.fixed or term in self.with_own_terms(rest):
                     continue
                 without = self.errors(rest)
-                stays = 1.0 if term.group else thresholds.STAYS
-                if not self.improves(without, full, stays):
+                share = 1.0 if term.group else thresholds.STAYS
+                if not self.is_improvement(without, full, share):
                     trials.append((total(without), term))
             if not trials:
                 return terms
@@ -214,31 +219,31 @@ class Search:
             trials = [(self.error([*rest, other]), other)
                       for other in self.shortlist(rest)
                       if (other.kind, other.group) != (term.kind, term.group)
-                      and len(self.separable([*rest, other])) > len(rest)]
+                      and len(self.without_collinear([*rest, other])) > len(rest)]
             error, other = min(trials, default=(math.inf, term), key=lambda trial: trial[0])
             if error < limit:
                 terms[terms.index(term)] = other
         return terms
 
 
-def unit_of(term: Term, name: str, scene: Scene) -> float:
-    """Return the change of a constant for a step of one through its search range."""
+def step_size(term: Term, name: str, coverage: Coverage) -> float:
+    """Return the change of a constant that is one step: the half width of its search range."""
     search, value = term.kind.constants[name], float(term.constants[name])
     assert search is not None
     if search.unit is None:
         return value * math.log(search.width)
-    return 0.5 * search.width * search.unit(scene, term.constants)
+    return 0.5 * search.width * search.unit(coverage, term.constants)
 
 
-def stepped(term: Term, name: str, step: float, scene: Scene) -> Term:
-    """Return a term with a constant after a step through its search range, within its limits."""
+def with_step(term: Term, name: str, step: float, coverage: Coverage) -> Term:
+    """Return a term with a constant changed by `step` steps, within its limits; see `step_size`."""
     search, value = term.kind.constants[name], term.constants[name]
     assert search is not None
     if search.unit is None:
         value *= search.width ** step
     else:
-        value += unit_of(term, name, scene) * step
-    value = term.kind.limited(name, float(value), term.constants, scene)
+        value += step_size(term, name, coverage) * step
+    value = term.kind.limited(name, float(value), term.constants, coverage)
     return replace(term, constants={**term.constants, name: value})
 
 
@@ -250,22 +255,27 @@ def free_constants(terms: Sequence[Term], only: Container[Term] | None = None
             for name, search in term.kind.constants.items() if search is not None]
 
 
-def at_limit(term: Term, scene: Scene) -> bool:
+def at_limit(term: Term, coverage: Coverage) -> bool:
     """Return whether a defining constant is at its limit, where the effect becomes another one.
 
     A warm-up slower than the recording is a drift; a bump as wide as the range is a spring.
     """
-    return any(stepped(term, name, step, scene) == term
+    # A step beyond the limit leaves the term unchanged.
+    return any(with_step(term, name, step, coverage) == term
                for _, name in free_constants([term]) if name in _DEFINING
                for step in (_STEP, -_STEP))
 
 
-def slopes(table: Table, terms: Sequence[Term], free: Sequence[tuple[int, str]]) -> np.ndarray:
-    """Return the derivatives of a fit's prediction by each constant's step, shape (Q, R)."""
+def constant_derivatives(table: Table, terms: Sequence[Term], free: Sequence[tuple[int, str]]
+                         ) -> np.ndarray:
+    """Return the derivatives of a fit's prediction with respect to constants, shape (Q, R).
+
+    `free` are the Q constants, see `free_constants`; the unit of each is its `step_size`.
+    """
     coefficients, rows = table.coefficients(terms), []
     for index, name in free:
         columns = table.columns_of[terms[index]]
-        changed = stepped(terms[index], name, _STEP, table.rows.scene)
+        changed = with_step(terms[index], name, _STEP, table.rows.coverage)
         gain = np.array([coefficients[column] for column in columns])
         new = table.rows.averaged(changed.columns(table.rows)).T
         rows.append(gain @ (new - table.columns[columns]) / _STEP)
@@ -286,7 +296,8 @@ def adjust_constants(table: Table, terms: Sequence[Term], rounds: int = 3,
         if not free:
             break
         residual = table.residual(terms, derivatives=False)
-        design = np.vstack((table.columns[table.indices(terms)], slopes(table, terms, free)))
+        design = np.vstack((table.columns[table.indices(terms)],
+                            constant_derivatives(table, terms, free)))
         norm = np.sqrt(np.einsum('ij,ij->i', design, design)) + 1e-300
         scaled = design / norm[:, None]
         gram = scaled @ scaled.T
@@ -297,7 +308,7 @@ def adjust_constants(table: Table, terms: Sequence[Term], rounds: int = 3,
         for share in (1.0, 0.5, 0.25):
             changed = list(terms)
             for (index, name), size in zip(free, share * step):
-                changed[index] = stepped(changed[index], name, float(size), table.rows.scene)
+                changed[index] = with_step(changed[index], name, float(size), table.rows.coverage)
             distinct = len(set(changed)) == len(changed)
             if distinct and (error := table.error_with(changed)) < initial:
                 break
@@ -315,7 +326,7 @@ def _with_current_loads(table: Table, terms: list[Term]) -> list[Term]:
     """Return terms with the loads that follow from the coefficients of the other terms."""
     for index, term in enumerate(terms):
         if term.kind.uses_inner_load:
-            constants = term.kind.with_loads(term.constants, table.loads(terms))
+            constants = term.kind.with_loads(term.constants, table.load_shares(terms))
             added = table.add([Term(term.kind, constants)])
             terms[index] = added[0] if added else term
     return terms

@@ -16,7 +16,7 @@ from friction_comp.errors import InputError
 from friction_comp.model.arm.arm import Arm
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement.prepare import clipped
-from friction_comp.refinement.recorded_motion import load_by_mechanics
+from friction_comp.refinement.recorded_motion import load_coefficient
 from friction_comp.refinement.refine import refine, RefineResult
 from friction_comp.rigid_bodies.fit import ArmFit, fit_arm
 from friction_comp.rigid_bodies.urdf import Chain
@@ -52,7 +52,7 @@ class ArmResult:
                 'intervals': {'current_per_torque': bounds.scales[k].tolist(),
                               **by_name([[end if np.isfinite(end) else None for end in ends]
                                          for ends in bounds.parameters[k].tolist()])},
-                'told_by_recording': by_name(bounds.told[k].tolist()),
+                'told_by_recording': by_name(bounds.from_recording[k].tolist()),
             } for k, name in enumerate(tree.joints)],
             'notes': list(self.notes)}
 
@@ -129,9 +129,9 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
 def _add_person_torque(samples: Samples, drive: Drive) -> Samples:
     """Return samples with the person's torque added to the current, where the person moves the arm.
 
-    Motor and person carry the links together; see `load_by_mechanics`.
+    Motor and person carry the links together; see `load_coefficient`.
     """
-    share = load_by_mechanics(samples, clipped(samples.current), drive)
+    share = load_coefficient(samples, clipped(samples.current), drive)
     if not share:
         return samples
     return samples.with_(current=samples.current - share * np.nan_to_num(np.asarray(samples.load)))

@@ -13,7 +13,7 @@ import numpy as np
 from friction_comp.evaluation.compare import effect_size
 from friction_comp.evaluation.repetitions import FIGURES
 from friction_comp.reports.evaluation_words import (
-    figure_of,
+    figure_text,
     heading,
     nonbreaking_label,
     p_value_text,
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from friction_comp.evaluation.compare import Trend
     from friction_comp.evaluation.conditions import Evaluation
     from friction_comp.evaluation.intervals import Interval
-    from friction_comp.evaluation.repetitions import Help
+    from friction_comp.evaluation.repetitions import Compensation
 
 # Largest numbers of comparisons, tiles and recordings on a page; report.json has all.
 _MOST_COMPARISONS, _MOST_TILES, _MOST_RECORDINGS = 24, 5, 12
@@ -77,12 +77,13 @@ def evaluation_figure(evaluation: Evaluation) -> Figure:
             column[0].plot(shown.time, np.degrees(np.asarray(shown.reference)), '--',
                            color=COLOURS['grey'], linewidth=1.0, label='shown to the person')
         for c in conditions:
-            label = f'{evaluation.label(c.help)}, n = ' + ' + '.join(
-                str(other.repetitions) for other in evaluation.conditions if other.help == c.help)
+            label = f'{evaluation.label(c.compensation)}, n = ' + ' + '.join(
+                str(other.repetitions) for other in evaluation.conditions
+                if other.compensation == c.compensation)
             curves = ((np.degrees(c.position), np.degrees(c.position_std)),
                       (c.torque, c.torque_std))
             for ax, (mean, spread) in zip(column, curves):
-                band(ax, c.time, mean, spread, colours[c.help], label)
+                band(ax, c.time, mean, spread, colours[c.compensation], label)
         if evaluation.measured:
             column[1].axhline(0.0, color=COLOURS['grey'], linewidth=0.8)
         column[-1].set_xlabel('time since the movement began (s)')
@@ -106,10 +107,10 @@ def trend_figure(trends: Sequence[Trend], evaluation: Evaluation) -> Figure:
         days = np.array([date.fromisoformat(day).toordinal() for day in trend.days]) + shift
         values = trend.days.values()
         means = np.array([value.mean for value in values])
-        colour = COLOURS[colours[trend.help]]
+        colour = COLOURS[colours[trend.compensation]]
         axes.errorbar(days, means, [value.half or 0.0 for value in values],
                       fmt=_MARKERS[k % len(_MARKERS)], color=colour, markersize=5, capsize=3,
-                      linewidth=1.2, label=evaluation.label(trend.help))
+                      linewidth=1.2, label=evaluation.label(trend.compensation))
         if trend.significant and trend.per_week is not None:
             line = means.mean() + trend.per_week.mean / 7.0 * (days - days.mean())
             axes.plot(days, line, color=colour, linewidth=1.0)
@@ -130,7 +131,7 @@ def scenes_of(evaluation: Evaluation) -> list[MovingScene]:
     pair = evaluation.pair()
     if pair is None:
         return []
-    known = {(c.help, c.movement): c for c in evaluation.conditions
+    known = {(c.compensation, c.movement): c for c in evaluation.conditions
              if np.isfinite(c.torque).any()}
     both = [[known[condition, movement] for condition in pair]
             for movement in ('positive', 'negative')
@@ -176,9 +177,10 @@ def _add_conditions(report: Report, evaluation: Evaluation) -> None:
             continue
         report.table(
             ['condition', '', *starts, *map(heading, shown)],
-            [[nonbreaking_label(evaluation, c.help), '+' if c.movement == 'positive' else '\u2212',
+            [[nonbreaking_label(evaluation, c.compensation),
+              '+' if c.movement == 'positive' else '\u2212',
               *[c.repetitions, f'{c.false_starts}\u00a0({_percent(c.false_start_share)})'][
-                  :len(starts)], *(figure_of(c, name) for name in shown)]
+                  :len(starts)], *(figure_text(c, name) for name in shown)]
              for c in evaluation.conditions],
             f'{title}: mean over the repetitions ± half its 95 % confidence interval, for '
             'movements in the positive (+) and negative (\u2212) direction.')
@@ -230,7 +232,7 @@ def _add_trends(report: Report, evaluation: Evaluation) -> None:
                       'where the trend is significant.')
         report.table(
             ['condition', 'days', 'first', 'last', 'change per week', 'p'],
-            [[nonbreaking_label(evaluation, t.help), len(t.days),
+            [[nonbreaking_label(evaluation, t.compensation), len(t.days),
               with_interval(next(iter(t.days.values()))),
               with_interval(list(t.days.values())[-1]), with_interval(t.per_week),
               p_value_text(t.p_value)] for t in trends],
@@ -269,7 +271,8 @@ def evaluation_report(evaluations: Sequence[Evaluation]) -> Report:
 
 def _tiles(evaluation: Evaluation) -> list[tuple[str, str]]:
     """Return the peaks by condition, where there are no two to compare."""
-    conditions = dict.fromkeys(c.help for c in evaluation.conditions if c.help.announced >= 0)
+    conditions = dict.fromkeys(
+        c.compensation for c in evaluation.conditions if c.compensation.announced >= 0)
     return [(f'{peak_text(peak, evaluation.stuck(condition))} N·m',
              f'peak, {nonbreaking_label(evaluation, condition)}') for condition in conditions
             if np.isfinite(peak := evaluation.peak_of(condition))][:_MOST_TILES]
@@ -280,11 +283,11 @@ def _percent(share: Interval) -> str:
     return f'{low:.0f}\u202f–\u202f{high:.0f}\u00a0%'
 
 
-def _colours(evaluation: Evaluation) -> dict[Help, str]:
+def _colours(evaluation: Evaluation) -> dict[Compensation, str]:
     """Return a colour for each condition: blue without a direction, orange with, then others."""
     plain, assisted = ['blue', 'green', 'violet', 'grey'], ['orange', 'red', 'yellow', 'pink']
-    colours: dict[Help, str] = {}
-    for condition in dict.fromkeys(c.help for c in evaluation.conditions):
+    colours: dict[Compensation, str] = {}
+    for condition in dict.fromkeys(c.compensation for c in evaluation.conditions):
         palette = ['pink', 'grey'] if condition.announced < 0 else (
             assisted if condition.uses_direction else plain)
         used = sum(other.uses_direction == condition.uses_direction for other in colours)

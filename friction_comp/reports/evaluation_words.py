@@ -14,13 +14,13 @@ if TYPE_CHECKING:
     from friction_comp.evaluation.compare import Comparison, Trend
     from friction_comp.evaluation.conditions import Condition, Evaluation
     from friction_comp.evaluation.intervals import Interval
-    from friction_comp.evaluation.repetitions import Help
+    from friction_comp.evaluation.repetitions import Compensation
 
 
 class _Peaks(NamedTuple):
     """The peak torques of the compared pair and their change in words; the test of it."""
 
-    pair: tuple[Help, Help]
+    pair: tuple[Compensation, Compensation]
     before: str
     after: str
     change: str
@@ -41,7 +41,7 @@ def _peaks(evaluation: Evaluation) -> _Peaks | None:
                   f'**{abs(100 * change):.0f} % {"less" if change >= 0 else "more"}**', test)
 
 
-def plain_names(pair: tuple[Help, Help]) -> tuple[str, str]:
+def plain_names(pair: tuple[Compensation, Compensation]) -> tuple[str, str]:
     """Return titles of two conditions without technical terms."""
     return ('No help' if pair[0].law == 'none' else 'Direction unknown', 'Direction known')
 
@@ -75,9 +75,9 @@ def summary(evaluation: Evaluation) -> str:
     words = [verdict(evaluation)]
     words.extend(_trend_sentence(trend, evaluation) for trend in evaluation.trends
                  if trend.significant)
-    for condition in dict.fromkeys(c.help for c in evaluation.conditions):
+    for condition in dict.fromkeys(c.compensation for c in evaluation.conditions):
         if stuck := evaluation.stuck(condition):
-            count = sum(r.help == condition for r in evaluation.repetitions)
+            count = sum(r.compensation == condition for r in evaluation.repetitions)
             words.append(f'With {evaluation.label(condition)} the joint did not move in {stuck} of '
                          f'{count} movements.')
     starts = sum(c.false_starts for c in evaluation.conditions)
@@ -85,7 +85,7 @@ def summary(evaluation: Evaluation) -> str:
                  f'**In {starts} repetitions the joint started by itself.** Lower '
                  '`breakaway_gain` or identify again.' if evaluation.measured
                  else f'In {starts} repetitions the joint started early, by itself or pushed.')
-    against = sum(c.repetitions for c in evaluation.conditions if c.help.announced < 0)
+    against = sum(c.repetitions for c in evaluation.conditions if c.compensation.announced < 0)
     if against:
         words.append(f'{against} movements went against the announced direction; they are listed '
                      'separately.')
@@ -130,20 +130,21 @@ def _trend_sentence(trend: Trend, evaluation: Evaluation) -> str:
     rises = trend.per_week.mean > 0
     # Smoothness is the only figure that is better when larger.
     judged = 'better' if rises == (trend.figure == 'smoothness') else 'worse'
-    return (f'Over {len(trend.days)} days, {name} with {evaluation.label(trend.help)} '
+    return (f'Over {len(trend.days)} days, {name} with {evaluation.label(trend.compensation)} '
             f'**{"rises" if rises else "falls"} by {number(abs(trend.per_week.mean))} {unit} '
             f'a week**, for the {judged} ({p_value_text(trend.p_value)}).')
 
 
 def condition_line(condition: Condition) -> str:
     """Return one condition as a line for the terminal."""
-    figures = [f'{FIGURES[name][0]} {figure_of(condition, name)} {FIGURES[name][1]}'.strip()
+    figures = [f'{FIGURES[name][0]} {figure_text(condition, name)} {FIGURES[name][1]}'.strip()
                for name in ('peak_torque', 'rms_torque', 'residual_current', 'onset',
                             'smoothness') if name in condition.figures]
     count = f'{condition.repetitions} repetition{"s" if condition.repetitions > 1 else ""}'
     if condition.stuck:
         count += f', in {condition.stuck} the joint did not move'
-    return f'{condition.help.label}, {condition.movement} movement ({count}): {", ".join(figures)}'
+    return (f'{condition.compensation.label}, {condition.movement} movement ({count}): '
+            f'{", ".join(figures)}')
 
 
 def compared_peaks(evaluation: Evaluation) -> tuple[str, str] | None:
@@ -156,7 +157,7 @@ def compared_peaks(evaluation: Evaluation) -> tuple[str, str] | None:
     return before, after
 
 
-def figure_of(condition: Condition, name: str) -> str:
+def figure_text(condition: Condition, name: str) -> str:
     """Return a figure of a condition with its interval, or a bound where the joint was stuck."""
     text = with_interval(condition.figures.get(name))
     return f'>\u00a0{text}' if name == 'peak_torque' and condition.stuck else text
@@ -202,7 +203,7 @@ def p_value_text(p_value: float | None) -> str:
         ' ', '\u00a0')
 
 
-def nonbreaking_label(evaluation: Evaluation, condition: Help) -> str:
+def nonbreaking_label(evaluation: Evaluation, condition: Compensation) -> str:
     """Return a condition's label with line breaks allowed only before the model."""
     words = [word.replace(' ', '\u00a0') for word in evaluation.words(condition)]
     return ' '.join(['\u00a0·\u00a0'.join(words[:2]), *words[2:]])

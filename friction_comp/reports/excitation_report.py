@@ -69,7 +69,7 @@ def _plan_figure(plan: JointPlan) -> Figure:
 
 def improvement_report(improvement: Improvement, names: Sequence[str],
                        command: Sequence[str] = ()) -> Report:
-    """Return the page; the refined model has a page of its own, refinement.html beside it.
+    """Return the page; the refined model has a separate page, refinement.html.
 
     `names` are those of the recordings, `command` are lines for the footer.
     """

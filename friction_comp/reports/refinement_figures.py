@@ -159,16 +159,15 @@ def spectrum(result: RefineResult, residual: np.ndarray) -> tuple[np.ndarray, np
     rows = result.usable
     samples: Any = result.samples
     highest = highest_frequency(samples.velocity[rows], samples.sample_time,
-                                result.scene.resolution)
+                                result.coverage.resolution)
     y = residual[rows]
     k, power = position_spectrum(samples.position[rows], y - y.mean(),
                                  np.ones(int(rows.sum())), highest, periods=0.5)
     return k, np.sqrt(2.0 * np.asarray(power) / rows.sum())
 
 
-def largest_in_ranges(k: np.ndarray, size: np.ndarray, count: int = 700
-                      ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the largest values in logarithmic ranges, so that no peak is lost."""
-    range_index = (np.log(k / k[0]) / max(math.log(k[-1] / k[0]), 1e-12) * count).astype(int)
+def largest_in_ranges(k: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the largest values in 700 logarithmic ranges of k, so that no peak is lost."""
+    range_index = (np.log(k / k[0]) / max(math.log(k[-1] / k[0]), 1e-12) * 700).astype(int)
     first = np.nonzero(np.diff(range_index, prepend=-1))[0]
     return k[first], np.maximum.reduceat(size, first)

@@ -193,15 +193,15 @@ def _add_bodies(page: Report, result: ArmResult, unit: str) -> None:
         'Current per torque with its 95 % interval; errors on parts not fitted, before any '
         'further effect was added.')
     page.table(
-        ['link after joint', 'mass (kg)', 'URDF (kg)', 'told by the recording',
-         'first moment x, y, z (kg·m)', 'told by the recording'],
+        ['link after joint', 'mass (kg)', 'URDF (kg)', 'from the recording',
+         'first moment x, y, z (kg·m)', 'from the recording'],
         [[row['joint'], _with_interval(row['mass'], row['intervals']['mass']), row['mass_urdf'],
           _percent(row['told_by_recording']['mass']),
           '; '.join(_with_interval(value, bounds) for value, bounds in zip(
               row['first_moment'], row['intervals']['first_moment'])),
           ', '.join(_percent(value) for value in row['told_by_recording']['first_moment'])]
          for row in arm['rigid_bodies']],
-        '95 % intervals are in brackets. "Told by the recording" is the share by which the '
+        '95 % intervals are in brackets. "From the recording" is the share by which the '
         "recording reduces the uncertainty; below one half the number is the URDF's and has no "
         'interval. All ten parameters of each link are in report.json.')
     page.bullets(arm['notes'])
@@ -219,7 +219,7 @@ def _scale_text(value: float, bounds: list[float | None]) -> str:
     low, high = bounds
     if low is None or high is None or high > _LARGEST_RATIO * low:
         ends = '' if low is None else f' ({number(low)} to {number(high)})'
-        return f'not told{ends}'
+        return f'not determined{ends}'
     return _with_interval(value, bounds)
 
 

@@ -64,11 +64,11 @@ def two_joints_report(evaluations: list[Evaluation], shown: dict[str, Samples],
 
 
 @styled
-def exercise_figure(shown: dict[str, Samples], seconds: float = 16.0) -> Figure:
-    """Draw positions and announced directions of the first seconds, one joint above the other."""
+def exercise_figure(shown: dict[str, Samples]) -> Figure:
+    """Draw positions and announced directions of the first 16 s, one joint above the other."""
     figure, axes = new_figure(len(shown), 1, width=8.4, height=2.2, sharex=True, squeeze=False)
     for axis, (joint, samples) in zip(axes[:, 0], shown.items()):
-        part = samples.take(samples.time <= samples.time[0] + seconds)
+        part = samples.take(samples.time <= samples.time[0] + 16.0)
         if part.reference_position is not None:
             axis.plot(*thin(part.time, np.degrees(part.reference_position)), '--',
                       color=COLOURS['grey'], linewidth=1.0)
@@ -83,18 +83,18 @@ def exercise_figure(shown: dict[str, Samples], seconds: float = 16.0) -> Figure:
     return figure
 
 
-def stages_of(evaluation: Evaluation, marks: dict[str, float], count: int
-              ) -> dict[str, list[Repetition]]:
+def session_phases(evaluation: Evaluation, marks: dict[str, float], count: int
+                   ) -> dict[str, list[Repetition]]:
     """Return the repetitions at the start, at the warning, and with the refined model.
 
-    `marks` are the times of 'warned' and 'loaded' since the exercise began, s; a stage has `count`
+    `marks` are the times of 'warned' and 'loaded' since the exercise began, s; a phase has `count`
     movements in each direction.
     """
     repetitions = sorted(evaluation.repetitions, key=lambda r: r.begin)
     # The compensator's own record of the active model is exact; the marks are a second late.
-    first = repetitions[0].help.model
-    before = [r for r in repetitions if r.help.model == first]
-    after = [r for r in repetitions if r.help.model != first]
+    first = repetitions[0].compensation.model
+    before = [r for r in repetitions if r.compensation.model == first]
+    after = [r for r in repetitions if r.compensation.model != first]
     # The refined model may have been loaded during the last one.
     before = before[:-1] if after and len(before) > 2 * count else before
     late = [r for r in before if r.begin >= marks['warned']] or before
@@ -102,15 +102,15 @@ def stages_of(evaluation: Evaluation, marks: dict[str, float], count: int
             'refined model': after[:2 * count]}
 
 
-def effort(part: list[Repetition], figure: str = 'rms_torque') -> Interval:
-    """Return the mean of a figure of `FIGURES` over repetitions with its interval."""
+def mean_figure(part: list[Repetition], figure: str = 'rms_torque') -> Interval:
+    """Return the mean over repetitions, with its interval, of a figure named in `FIGURES`."""
     return mean_interval([r.figures[figure] for r in part if figure in r.figures])
 
 
-def wear_words(stages: dict[str, list[Repetition]], facts: dict[str, Any]) -> str:
-    """Return the result of the live loop in words."""
-    first, late, refined = (effort(part).mean for part in stages.values())
-    starts = [effort(part, 'peak_torque').mean for part in stages.values()]
+def wear_words(phases: dict[str, list[Repetition]], facts: dict[str, Any]) -> str:
+    """Return the result of a session, with these phases, in words; `facts` as in `wear_report`."""
+    first, late, refined = (mean_figure(part).mean for part in phases.values())
+    starts = [mean_figure(part, 'peak_torque').mean for part in phases.values()]
     return (f'The drive changed while it ran: the torque with which a person moves it rose from '
             f'**{number(first)}** to **{number(late)} N·m** RMS. The monitoring warned, and '
             f'refinement found in the session: {", ".join(facts["found"])}. The refined model was '
@@ -122,21 +122,21 @@ def wear_words(stages: dict[str, list[Repetition]], facts: dict[str, Any]) -> st
             'should be identified again.')
 
 
-def wear_report(evaluation: Evaluation, stages: dict[str, list[Repetition]],
+def wear_report(evaluation: Evaluation, phases: dict[str, list[Repetition]],
                 marks: dict[str, float], facts: dict[str, Any], samples: Samples,
                 hidden: Path) -> Report:
     """Return the page on a drive that changed while it ran.
 
-    Evaluation and samples are of the whole session, `stages` and `marks` as in `stages_of`, `facts`
-    are messages of monitoring and refinement. The file `hidden` contains the effects that only the
-    simulation was given.
+    Evaluation and samples are of the whole session, `phases` and `marks` as in `session_phases`,
+    `facts` are messages of monitoring and refinement. The file `hidden` contains the effects that
+    only the simulation was given.
     """
     page = Report('A drive that changes, refined while it runs',
                   'Monitor, refine, load on trial, judge: without a restart')
-    page.verdict(wear_words(stages, facts))
-    page.numbers([(f'{with_interval(effort(part))} N·m',
+    page.verdict(wear_words(phases, facts))
+    page.numbers([(f'{with_interval(mean_figure(part))} N·m',
                    f'{name}: RMS torque, {len(part)} movements')
-                  for name, part in stages.items()])
+                  for name, part in phases.items()])
     page.figure(session_figure(evaluation, marks, samples),
                 'RMS torque of each movement by active model, and motor temperature. The lines '
                 'mark the warning and the loading of the refined model.')
@@ -160,9 +160,9 @@ def session_figure(evaluation: Evaluation, marks: dict[str, float], samples: Sam
     torque_axis = axes[0, 0]
     repetitions = [r for r in evaluation.repetitions if 'rms_torque' in r.figures]
     models = list(dict.fromkeys(
-        r.help.model for r in sorted(evaluation.repetitions, key=lambda r: r.begin)))
+        r.compensation.model for r in sorted(evaluation.repetitions, key=lambda r: r.begin)))
     for model, colour, marker in zip(models, ('orange', 'blue', 'green'), 'os^'):
-        part = [r for r in repetitions if r.help.model == model]
+        part = [r for r in repetitions if r.compensation.model == model]
         torque_axis.plot([r.begin for r in part], [r.figures['rms_torque'] for r in part], marker,
                          color=COLOURS[colour], markersize=4.5,
                          label='model at the start' if model == models[0] else 'refined model')

@@ -4,12 +4,12 @@
 
 The measured current of joint j is taken as ``k_j·τ_j(q, v, a; π) + offset + C·sign(v) + V·v + J·a``
 with the torque τ of the rigid bodies, linear in the links' parameters π (Atkeson, An and Hollerbach
-1986), and a current per torque k_j, since an arm's drive constants are seldom known. One π serves
-all joints: what a wrist shows of its own weight the shoulder has to carry as well. Parameters that
-the motion does not show stay at the URDF's figures, and every π is that of possible bodies.
+1986), and a current per torque k_j, since an arm's drive constants are seldom known. π is the same
+for all joints: the shoulder carries the weight that the wrist shows. Parameters that the motion
+does not show keep the URDF's values, and every π is physically possible.
 
-Sums of products of these columns over stretches of the recordings are all that is fitted to: every
-choice (filter, mounting, regularisation) is made by the error of stretches that were left out.
+The fit needs only sums of products of these columns over stretches of the recordings. Every choice
+(filter, mounting, regularisation) is made by the error of stretches that were left out.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from friction_comp.rigid_bodies.solver import (
     LinkIntervals,
     Prior,
     solve,
-    squares,
+    squared_errors,
     stretches_of,
     Sums,
     sums_of,
@@ -66,8 +66,8 @@ _UNKNOWN_WIDTH, _DECLARED_WIDTH = 1.0, 1e-3
 
 
 @dataclass(frozen=True)
-class Unseen:
-    """A stretch of a recording, from a time in s on, and the arm as found without it."""
+class HeldOutStretch:
+    """A stretch of a recording, from a time in s on, and the arm fitted without it."""
 
     recording: int
     start: float
@@ -77,7 +77,7 @@ class Unseen:
 
 @dataclass
 class ArmFit:
-    """An arm's rigid bodies as recordings show them."""
+    """An arm's rigid bodies fitted to recordings."""
 
     tree: Tree  # with the fitted parameters
     start: Tree  # with those of the URDF
@@ -89,25 +89,25 @@ class ArmFit:
     held_out: np.ndarray  # (J,): RMS error in A on stretches not fitted
     without: np.ndarray  # (J,): that of friction and rotor inertia alone
     identifiable: int  # number of combinations of the links' parameters that the motion shows
-    unseen: list[Unseen]  # for every stretch the tree that was fitted without it
+    held_out_stretches: list[HeldOutStretch]  # every stretch, with the tree fitted without it
     intervals: LinkIntervals  # how well the links and the currents per torque are known
 
     def torque(self, samples: Samples) -> np.ndarray:
         """Return the torque in N·m of the links on a joint, shape (N,).
 
         The torque in each stretch of a recording is that of links fitted without this stretch, so
-        that what is predicted with it there was not fitted to it. The samples, of one joint with
-        `arm`, are numbered by `recording` as in the fit.
+        that predictions there are not fitted to it. The samples, of one joint with `arm`, have the
+        `recording` numbers of the fit.
         """
         motion = moving_states(samples, self.tree.joints, self.differentiation)
         joint_index = self.tree.joints.index(samples.joint)
-        ours = np.full(len(samples), -1)
-        for index, part in enumerate(self.unseen):
-            ours[(samples.recording == part.recording) & (samples.time >= part.start)] = index
+        stretch = np.full(len(samples), -1)
+        for index, part in enumerate(self.held_out_stretches):
+            stretch[(samples.recording == part.recording) & (samples.time >= part.start)] = index
         total = self.tree.torques(*motion)[:, joint_index]
-        for index, part in enumerate(self.unseen):
-            rows = ours == index
-            # Relative to the current per torque of the whole arm, which the links compensate.
+        for index, part in enumerate(self.held_out_stretches):
+            rows = stretch == index
+            # The scale of the links is only determined up to that of the current per torque.
             ratio = part.scales[joint_index] / self.scales[joint_index]
             total[rows] = ratio * part.tree.torques(*(x[rows] for x in motion))[:, joint_index]
         return total
@@ -142,7 +142,8 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
                          'are needed')
     bodies = Bodies(chain.tree.parameters)
     best = _best_settings(chain, joints, bodies, declared, lambda share: report(0.5 * share))
-    chain, (_, settings, problem, prior, x) = _mounted(chain, joints, bodies, best, declared)
+    chain, (_, settings, problem, prior, x) = _with_gravity_direction(
+        chain, joints, bodies, best, declared)
     report(0.7)
     prior, errors = _choose_strength(problem, prior, x)
     parts = [solve(problem.total - own, prior, x) for own in problem.folds]
@@ -152,7 +153,7 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
     still[..., :links, :] = still[..., :links] = 0.0
     without = _held_out(replace(problem, sums=still), prior, x)
     whole = sums_of(chain, joints, settings, _MOST_ROWS['final'])
-    whole, x = _settled(whole, prior, x)
+    whole, x = _reweighted_fit(whole, prior, x)
     report(1.0)
     unknowns = Unknowns(len(joints))
 
@@ -160,19 +161,20 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
         return (replace(chain.tree, parameters=bodies.parameters(numbers[unknowns.links])[0]),
                 np.exp(numbers[unknowns.scales]))
     first = np.nonzero(np.diff(stretches_of(joints[0].recording), prepend=-1))[0]
-    unseen = [Unseen(int(joints[0].recording[row]), float(joints[0].time[row]),
-                     *tree_of(parts[index % FOLDS])) for index, row in enumerate(first)]
+    held_out_stretches = [
+        HeldOutStretch(int(joints[0].recording[row]), float(joints[0].time[row]),
+                       *tree_of(parts[index % FOLDS])) for index, row in enumerate(first)]
     tree, scales = tree_of(x)
     return ArmFit(
         tree, chain.tree, scales,
         np.array([x[unknowns.friction(j)] for j in range(len(joints))]), settings,
         prior.strength, errors, without,
-        identifiable(whole.total[:, :links, :links].sum(axis=0)), unseen,
+        identifiable(whole.total[:, :links, :links].sum(axis=0)), held_out_stretches,
         link_intervals(whole.sums, prior, x))
 
 
 class _Trial(NamedTuple):
-    """A fit, by the mean logarithm of its held-out errors; infinite where none is possible."""
+    """A fit and its error, the mean logarithm of its held-out errors; infinite without a fit."""
 
     error: float
     settings: dict[str, Any]
@@ -184,7 +186,7 @@ class _Trial(NamedTuple):
 def _best_settings(
         chain: Chain, joints: list[Samples], bodies: Bodies, declared: np.ndarray | None,
         report: Callable[[float], None]) -> _Trial:
-    """Return the trial with the differentiation that suits best."""
+    """Return the trial with the differentiation settings of the lowest error."""
     trials, choices = [], _settings(joints)
     for settings in choices:
         trials.append(_trial(chain, joints, settings, bodies, declared))
@@ -195,9 +197,12 @@ def _best_settings(
 def _trial(
         chain: Chain, joints: list[Samples], settings: dict[str, Any], bodies: Bodies,
         declared: np.ndarray | None) -> _Trial:
-    """Return a fit, infinitely bad where the arm asks of no joint what its current shows."""
+    """Return a fit with some differentiation settings; its error is infinite if it is impossible.
+
+    That is if the URDF's torque has the wrong sign at every joint.
+    """
     problem = sums_of(chain, joints, settings, _MOST_ROWS['choice'])
-    usual = _usual_scale(problem, bodies)
+    usual = _typical_scale(problem, bodies)
     known = (np.log(declared), _DECLARED_WIDTH) if declared is not None else (
         np.full(len(joints), np.log(usual or 1.0)), _UNKNOWN_WIDTH)
     prior = Prior(bodies, _FIRST_STRENGTH, *known)
@@ -206,25 +211,25 @@ def _trial(
     x[unknowns.scales] = prior.log_scale
     if usual is None:
         return _Trial(math.inf, settings, problem, prior, x)
-    problem, x = _settled(problem, prior, x)
+    problem, x = _reweighted_fit(problem, prior, x)
     error = float(np.mean(np.log(_held_out(problem, prior, x))))
     return _Trial(error, settings, problem, prior, x)
 
 
-def _mounted(chain: Chain, joints: list[Samples], bodies: Bodies, best: _Trial,
-             declared: np.ndarray | None) -> tuple[Chain, _Trial]:
+def _with_gravity_direction(chain: Chain, joints: list[Samples], bodies: Bodies, best: _Trial,
+                            declared: np.ndarray | None) -> tuple[Chain, _Trial]:
     """Return the arm with gravity in the direction that the recording shows, and its trial.
 
-    An arm may hang from a wall or a ceiling while its URDF begins at its own base. Another
-    direction than the URDF's is taken only where stretches not fitted leave no doubt.
+    An arm may be mounted on a wall or a ceiling, which its URDF does not tell. Another direction
+    than the URDF's is used only if it lowers the held-out error clearly.
     """
     settings = best.settings if best.error < math.inf else _settings(joints)[-1]
     trials = []
     for direction in product((-1.0, 0.0, 1.0), repeat=3):
         length = np.linalg.norm(direction)
         if 0.0 < length < 1.5:
-            twin = chain.falling(np.array(direction) * np.linalg.norm(FREE_FALL) / length)
-            trials.append((_trial(twin, joints, settings, bodies, declared), twin))
+            turned = chain.with_gravity(np.array(direction) * np.linalg.norm(FREE_FALL) / length)
+            trials.append((_trial(turned, joints, settings, bodies, declared), turned))
     other, mounted = min(trials, key=lambda trial: trial[0].error)
     if other.error == math.inf:
         raise InputError('the currents go against what the URDF says of every joint: it is the '
@@ -234,17 +239,17 @@ def _mounted(chain: Chain, joints: list[Samples], bodies: Bodies, best: _Trial,
     return mounted, _best_settings(mounted, joints, bodies, declared, lambda share: None)
 
 
-def identifiable(products: np.ndarray, least: float = 1e-6) -> int:
+def identifiable(products: np.ndarray) -> int:
     """Return the number of base parameters: combinations that joint torques show.
 
-    `products`, shape (10·J, 10·J), are the sums of those of the links' columns; singular values of
-    the normalised columns count from a `least` share of the largest.
+    `products`, shape (10·J, 10·J), are the sums of products of the links' columns. It is the number
+    of singular values of the normalised columns above 1e-6 of the largest.
     """
     norm = np.sqrt(np.diag(products))
     seen = norm > 1e-9 * max(norm.max(), 1e-300)
     scaled = products[np.ix_(seen, seen)] / norm[seen] / norm[seen, None]
     values = np.sqrt(np.maximum(np.linalg.eigvalsh(scaled), 0.0))
-    return int(np.count_nonzero(values > least * values.max(initial=0.0)))
+    return int(np.count_nonzero(values > 1e-6 * values.max(initial=0.0)))
 
 
 def _settings(joints: list[Samples]) -> list[dict[str, Any]]:
@@ -259,10 +264,10 @@ def _settings(joints: list[Samples]) -> list[dict[str, Any]]:
             for source in sources for value in [*narrow, None]]
 
 
-def _usual_scale(problem: Sums, bodies: Bodies) -> float | None:
-    """Return the current per torque, A per N·m, by which the URDF's figures fit the whole arm.
+def _typical_scale(problem: Sums, bodies: Bodies) -> float | None:
+    """Return the current per torque, A per N·m, with which the URDF's values fit the arm best.
 
-    None where they fit no joint.
+    It is the weighted median over the joints; None if it is positive for none of them.
     """
     scales, sizes, resisting = [], [], []
     known = bodies.known.ravel()
@@ -294,13 +299,13 @@ def _usual_scale(problem: Sums, bodies: Bodies) -> float | None:
     return float(np.exp(np.array(scales)[order][int(np.searchsorted(share, 0.5))]))
 
 
-def _settled(problem: Sums, prior: Prior, x: np.ndarray) -> tuple[Sums, np.ndarray]:
-    """Return the unknowns, and the problem in units of the variance that each joint leaves."""
+def _reweighted_fit(problem: Sums, prior: Prior, x: np.ndarray) -> tuple[Sums, np.ndarray]:
+    """Return the fit, and its problem with each joint weighted by the inverse residual variance."""
     for _ in range(_ROUNDS):
         x = solve(problem.total, prior, x)
-        left = squares(problem.total, prior.bodies, x) / np.maximum(problem.counts, 1.0)
-        left = np.maximum(left, 1e-24)
-        problem = Sums(problem.sums / left[:, None, None], problem.variance * left,
+        residual = squared_errors(problem.total, prior.bodies, x) / np.maximum(problem.counts, 1.0)
+        residual = np.maximum(residual, 1e-24)
+        problem = Sums(problem.sums / residual[:, None, None], problem.variance * residual,
                        problem.counts)
     return problem, x
 
@@ -309,7 +314,7 @@ def _held_out(problem: Sums, prior: Prior, x: np.ndarray) -> np.ndarray:
     """Return each joint's RMS error in A on stretches that were not fitted, shape (J,)."""
     total, sums = problem.total, np.zeros(len(problem.counts))
     for own in problem.folds:
-        sums += squares(own, prior.bodies, solve(total - own, prior, x))
+        sums += squared_errors(own, prior.bodies, solve(total - own, prior, x))
     return np.sqrt(sums * problem.variance / np.maximum(problem.counts, 1.0)) + 1e-12
 
 

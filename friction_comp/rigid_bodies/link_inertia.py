@@ -6,10 +6,10 @@ The ten parameters of a link are, in this order, its mass m, its first moment m�
 entries Ixx, Ixy, Iyy, Ixz, Iyz, Izz of its inertia about the origin of its joint's frame. They
 belong to a body of positive density exactly where the pseudo-inertia, the 4 by 4 matrix
 ``[[Σ, m·c], [m·cᵀ, m]]`` with ``Σ = ½·tr(I)·1 - I``, is positive definite (Wensing, Kim and
-Slotine 2018, Eq. 17). Here it is written ``L·U·Uᵀ·Lᵀ`` with the Cholesky factor L of what is known
-beforehand and an upper triangular U with exponentials on its diagonal (Rucker and Wensing 2022):
-any ten numbers give a possible body, ten zeros the one known beforehand, and the length of the
-ten numbers is how far the two are apart, whatever the units and the frame.
+Slotine 2018, Eq. 17). Here it is written ``L·U·Uᵀ·Lᵀ`` with the Cholesky factor L of a prior and an
+upper triangular U with exponentials on its diagonal (Rucker and Wensing 2022): any ten numbers give
+a possible body, ten zeros give the prior, and the norm of the ten numbers is the distance from the
+prior, independent of units and frame.
 """
 
 from __future__ import annotations
@@ -46,9 +46,9 @@ def parameters_of(pseudo: np.ndarray) -> np.ndarray:
 
 
 def nearest_possible(parameters: ArrayLike) -> np.ndarray:
-    """Return the ten parameters with mass and extent raised to where a body has them.
+    """Return the ten parameters with mass and extent raised to those of a possible body.
 
-    They are the same where they are possible with some room to spare.
+    Parameters that are clearly possible are not changed.
     """
     pseudo = pseudo_inertia(parameters)
     mass = max(pseudo[3, 3], _LEAST_MASS)
@@ -71,7 +71,7 @@ class Bodies:
     Parameters
     ----------
     known : array_like, shape (L, 10)
-        What is known beforehand: the URDF's figures.
+        The prior: the URDF's values.
     """
 
     def __init__(self, known: ArrayLike) -> None:

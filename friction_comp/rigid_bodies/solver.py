@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Links, current per torque and friction of all joints by one regularised least squares.
 
-A recording is a sum of products of columns over stretches: those of the links' parameters, of each
-joint's friction and rotor, and its current. Stretches are left out by subtraction: no sample is
-touched again. Everything but the links' possible numbers and the currents per torque is linear, so
-that these sums are all that Levenberg's and Marquardt's method needs.
+A recording is represented by sums of products of columns over stretches: those of the links'
+parameters, of each joint's friction and rotor, and its current. A stretch is left out by
+subtracting its sums. Only the parametrisation of the links and the currents per torque are
+nonlinear, so that the Levenberg-Marquardt method needs only these sums.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ FRICTION = 4
 STRETCHES, FOLDS = 12, 3
 # Friction of an arm's joint changes its sign within this share of its usual top speed.
 _TRANSITION, _STILL = 0.03, 0.01
-# A step that gains less than this, in squared standard deviations of one sample, is the last.
+# The solver stops after a step that gains less than this, in squared standard deviations of one
+# sample.
 _STEPS, _CONVERGED = 60, 0.05
 _STIFFEST = 1e8
 _LEVEL = 0.95
-# Share of the uncertainty of a parameter that the recording must remove for the value to be
-# attributed to it.
+# Share by which the recording must reduce the variance of a parameter for it to have an interval.
 _OWN = 0.5
 
 
@@ -51,7 +51,7 @@ class Sums:
 
     @property
     def total(self) -> np.ndarray:
-        """The sums over everything."""
+        """The sums over all stretches."""
         return np.asarray(self.sums.sum(axis=0))
 
     @property
@@ -65,7 +65,7 @@ def sums_of(chain: Chain, joints: list[Samples], settings: dict[str, Any],
             most_rows: int) -> Sums:
     """Return the sums over recordings of all joints, in units of the current's variance.
 
-    Of more samples than `most_rows`, every second, third and so on is taken.
+    If there are more samples than `most_rows`, only every n-th is used.
     """
     q, v, a = moving_states(joints[0], chain.tree.joints, settings)
     every = max(1, len(q) // most_rows)
@@ -93,29 +93,27 @@ def sums_of(chain: Chain, joints: list[Samples], settings: dict[str, Any],
 
 
 def stretches_of(recording: np.ndarray) -> np.ndarray:
-    """Return which stretch each sample belongs to, shape (N,), counted from 0.
-
-    No stretch goes over the edge of a recording.
-    """
+    """Return the stretch of each sample, shape (N,); stretches end with their recording."""
     stretch = np.arange(len(recording)) * STRETCHES // max(len(recording), 1)
     run = np.cumsum(np.diff(recording, prepend=recording[:1]) != 0)
+    # One number for each pair of stretch and recording, counted from 0.
     return np.unique(stretch + (STRETCHES + 1) * run, return_inverse=True)[1].reshape(-1)
 
 
 @dataclass(frozen=True)
 class Prior:
-    """What is known before the recording."""
+    """Prior knowledge of the links and of the currents per torque."""
 
     bodies: Bodies  # the URDF's links
-    # What it costs when a link differs from the URDF, in units of squared standard deviations of
-    # one sample: see `Bodies` for the distance.
+    # Weight of the squared distance of a link from the URDF's, see `Bodies`, in units of squared
+    # standard deviations of one sample.
     strength: float
     log_scale: np.ndarray  # (J,): logarithm of each joint's current per torque, A per N·m
     log_width: float  # standard deviation of that
 
 
 class Unknowns:
-    """One vector of all that is fitted: links, logarithms of current per torque, friction."""
+    """Layout of the vector of unknowns: links, logarithms of current per torque, friction."""
 
     def __init__(self, joints: int) -> None:
         self.joints = joints
@@ -133,15 +131,15 @@ class Unknowns:
             self.blocks.append(np.ix_(places, places))
 
     def friction(self, joint: int) -> slice:
-        """Return where a joint's friction coefficients are."""
+        """Return the slice of a joint's friction coefficients."""
         start = self.scales.stop + FRICTION * joint
         return slice(start, start + FRICTION)
 
 
 def solve(matrices: np.ndarray, prior: Prior, start: np.ndarray) -> np.ndarray:
-    """Return the unknowns, shape (U,), that fit best to sums of each joint; see `Sums`.
+    """Return the unknowns, shape (U,), of the best fit to the sums of each joint; see `Sums`.
 
-    Coefficients of friction that would be negative stay at zero.
+    Coefficients of friction are not negative.
     """
     unknowns = Unknowns(len(matrices))
     x = np.maximum(start, unknowns.lowest)
@@ -188,11 +186,11 @@ def loss_gradient_hessian(matrices: np.ndarray, prior: Prior, unknowns: Unknowns
     for joint, matrix in enumerate(matrices):
         scale = np.exp(np.clip(x[unknowns.scales][joint], -50.0, 50.0))
         own = unknowns.friction(joint)
-        mix = np.concatenate((scale * flat, x[own], [-1.0]))
-        product = matrix @ mix
-        loss += float(mix @ product)
+        combination = np.concatenate((scale * flat, x[own], [-1.0]))
+        product = matrix @ combination
+        loss += float(combination @ product)
         # Columns: links, this joint's current per torque, its friction.
-        change = np.zeros((len(mix), flat.size + 1 + FRICTION))
+        change = np.zeros((len(combination), flat.size + 1 + FRICTION))
         change[:flat.size, :flat.size] = scale * inner
         change[:flat.size, flat.size] = scale * flat
         change[flat.size:-1, flat.size + 1:] = np.eye(FRICTION)
@@ -202,47 +200,51 @@ def loss_gradient_hessian(matrices: np.ndarray, prior: Prior, unknowns: Unknowns
     return 0.5 * loss, gradient, hessian
 
 
-def squares(matrices: np.ndarray, bodies: Bodies, x: np.ndarray) -> np.ndarray:
-    """Return each joint's sum of squared errors for unknowns x, shape (J,)."""
+def squared_errors(matrices: np.ndarray, bodies: Bodies, x: np.ndarray) -> np.ndarray:
+    """Return each joint's sum of squared errors for unknowns x, shape (J,).
+
+    The error is a linear combination of a joint's columns: the links' parameters times the current
+    per torque, the friction coefficients, and -1 for the current itself.
+    """
     unknowns = Unknowns(len(matrices))
     links = bodies.parameters(x[unknowns.links])[0].ravel()
-    mixes = [np.concatenate((np.exp(scale) * links, x[unknowns.friction(joint)], [-1.0]))
+    combinations = [np.concatenate((np.exp(scale) * links, x[unknowns.friction(joint)], [-1.0]))
              for joint, scale in enumerate(x[unknowns.scales])]
-    return np.array([max(float(mix @ matrix @ mix), 0.0)
-                     for mix, matrix in zip(mixes, matrices)])
+    return np.array([max(float(combination @ matrix @ combination), 0.0)
+                     for combination, matrix in zip(combinations, matrices)])
 
 
 @dataclass(frozen=True)
 class LinkIntervals:
-    """The 95 % intervals of the links' parameters and of what turns torque into current."""
+    """The 95 % intervals of the links' parameters and of the currents per torque."""
 
-    parameters: np.ndarray  # (J, 10, 2): both ends, infinite where the number is the URDF's
+    parameters: np.ndarray  # (J, 10, 2): both ends, infinite where the value is the URDF's
     scales: np.ndarray  # (J, 2): of each joint's current per torque, A per N·m
-    # (J, 10): which part of the uncertainty that a parameter had by the URDF alone the recording
-    # took away: 0 where it shows nothing of it, towards 1 where it alone decides.
-    told: np.ndarray
+    # (J, 10): share by which the recording reduces the prior variance of a parameter: 0 if it shows
+    # nothing of it, near 1 if it determines the value alone.
+    from_recording: np.ndarray
 
 
 def link_intervals(stretches: np.ndarray, prior: Prior, x: np.ndarray) -> LinkIntervals:
     """Return the intervals of links as fitted, from the recording and the URDF together.
 
     The effect of noise is computed from the scatter of the gradient between stretches of the
-    recording, since successive errors are correlated (White's covariance, clustered by parts, Liang
-    and Zeger 1986); the uncertainty left by the regularisation towards the URDF adds to it. A
-    parameter that the regularisation determines more than the recording is that of the URDF and has
-    no interval: how well the URDF's values are known cannot be seen in a recording.
+    recording, since successive errors are correlated (White's covariance, clustered by stretches,
+    Liang and Zeger 1986); the uncertainty of the regularisation towards the URDF is added. A
+    parameter that the regularisation determines more than the recording has no interval: a
+    recording does not show how accurate the URDF is.
     """
     unknowns = Unknowns(stretches.shape[1])
     _, _, hessian = loss_gradient_hessian(stretches.sum(axis=0), prior, unknowns, x)
-    pulls = np.array([loss_gradient_hessian(own, prior, unknowns, x)[1] for own in stretches])
+    gradients = np.array([loss_gradient_hessian(own, prior, unknowns, x)[1] for own in stretches])
     # The prior has the same gradient in every part, and cancels with the mean.
-    pulls -= pulls.mean(axis=0)
+    gradients -= gradients.mean(axis=0)
     known = np.zeros(unknowns.size)
     known[unknowns.links], known[unknowns.scales] = prior.strength, 1.0 / prior.log_width ** 2
     free = x > unknowns.lowest
     count = len(stretches)
     inverse = np.linalg.pinv(hessian[np.ix_(free, free)], rcond=1e-13, hermitian=True)
-    scatter = pulls[:, free].T @ pulls[:, free] * count / max(count - 1, 1)
+    scatter = gradients[:, free].T @ gradients[:, free] * count / max(count - 1, 1)
     covariance = np.zeros_like(hessian)
     covariance[np.ix_(free, free)] = inverse @ (scatter + np.diag(known[free])) @ inverse
     wide = float(stats.t.ppf(0.5 + 0.5 * _LEVEL, max(count - 1, 2)))
@@ -256,10 +258,10 @@ def link_intervals(stretches: np.ndarray, prior: Prior, x: np.ndarray) -> LinkIn
     bounds = np.stack((parameters - half, parameters + half), axis=-1)
     # The mass of a body is positive, whatever the linearised interval says.
     bounds[:, 0] = np.maximum(bounds[:, 0], 0.0)
-    unseen = np.sum(before ** 2, axis=2) / prior.strength
-    told = np.clip(1.0 - variance / np.maximum(unseen, 1e-300), 0.0, 1.0)
-    bounds[told < _OWN] = -np.inf, np.inf
+    prior_variance = np.sum(before ** 2, axis=2) / prior.strength
+    from_recording = np.clip(1.0 - variance / np.maximum(prior_variance, 1e-300), 0.0, 1.0)
+    bounds[from_recording < _OWN] = -np.inf, np.inf
     width = wide * np.sqrt(np.maximum(np.diag(covariance)[unknowns.scales], 0.0))
     middle = x[unknowns.scales]
     return LinkIntervals(bounds, np.exp(np.clip(
-        np.stack((middle - width, middle + width), axis=-1), -50.0, 50.0)), told)
+        np.stack((middle - width, middle + width), axis=-1), -50.0, 50.0)), from_recording)

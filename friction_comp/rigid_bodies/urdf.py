@@ -27,14 +27,14 @@ _WORDS = ('joint', 'axis')
 
 
 class Chain:
-    """An arm as a URDF file describes it, with the joints of recordings in their order.
+    """An arm described by a URDF file, with its joints named as in recordings.
 
     Attributes
     ----------
     tree : Tree
-        With the file's figures, its joints named as in the recordings.
+        With the file's parameters.
     locked : list of str
-        Joints of the file that are not recorded and taken to stay at position zero.
+        Joints of the file that are not recorded and assumed to stay at position zero.
     unknown : list of str
         Recorded joints that the file does not describe, such as those of a gripper.
 
@@ -49,14 +49,14 @@ class Chain:
         whole = _read(self._library, path)
         described = list(whole.names)[1:]
         names, self.unknown = match_names(joints, described, path)
-        known = {there: here for here, there in names.items()}
-        self.locked = [name for name in described if name not in known]
+        recorded_name = {in_urdf: recorded for recorded, in_urdf in names.items()}
+        self.locked = [name for name in described if name not in recorded_name]
         self._model = whole
         if self.locked:
             self._model = self._library.buildReducedModel(
                 whole, list(map(whole.getJointId, self.locked)), self._library.neutral(whole))
         self._data = self._model.createData()
-        self.tree = self._to_tree([known[name] for name in list(self._model.names)[1:]])
+        self.tree = self._to_tree([recorded_name[name] for name in list(self._model.names)[1:]])
 
     def _to_tree(self, joints: Sequence[str]) -> Tree:
         kinds, axes, placements, parameters, parents = [], [], [], [], []
@@ -80,14 +80,14 @@ class Chain:
             np.array([placement.translation for placement in placements]),
             np.array(axes), np.array(parameters), np.array(FREE_FALL))
 
-    def falling(self, gravity: ArrayLike) -> Chain:
-        """Return the same arm with another free fall, shape (3,), in the base's frame, m/s²."""
-        twin = copy(self)
-        twin._model = self._model.copy()
-        twin._model.gravity.linear = np.array(gravity, dtype=float)
-        twin._data = twin._model.createData()
-        twin.tree = replace(self.tree, gravity=np.array(gravity, dtype=float))
-        return twin
+    def with_gravity(self, gravity: ArrayLike) -> Chain:
+        """Return the arm with another gravity, shape (3,), in the frame of its base, m/s²."""
+        other = copy(self)
+        other._model = self._model.copy()
+        other._model.gravity.linear = np.array(gravity, dtype=float)
+        other._data = other._model.createData()
+        other.tree = replace(self.tree, gravity=np.array(gravity, dtype=float))
+        return other
 
     def regressor(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
         """Return the matrix, shape (N, L, 10·L), that turns links' parameters into joint torques.
@@ -106,7 +106,7 @@ class Chain:
 
 
 def pinocchio() -> Any:
-    """Return the library; an InputError says how to get it."""
+    """Return the library; raise InputError, with advice, if it is missing."""
     try:
         import pinocchio as library
     except ImportError as error:
@@ -148,24 +148,23 @@ def _read(library: Any, path: str | Path) -> Any:
 def _silent() -> Iterator[None]:
     """Suppress what the XML parser writes to standard error."""
     sys.stderr.flush()
-    kept = os.dup(2)
-    nowhere = os.open(os.devnull, os.O_WRONLY)
+    original = os.dup(2)
+    null = os.open(os.devnull, os.O_WRONLY)
     try:
-        os.dup2(nowhere, 2)
+        os.dup2(null, 2)
         yield
     finally:
-        os.dup2(kept, 2)
-        os.close(kept)
-        os.close(nowhere)
+        os.dup2(original, 2)
+        os.close(original)
+        os.close(null)
 
 
 def match_names(recorded: Sequence[str], described: Sequence[str],
                 path: str | Path) -> tuple[dict[str, str], list[str]]:
     """Return the name in a URDF file of each recorded joint, and the joints that it lacks.
 
-    Names that are equal belong together; else those that are equal without the robot's prefix
-    and without case, underscores and the word joint, where that leaves no choice. Raises InputError
-    if a joint may be one of several, or most are not in the file.
+    Equal names match; otherwise those that are equal without case, underscores, the word joint and
+    the robot's prefix. Raises InputError if a joint matches several, or most are not in the file.
     """
     pairs: dict[str, str] = {}
     unknown: list[str] = []
@@ -190,7 +189,7 @@ def match_names(recorded: Sequence[str], described: Sequence[str],
 
 
 def plain(name: str) -> str:
-    """Return a joint's name without what differs from one driver to the next."""
+    """Return a joint's name without case, underscores and the word joint."""
     words = re.findall(r'[a-z]+|[0-9]+', name.lower())
     kept = [word for word in words if word not in _WORDS]
     return ''.join(kept or words)

@@ -36,7 +36,7 @@ def _log(row: np.ndarray, columns: np.ndarray, out: Record, s: Record, command: 
 @njit(cache=True, parallel=True)
 def _run_all(parameters: np.ndarray, random: np.ndarray, laws: np.ndarray, own: np.ndarray,
              reference: np.ndarray, which: np.ndarray, disturbance: np.ndarray, speed: float,
-             released: int, count: int, sample_time: float, every: int, columns: np.ndarray,
+             released: int, sample_time: float, every: int, columns: np.ndarray,
              log: np.ndarray, extremes: np.ndarray, states: np.ndarray, outs: np.ndarray) -> None:
     for r in prange(len(parameters)):
         p, law, s, out, shown = parameters[r], laws[r], states[r], outs[r], reference[which[r]]
@@ -46,17 +46,16 @@ def _run_all(parameters: np.ndarray, random: np.ndarray, laws: np.ndarray, own: 
         s.rotor_speed = s.link_speed = speed
         measure(p, s, random[r], sample_time, out)
         lowest = highest = s.rotor
-        for k in range(count):
-            i = k % shown.shape[1]
+        for k in range(shown.shape[1]):
             command = 0.0
-            if observe(law, own[r], k * sample_time, out.position + added[i], out.velocity, True):
-                command = decide(law, own[r], shown[2, i], 0.0, 0.0, 0.0)
+            if observe(law, own[r], k * sample_time, out.position + added[k], out.velocity, True):
+                command = decide(law, own[r], shown[2, k], 0.0, 0.0, 0.0)
             else:
                 own[r].current = 0.0
             if every > 0 and k % every == 0:
                 _log(log[r, k // every], columns, out, s, command)
-            joint_sample(p, s, random[r], table, nothing, sample_time, command, shown[0, i],
-                         shown[1, i], k < released, out)
+            joint_sample(p, s, random[r], table, nothing, sample_time, command, shown[0, k],
+                         shown[1, k], k < released, out)
             lowest = min(lowest, s.rotor)
             highest = max(highest, s.rotor)
         extremes[r, 0], extremes[r, 1] = lowest, highest
@@ -65,7 +64,7 @@ def _run_all(parameters: np.ndarray, random: np.ndarray, laws: np.ndarray, own: 
 def closed_loops(
         parameters: np.ndarray, random: np.ndarray, laws: np.ndarray,
         reference: Sequence[np.ndarray], which: Sequence[int] | np.ndarray | None = None,
-        count: int | None = None, sample_time: float = 1e-3, every: int = 1,
+        sample_time: float = 1e-3, every: int = 1,
         *, released: int | None = None, speed: float = 0.0,
         disturbance: np.ndarray | None = None, logged: Sequence[str] = LOGGED
         ) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
@@ -76,12 +75,9 @@ def closed_loops(
     parameters, random, laws : ndarray, shape (R,), (R, 1) and (R,)
         Of each run: `joint_parameters`, `random_states` and `CompensationLaw.parameters`.
     reference : tuple of ndarray, each of shape (M, L)
-        Position, velocity and direction at every sample, as `ReferenceMovement.at` gives them;
-        they begin again after L samples.
+        Position, velocity and direction at each of L samples, as of `ReferenceMovement.at`.
     which : ndarray of int, shape (R,), optional
         The movement of each run; the first for all when omitted.
-    count : int, optional
-        Samples to run; L when omitted.
     every : int
         Log every n-th sample; 0 logs nothing.
     released : int, optional
@@ -95,7 +91,7 @@ def closed_loops(
 
     Returns
     -------
-    log : dict of str to ndarray, shape (R, ceil(count / every))
+    log : dict of str to ndarray, shape (R, ceil(L / every))
         By the names in `logged`.
     extremes : ndarray, shape (R, 2)
         Lowest and highest true position of each run in rad.
@@ -105,15 +101,14 @@ def closed_loops(
     movements = np.ascontiguousarray(np.stack(
         [np.atleast_2d(np.asarray(a, dtype=float)) for a in reference], axis=1))
     runs, length = len(parameters), movements.shape[2]
-    count = length if count is None else int(count)
     chosen = np.zeros(runs, dtype=np.int64) if which is None else np.asarray(which, np.int64)
     added = np.zeros((1, length)) if disturbance is None else np.atleast_2d(
         np.asarray(disturbance, dtype=float))
     columns = np.array([SIGNALS.index(name) for name in logged], dtype=np.int64)
-    log = np.zeros((runs, -(-count // every) if every else 0, len(columns)))
+    log = np.zeros((runs, -(-length // every) if every else 0, len(columns)))
     extremes, own = np.zeros((runs, 2)), np.zeros(runs, STATE)
-    held = count if released is None else int(released)
+    held = length if released is None else int(released)
     _run_all(np.ascontiguousarray(parameters), random.copy(), laws.copy(), own, movements, chosen,
-             added, float(speed), held, count, float(sample_time), int(every), columns, log,
-             extremes, np.zeros(runs, JOINT_STATE), np.zeros(runs, MEASURED))
+             added, float(speed), held, float(sample_time), int(every), columns, log, extremes,
+             np.zeros(runs, JOINT_STATE), np.zeros(runs, MEASURED))
     return {name: log[:, :, c] for c, name in enumerate(logged)}, extremes, own

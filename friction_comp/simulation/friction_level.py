@@ -22,7 +22,7 @@ from friction_comp.simulation.joint_parameters import Record
 from friction_comp.simulation.random_sequence import normal
 
 LEAST_LEVEL = 0.05
-"""Whatever is added to it, friction keeps this share of its declared level."""
+"""Smallest friction with undeclared effects, as a share of the declared level."""
 
 
 @njit(cache=True)

@@ -37,7 +37,7 @@ from friction_comp.simulation.undeclared import undeclared_torque
 
 SUBSTEPS = 16
 SETTLING = 0.005
-"""A joint that has not slid for so long sticks again, s."""
+"""Time without sliding after which a joint sticks again, s."""
 
 
 @njit(cache=True)
@@ -95,17 +95,18 @@ def move_geared(p: Record, s: Record, random: np.ndarray, table: np.ndarray, mem
     amplify = low_pass_weight(h, p.current_lag)
     follow = low_pass_weight(h, p.actuation_lag)
     adapt = low_pass_weight(h, p.level_lag)
-    muscle = low_pass_weight(h, p.human_response)
+    reaction_weight = low_pass_weight(h, p.human_response)
     start = s.samples * sample_time
     for k in range(SUBSTEPS):
         v = s.rotor_speed
         _advance_current(p, s, command, v, amplify)
         s.late_current += (s.current - s.late_current) * follow
-        follow_reference(p, s, h, muscle, active, reference_position + reference_velocity * k * h,
-                         reference_velocity, s.link, s.link_speed)
+        follow_reference(p, s, h, reaction_weight, active,
+                         reference_position + reference_velocity * k * h, reference_velocity,
+                         s.link, s.link_speed)
         # The direction in which the joint slides, or would slide, determines the level.
-        way = v if v != 0.0 else s.late_current
-        level, load = friction_level(p, s, abs(v), way > 0.0), 0.0
+        direction = v if v != 0.0 else s.late_current
+        level, load = friction_level(p, s, abs(v), direction > 0.0), 0.0
         if table.shape[0] > 0 and table[0, 0] >= 0.0:
             load, extra = undeclared_torque(table, memory, start + k * h, s.rotor, v, s.human,
                                             s.temperature, s.rest, level)

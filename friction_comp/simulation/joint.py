@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 def start_joint(p: Record, s: Record, random: np.ndarray) -> None:
     """Set the state of a joint at rest at position 0 and draw its first breakaway levels."""
     s.rotor = s.rotor_speed = s.link = s.link_speed = s.slid = 0.0
-    s.current = s.late_current = s.human = s.pushed_on = s.counted = s.samples = 0.0
+    s.current = s.late_current = s.human = s.integral_torque = s.counted = s.samples = 0.0
     s.rest, s.temperature, s.sliding = 1.0, p.thermal[1], 0
     s.arrived = 0
     for j in range(ELEMENTS):
@@ -75,7 +75,7 @@ def measure(p: Record, s: Record, random: np.ndarray, sample_time: float, out: R
 def joint_sample(p: Record, s: Record, random: np.ndarray, table: np.ndarray, memory: np.ndarray,
                  sample_time: float, command: float, reference_position: float,
                  reference_velocity: float, active: bool, out: Record) -> None:
-    """Take one joint through one sample, and write what is measured at its end into `out`.
+    """Simulate one joint over one sample, and write the measured values at its end into `out`.
 
     `p`, `s` and `out` are records of JOINT, JOINT_STATE and MEASURED, `random` the run's own
     sequence, `table` and `memory` its undeclared effects. `command` is held over the sample, A, see
@@ -94,7 +94,7 @@ def joint_sample(p: Record, s: Record, random: np.ndarray, table: np.ndarray, me
 
 @njit(cache=True)
 def delayed_command(p: Record, s: Record, command: float) -> float:
-    """Take a command in A and return the limited one that is due, whole samples late."""
+    """Store a command in A and return the one of `p.delay` samples before, within the limit."""
     for j in range(DELAYS - 1, 0, -1):
         s.command[j] = s.command[j - 1]
     s.command[0] = min(p.limit, max(-p.limit, command)) if math.isfinite(command) else 0.0
@@ -103,7 +103,7 @@ def delayed_command(p: Record, s: Record, command: float) -> float:
 
 @njit(cache=True)
 def end_sample(p: Record, s: Record, random: np.ndarray, sample_time: float, out: Record) -> None:
-    """Warm the motor up over a sample, and measure."""
+    """Update the motor temperature over a sample, and measure."""
     s.temperature = warmed_up(s.temperature, s.current, sample_time, p.thermal)
     s.samples += 1.0
     measure(p, s, random, sample_time, out)
@@ -114,9 +114,9 @@ def bank_sample(p: np.ndarray, s: np.ndarray, random: np.ndarray, tables: np.nda
                 memories: np.ndarray, sample_time: float, command: np.ndarray,
                 reference_position: np.ndarray, reference_velocity: np.ndarray,
                 active: np.ndarray, out: np.ndarray) -> None:
-    """Take every joint of a bank through one sample; rows are joints.
+    """Simulate all joints over one sample; rows are joints.
 
-    Nobody holds a joint for which there is no finite reference.
+    The person does not hold a joint without a finite reference.
     """
     for j in range(p.shape[0]):
         held = active[j] and math.isfinite(reference_position[j]) and math.isfinite(
@@ -128,7 +128,7 @@ def bank_sample(p: np.ndarray, s: np.ndarray, random: np.ndarray, tables: np.nda
 @njit(cache=True)
 def start_bank(p: np.ndarray, s: np.ndarray, random: np.ndarray, sample_time: float,
                out: np.ndarray) -> None:
-    """Start and measure every joint of a bank."""
+    """Start and measure all joints; rows are joints."""
     for j in range(p.shape[0]):
         start_joint(p[j], s[j], random[j])
         measure(p[j], s[j], random[j], sample_time, out[j])
@@ -157,15 +157,15 @@ class Plant:
                  undeclared: Sequence[Undeclared | None] | None = None,
                  sample_time: float = 1e-3) -> None:
         models = list(models)
-        given: list[Undeclared | None] = (
-            [None] * len(models) if undeclared is None else list(undeclared))
-        if not models or len(given) != len(models):
+        if undeclared is None:
+            undeclared = [None] * len(models)
+        if not models or len(undeclared) != len(models):
             raise InputError('the plant needs one model, and one undeclared file or none, a joint')
         if not (math.isfinite(sample_time) and 0.0 < sample_time <= 0.01):
             raise InputError(f'sample_time must be in (0, 0.01] s, not {sample_time!r}')
         self.sample_time = float(sample_time)
         self.joints = len(models)
-        extras = [Undeclared() if extra is None else extra for extra in given]
+        extras = [Undeclared() if extra is None else extra for extra in undeclared]
         self._random = random_states(seed, self.joints)
         self._parameters = np.array(
             [joint_parameters(model, extra) for model, extra in zip(models, extras)])
@@ -181,7 +181,7 @@ class Plant:
         self._zeros, self._nobody = np.zeros(self.joints), np.zeros(self.joints, dtype=bool)
         self._everybody = ~self._nobody
         start_bank(self._parameters, self._states, self._random, self.sample_time, self._out)
-        # Have the step compiled, or read from its cache, before anybody waits for it.
+        # Compile the step, or load it from the cache, before the first call.
         none = np.zeros(0)
         bank_sample(self._parameters[:0], self._states[:0], self._random[:0], self._tables[:0],
                     self._memories[:0], self.sample_time, none, none, none, none.astype(bool),
@@ -214,7 +214,7 @@ class Plant:
 
     def _advance(self, command: np.ndarray, position: np.ndarray, velocity: np.ndarray,
                  active: np.ndarray) -> None:
-        """Take every joint through one sample; each array has shape (J,)."""
+        """Simulate all joints over one sample; each array has shape (J,)."""
         bank_sample(
             self._parameters, self._states, self._random, self._tables, self._memories,
             self.sample_time, command, position, velocity, active, self._out)

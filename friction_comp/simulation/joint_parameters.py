@@ -66,7 +66,7 @@ JOINT_STATE = _record(
     'level level_positive level_negative rest slid '
     # A, A; the person's push and the part of it that grew while the joint stood short, N·m;
     # degrees Celsius, rad, 1.
-    'current late_current human pushed_on temperature counted samples',
+    'current late_current human integral_torque temperature counted samples',
     'sliding arrived', {'bristle': ELEMENTS, 'command': DELAYS})
 """State of one joint; `start_joint` sets it."""
 

@@ -2,9 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """An arm whose links MuJoCo simulates, with the drives, sensors and person of `Plant`.
 
-MuJoCo knows the rigid bodies: mass, inertia, weight, and how one joint's motion acts on another.
-What it is told each substep are torques of joints: the motor's, the person's, and friction's, by
-the same clamp, levels and undeclared effects as in `rigid_joint`. Two engines, one friction.
+MuJoCo simulates the rigid bodies: mass, inertia, weight and coupling of joints. Each substep it
+receives the joint torques of motor, person and friction, with the friction of `rigid_joint`.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ class MujocoPlant(Plant):
     MuJoCo reads the file; where it has a keyframe, the first one is where the arm begins. `joints`
     are names of hinges or slides in it, in the order of the models; its other joints move freely.
     The drive's own inertia, `simulation.inertia`, is added to the armature that the file gives a
-    joint. Gears with a compliance of their own are refused. Other parameters are those of `Plant`.
+    joint. Gears with compliance are refused. Other parameters are those of `Plant`.
     Raises InputError if MuJoCo is not installed, or the file cannot be used.
     """
 

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A simulated person who makes the joint follow the shown movement.
 
-The person is a spring and a damper between the reference and the joint, with a reaction time.
-Where the movement shown is over and the joint has not arrived, the person pushes harder and harder
-until it does, as anybody would: what it takes to set a joint in motion is then always given.
+The person is a spring and a damper between the reference and the joint, with a reaction time. If
+the joint has not arrived at the end of the reference movement, the person's torque increases until
+it does, so that every joint is eventually set in motion.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ if TYPE_CHECKING:
     from friction_comp.simulation.joint_parameters import Record
 
 ARRIVED = 0.1
-"""A joint no farther than this from where the movement shown has ended has arrived, rad. The joints
-that a law helps end 0.083 rad short at most in the note's experiments, those that nothing helps
-0.18 rad at least. With half of it the person would also finish movements under the continuous law,
-which leaves a part of friction, and so a part of the way, to the person."""
+"""Largest distance from the end of the reference movement at which a joint has arrived, rad. In the
+note's experiments, joints with compensation end at most 0.083 rad short of it, joints without at
+least 0.18 rad. With half of it the person would also finish movements under the continuous law,
+which leaves a part of the friction to the person."""
 
 
 @njit(cache=True)
-def follow_reference(p: Record, s: Record, h: float, muscle: float, active: bool,
+def follow_reference(p: Record, s: Record, h: float, reaction_weight: float, active: bool,
                      reference_position: float, reference_velocity: float, position: float,
                      velocity: float) -> None:
     """Advance the torque `s.human` in N·m that the person gives, by one substep of h s.
 
-    `muscle` is the weight of the low pass of the person's reaction over the substep, `active`
-    whether the person holds the joint; position and velocity are where, in rad and rad/s.
+    `reaction_weight` is the weight of the low pass of the person's reaction over the substep.
+    `active` is whether the person holds the joint, at a position in rad and a velocity in rad/s.
     """
     if not active:
-        s.human = s.pushed_on = 0.0
+        s.human = s.integral_torque = 0.0
         return
     lag = reference_position - position
     if reference_velocity != 0.0:
@@ -45,21 +45,21 @@ def follow_reference(p: Record, s: Record, h: float, muscle: float, active: bool
         # The recoil is not pushed again.
         s.arrived = 1
     if reference_velocity != 0.0 or s.arrived == 1 or p.human_integral_time <= 0.0:
-        s.pushed_on = 0.0
+        s.integral_torque = 0.0
     else:
-        s.pushed_on += p.human_stiffness * lag * h / p.human_integral_time
+        s.integral_torque += p.human_stiffness * lag * h / p.human_integral_time
     wanted = (p.human_stiffness * lag + p.human_damping * (reference_velocity - velocity)
-              + s.pushed_on)
-    s.human += (wanted - s.human) * muscle
+              + s.integral_torque)
+    s.human += (wanted - s.human) * reaction_weight
 
 
 class ReferenceHold:
-    """Carries the last reference shown on at its velocity until the next one comes.
+    """Extrapolates the last reference with its velocity until the next one.
 
     Parameters
     ----------
     timeout : float
-        s without a new reference after which there is nothing to follow any more.
+        Time in s after which a reference is no longer followed.
     """
 
     def __init__(self, timeout: float = 0.5) -> None:
@@ -68,19 +68,19 @@ class ReferenceHold:
 
     def reset(self) -> None:
         """Forget the reference."""
-        self._shown: tuple[float, np.ndarray, np.ndarray] | None = None
+        self._reference: tuple[float, np.ndarray, np.ndarray] | None = None
 
-    def show(self, time: float, position: ArrayLike, velocity: ArrayLike) -> None:
-        """Take a new reference: s, rad, rad/s; arrays of shape (J,)."""
-        self._shown = (float(time), np.array(position, dtype=float),
-                       np.array(velocity, dtype=float))
+    def update(self, time: float, position: ArrayLike, velocity: ArrayLike) -> None:
+        """Set a new reference: s, rad, rad/s; arrays of shape (J,)."""
+        self._reference = (float(time), np.array(position, dtype=float),
+                           np.array(velocity, dtype=float))
 
     def at(self, time: float) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
         """Return position and velocity of shape (J,) at a time in s, or None and None.
 
         There is none before the first reference and after the timeout.
         """
-        if self._shown is None or not time - self._shown[0] <= self.timeout:
+        if self._reference is None or not time - self._reference[0] <= self.timeout:
             return None, None
-        since, position, velocity = self._shown
+        since, position, velocity = self._reference
         return position + velocity * (time - since), velocity

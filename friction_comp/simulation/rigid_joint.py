@@ -28,9 +28,9 @@ from friction_comp.simulation.undeclared import undeclared_torque
 
 SUBSTEPS = 8
 SETTLING = 0.0005
-"""A joint that has not slipped for so long sticks again, s."""
+"""Time without slip after which a joint sticks again, s."""
 RENEWAL = 3.0
-"""After sliding for so many of its own deflections the bristle stands on new ground."""
+"""Sliding distance after which new breakaway levels are drawn, in deflections of the bristle."""
 
 
 @njit(cache=True)
@@ -79,15 +79,15 @@ def move_rigid(p: Record, s: Record, random: np.ndarray, table: np.ndarray, memo
     # The amplifier is fast; an undeclared lag is applied between the current and the torque.
     s.current = command
     follow = low_pass_weight(h, p.actuation_lag)
-    muscle = low_pass_weight(h, p.human_response)
+    reaction_weight = low_pass_weight(h, p.human_response)
     start = s.samples * sample_time
     sigma0, sigma1, over_inertia = p.bristle_stiffness, p.bristle_damping, h / p.motor_inertia
     implicit = 1.0 / (1.0 + over_inertia * (sigma1 + h * sigma0))
     for k in range(SUBSTEPS):
         s.late_current += (command - s.late_current) * follow
         x, v = s.rotor, s.rotor_speed
-        follow_reference(p, s, h, muscle, active, reference_position + reference_velocity * k * h,
-                         reference_velocity, x, v)
+        follow_reference(p, s, h, reaction_weight, active,
+                         reference_position + reference_velocity * k * h, reference_velocity, x, v)
         torque = p.torque_per_current * s.late_current + s.human
         # The direction in which the bristle would deflect determines the level.
         stuck = (v + over_inertia * (torque - sigma0 * s.bristle[0])) * implicit

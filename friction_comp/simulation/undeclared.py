@@ -1,8 +1,8 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Effects of a simulated joint that its model file lacks; only the plant reads them.
+"""Effects of a simulated joint that its model file lacks, for tests of refinement.
 
-The plant alone is given them. Whoever wants to know them has to find them in the recording.
+Only the plant reads them: refinement has to find them in recordings.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def _positive(default: float | None = None) -> Bounds:
 
 _RIPPLE = {'amplitude': _any(), 'frequency': _positive(), 'phase': _any(0.0), 'slope': _any(0.0)}
 # Name: code and parameters in the order of the kernel's columns. Torques N·m at the joint, angles
-# rad, times s, the rest as said.
+# rad, times s, others as noted.
 EFFECTS: dict[str, tuple[int, dict[str, Bounds]]] = {
     # level + amplitude·exp(-(|v|/velocity)^exponent)
     'stribeck': (STRIBECK, {
@@ -104,7 +104,7 @@ class Undeclared:
 
     @classmethod
     def from_effects(cls, effects: Iterable[Any], thermal: Any = None) -> Undeclared:
-        """Make them of mappings with `name` and `parameters`: see `EFFECTS` and `JOINT_EFFECTS`.
+        """Make them of dicts with `name` and `parameters`: see `EFFECTS` and `JOINT_EFFECTS`.
 
         `thermal` is as in `THERMAL`; its `initial` is the ambient temperature when omitted.
         """

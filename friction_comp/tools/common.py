@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Arguments, progress, and output written whole or not at all: shared by all tools.
 
-A tool imports what it computes with only after it has read its arguments, so that ``--help`` and
-a mistake in an argument are answered at once.
+Tools import their computations only after parsing the arguments, so that ``--help`` and invalid
+arguments are answered at once.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ REPORT_VERSION = 1
 
 
 class Arguments(argparse.ArgumentParser):
-    """An argument parser that says what is wrong in one line and exits with 2.
+    """An argument parser that reports an error in one line and exits with status 2.
 
-    ROS arguments (after ``--ros-args``) are accepted and left alone, so that a tool can be started
-    with `ros2 run` from a launch file.
+    ROS arguments (after ``--ros-args``) are accepted but not parsed, so that a tool can be started
+    with `ros2 run` or from a launch file.
     """
 
     def __init__(self, name: str, description: str, examples: Sequence[str] = ()) -> None:
@@ -58,7 +58,7 @@ class Arguments(argparse.ArgumentParser):
     def parse(self, argv: Sequence[str] | None = None) -> Namespace:
         """Return the parsed arguments; `command` is the whole command, marked as code for a page.
 
-        Output that cannot be written is an error before the work, which may take minutes.
+        The output path is checked as well, before computations that may take minutes.
         """
         given = list(sys.argv[1:] if argv is None else argv)
         own = itertools.takewhile(lambda word: word != '--ros-args', given)
@@ -69,7 +69,7 @@ class Arguments(argparse.ArgumentParser):
         return parsed
 
     def add_recordings(self, several: bool = True, unit_help: str = '') -> Arguments:
-        """Add what tools that read recordings take: RECORDING, --joint, --columns and --unit."""
+        """Add the arguments for recordings: RECORDING, --joint, --columns and --unit."""
         self.add_argument(
             'recordings' if several else 'recording', metavar='RECORDING',
             type=Path, nargs='+' if several else None,
@@ -87,7 +87,7 @@ class Arguments(argparse.ArgumentParser):
         return self
 
     def add_drive(self) -> Arguments:
-        """Add --torque-constant and --gear-ratio, None where they are not given."""
+        """Add --torque-constant and --gear-ratio, None by default."""
         self.add_argument(
             '--torque-constant', metavar='KT', type=positive,
             help='k_t in N·m/A: current is effort / (k_t · n)')
@@ -96,7 +96,7 @@ class Arguments(argparse.ArgumentParser):
         return self
 
     def add_jobs(self) -> Arguments:
-        """Add --jobs; None where it is not given."""
+        """Add --jobs, None by default."""
         self.add_argument(
             '--jobs', metavar='N', type=whole_number(),
             help='number of processes, one recording each (by default, if that saves time, as '
@@ -136,7 +136,7 @@ def whole_number(least: int = 1) -> Callable[[str], int]:
 
 
 def _checked(text: str, kind: Callable[[str], T], check: Callable[[object], T]) -> T:
-    """Read an argument; argparse puts the argument's name before what an error says."""
+    """Convert and check an argument; argparse puts its name before the error message."""
     value: object = text
     with suppress(ValueError):
         value = kind(text)
@@ -181,7 +181,7 @@ def _move_content(unfinished: Path, path: Path) -> None:
         target = path / source.relative_to(unfinished)
         kind = 'folder' if source.is_dir() else 'file'
         if target.exists() and not (target.is_dir() if kind == 'folder' else target.is_file()):
-            raise InputError(f'{target}: is in the way, and is no ordinary {kind}')
+            raise InputError(f'{target}: exists and is no ordinary {kind}')
     for source in sources:
         target = path / source.relative_to(unfinished)
         if source.is_dir():
@@ -192,11 +192,11 @@ def _move_content(unfinished: Path, path: Path) -> None:
 
 @contextmanager
 def progress(description: str) -> Iterator[Callable[..., None]]:
-    """Show a progress bar on standard error while the block runs, if a person is watching.
+    """Show a progress bar on standard error while the block runs, if that is a terminal.
 
-    Yields ``report(share, description=None)``, for the share 0..1 that is done, None where it
-    stays. A program that watches sets the environment variable FRICTION_COMP_PROGRESS to ``lines``
-    and gets a line ``progress SHARE DESCRIPTION`` for each report.
+    Yields ``report(share, description=None)`` for the share 0..1 that is done, None if unchanged.
+    If the environment variable FRICTION_COMP_PROGRESS is ``lines``, each report prints a line
+    ``progress SHARE DESCRIPTION`` for another program.
     """
     if os.environ.get('FRICTION_COMP_PROGRESS') == 'lines':
         yield _progress_lines(description)

@@ -54,14 +54,14 @@ def main(argv: list[str] | None = None) -> int:
         import friction_comp.nodes.tool_client  # noqa: F401
         from friction_comp.tools.demo_loop import play_loop
         from friction_comp.tools.demo_scenes import play_arm, play_two_joints, play_wear
-        from friction_comp.tools.demo_stage import open_stage
+        from friction_comp.tools.demo_system import open_system
 
         play = {'loop': play_loop, 'two_joints': play_two_joints, 'arm': play_arm,
                 'wear': play_wear}[arguments.scene]
         previous = signal.signal(signal.SIGTERM, _interrupt)
         try:
-            with open_stage(arguments) as stage:
-                play(stage)
+            with open_system(arguments) as system:
+                play(system)
         finally:
             signal.signal(signal.SIGTERM, previous)
     return 0

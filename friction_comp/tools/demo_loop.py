@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from friction_comp.refinement.refine import RefineResult
     from friction_comp.samples import Samples
-    from friction_comp.tools.demo_stage import Stage
+    from friction_comp.tools.demo_system import DemoSystem
 
 JOINT = 'armin_1'
 TRUE_MODEL = package_file('config', 'armin_configuration_1.yaml')
@@ -44,84 +44,85 @@ TRIALS = (
     ('refined', 'refined model, d = ±1', 'continuous', True))
 
 
-def play_loop(stage: Stage) -> None:
+def play_loop(system: DemoSystem) -> None:
     """Identify, compensate, evaluate, refine, compensate again."""
     trials: list[EvaluatedTrial] = []
 
     def evaluate(count: int) -> None:
         for name, title, *_ in TRIALS[len(trials):count]:
-            trial = EvaluatedTrial(name, title, recorded(stage.recording(name)))
+            trial = EvaluatedTrial(name, title, recorded(system.recording(name)))
             trials.append(trial)
-            stage.say(f'trial with {title}: peak {trial.peak} N·m, RMS {trial.rms_torque:.2f} N·m')
+            system.log(f'trial with {title}: peak {trial.peak} N·m, RMS {trial.rms_torque:.2f} N·m')
 
     with child_process() as process:
-        model_file = _identify(stage)
-        # On the other core, while the joint is moved.
-        refining = process.submit(refined_model, stage.recording('identification'), model_file)
+        model_file = _identify(system)
+        # In a child process, while the joint is moved.
+        refining = process.submit(refined_model, system.recording('identification'), model_file)
         # From now on, the joint's time advances only during an exercise.
-        stage.ros.set_parameter('plant', 'wait_for_reference', True)
-        stage.start('compensator', model_file, law='none')
+        system.ros.set_parameter('plant', 'wait_for_reference', True)
+        system.start('compensator', model_file, law='none')
         for done, (name, title, law, announced) in enumerate(TRIALS):
             if name == 'refined':
-                result = _load_refined(stage, refining)
-            stage.ros.set_parameter('compensator', 'law', law)
-            _record_trial(stage, name, title, announced, partial(evaluate, done))
-    stage.nodes.stop('compensator', 'plant')
+                result = _load_refined(system, refining)
+            system.ros.set_parameter('compensator', 'law', law)
+            _record_trial(system, name, title, announced, partial(evaluate, done))
+    system.nodes.stop('compensator', 'plant')
     evaluate(len(TRIALS))
-    _conclude(stage, trials, result, model_file)
+    _conclude(system, trials, result, model_file)
 
 
-def _identify(stage: Stage) -> Path:
+def _identify(system: DemoSystem) -> Path:
     """Return the model file that identification writes."""
-    stage.say('starts a simulated joint with effects that its model lacks, and identification')
+    system.log('starts a simulated joint with effects that its model lacks, and identification')
     # Identification and the recorder listen from the first state on.
-    stage.start_plant([JOINT], [TRUE_MODEL], UNDECLARED, wait_for_reference=False,
-                      wait_for_listeners=2)
-    stage.start('identification', TRUE_MODEL, output_folder=stage.output / 'models')
-    stage.start_recorder('identification')
-    stage.wait_for_recorder()
+    system.start_plant([JOINT], [TRUE_MODEL], UNDECLARED, wait_for_reference=False,
+                       wait_for_listeners=2)
+    system.start('identification', TRUE_MODEL, output_folder=system.output / 'models')
+    system.start_recorder('identification')
+    system.wait_for_recorder()
     with progress('identifies') as show:
-        result = stage.ros.identify(GOAL, lambda feedback: show(
+        result = system.ros.identify(GOAL, lambda feedback: show(
             feedback.progress, f'identifies: {feedback.phase}, '
             f"{feedback.remaining_seconds:.0f} s left of the joint's time"))
-    stage.nodes.stop('recorder', 'identification')
-    stage.say(f'identified {JOINT}: breakaway at {1e3 * result.breakaway_positive_mean:.1f} '
-              f'and {1e3 * result.breakaway_negative_mean:.1f} mA, '
-              f'{len(result.speeds)} points of the friction curve')
+    system.nodes.stop('recorder', 'identification')
+    system.log(f'identified {JOINT}: breakaway at {1e3 * result.breakaway_positive_mean:.1f} '
+               f'and {1e3 * result.breakaway_negative_mean:.1f} mA, '
+               f'{len(result.speeds)} points of the friction curve')
     return Path(result.model_file)
 
 
-def _record_trial(stage: Stage, name: str, title: str, announced: bool,
+def _record_trial(system: DemoSystem, name: str, title: str, announced: bool,
                   meanwhile: Callable[[], None]) -> None:
     """Record a trial; `meanwhile` is called while its nodes start."""
-    stage.start_recorder(name)
+    system.start_recorder(name)
     # Listeners are the compensator, the recorder, and the demo itself, when all is recorded.
-    stage.start_exercise(announce_direction=announced, wait_for_listeners=3,
-                         repetitions=stage.arguments.repetitions, **MOVEMENT)
+    system.start_exercise(announce_direction=announced, wait_for_listeners=3,
+                          repetitions=system.arguments.repetitions, **MOVEMENT)
     meanwhile()
-    stage.wait_for_recorder()
-    with stage.ros.subscribed_to_direction():
-        stage.follow(f'trial: {title}')
-    stage.nodes.stop('recorder')
+    system.wait_for_recorder()
+    with system.ros.subscribed_to_direction():
+        system.follow(f'trial: {title}')
+    system.nodes.stop('recorder')
 
 
-def _load_refined(stage: Stage, refining: Future[RefineResult]) -> RefineResult:
+def _load_refined(system: DemoSystem, refining: Future[RefineResult]) -> RefineResult:
     """Wait for the refined model, and load it into the compensator."""
-    stage.wait_while('looks for what the model lacks', lambda: not refining.done(), lambda: 0.5)
+    system.wait_while('looks for what the model lacks', lambda: not refining.done(), lambda: 0.5)
     result = refining.result()
-    path = stage.output / 'models' / f'{JOINT}_refined.yaml'
+    path = system.output / 'models' / f'{JOINT}_refined.yaml'
     replace(result.model, joint=JOINT).save(path)
     effects = ', '.join(f"{effect['name']} ({effect['variable']})"
                         for effect in result.report['effects']) or 'nothing'
     before, after = residuals(result)
-    stage.say(f'refined: {effects}; error {1e3 * before:.1f} → {1e3 * after:.1f} mA')
-    stage.say(f'loads {path.relative_to(stage.output.parent)} into the running compensator')
-    stage.ros.set_parameter('compensator', 'model_files', [str(path)])
+    system.log(f'refined: {effects}; error {1e3 * before:.1f} → {1e3 * after:.1f} mA')
+    system.log(f'loads {path.relative_to(system.output.parent)} into the running compensator')
+    system.ros.set_parameter('compensator', 'model_files', [str(path)])
     return result
 
 
-def _conclude(stage: Stage, trials: list[EvaluatedTrial], result: RefineResult, model_file: Path
-              ) -> None:
+def _conclude(system: DemoSystem, trials: list[EvaluatedTrial], result: RefineResult,
+              model_file: Path) -> None:
+    """Write the report and print its table."""
     before, after = residuals(result)
     effects = result.report['effects']
     table = Table(title='Torque needed to move the joint')
@@ -129,7 +130,7 @@ def _conclude(stage: Stage, trials: list[EvaluatedTrial], result: RefineResult, 
         table.add_column(name, justify='right' if index else 'left')
     for row in table_rows(trials, result):
         table.add_row(*row)
-    stage.finish(
+    system.finish(
         demo_report(trials, result, FrictionModel.load(model_file), UNDECLARED),
         {'trials': [{'name': trial.name, 'peak_torque': trial.peak_torque,
                      'rms_torque': trial.rms_torque, 'stuck': trial.stuck,

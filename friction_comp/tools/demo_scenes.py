@@ -21,9 +21,9 @@ from friction_comp.refinement.whole_arm import refine_arm
 from friction_comp.reports.evaluation_words import compared_peaks
 from friction_comp.reports.scene_reports import (
     arm_scene_report,
-    effort,
+    mean_figure,
     peaks_of,
-    stages_of,
+    session_phases,
     two_joints_report,
     wear_report,
     wear_words,
@@ -33,7 +33,7 @@ from friction_comp.tools.demo_loop import JOINT, recorded, TRUE_MODEL
 
 if TYPE_CHECKING:
     from friction_comp.samples import Samples
-    from friction_comp.tools.demo_stage import Stage
+    from friction_comp.tools.demo_system import DemoSystem
 
 # Joints of the arm, with the note's configuration whose drive they have.
 ARM = {'turn': 1, 'lift': 2, 'bend': 1}
@@ -54,33 +54,33 @@ WEAR_TOLERANCE = 0.125
 WEAR_PATIENCE, WEAR_PAST = 400.0, 40.0
 
 
-def play_two_joints(stage: Stage) -> None:
+def play_two_joints(system: DemoSystem) -> None:
     """Play an exercise with reversals, without and with the directions announced."""
     joints = ['shoulder', 'elbow']
     models = [package_file('config', f'armin_configuration_{k}.yaml') for k in (1, 2)]
     exercise = package_file('config', 'exercises', 'two_joints.yaml')
-    stage.say('starts two simulated joints, a shoulder and an elbow, and the compensator')
-    stage.start_plant(joints, models)
-    stage.start('compensator', *models, law='kinetic')
+    system.log('starts two simulated joints, a shoulder and an elbow, and the compensator')
+    system.start_plant(joints, models)
+    system.start('compensator', *models, law='kinetic')
     for law, title in (('kinetic', 'kinetic friction only'),
                        ('continuous', 'each direction announced as it changes')):
-        stage.ros.set_parameter('compensator', 'law', law)
-        _move(stage, law, title, exercise, stage.arguments.repetitions)
-    stage.nodes.stop('compensator', 'plant')
+        system.ros.set_parameter('compensator', 'law', law)
+        _move(system, law, title, exercise, system.arguments.repetitions)
+    system.nodes.stop('compensator', 'plant')
 
-    evaluations = evaluate_recordings([stage.output / 'recordings'])
+    evaluations = evaluate_recordings([system.output / 'recordings'])
     gains = {joint: FrictionModel.load(path).drive.torque_per_current
              for joint, path in zip(joints, models)}
-    shown = _recorded_joints(stage.recording('continuous'), gains)
+    shown = _recorded_joints(system.recording('continuous'), gains)
     peaks = {one.joint: compared_peaks(one) or ('–', '–') for one in evaluations}
-    stage.finish(
+    system.finish(
         two_joints_report(evaluations, shown, exercise),
         {'joints': [one.as_dict() for one in evaluations]},
         *(f'{joint}: peak {before} N·m with kinetic friction only, {after} N·m with the direction '
           'announced' for joint, (before, after) in peaks.items()))
 
 
-def play_arm(stage: Stage) -> None:
+def play_arm(system: DemoSystem) -> None:
     """Guide an arm alone; then with weight and friction, refined from that, taken by motors."""
     for module, package in (('mujoco', 'mujoco'), ('pinocchio', 'pin')):
         if importlib.util.find_spec(module) is None:
@@ -89,36 +89,36 @@ def play_arm(stage: Stage) -> None:
     drives = {joint: replace(FrictionModel.load(package_file(
         'config', f'armin_configuration_{number}.yaml')), joint=joint)
         for joint, number in ARM.items()}
-    files = [stage.output / 'models' / f'{joint}.yaml' for joint in ARM]
+    files = [system.output / 'models' / f'{joint}.yaml' for joint in ARM]
     for model, path in zip(drives.values(), files):
         replace(model, simulation={**model.simulation, 'human': PERSON}).save(path)
-    stage.say('starts an arm of three joints that hangs down, moved by MuJoCo, and the '
-              'compensator with the models of its drives')
-    stage.start_plant(list(ARM), files, engine='mujoco',
-                      arm_file=package_file('config', 'arms', 'guided_arm.xml'))
-    stage.start('compensator', *files, law='none')
-    _move(stage, 'alone', 'a person guides it without any help', exercise)
+    system.log('starts an arm of three joints that hangs down, moved by MuJoCo, and the '
+               'compensator with the models of its drives')
+    system.start_plant(list(ARM), files, engine='mujoco',
+                       arm_file=package_file('config', 'arms', 'guided_arm.xml'))
+    system.start('compensator', *files, law='none')
+    _move(system, 'alone', 'a person guides it without any help', exercise)
     gains = {joint: model.drive.torque_per_current for joint, model in drives.items()}
-    alone = _recorded_joints(stage.recording('alone'), gains)
+    alone = _recorded_joints(system.recording('alone'), gains)
     with progress('refines the arm') as show:
         result = refine_arm(
             {joint: [samples] for joint, samples in alone.items()},
             package_file('config', 'arms', 'guided_arm.urdf'),
             {joint: model.drive for joint, model in drives.items()}, drives,
             declared=True, progress=show)
-    path = stage.output / 'models' / 'arm.yaml'
+    path = system.output / 'models' / 'arm.yaml'
     write_yaml(path, arm_document({
         joint: one.model.to_dict() for joint, one in result.results.items()}))
-    stage.say('refined all joints from that: weight and inertia of the links, in '
-              f'{path.relative_to(stage.output.parent)}')
-    stage.ros.set_parameter('compensator', 'model_files', [str(path)] * len(ARM))
-    stage.ros.set_parameter('compensator', 'law', 'continuous')
-    _move(stage, 'helped', 'the motors carry the weight and take the friction', exercise)
-    stage.nodes.stop('compensator', 'plant')
+    system.log('refined all joints from that: weight and inertia of the links, in '
+               f'{path.relative_to(system.output.parent)}')
+    system.ros.set_parameter('compensator', 'model_files', [str(path)] * len(ARM))
+    system.ros.set_parameter('compensator', 'law', 'continuous')
+    _move(system, 'helped', 'the motors carry the weight and take the friction', exercise)
+    system.nodes.stop('compensator', 'plant')
 
-    helped = _recorded_joints(stage.recording('helped'), gains)
+    helped = _recorded_joints(system.recording('helped'), gains)
     peaks = peaks_of(alone, helped)
-    stage.finish(
+    system.finish(
         arm_scene_report(alone, helped, result, exercise),
         {'joints': peaks, 'arm': result.report()},
         *(f'{joint}: the person gives {own["alone"]["rms"]:.2f} N·m RMS, '
@@ -127,15 +127,15 @@ def play_arm(stage: Stage) -> None:
           for joint, own in peaks.items()))
 
 
-def _move(stage: Stage, name: str, title: str, exercise: Path, repetitions: int = 1) -> None:
+def _move(system: DemoSystem, name: str, title: str, exercise: Path, repetitions: int = 1) -> None:
     """Record an exercise."""
-    stage.start_recorder(name)
-    stage.wait_for_recorder()
+    system.start_recorder(name)
+    system.wait_for_recorder()
     for k in range(repetitions):
-        stage.start_exercise(exercise_file=exercise)
-        stage.follow(f'{title}, {k + 1} of {repetitions}')
-    stage.nodes.stop('recorder')
-    stage.say(f'moved: {title}')
+        system.start_exercise(exercise_file=exercise)
+        system.follow(f'{title}, {k + 1} of {repetitions}')
+    system.nodes.stop('recorder')
+    system.log(f'moved: {title}')
 
 
 def _recorded_joints(path: Path, gains: dict[str, float]) -> dict[str, Samples]:
@@ -144,89 +144,90 @@ def _recorded_joints(path: Path, gains: dict[str, float]) -> dict[str, Samples]:
     return {joint: parts[joint][0][0] for joint in gains}
 
 
-def play_wear(stage: Stage) -> None:
+def play_wear(system: DemoSystem) -> None:
     """Move a joint whose friction grows until a warning comes; refine, load, and move on."""
-    stage.say('starts a joint whose gear binds as it warms, the compensator with the model of '
-              'the cold drive, and the node that monitors the residual')
+    system.log('starts a joint whose gear binds as it warms, the compensator with the model of '
+               'the cold drive, and the node that monitors the residual')
     # The refinement listens, too.
-    stage.start_plant([JOINT], [TRUE_MODEL], BINDING, wait_for_listeners=4)
-    stage.start('compensator', TRUE_MODEL)
-    stage.nodes.start('refinement', {
+    system.start_plant([JOINT], [TRUE_MODEL], BINDING, wait_for_listeners=4)
+    system.start('compensator', TRUE_MODEL)
+    system.nodes.start('refinement', {
         'joints': [JOINT], 'model_files': [TRUE_MODEL], 'use_sim_time': True,
-        'tolerance': WEAR_TOLERANCE, 'output_folder': stage.output / 'models'})
-    stage.start_recorder('session')
-    stage.wait_for_recorder()
-    stage.start_exercise(wait_for_listeners=3, repetitions=1000, **WEAR_MOVEMENT)
-    warning = _wait_for_warning(stage)
-    marks = {'warned': stage.exercise_time()}
-    stage.say(f'warned after {marks["warned"]:.0f} s of movement: {warning}')
-    stage.wait_while('moves on, to have enough to refine from',
-                     lambda: stage.exercise_time() < WEAR_PAST,
-                     lambda: stage.exercise_time() / WEAR_PAST)
-    result = _refine_live(stage)
-    stage.say(f'{result.message}; verdict: {result.verdict}')
-    marks['loaded'] = stage.exercise_time()
-    afterwards = _wait_for_verdict(stage, marks['loaded'])
-    stage.say(f'now {afterwards}')
-    stage.nodes.stop('exercise', 'recorder', 'refinement', 'compensator', 'plant')
+        'tolerance': WEAR_TOLERANCE, 'output_folder': system.output / 'models'})
+    system.start_recorder('session')
+    system.wait_for_recorder()
+    system.start_exercise(wait_for_listeners=3, repetitions=1000, **WEAR_MOVEMENT)
+    warning = _wait_for_warning(system)
+    marks = {'warned': system.exercise_time()}
+    system.log(f'warned after {marks["warned"]:.0f} s of movement: {warning}')
+    system.wait_while('moves on, to have enough to refine from',
+                      lambda: system.exercise_time() < WEAR_PAST,
+                      lambda: system.exercise_time() / WEAR_PAST)
+    result = _refine_live(system)
+    system.log(f'{result.message}; verdict: {result.verdict}')
+    marks['loaded'] = system.exercise_time()
+    afterwards = _wait_for_verdict(system, marks['loaded'])
+    system.log(f'now {afterwards}')
+    system.nodes.stop('exercise', 'recorder', 'refinement', 'compensator', 'plant')
 
-    evaluation, = evaluate_recordings([stage.recording('session')], JOINT)
-    stages = stages_of(evaluation, marks, stage.arguments.repetitions)
+    evaluation, = evaluate_recordings([system.recording('session')], JOINT)
+    phases = session_phases(evaluation, marks, system.arguments.repetitions)
     facts = {
         'warning': warning, 'afterwards': afterwards, 'message': result.message,
         'verdict': result.verdict, 'error_before': result.error_before,
         'error_after': result.error_after, 'report': result.report,
         'found': [f'{effect.name.replace("_", " ")} ({effect.variable})'
                   for effect in FrictionModel.load(result.model_file).effects]}
-    with (stage.output / 'repetitions.csv').open('w', newline='', encoding='utf-8') as stream:
+    with (system.output / 'repetitions.csv').open('w', newline='', encoding='utf-8') as stream:
         csv.writer(stream, lineterminator='\n').writerows(evaluation.table())
-    stage.finish(
-        wear_report(evaluation, stages, marks, facts, recorded(stage.recording('session')),
+    system.finish(
+        wear_report(evaluation, phases, marks, facts, recorded(system.recording('session')),
                     BINDING),
         {**facts, 'marks': marks,
-         'rms_torque': {name: effort(part).as_dict() for name, part in stages.items()}},
-        wear_words(stages, facts).replace('**', ''))
+         'rms_torque': {name: mean_figure(part).as_dict() for name, part in phases.items()}},
+        wear_words(phases, facts).replace('**', ''))
 
 
-def _residual(stage: Stage) -> str:
-    """Return what the monitoring says of the residual."""
-    return stage.ros.value('refinement', f'{JOINT}: residual') or ''
+def _residual(system: DemoSystem) -> str:
+    """Return the verdict of the monitoring as text."""
+    return system.ros.value('refinement', f'{JOINT}: residual') or ''
 
 
-def _wait_for_warning(stage: Stage) -> str:
-    stage.wait_while(
+def _wait_for_warning(system: DemoSystem) -> str:
+    system.wait_while(
         'moves until the model no longer fits',
-        lambda: 'no longer fits' not in _residual(stage) and stage.exercise_time() < WEAR_PATIENCE,
-        lambda: stage.exercise_time() / WEAR_PATIENCE)
-    words = _residual(stage)
+        lambda: ('no longer fits' not in _residual(system)
+                 and system.exercise_time() < WEAR_PATIENCE),
+        lambda: system.exercise_time() / WEAR_PATIENCE)
+    words = _residual(system)
     if 'no longer fits' not in words:
         raise InputError(f'no warning within {WEAR_PATIENCE:.0f} s of movement: '
                          f'{words or "the monitoring says nothing"}')
     return words
 
 
-def _refine_live(stage: Stage) -> Any:
+def _refine_live(system: DemoSystem) -> Any:
     """Refine from all that the node has kept, while the joint moves on."""
     # A loop that runs as fast as it can would leave little processor time to refinement.
-    stage.ros.set_parameter('plant', 'pace', 1.0)
+    system.ros.set_parameter('plant', 'pace', 1.0)
     with progress('refines beside the running loop') as show:
-        result = stage.ros.refine(
+        result = system.ros.refine(
             {'joint': JOINT, 'seconds': 0.0, 'load': True},
             lambda feedback: show(feedback.progress, f'refines: {feedback.step}'))
-    stage.ros.set_parameter('plant', 'pace', 0.0)
+    system.ros.set_parameter('plant', 'pace', 0.0)
     if not result.loaded:
         raise InputError(f'the refined model was not loaded: {result.message}')
     return result
 
 
-def _wait_for_verdict(stage: Stage, begin: float) -> str:
+def _wait_for_verdict(system: DemoSystem, begin: float) -> str:
     """Keep moving with the refined model until the monitoring has a verdict; return its words."""
-    least = stage.arguments.repetitions * WEAR_PERIOD + 1.0
+    least = system.arguments.repetitions * WEAR_PERIOD + 1.0
 
     def going() -> bool:
-        passed = stage.exercise_time() - begin
+        passed = system.exercise_time() - begin
         return passed < least or (
-            not _residual(stage).startswith('the model') and passed < WEAR_PATIENCE)
-    stage.wait_while('moves on with the refined model', going,
-                     lambda: (stage.exercise_time() - begin) / max(least, 0.1 * WEAR_PATIENCE))
-    return _residual(stage)
+            not _residual(system).startswith('the model') and passed < WEAR_PATIENCE)
+    system.wait_while('moves on with the refined model', going,
+                      lambda: (system.exercise_time() - begin) / max(least, 0.1 * WEAR_PATIENCE))
+    return _residual(system)

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 from friction_comp.errors import InputError
 from friction_comp.monitoring import network
 from friction_comp.monitoring.observation import Finding, NOTE, OK, PROBLEM, WARNING
-from friction_comp.package_files import middlewares, name_this_environment
+from friction_comp.package_files import add_environment_to_ament_path, middlewares
 from friction_comp.tools.common import Arguments, positive, progress, to_json
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ _STYLES = {OK: ('green', 'ok'), NOTE: ('cyan', 'note'), WARNING: ('yellow', 'war
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Look at the installation and at what runs, and print what was found."""
+    """Check the installation and the running system, and print the findings."""
     given = list(sys.argv[1:] if argv is None else argv)
     parser = Arguments('doctor', __doc__, (
         '', '--installed', '--seconds 10 --model config/armin_configuration_2.yaml',
@@ -68,7 +68,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def check_machine() -> Iterator[Finding]:
-    """Yield the findings about this machine."""
+    """Yield the findings about this machine: what is installed, network and load."""
     yield Finding(OK, 'Python', f'{platform.python_version()}, {sys.executable}')
     for module, name, use, optional in _PACKAGES:
         if importlib.util.find_spec(module) is None:
@@ -99,7 +99,7 @@ def check_machine() -> Iterator[Finding]:
 
 
 def _interfaces() -> Iterator[Finding]:
-    name_this_environment()
+    add_environment_to_ament_path()
     try:
         action = importlib.import_module('friction_comp_interfaces.action')
         wanted = [name for name in ('IdentifyFriction', 'RefineModel')
@@ -114,7 +114,10 @@ def _interfaces() -> Iterator[Finding]:
 
 
 def _middleware() -> Iterator[Finding]:
-    """Give what would end every ROS 2 process at its first step, with words that name no remedy."""
+    """Yield a problem if RMW_IMPLEMENTATION names a middleware that is not installed.
+
+    Every ROS 2 process would end at once, with a message that names no remedy.
+    """
     wanted, installed = os.environ.get('RMW_IMPLEMENTATION'), middlewares()
     if wanted and installed and wanted not in installed:
         yield Finding(PROBLEM, 'middleware', f'RMW_IMPLEMENTATION is {wanted}, which is not '
@@ -135,29 +138,32 @@ def check_running_system(arguments: argparse.Namespace, ros: list[str]) -> list[
         OK, 'middleware', f'{middleware()}; {variables or "domain 0, all defaults"}')]
     with progress('looks') as report:
         seen = observe(arguments.seconds, ros, report)
-    return findings + check_system(seen) + _models(seen, arguments.model)
+    return findings + check_system(seen) + _check_models(seen, arguments.model)
 
 
-def _models(seen: Observation, paths: list[Path]) -> list[Finding]:
-    """Return how the models fit that were given, or that the compensator uses."""
+def _check_models(seen: Observation, paths: list[Path]) -> list[Finding]:
+    """Compare models with live data: those of `paths`, or without them the compensator's."""
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.monitoring.checkup import check_joint
 
     joints = seen.states.joints if seen.states else []
-    models = [FrictionModel.load(path) for path in paths]
-    pairs = [(model.joint if model.joint in joints or index >= len(joints)
-              else joints[index], model) for index, model in enumerate(models)]
     findings: list[Finding] = []
-    used = [] if paths else [
-        pair for node, values in seen.parameters.items() if 'compensator' in node
-        for pair in zip(values.get('joints') or (), values.get('model_files') or ())]
-    for joint, path in used:
-        try:
-            pairs.append((joint, FrictionModel.load(path)))
-        except InputError as error:
-            findings.append(Finding(PROBLEM, joint, str(error),
-                                    'look whether the file is on this machine too'))
-    for joint, model in pairs if seen.states else ():
+    models = []
+    for index, model in enumerate(map(FrictionModel.load, paths)):
+        # The file of a joint of another name belongs to the joint at its place in the list.
+        is_named = model.joint in joints or index >= len(joints)
+        models.append((model.joint if is_named else joints[index], model))
+    if not paths:
+        for node, values in seen.parameters.items():
+            if 'compensator' not in node:
+                continue
+            for joint, path in zip(values.get('joints') or (), values.get('model_files') or ()):
+                try:
+                    models.append((joint, FrictionModel.load(path)))
+                except InputError as error:
+                    findings.append(Finding(PROBLEM, joint, str(error),
+                                            'look whether the file is on this machine too'))
+    for joint, model in models if seen.states else ():
         findings += check_joint(seen, joint, model)
     return findings
 

@@ -34,6 +34,7 @@ def main(argv: list[str] | None = None) -> int:
     arguments = parser.parse(argv)
     from friction_comp.evaluation.sessions import evaluate_pieces, pieces_of
     from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.recordings.sources import size_of
     from friction_comp.reports.evaluation_report import evaluation_report
     from friction_comp.reports.evaluation_words import condition_line, summary
 
@@ -74,8 +75,3 @@ def main(argv: list[str] | None = None) -> int:
     print(arguments.output / 'report.html')
     return 0
 
-
-def size_of(path: Path) -> int:
-    """Return the bytes of a recording, a file or a folder."""
-    files = path.rglob('*') if path.is_dir() else [path]
-    return sum(file.stat().st_size for file in files if file.is_file())

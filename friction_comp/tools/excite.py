@@ -59,11 +59,11 @@ def main(argv: list[str] | None = None) -> int:
     import numpy as np
 
     from friction_comp.excitation.plan import fourier_series, plan_joint, staircase, trajectory_of
-    from friction_comp.excitation.separation import scene_within, separations
+    from friction_comp.excitation.separation import coverage_within, separations
     from friction_comp.reports.excitation_report import excitation_report
 
     if arguments.effort is not None and arguments.model is None:
-        raise InputError('--effort needs --model, which says what effort a motion asks for')
+        raise InputError('--effort needs --model, which predicts the effort of a motion')
     if arguments.rate > _HIGHEST_RATE:
         raise InputError(f'--rate must be at most {_HIGHEST_RATE:g} Hz')
     pairs, limits = _pairs(arguments), limits_of(arguments)
@@ -77,11 +77,11 @@ def main(argv: list[str] | None = None) -> int:
                 own, pairs, seconds, seed, model,
                 lambda share, index=index: show(  # type: ignore[misc]
                     (index + share) / len(limits), f'planning {limits[index].joint}')))
-            scene = scene_within(own, seconds, 1.0 / rate)
+            coverage = coverage_within(own, seconds, 1.0 / rate)
             others.append({
-                'staircase of speeds': separations(staircase(own, seconds, rate), pairs, scene),
+                'staircase of speeds': separations(staircase(own, seconds, rate), pairs, coverage),
                 'random Fourier series': separations(
-                    fourier_series(own, seconds, rate, seed), pairs, scene)})
+                    fourier_series(own, seconds, rate, seed), pairs, coverage)})
     checked = 'effort limits are kept by the model' if model else 'effort is not checked'
     content = {'seconds': seconds, 'seed': arguments.seed,
                'effort_checked': model is not None, 'joints': [{

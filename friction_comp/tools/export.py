@@ -43,12 +43,12 @@ def main(argv: list[str] | None = None) -> int:
     import numpy as np
 
     from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.model.simulator_joint import simulator_joint, table
+    from friction_comp.model.simulator_joint import friction_table, simulator_joint
 
     model = FrictionModel.load(arguments.model)
     if arguments.to == 'csv':
-        names, rows = table(model, np.linspace(-arguments.load, arguments.load, 9),
-                            arguments.top_speed)
+        names, rows = friction_table(model, np.linspace(-arguments.load, arguments.load, 9),
+                                     arguments.top_speed)
         lines = [','.join(names), *(','.join(f'{value:.6g}' for value in row) for row in rows)]
         write_atomically(arguments.output, '\n'.join(lines) + '\n')
         print(f'{arguments.output}: {len(rows)} rows')
@@ -64,13 +64,14 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def remarks_on(joint: SimulatorJoint, model: str) -> list[str]:
-    """Return what a reader of the file should know."""
+    """Return lines on origin, values and error of the simplified form, as a comment."""
     return [
         f'Friction of {model}, by friction_comp {__version__}',
         f'Coulomb {joint.friction:.6g} N·m, viscous {joint.damping:.6g} N·m·s/rad, inertia of the '
         f'drive {joint.inertia:.6g} kg·m²',
-        f'This form misses the model by {joint.error:.3g} N·m RMS, {100 * joint.share:.2g} % of '
-        f'its friction, in sweeps at constant speeds up to {joint.top_speed:.3g} rad/s',
+        f'This form misses the model by {joint.error:.3g} N·m RMS, '
+        f'{100 * joint.relative_error:.2g} % of its friction, in sweeps at constant speeds up to '
+        f'{joint.top_speed:.3g} rad/s',
         *(f'Not in it: {line}' for line in joint.left_out)]
 
 

@@ -72,7 +72,7 @@ def main(argv: list[str] | None = None) -> int:
         raise InputError('--undeclared goes with --simulate')
     if not (arguments.model or arguments.simulate or (
             arguments.torque_constant and arguments.gear_ratio)):
-        raise InputError('--model, or --torque-constant and --gear-ratio, must tell the drive')
+        raise InputError('--model, or --torque-constant and --gear-ratio, must specify the drive')
     from friction_comp.model.friction_model import FrictionModel
 
     simulated = FrictionModel.load(arguments.simulate) if arguments.simulate else None
@@ -91,7 +91,7 @@ def main(argv: list[str] | None = None) -> int:
     names = [str(path) for path in arguments.recorded]
     with _system(arguments, limits.joint) as (ros, nodes), progress('improves') as show:
         improvement = improve(
-            lambda plan: _played(arguments, names, plan, ros, nodes, drive, show), limits, drive,
+            lambda plan: _play(arguments, names, plan, ros, nodes, drive, show), limits, drive,
             model=model, recorded=recorded,
             schedule=Schedule(arguments.seconds, arguments.budget, arguments.seed), progress=show,
             done=lambda so_far: _write(arguments, names, so_far))
@@ -110,7 +110,7 @@ def main(argv: list[str] | None = None) -> int:
 
 @contextmanager
 def _system(arguments: Namespace, joint: str) -> Iterator[tuple[ToolClient, Nodes]]:
-    """Give the tool's part in ROS 2, and its nodes: with --simulate, plant and identification."""
+    """Yield a ROS 2 client and the nodes of the tool, with --simulate plant and identification."""
     output = arguments.output.absolute()
     with ExitStack() as stack:
         if arguments.simulate:
@@ -130,9 +130,9 @@ def _system(arguments: Namespace, joint: str) -> Iterator[tuple[ToolClient, Node
         yield ros, nodes
 
 
-def _played(arguments: Namespace, names: list[str], plan: JointPlan, ros: ToolClient,
-            nodes: Nodes, drive: Drive, show: Callable[..., None]) -> Samples:
-    """Have a plan played and recorded, add the recording to the names, and return it."""
+def _play(arguments: Namespace, names: list[str], plan: JointPlan, ros: ToolClient,
+          nodes: Nodes, drive: Drive, show: Callable[..., None]) -> Samples:
+    """Play and record a plan, add the recording to the names, and return its samples."""
     from friction_comp.excitation.plan import trajectory_of
     from friction_comp.recordings import read_recording
 
@@ -145,16 +145,16 @@ def _played(arguments: Namespace, names: list[str], plan: JointPlan, ros: ToolCl
     nodes.start('recorder', {
         'output': str(path), 'use_sim_time': bool(arguments.simulate),
         'input_reliability': 'reliable' if arguments.simulate else 'best_effort'})
-    # A subscriber that has received one state receives all later ones. Diagnostics of the recorder
-    # before may still arrive: they name another folder.
-    ros.until(lambda: ros.value('recorder', 'hardware_id') == str(path)
-              and int(ros.value('recorder', 'joint_states') or 0) > 0,
-              'joint_states at the recorder')
+    # A subscriber that has received one state receives all later ones. Diagnostics of the previous
+    # recorder may still arrive: they name another folder.
+    ros.wait_until(lambda: ros.value('recorder', 'hardware_id') == str(path)
+                   and int(ros.value('recorder', 'joint_states') or 0) > 0,
+                   'joint_states at the recorder')
 
-    def tell(share: float, word: str) -> None:
+    def report(share: float, word: str) -> None:
         show(None, f'round {index}: {word}, {100.0 * share:.0f} %')
     try:
-        ros.play(trajectory_of([plan], _RATE), tell)
+        ros.play(trajectory_of([plan], _RATE), report)
     finally:
         nodes.stop('recorder')
     names.append(str(arguments.output / 'recordings' / path.name))
@@ -163,7 +163,7 @@ def _played(arguments: Namespace, names: list[str], plan: JointPlan, ros: ToolCl
 
 
 def _write(arguments: Namespace, names: list[str], improvement: Improvement) -> None:
-    """Write what was found so far: an interruption loses the round at hand alone."""
+    """Write the results so far: an interruption loses only the present round."""
     from friction_comp.reports.excitation_report import improvement_report
     from friction_comp.reports.refinement_report import refinement_report
 

@@ -37,10 +37,11 @@ def main(argv: list[str] | None = None) -> int:
     with ToolClient(patience=_PATIENCE) as ros, progress('plays') as show:
         if arguments.controller:
             ros.play_on(arguments.controller, trajectory,
-                        lambda share, word: show(share, f'plays: {word}'))
-        for index, joint in enumerate(trajectory.joints if not arguments.controller else ()):
-            def tell(share: float, word: str, index: int = index, joint: str = joint) -> None:
-                show((index + share) / len(trajectory.joints), f'{joint}: {word}')
-            ros.play(trajectory.of(joint), tell)
+                        lambda share, phase: show(share, f'plays: {phase}'))
+        else:
+            for index, joint in enumerate(trajectory.joints):
+                def report(share: float, phase: str, k: int = index, name: str = joint) -> None:
+                    show((k + share) / len(trajectory.joints), f'{name}: {phase}')
+                ros.play(trajectory.of(joint), report)
     print(f'played {arguments.trajectory}: {", ".join(trajectory.joints)}')
     return 0

@@ -65,7 +65,7 @@ def main(argv: list[str] | None = None) -> int:
         print(f"left out, since it belongs to the recording it was found in: {', '.join(left_out)} "
               '(--with-time-effects applies it)')
     if measured is not samples.current:
-        print('a load was recorded: the current that it spares the motor counts as measured')
+        print('a load was recorded: the current that it replaces is added to the measured current')
     residual, moves = measured - predicted, moving(samples, model)
     errors = [f'{np.sqrt(np.mean(residual ** 2)):.4g} A']
     if moves.any():
@@ -79,9 +79,9 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def moving(samples: Samples, model: FrictionModel) -> np.ndarray:
-    """Return where the joint moves, as refinement counts it, shape (N,) of bool.
+    """Return where the joint moves by the criterion of refinement, shape (N,) of bool.
 
-    At standstill friction is whatever keeps the joint there, and no model is wrong about it.
+    At standstill, friction balances any torque up to breakaway: a model's error says little.
     """
     import numpy as np
 
@@ -94,10 +94,10 @@ def moving(samples: Samples, model: FrictionModel) -> np.ndarray:
 
 def table(samples: Samples, info: RecordingInfo, measured: np.ndarray,
           predicted: np.ndarray) -> str:
-    """Return the CSV text: one row for every joint state that the recording holds.
+    """Return the CSV text: one row for every joint state of the recording.
 
-    Joint states that were left out of the samples (not finite, or a stamp seen before) get the
-    values of the sample before them, so that rows and joint states stay side by side.
+    Joint states that are not among the samples (not finite, or a repeated stamp) get the values of
+    the sample before them.
     """
     import numpy as np
 

@@ -32,7 +32,7 @@ _PATIENCE = 10.0
 
 def plant_parameters(joints: Sequence[str], models: Sequence[Path], undeclared: Path | None,
                      seed: int, sample_time: float = SAMPLE_TIME) -> dict[str, Any]:
-    """Return the parameters of a plant in lockstep, whose joints all hide the same effects."""
+    """Return the parameters of a plant in lockstep, all joints with the same undeclared effects."""
     return {'joints': joints, 'model_files': models,
             'undeclared_effect_files': [undeclared or ''] * len(joints),
             'clock': 'lockstep', 'seed': seed, 'sample_time': sample_time,
@@ -48,10 +48,7 @@ def ros_arguments(parameters: Mapping[str, Any]) -> list[str]:
 
 
 class Nodes:
-    """Runs nodes of this package, each in a separate process that prints into the folder `logs`.
-
-    Leaving the ``with`` block ends them all.
-    """
+    """Runs nodes of this package as processes, with log files, in a ``with`` block."""
 
     def __init__(self, logs: Path) -> None:
         self._logs = logs

@@ -34,7 +34,7 @@ def drive_of(arguments: Namespace, model: FrictionModel | None) -> Drive:
 
 
 def with_current_limit(arguments: Namespace, drive: Drive, recorded: list[Samples]
-            ) -> tuple[Drive, dict[str, str]]:
+                       ) -> tuple[Drive, dict[str, str]]:
     """Return the drive with its current limit, and a note on the origin of the limit.
 
     If no limit is given, it is the largest current in the recordings, which the drive has certainly
@@ -53,7 +53,7 @@ def with_current_limit(arguments: Namespace, drive: Drive, recorded: list[Sample
 
 
 def layout_of(arguments: Namespace) -> Layout:
-    """Return what ``--columns`` and ``--unit`` say of a table."""
+    """Return the layout of a table according to ``--columns`` and ``--unit``."""
     text = arguments.unit or ''
     try:
         return Layout(read_pairs(arguments.columns, '--columns') if arguments.columns else {},
@@ -65,10 +65,9 @@ def layout_of(arguments: Namespace) -> Layout:
 
 def unit_of(arguments: Namespace, model: FrictionModel | None,
             infos: Sequence[RecordingInfo] = ()) -> str:
-    """Return the unit of the fitted signal: current where the drive is known, else effort's own.
+    """Return the unit of the fitted signal: A if the drive is known, else that of the effort.
 
-    Where effort holds something else still (a servo's voltage, a linear axis' force) only the
-    user knows: then ``--unit`` says so.
+    If effort is a servo's voltage or the force of a linear axis, ``--unit`` must name its unit.
     """
     if arguments.unit and '=' not in arguments.unit:
         return str(arguments.unit)
@@ -88,8 +87,8 @@ def refine_recordings(arguments: Namespace, paths: Sequence[Path], joint: str | 
                       ) -> tuple[RefineResult, History | None]:
     """Refine a model on recordings of one joint together, by the arguments of the tool `refine`.
 
-    `show` gets the share 0..1 that is done, and what is done. With ``--history``, the model's
-    history with the new recordings comes beside the result.
+    `show` is called with the share 0..1 that is done and a description. With ``--history``, the
+    model's history with the new recordings is returned as well, else None.
     """
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.recordings.condense import read_condensed
@@ -106,7 +105,9 @@ def refine_recordings(arguments: Namespace, paths: Sequence[Path], joint: str | 
     recorded = [samples for samples, _ in recordings]
     drive, limit = with_current_limit(arguments, drive, recorded)
     if history is not None:
-        recorded = history.with_new(recordings)
+        for samples, info in recordings:
+            history.add(samples, info)
+        recorded = history.samples()
     with errors_name(f'{paths[0]}: {joint}' if joint else paths[0]):
         result = refine(
             recorded, model, drive, unit=unit,
@@ -119,12 +120,12 @@ def refine_recordings(arguments: Namespace, paths: Sequence[Path], joint: str | 
 
 
 def folder_name(joint: str) -> str:
-    """Return a joint's name as a folder may be called."""
+    """Return a joint's name as the name of a folder."""
     return re.sub(r'[^\w.-]', '_', joint).lstrip('.') or '_'
 
 
 def print_summary(report: dict[str, Any]) -> None:
-    """Print what was found, in a few lines."""
+    """Print the report of a refinement in a few lines."""
     from friction_comp.reports.html import number, quantity
 
     unit = report['unit']
@@ -143,10 +144,10 @@ def print_summary(report: dict[str, Any]) -> None:
         print('  no effect beyond the model shows in the recordings')
     print(f"after:  {quantity(after, unit)} RMS on data not fitted; noise floor "
           f"{quantity(report['noise_floor'], unit)}")
-    own = report['after']
-    print(f"        {quantity(own['worst_part_rmse'], unit)} in the worst part; to expect "
-          f"elsewhere: {quantity(own['elsewhere_motion_rmse'], unit)} in motion, "
-          f"{quantity(own['elsewhere_rmse'], unit)} with standstill, where friction is whatever "
+    errors = report['after']
+    print(f"        {quantity(errors['worst_part_rmse'], unit)} in the worst part; to expect "
+          f"elsewhere: {quantity(errors['elsewhere_motion_rmse'], unit)} in motion, "
+          f"{quantity(errors['elsewhere_rmse'], unit)} with standstill, where friction is whatever "
           'holds the joint')
     for entry in report['unexplained']:
         print(f"unexplained: {entry['variable']} ({number(entry['strength'])} of the remaining "

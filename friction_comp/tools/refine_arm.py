@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 def refine_whole_arm(arguments: Namespace) -> int:
     """Refine the joints of an arm and write their reports and models.
 
-    Of one joint (``--joint``) the same files as without a URDF are written. Of all joints there is
-    a folder for each with these files, and above them ``report.json`` with the arm and all joints,
-    ``report.html``, and ``model.yaml`` with all joints' models. Returns 0.
+    For one joint (``--joint``) the same files are written as without a URDF. Otherwise each joint
+    has a folder with these files, next to ``report.json``, ``report.html`` and ``model.yaml`` of
+    the whole arm. Returns 0.
     """
     from friction_comp.recordings import read_arm
     from friction_comp.refinement.whole_arm import refine_arm

@@ -31,8 +31,8 @@ MIN_SHARED = 8
 def refine_each(arguments: Namespace) -> int:
     """Refine each joint of each recording; write a folder for each, and one page on all.
 
-    What is found is written as it comes, each folder whole or not at all: an interrupt, or a
-    recording that cannot be used, costs no other. Returns 0, or 130 when it was interrupted.
+    Each folder is written as soon as its joint is refined, whole or not at all: neither an
+    interrupt nor an unusable recording affects the others. Returns 0, or 130 if interrupted.
     """
     if arguments.urdf:
         raise InputError('--each and --urdf exclude each other: the links are fitted once for all')
@@ -49,16 +49,17 @@ def refine_each(arguments: Namespace) -> int:
         folders = _folders(pieces)
         jobs = arguments.jobs or (os.cpu_count() or 1 if len(pieces) >= MIN_SHARED else 1)
         try:
-            with closing(run_each(partial(_refined, arguments), pieces, jobs)) as outcomes:
+            with closing(run_each(partial(_refine_one, arguments), pieces, jobs)) as outcomes:
                 for index, outcome in outcomes:
                     if isinstance(outcome, Failure):
                         failed.append(outcome.reason)
                     else:
-                        # What is written is counted.
+                        row, files = outcome
+                        # A folder that is written must also be in the page on all.
                         with interrupts_deferred():
-                            _write(arguments.output / folders[index], outcome[1])
+                            _write(arguments.output / folders[index], files)
                             rows[index] = {'recording': str(pieces[index].path),
-                                           'folder': folders[index], **outcome[0]}
+                                           'folder': folders[index], **row}
                     done = len(rows) + len(failed) - len(failures)
                     show(done / len(pieces), f'{done} of {len(pieces)}: {pieces[index]}')
         except KeyboardInterrupt:
@@ -82,7 +83,7 @@ def refine_each(arguments: Namespace) -> int:
 
 
 def _folders(pieces: Sequence[Piece]) -> list[str]:
-    """Return the name of a folder for each piece, no two alike."""
+    """Return a different folder name for each piece."""
     names: list[str] = []
     if not pieces:
         return names
@@ -97,8 +98,8 @@ def _folders(pieces: Sequence[Piece]) -> list[str]:
     return names
 
 
-def _refined(arguments: Namespace, piece: Piece) -> tuple[dict[str, Any], dict[str, str]]:
-    """Refine one piece; return its entries of the page on all, and its files by name."""
+def _refine_one(arguments: Namespace, piece: Piece) -> tuple[dict[str, Any], dict[str, str]]:
+    """Refine a joint of a recording; return its row of the page on all, and its files by name."""
     from friction_comp.reports.refinement_report import refinement_report
 
     begin = time.monotonic()
@@ -107,14 +108,15 @@ def _refined(arguments: Namespace, piece: Piece) -> tuple[dict[str, Any], dict[s
     files = {
         'report.json': to_json(report), 'model.yaml': to_yaml(result.model.to_dict()),
         'report.html': refinement_report(result, [str(piece.path)]).html()}
-    return {
+    row = {
         'joint': report['joint'], 'unit': report['unit'], 'samples': report['samples'],
         'verdict': report['verdict'], 'before': report['before']['held_out_rmse'],
         'after': report['after']['held_out_rmse'], 'noise_floor': report['noise_floor'],
         'effects': [{'name': effect['name'], 'variable': effect['variable']}
                     for effect in report['effects']],
         'unexplained': [entry['variable'] for entry in report['unexplained']],
-        'seconds': time.monotonic() - begin}, files
+        'seconds': time.monotonic() - begin}
+    return row, files
 
 
 def _write(path: Path, files: dict[str, str]) -> None:

@@ -16,18 +16,16 @@ from friction_comp.package_files import package_file
 
 # Domain IDs that ROS 2 calls safe on all systems: their ports are below the ephemeral ports.
 _DOMAINS = range(1, 102)
-# DDSI-RTPS 2.2, section 9.6.1.1: port base and domain gain; and a port of each domain, counted from
-# its first, that it leaves unused.
+# DDSI-RTPS 2.2, section 9.6.1.1: port base and domain gain; and the offset of an unused port.
 _PORT_BASE, _PORT_GAIN, _UNUSED_PORT = 7400, 250, 5
 _SOCKETS = (Path('/proc/net/udp'), Path('/proc/net/udp6'))
 
 
 @contextmanager
 def leased_domain() -> Iterator[int]:
-    """Hold a ROS domain that no process uses, and that no other holder gets meanwhile.
+    """Reserve a ROS domain that no process uses; yields its number, for ``ROS_DOMAIN_ID``.
 
-    The holder is bound to an unused port of the domain, which is free again when its process ends.
-    Yields the domain's number, for ``ROS_DOMAIN_ID``.
+    The reservation is a socket bound to an unused port of the domain: it ends with the process.
     """
     free = sorted(set(_DOMAINS) - domains_in_use())
     # Other participants use small ones by default.
@@ -52,10 +50,7 @@ def _reserve(domain: int) -> socket.socket | None:
 
 @contextmanager
 def private_domain() -> Iterator[None]:
-    """Let ROS 2 of this process and its children use a domain of their own, on this machine only.
-
-    So no robot is disturbed.
-    """
+    """Use an unused ROS domain in this process and its children, so that no robot is disturbed."""
     with leased_domain() as domain:
         os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
         # Nodes then discover each other in half a second instead of three.

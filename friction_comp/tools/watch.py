@@ -20,7 +20,7 @@ import numpy as np
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.package_files import name_this_environment
+from friction_comp.package_files import add_environment_to_ament_path
 from friction_comp.tools.common import Arguments, progress, whole_number
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def main(argv: list[str] | None = None) -> int:
         feed = recorded_feed(arguments.recording, arguments.joint, models)
         _serve(Server, live_page(feed), arguments.port)
         return 0
-    name_this_environment()
+    add_environment_to_ament_path()
     from friction_comp.nodes.live_feed import LiveFeed
 
     ros = itertools.dropwhile(lambda word: word != '--ros-args', given)
@@ -91,7 +91,7 @@ def _serve(server_class: Any, page: Any, port: int) -> None:
 
 
 class RecordedFeed:
-    """A recording as the page takes it, with the models of some joints."""
+    """A recording, with the models of some joints, as a source of the live page."""
 
     def __init__(self, title: str, samples: dict[str, Samples],
                  models: dict[str, FrictionModel], notes: Sequence[str] = ()):
@@ -102,7 +102,7 @@ class RecordedFeed:
         self.duration = max(float(columns['time'][-1]) for columns in self._columns.values())
 
     def window(self, joint: str, end: float, length: float) -> dict[str, np.ndarray]:
-        """Return the signals of the s before `end`."""
+        """Return the signals of the last `length` s before `end`."""
         columns = self._columns[joint]
         first, last = np.searchsorted(columns['time'], (end - length, end + 1e-9))
         return {name: values[first:last] for name, values in columns.items()}
@@ -114,7 +114,7 @@ class RecordedFeed:
 
 
 def columns_of(samples: Samples, model: FrictionModel | None) -> dict[str, np.ndarray]:
-    """Return what the page shows of one joint's samples, NaN where nothing was recorded."""
+    """Return the signals that the page shows, for one joint, NaN where not recorded."""
     from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
 
     none = np.full(len(samples), np.nan)
@@ -137,15 +137,15 @@ def columns_of(samples: Samples, model: FrictionModel | None) -> dict[str, np.nd
     return {name: values[::every] for name, values in columns.items()}
 
 
-def model_used(info: RecordingInfo, joint: str, notes: list[str]) -> FrictionModel | None:
-    """Return the model that a recording says its compensator used for a joint, where it is here.
+def recorded_model(info: RecordingInfo, joint: str, notes: list[str]) -> FrictionModel | None:
+    """Return the compensator's model of a joint according to a recording, None if not readable.
 
-    Of several the first is meant; the others are told in `notes`.
+    If it changed, the first is returned, and a note on the others is added to `notes`.
     """
     from friction_comp.model.friction_model import FrictionModel
 
-    said = [activity.of(joint).model for _, activity in info.activity]
-    paths = list(dict.fromkeys(filter(None, (*said, info.model))))
+    reported = [activity.of(joint).model for _, activity in info.activity]
+    paths = list(dict.fromkeys(filter(None, (*reported, info.model))))
     for path in paths:
         # A model file on another machine cannot be shown here.
         with suppress(InputError):
@@ -181,7 +181,7 @@ def recorded_feed(path: Path, joints: list[str], models: Sequence[FrictionModel]
             (samples[joint], info), = read_recording_with_info(
                 path, joint, drive.torque_constant, drive.gear_ratio)
             notes += [note for note in info.notes if note not in notes]
-            model = None if joint in chosen else model_used(info, joint, notes)
+            model = None if joint in chosen else recorded_model(info, joint, notes)
             if model is not None:
                 chosen[joint] = model
                 # Read without a drive, it holds the torque.

@@ -58,14 +58,14 @@ class Arm:
 
     @property
     def signal(self) -> str:
-        """The signal of `Samples` that it gives."""
+        """The field of `Samples` that `with_signal` fills."""
         return 'coupling' if isinstance(self.source, Coupling) else 'rigid_body'
 
-    def on(self, samples: Samples, joint: str = '') -> Samples:
-        """Return recorded samples, with `arm`, with `rigid_body` or `coupling` for a joint.
+    def with_signal(self, samples: Samples, joint: str = '') -> Samples:
+        """Return samples with the arm's effect on a joint, by default that of the samples.
 
-        The joint is theirs when omitted. Raises InputError if a joint was not recorded, or the
-        joint is not one of the arm's.
+        It is `rigid_body` in N·m, or `coupling` in A, computed from the motion of all `joints`.
+        Raises InputError if one of them was not recorded, or `joint` is not among them.
         """
         motion = moving_states(samples, self.joints, self.differentiation)
         if isinstance(self.source, Coupling):

@@ -40,16 +40,19 @@ class Group:
         column = {name: k for k, name in enumerate(names)}
         factor, slope = np.ones(len(q)), np.zeros(len(q))
         if self.kind == 'kinetic':
-            factor, slope = self._by_lagrange(column, v, a)
+            factor, slope = self._kinetic_factors(column, v, a)
         if not self.angles:
             return factor[:, None]
         total = sum(side * q[:, column[name]] for name, side in self.angles)
         cosine, sine = np.cos(total), np.sin(total)
         return np.column_stack((factor * cosine - slope * sine, factor * sine + slope * cosine))
 
-    def _by_lagrange(self, column: dict[str, int], v: np.ndarray, a: np.ndarray
-                     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the torque of the energy f(angles)·v_one·v_two per f, and per slope of f."""
+    def _kinetic_factors(self, column: dict[str, int], v: np.ndarray, a: np.ndarray
+                         ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the factors of f and of its derivative in the torque on the joint.
+
+        By Lagrange's equations, for the kinetic energy f(sum of angles)·v_one·v_two.
+        """
         own, one, two = (column[name] for name in self.joints)
         turning = sum((side * v[:, column[name]] for name, side in self.angles), np.zeros(len(v)))
         momentum = (own == one) * v[:, two] + (own == two) * v[:, one]
@@ -58,8 +61,8 @@ class Group:
                 turning * momentum - of_own * v[:, one] * v[:, two])
 
     @property
-    def everyone(self) -> set[str]:
-        """Names of all joints in it."""
+    def all_joints(self) -> set[str]:
+        """Names of all joints in it, of angles and of velocities."""
         return {name for name, _ in self.angles} | set(self.joints)
 
     def describe(self) -> str:
@@ -86,7 +89,7 @@ class Coupling:
     def current(self, names: Sequence[str], q: np.ndarray, v: np.ndarray,
                 a: np.ndarray) -> np.ndarray:
         """Return the current in A, shape (N,), for the motion of all joints."""
-        lacking = {name for group in self.groups for name in group.everyone} - set(names)
+        lacking = {name for group in self.groups for name in group.all_joints} - set(names)
         if lacking:
             raise InputError(f'the model needs joint {sorted(lacking)[0]!r}, which is not recorded')
         total = np.zeros(len(q))
@@ -107,7 +110,7 @@ class Coupling:
     def joints(self) -> list[str]:
         """Names of the joints that matter, in order of appearance."""
         return list(dict.fromkeys(
-            name for group in self.groups for name in sorted(group.everyone)))
+            name for group in self.groups for name in sorted(group.all_joints)))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the coupling as the plain values of a model file."""

@@ -3,6 +3,16 @@
 """Effects that a model can have beside the sigmoid: one class each, and one name in the list."""
 
 from friction_comp.model.effects.base import Effect
+from friction_comp.model.effects.definitions import (
+    CARRIES,
+    Coverage,
+    NEITHER,
+    ResidualView,
+    RESISTS,
+    SearchRange,
+    Signals,
+    VARIABLES,
+)
 from friction_comp.model.effects.history_effects import (
     Hysteresis,
     OffsetDrift,
@@ -12,16 +22,6 @@ from friction_comp.model.effects.history_effects import (
 )
 from friction_comp.model.effects.live_term import LiveTerm
 from friction_comp.model.effects.position_effects import Bump, Cogging, FrictionRipple
-from friction_comp.model.effects.scene import (
-    CARRIES,
-    Look,
-    NEITHER,
-    RESISTS,
-    Scene,
-    SearchRange,
-    Signals,
-    VARIABLES,
-)
 from friction_comp.model.effects.torque_effects import (
     CarriedLoadFriction,
     Gravity,
@@ -52,6 +52,6 @@ for _effect in (
     register(_effect)
 
 __all__ = [
-    'CARRIES', 'EFFECTS', 'NEITHER', 'RESISTS', 'VARIABLES', 'Effect', 'LiveTerm', 'Look', 'Scene',
-    'SearchRange', 'Signals', 'register',
+    'CARRIES', 'EFFECTS', 'NEITHER', 'RESISTS', 'VARIABLES', 'Coverage', 'Effect', 'LiveTerm',
+    'ResidualView', 'SearchRange', 'Signals', 'register',
 ]

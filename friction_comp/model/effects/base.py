@@ -15,8 +15,14 @@ import numpy as np
 from friction_comp.checks import check_number
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
+from friction_comp.model.effects.definitions import (
+    Coverage,
+    ResidualView,
+    RESISTS,
+    SearchRange,
+    Signals,
+)
 from friction_comp.model.effects.live_term import LiveTerm
-from friction_comp.model.effects.scene import Look, RESISTS, Scene, SearchRange, Signals
 from friction_comp.samples import Samples
 
 _POSITIVE = ('transition', 'velocity', 'reference', 'exponent', 'frequency', 'width', 'distance',
@@ -26,9 +32,9 @@ _POSITIVE = ('transition', 'velocity', 'reference', 'exponent', 'frequency', 'wi
 class Effect(ABC):
     """One term of the drive's current, in A: coefficients times columns.
 
-    A subclass defines the whole effect. It sets the class attributes, writes `columns` (its
-    formula, once, for arrays and for single samples) and `grid`, and overrides what is particular
-    to it.
+    A subclass defines the whole effect. It sets the class attributes, implements `columns` (its
+    formula, once, for arrays and for single samples) and `grid`, and overrides what differs from
+    the defaults.
 
     Parameters
     ----------
@@ -54,11 +60,11 @@ class Effect(ABC):
     words = equation = ''
     # Physically possible sign of the first coefficients: 1, -1, or 0 for either.
     signs: tuple[int, ...] = ()
-    most = 1            # of the kind that a model may have, with other constants
-    # Whether every drive may have it: refinement starts with it, and takes it away where the data
-    # do not bear it out.
+    max_count = 1       # of effects of the class in a model, with different constants
+    # Whether every drive may have it: refinement starts with it, and removes it where the data do
+    # not support it.
     physics = False
-    holds_on_another_day = True     # whether it may be expected in another recording of the drive
+    holds_on_another_day = True     # whether it is expected in other recordings of the drive
     # Whether a sample's value depends on those before: then it has `step`, `start` and `memory`.
     has_memory = False
     not_fed_back = ''   # why the compensator must not apply it; empty where it may
@@ -66,8 +72,8 @@ class Effect(ABC):
     gives_load = False  # whether it loads the teeth by a torque that depends on position
     # Whether its constants hold the load that the other effects of the model put on the gear.
     uses_inner_load = False
-    # Signals for which no law extrapolates the effect, and the share of the range seen by which it
-    # is continued on either side; from there on it keeps its value.
+    # Signals beyond whose recorded range the effect is constant, since no law extrapolates it; and
+    # the share of that range by which it is continued on either side before.
     held: dict[str, float] = {}
     Constants: Any
 
@@ -104,7 +110,7 @@ class Effect(ABC):
         """Constants and coefficients as plain values."""
         return {**self.values, 'coefficients': list(self.coefficients)}
 
-    # What a subclass writes.
+    # To be overridden.
 
     @staticmethod
     @abstractmethod
@@ -116,52 +122,54 @@ class Effect(ABC):
         """
 
     @classmethod
-    def grid(cls, scene: Scene) -> list[dict[str, float]]:
-        """Return the constants to try in a scene."""
+    def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
+        """Return the constants to try on recordings with this coverage."""
         return [{}]
 
     @classmethod
-    def propose(cls, look: Look) -> list[dict[str, float]]:
-        """Return the constants to try for a residual, where it shows more than the scene."""
-        return [cls.with_loads(constants, look.loads) for constants in cls.grid(look.scene)]
+    def propose(cls, view: ResidualView) -> list[dict[str, float]]:
+        """Return the constants to try for a residual; by default those of `grid`."""
+        return [cls.with_loads(constants, view.load_shares)
+                for constants in cls.grid(view.coverage)]
 
     @classmethod
-    def limited(cls, name: str, value: float, constants: dict[str, float], scene: Scene) -> float:
-        """Return a constant's new value, kept where the effect is what its name says."""
+    def limited(cls, name: str, value: float, constants: dict[str, float],
+                coverage: Coverage) -> float:
+        """Return a constant's new value, within its limits; see `SearchRange.limits`."""
         search = cls.constants[name]
         if search is None or search.limits is None:
             return value
-        low, high = search.limits(scene, constants)
+        low, high = search.limits(coverage, constants)
         return min(max(value, low), high)
 
     @classmethod
-    def holds_offset(cls, scene: Scene) -> bool:
-        """Return whether the constant of Eq. 6 belongs to this effect."""
+    def determines_offset(cls, coverage: Coverage) -> bool:
+        """Return whether the offset of Eq. 6 is part of this effect's load."""
         return False
 
     @classmethod
-    def insufficient_data(cls, scene: Scene) -> str:
-        """Return why it cannot be seen in such a scene, one sentence; empty where it can.
+    def insufficient_data(cls, coverage: Coverage) -> str:
+        """Return why recordings with this coverage cannot show the effect; empty where they can.
 
-        Refinement warns of it, and does not name the effect then.
+        The reason, a sentence, is a warning of refinement, which does not try the effect then.
         """
         return ''
 
     @classmethod
     def load_share(cls, coefficients: Sequence[float], constants: dict[str, float]
                    ) -> dict[str, float]:
-        """Return its share of the load on the teeth, in the words of `InnerLoadFriction`."""
+        """Return its share of the load on the teeth, by the constants of `InnerLoadFriction`."""
         return {}
 
     @classmethod
     def with_loads(cls, constants: dict[str, Any],
                    shares: Iterable[dict[str, float]]) -> dict[str, Any]:
-        """Return the constants with the loads of other effects, for `uses_inner_load`."""
+        """Return the constants with the loads of other effects, where it `uses_inner_load`."""
         return constants
 
     @classmethod
-    def by_mechanics(cls, drive: Drive) -> list[float] | None:
-        """Return the coefficients given by mechanics, if any."""
+    def known_coefficients(cls, drive: Drive) -> list[float] | None:
+        """Return the coefficients that follow from the drive's constants, if any."""
         return None
 
     @staticmethod
@@ -175,12 +183,12 @@ class Effect(ABC):
 
     @staticmethod
     def start(side: Any, c: Any) -> Any:
-        """Return the state where a stretch of data begins."""
+        """Return the state at the start of a segment."""
         return 0.0 * side
 
     @classmethod
     def memory(cls, samples: Samples, side: Any, c: Any) -> Any:
-        """Return the state at every sample, shape (N,): `step` run from each stretch's start."""
+        """Return the state at every sample, shape (N,): `step` from the start of each segment."""
         if not cls.has_memory:
             return 0.0
         begins, start = segment_starts(samples), cls.start(side + np.zeros(len(samples)), c)
@@ -196,7 +204,10 @@ class Effect(ABC):
         return None if self.not_fed_back else LiveTerm(self)
 
     def turning(self) -> tuple[float, float] | None:
-        """Return friction in A that takes a distance to turn round, and Dahl's, rad; or None."""
+        """Return the friction in A that reverses over a distance, and that distance; or None.
+
+        The distance in rad is that of Dahl's model with an exponent of 1.
+        """
         return None
 
     def describe(self) -> str:
@@ -207,7 +218,7 @@ class Effect(ABC):
         """Return the effect's formula with its numbers, in A."""
         return self.equation.format(**self._symbols()) or self.name
 
-    # What all effects share.
+    # Not to be overridden.
 
     def _symbols(self) -> dict[str, float]:
         return {**self.values, **dict(zip('ABCDEFGH', self.coefficients))}
@@ -267,10 +278,10 @@ def friction_sign(velocity: np.ndarray, transition: float) -> np.ndarray:
 
 
 def segment_starts(samples: Samples) -> np.ndarray:
-    """Return True where a stretch of unbroken data begins, shape (N,)."""
-    mark = np.zeros(len(samples), dtype=bool)
-    mark[[part.start for part in samples.segments()]] = True
-    return mark
+    """Return which samples are the first of a segment, bool, shape (N,)."""
+    starts = np.zeros(len(samples), dtype=bool)
+    starts[[part.start for part in samples.segments()]] = True
+    return starts
 
 
 def geometric(lowest: float, highest: float, count: int) -> list[float]:
@@ -302,7 +313,7 @@ def checked_range(ranges: Any, held: Collection[str]) -> dict[str, tuple[float, 
 
 
 def with_range(effect: Effect, samples: Samples) -> Effect:
-    """Return an effect with the range in which samples with velocity show it, and some more."""
+    """Return an effect whose valid range is that of samples with velocity, extended by `held`."""
     if not effect.held:
         return effect
     ranges = {}

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Friction that depends on what was before: presliding hysteresis, rest, warmth and drift."""
+"""Friction that depends on the past: presliding hysteresis, rest time, warm-up and drift."""
 
 from __future__ import annotations
 
@@ -11,8 +11,14 @@ import numpy as np
 
 from friction_comp.compiling import njit
 from friction_comp.model.effects.base import Effect, geometric, segment_starts
+from friction_comp.model.effects.definitions import (
+    Coverage,
+    NEITHER,
+    SearchRange,
+    Signals,
+    too_coarse,
+)
 from friction_comp.model.effects.live_term import LiveTerm, SHARPEST_LIVE
-from friction_comp.model.effects.scene import NEITHER, Scene, SearchRange, Signals, too_coarse
 from friction_comp.samples import Samples
 
 
@@ -26,30 +32,31 @@ def dahl_step(state: float, dt: float, dq: float, velocity: float, c: Any) -> fl
     if dq == 0.0:
         return state
     side = 1.0 if dq > 0.0 else -1.0
-    left = 1.0 - side * state
-    if left <= 0.0:
+    # What is missing to the end of the reversal, of 2.
+    remaining = 1.0 - side * state
+    if remaining <= 0.0:
         return side
     travel = abs(dq) / c.distance
     if abs(c.exponent - 1.0) < 1e-6:
-        left *= math.exp(-travel)
+        remaining *= math.exp(-travel)
     else:
-        power = left ** (1.0 - c.exponent) - (1.0 - c.exponent) * travel
-        left = power ** (1.0 / (1.0 - c.exponent)) if power > 0.0 else 0.0
-    return side * (1.0 - left)
+        power = remaining ** (1.0 - c.exponent) - (1.0 - c.exponent) * travel
+        remaining = power ** (1.0 / (1.0 - c.exponent)) if power > 0.0 else 0.0
+    return side * (1.0 - remaining)
 
 
 @njit(cache=True)
-def _dahl_states(position: np.ndarray, broken: np.ndarray, start: np.ndarray,
+def _dahl_states(position: np.ndarray, is_start: np.ndarray, start: np.ndarray,
                  c: Any) -> np.ndarray:
     states = np.empty(len(position))
     for k in range(len(position)):
-        states[k] = start[k] if broken[k] else dahl_step(
+        states[k] = start[k] if is_start[k] else dahl_step(
             states[k - 1], 0.0, position[k] - position[k - 1], 0.0, c)
     return states
 
 
 class _FadingAtRest(LiveTerm):
-    """Fed back in motion only: at rest it would push a joint that nobody touches."""
+    """A term that is fed back in motion only: at rest it would move an untouched joint."""
 
     def update(self, time: float, position: float, velocity: float, *signals: Any,
                **named: Any) -> float:
@@ -57,8 +64,8 @@ class _FadingAtRest(LiveTerm):
             math.tanh(velocity / SHARPEST_LIVE))
 
 
-def _shortest_reversal(scene: Scene) -> float:
-    return max(1e-4 * scene.span, 3.0 * scene.resolution)
+def _shortest_reversal(coverage: Coverage) -> float:
+    return max(1e-4 * coverage.span, 3.0 * coverage.resolution)
 
 
 class Hysteresis(Effect):
@@ -75,8 +82,9 @@ class Hysteresis(Effect):
     # Presliding reverses over resolved steps, and well within the range; beyond these exponents it
     # reverses at once, or never.
     constants = {
-        'distance': SearchRange(1.6, limits=lambda scene, _: (
-            _shortest_reversal(scene), max(0.25 * scene.span, 2.0 * _shortest_reversal(scene)))),
+        'distance': SearchRange(1.6, limits=lambda coverage, _: (
+            _shortest_reversal(coverage),
+            max(0.25 * coverage.span, 2.0 * _shortest_reversal(coverage)))),
         'exponent': SearchRange(1.5, limits=lambda *_: (0.3, 3.0)), 'transition': None}
     signs = (1,)
     has_memory = True
@@ -85,20 +93,20 @@ class Hysteresis(Effect):
     equation = '{A:+.4g}·z {B:+.4g}·dz/dt, dz/dq = (1 - z·sgn(v))^{exponent:.3g}/{distance:.3g}'
 
     @classmethod
-    def grid(cls, scene: Scene) -> list[dict[str, float]]:
-        """Distances from a few steps of position to an eighth of the range."""
-        span = scene.span
+    def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
+        """Return distances from a few steps of position to an eighth of the range."""
+        span = coverage.span
         if not span > 0:
             return []
-        lowest = max(3e-4 * span, 3.0 * scene.resolution)
-        return [{'distance': value, 'exponent': 1.0, 'transition': scene.transition}
+        lowest = max(3e-4 * span, 3.0 * coverage.resolution)
+        return [{'distance': value, 'exponent': 1.0, 'transition': coverage.transition}
                 for value in geometric(min(lowest, 0.02 * span), 0.15 * span, 12)]
 
     step = staticmethod(dahl_step)
 
     @staticmethod
     def start(side: Any, c: Any) -> Any:
-        """A stretch that begins in motion has slid far enough before."""
+        """At the start of a segment in motion, the reversal is complete."""
         return side
 
     @classmethod
@@ -109,21 +117,21 @@ class Hysteresis(Effect):
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         """Return the state, and its change with time in 1/s."""
-        left = np.maximum(1.0 - x.memory * np.sign(x.velocity), 0.0) ** c.exponent
-        return (x.memory, x.velocity * left / c.distance)
+        remaining = np.maximum(1.0 - x.memory * np.sign(x.velocity), 0.0)
+        return (x.memory, x.velocity * remaining ** c.exponent / c.distance)
 
     @classmethod
-    def insufficient_data(cls, scene: Scene) -> str:
-        if scene.reversals < 3:
-            return (f'The direction of motion changed {scene.reversals:.0f} times: what happens '
+    def insufficient_data(cls, coverage: Coverage) -> str:
+        if coverage.reversals < 3:
+            return (f'The direction of motion changed {coverage.reversals:.0f} times: what happens '
                     'at reversals cannot be seen.')
-        return too_coarse(scene)
+        return too_coarse(coverage)
 
     def live(self) -> LiveTerm:
         return _FadingAtRest(self)
 
     def turning(self) -> tuple[float, float]:
-        """Return Dahl's friction, and the distance at which an exponent of 1 is half turned."""
+        """Return Dahl's friction, and the distance that half reverses it with an exponent of 1."""
         p = self.values['exponent']
         reach = math.log(2.0) if abs(p - 1.0) < 1e-6 else (0.5 ** (1.0 - p) - 1.0) / (p - 1.0)
         return self.coefficients[0], reach / math.log(2.0) * self.values['distance']
@@ -131,7 +139,7 @@ class Hysteresis(Effect):
 
 @njit(cache=True)
 def rest_step(state: float, dt: float, dq: float, velocity: float, c: Any) -> float:
-    """Return what is left of the strength gained at rest, 0..1, one sample later.
+    """Return the share of the friction gained at rest, 0..1, one sample later.
 
     It grows as 1 - exp(-rest/time_constant) while the speed is below the constant `velocity`, and
     fades over a distance of motion; see `Effect.step`.
@@ -142,18 +150,18 @@ def rest_step(state: float, dt: float, dq: float, velocity: float, c: Any) -> fl
 
 
 @njit(cache=True)
-def _rest_states(time: np.ndarray, position: np.ndarray, velocity: np.ndarray, broken: np.ndarray,
-                 c: Any) -> np.ndarray:
+def _rest_states(time: np.ndarray, position: np.ndarray, velocity: np.ndarray,
+                 is_start: np.ndarray, c: Any) -> np.ndarray:
     states = np.zeros(len(position))
     for k in range(len(position)):
-        if not broken[k]:
+        if not is_start[k]:
             states[k] = rest_step(states[k - 1], time[k] - time[k - 1],
                                   position[k] - position[k - 1], velocity[k], c)
     return states
 
 
-def _shortest_fading(scene: Scene) -> float:
-    return max(scene.resolution, 1e-4 * scene.span)
+def _shortest_fading(coverage: Coverage) -> float:
+    return max(coverage.resolution, 1e-4 * coverage.span)
 
 
 class RestTime(Effect):
@@ -166,10 +174,11 @@ class RestTime(Effect):
     # second it is constant at rest. A distance below a step of position or above the range cannot
     # be seen.
     constants = {
-        'time_constant': SearchRange(1.8, limits=lambda scene, _: (
-            0.1, max(5.0 * scene.duration, 0.2))),
-        'distance': SearchRange(1.8, limits=lambda scene, _: (
-            _shortest_fading(scene), max(0.5 * scene.span, 2.0 * _shortest_fading(scene)))),
+        'time_constant': SearchRange(1.8, limits=lambda coverage, _: (
+            0.1, max(5.0 * coverage.duration, 0.2))),
+        'distance': SearchRange(1.8, limits=lambda coverage, _: (
+            _shortest_fading(coverage),
+            max(0.5 * coverage.span, 2.0 * _shortest_fading(coverage)))),
         'velocity': None, 'transition': None}
     signs = (1,)
     has_memory = True
@@ -179,13 +188,13 @@ class RestTime(Effect):
                 '·exp(-Δq/{distance:.3g})')
 
     @classmethod
-    def grid(cls, scene: Scene) -> list[dict[str, float]]:
-        """Rest from fractions of a second to a minute, fading over up to a fifth of the range."""
-        span = scene.span
+    def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
+        """Return time constants of 0.3 to 30 s, and fading over up to a fifth of the range."""
+        span = coverage.span
         if not span > 0:
             return []
-        return [{'time_constant': constant, 'distance': distance, 'velocity': share * scene.slowest,
-                 'transition': scene.transition}
+        return [{'time_constant': constant, 'distance': distance,
+                 'velocity': share * coverage.slowest, 'transition': coverage.transition}
                 for share in (1.0, 0.25, 0.06)
                 for constant in geometric(0.3, 30.0, 5)
                 for distance in geometric(2e-3 * span, 0.2 * span, 5)]
@@ -202,8 +211,8 @@ class RestTime(Effect):
         return (x.side * x.memory,)
 
     @classmethod
-    def insufficient_data(cls, scene: Scene) -> str:
-        if scene.rested >= 1.0:
+    def insufficient_data(cls, coverage: Coverage) -> str:
+        if coverage.rest_duration >= 1.0:
             return ''
         return ('The joint hardly ever rested: stiction that grows with the time at rest cannot '
                 'be seen.')
@@ -235,13 +244,13 @@ class Temperature(Effect):
                 's = tanh(v/{transition:.3g})')
 
     @classmethod
-    def grid(cls, scene: Scene) -> list[dict[str, float]]:
-        """The reference is a convention: the median temperature of the recordings."""
-        return [{'reference_temperature': scene.temperature, 'transition': scene.transition}]
+    def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
+        """Return one reference, a convention: the median temperature of the recordings."""
+        return [{'reference_temperature': coverage.temperature, 'transition': coverage.transition}]
 
     @classmethod
-    def insufficient_data(cls, scene: Scene) -> str:
-        if scene.temperature_span >= 2.0:
+    def insufficient_data(cls, coverage: Coverage) -> str:
+        if coverage.temperature_span >= 2.0:
             return ''
         return 'Motor temperature varied by less than 2 °C: its effect cannot be seen.'
 
@@ -263,25 +272,25 @@ class OffsetDrift(Effect):
                     'an untouched joint')
     # Slower than this is a straight line in time; faster, a matter of a few movements.
     constants: dict[str, SearchRange | None] = {'time_constant': SearchRange(
-        1.7, limits=lambda scene, _: (0.02 * scene.duration, 5.0 * scene.duration))}
+        1.7, limits=lambda coverage, _: (0.02 * coverage.duration, 5.0 * coverage.duration))}
     words = 'Offset drift: {A:+.3g} A at the start, fading with {time_constant:.3g} s'
     equation = '{A:+.4g}·exp(-t/{time_constant:.4g})'
 
     @classmethod
-    def grid(cls, scene: Scene) -> list[dict[str, float]]:
-        """Time constants from a thirtieth of the recording to five times its length."""
+    def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
+        """Return time constants from a thirtieth of the recording to five times its length."""
         return [{'time_constant': value}
-                for value in geometric(scene.duration / 30.0, 5.0 * scene.duration, 9)]
+                for value in geometric(coverage.duration / 30.0, 5.0 * coverage.duration, 9)]
 
     @classmethod
-    def insufficient_data(cls, scene: Scene) -> str:
-        if scene.duration >= _SHORTEST:
+    def insufficient_data(cls, coverage: Coverage) -> str:
+        if coverage.duration >= _SHORTEST:
             return ''
-        return (f'The longest recording lasts {scene.duration:.3g} s: warm-up and other drift take '
-                'minutes and cannot be seen.')
+        return (f'The longest recording lasts {coverage.duration:.3g} s: warm-up and other drift '
+                'take minutes and cannot be seen.')
 
     @classmethod
-    def holds_offset(cls, scene: Scene) -> bool:
+    def determines_offset(cls, coverage: Coverage) -> bool:
         """A constant says where the drift leads to."""
         return True
 
@@ -311,8 +320,9 @@ class WarmUp(OffsetDrift):
                 's = tanh(v/{transition:.3g})')
 
     @classmethod
-    def grid(cls, scene: Scene) -> list[dict[str, float]]:
-        return [{**constants, 'transition': scene.transition} for constants in super().grid(scene)]
+    def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
+        return [{**constants, 'transition': coverage.transition}
+                for constants in super().grid(coverage)]
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from friction_comp.model.effects.scene import Signals
+from friction_comp.model.effects.definitions import Signals
 
 if TYPE_CHECKING:
     from friction_comp.model.effects.base import Effect

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from friction_comp.model.effects.base import Effect, geometric
-from friction_comp.model.effects.scene import (
+from friction_comp.model.effects.definitions import (
     CARRIES,
-    Look,
+    Coverage,
     NEARLY_ONE_SPEED,
+    ResidualView,
     RESISTS,
-    Scene,
     SearchRange,
     Signals,
 )
@@ -83,37 +83,37 @@ class Cogging(Effect):
     name = 'cogging'
     variable = 'position'
     role = CARRIES
-    most = 4
+    max_count = 4
     numbers = (('part with the cosine of the phase', 'A'), ('part with the sine of the phase', 'A'))
     # With fewer periods over the range it is no ripple.
     constants: dict[str, SearchRange | None] = {
         'frequency': SearchRange(
-            1.0, unit=lambda scene, _: math.pi / max(scene.span, 1e-12),
-            limits=lambda scene, _: (2.0 * math.pi * FEWEST_PERIODS / max(scene.span, 1e-9),
-                                     math.inf)),
+            1.0, unit=lambda coverage, _: math.pi / max(coverage.span, 1e-12),
+            limits=lambda coverage, _: (2.0 * math.pi * FEWEST_PERIODS / max(coverage.span, 1e-9),
+                                        math.inf)),
         'growth': None, 'speed': None, 'transition': None}
     # Its amplitude at the speeds that were seen; over position it repeats.
     held = {'velocity': 0.25}
     _word = 'Cogging'
 
     @classmethod
-    def grid(cls, scene: Scene) -> list[dict[str, float]]:
-        """With or without growth with the speed; the frequency comes from a spectrum."""
-        return [{'growth': growth, 'speed': scene.speed, 'transition': scene.transition}
+    def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
+        """Return terms with and without growth with speed; `propose` adds the frequency."""
+        return [{'growth': growth, 'speed': coverage.speed, 'transition': coverage.transition}
                 for growth in (0.0, 1.0)]
 
     @classmethod
-    def propose(cls, look: Look) -> list[dict[str, float]]:
-        """Return the frequencies at which the residual swings most over position."""
-        scene, proposed = look.scene, []
-        highest = highest_frequency(look.velocity, look.row_time, scene.resolution)
-        separation = 2.0 * math.pi / max(scene.span, 1e-9)
-        for constants in cls.grid(scene):
+    def propose(cls, view: ResidualView) -> list[dict[str, float]]:
+        """Return the frequencies of the largest peaks in the spectrum of the residual."""
+        coverage, proposed = view.coverage, []
+        highest = highest_frequency(view.velocity, view.row_time, coverage.resolution)
+        separation = 2.0 * math.pi / max(coverage.span, 1e-9)
+        for constants in cls.grid(coverage):
             c = cls.Constants(frequency=0.0, **constants)
-            signals = Signals(position=look.position, velocity=look.velocity, side=look.side)
+            signals = Signals(position=view.position, velocity=view.velocity, side=view.side)
             # At frequency zero the first column is the amplitude itself.
             k, power = position_spectrum(
-                look.position, look.residual, cls.columns(signals, c)[0], highest)
+                view.position, view.residual, cls.columns(signals, c)[0], highest)
             proposed += [{'frequency': frequency, **constants}
                          for frequency in peaks(k, power, _PEAKS, separation)]
         return proposed
@@ -165,13 +165,13 @@ class Bump(Effect):
     name = 'bump'
     numbers = (('height', 'A'),)
     variable = 'position'
-    most = 3
+    max_count = 3
     # In the range, and narrower than it; with a larger exponent it is a step up and down.
     constants = {
         'position': SearchRange(0.5, unit=lambda _, constants: constants['width'],
-                                limits=lambda scene, _: (scene.lowest, scene.highest)),
-        'width': SearchRange(1.5, limits=lambda scene, _: (
-            max(0.002 * scene.span, scene.resolution), 0.2 * scene.span)),
+                                limits=lambda coverage, _: (coverage.lowest, coverage.highest)),
+        'width': SearchRange(1.5, limits=lambda coverage, _: (
+            max(0.002 * coverage.span, coverage.resolution), 0.2 * coverage.span)),
         'exponent': SearchRange(2.2, limits=lambda *_: (-math.inf, 40.0)),
         'directional': None, 'transition': None}
 
@@ -181,33 +181,33 @@ class Bump(Effect):
         self.role = RESISTS if self.values['directional'] else CARRIES
 
     @classmethod
-    def grid(cls, scene: Scene) -> list[dict[str, float]]:
-        """Widths from a hundredth to an eighth of the range, places half a width apart."""
-        if not scene.span > 0:
+    def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
+        """Return widths from a hundredth to an eighth of the range, positions a width apart."""
+        if not coverage.span > 0:
             return []
         points = []
-        for width in geometric(0.008 * scene.span, 0.12 * scene.span, 5):
-            places = np.arange(scene.lowest, scene.highest + 0.5 * width, width)
+        for width in geometric(0.008 * coverage.span, 0.12 * coverage.span, 5):
+            places = np.arange(coverage.lowest, coverage.highest + 0.5 * width, width)
             points += [{'position': float(position), 'width': width, 'exponent': 2.0,
-                        'directional': directional, 'transition': scene.transition}
+                        'directional': directional, 'transition': coverage.transition}
                        for position in places for directional in (1.0, 0.0)]
         return points
 
     @classmethod
-    def propose(cls, look: Look) -> list[dict[str, float]]:
-        """Return for each width the places at which the residual stands out most.
+    def propose(cls, view: ResidualView) -> list[dict[str, float]]:
+        """Return for each width the positions at which the residual stands out most.
 
         The mean of the residual over a window is compared with its scatter.
         """
-        order = np.argsort(look.position)
-        position = look.position[order]
+        order = np.argsort(view.position)
+        position = view.position[order]
         proposed = []
         shapes: dict[Any, list[dict[str, float]]] = {}
-        for constants in cls.grid(look.scene):
+        for constants in cls.grid(view.coverage):
             shapes.setdefault((constants['width'], constants['directional']), []).append(constants)
         for (width, directional), points in shapes.items():
             places = np.array([point['position'] for point in points])
-            values = (look.residual * (look.side if directional else 1.0))[order]
+            values = (view.residual * (view.side if directional else 1.0))[order]
             low = np.searchsorted(position, places - width)
             high = np.searchsorted(position, places + width)
             sums = np.concatenate(([0.0], np.cumsum(values)))
@@ -224,13 +224,12 @@ class Bump(Effect):
         return (bell * x.side if c.directional else bell,)
 
     @classmethod
-    def insufficient_data(cls, scene: Scene) -> str:
-        if scene.speed_spread >= NEARLY_ONE_SPEED:
+    def insufficient_data(cls, coverage: Coverage) -> str:
+        if coverage.speed_spread >= NEARLY_ONE_SPEED:
             return ''
-        return (f'Speed was near {scene.usual_speed:.3g} rad/s most of the time: what depends on '
-                'speed rests on the few samples of starts and reversals, and as every place is '
-                'passed in one and the same motion, bumps cannot be told from what a start or a '
-                'reversal leaves behind.')
+        return (f'Speed was near {coverage.median_speed:.3g} rad/s most of the time: the few '
+                'samples of starts and reversals determine the dependence on speed, and bumps cannot be '
+                'distinguished from effects of starts and reversals.')
 
     def describe(self) -> str:
         c = self.values

@@ -16,7 +16,7 @@ import numpy as np
 
 from friction_comp.drive import Drive
 from friction_comp.model.effects.base import Effect, geometric
-from friction_comp.model.effects.scene import CARRIES, NEITHER, Scene, SearchRange, Signals
+from friction_comp.model.effects.definitions import CARRIES, Coverage, NEITHER, SearchRange, Signals
 
 # Parts of the load that other effects put on the gear.
 _LOADS = ('cosine', 'sine', 'slope', 'offset', 'inertia')
@@ -37,16 +37,16 @@ class Gravity(Effect):
         return (np.cos(x.position), np.sin(x.position))
 
     @classmethod
-    def holds_offset(cls, scene: Scene) -> bool:
+    def determines_offset(cls, coverage: Coverage) -> bool:
         """Over a part of a turn gravity is largely a constant."""
-        return scene.span < 2.0
+        return coverage.span < 2.0
 
     @classmethod
-    def insufficient_data(cls, scene: Scene) -> str:
-        if scene.span >= 0.5:
+    def insufficient_data(cls, coverage: Coverage) -> str:
+        if coverage.span >= 0.5:
             return ''
-        return (f'Position covered {scene.span:.3g} rad only: gravity cannot be told from an '
-                'offset or a spring, and slow ripple cannot be seen.')
+        return (f'Position covered {coverage.span:.3g} rad only: gravity cannot be '
+                'distinguished from an offset or a spring, and slow ripple cannot be seen.')
 
     @classmethod
     def load_share(cls, coefficients: Sequence[float], constants: dict[str, float]
@@ -73,16 +73,16 @@ class Spring(Effect):
     words = 'Spring-like: {A:+.3g} A per rad'
 
     @classmethod
-    def grid(cls, scene: Scene) -> list[dict[str, float]]:
-        """The middle of the range stands for where the spring is slack: see the sigmoid."""
-        return [{'position': 0.5 * (scene.lowest + scene.highest)}]
+    def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
+        """Return one rest position q0: the offset of Eq. 6 makes up for any other."""
+        return [{'position': 0.5 * (coverage.lowest + coverage.highest)}]
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         return (x.position - c.position,)
 
     @classmethod
-    def holds_offset(cls, scene: Scene) -> bool:
+    def determines_offset(cls, coverage: Coverage) -> bool:
         """A constant says where the spring is slack."""
         return True
 
@@ -185,7 +185,7 @@ class LoadTorque(Effect):
         return (x.load,)
 
     @classmethod
-    def by_mechanics(cls, drive: Drive) -> list[float] | None:
+    def known_coefficients(cls, drive: Drive) -> list[float] | None:
         """Return the motor current that 1 N·m of load replaces, -1/(k_t·n)."""
         return [-1.0 / drive.torque_per_current]
 
@@ -206,8 +206,9 @@ class LoadFriction(Effect):
     equation = '{A:+.4g}·tanh(v/{transition:.3g})·|τ_b|^{exponent:.3g}'
 
     @classmethod
-    def grid(cls, scene: Scene) -> list[dict[str, float]]:
-        return [{'exponent': exponent, 'transition': scene.transition} for exponent in (1.0, 2.0)]
+    def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
+        return [{'exponent': exponent, 'transition': coverage.transition}
+                for exponent in (1.0, 2.0)]
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
@@ -233,10 +234,10 @@ class CarriedLoadFriction(LoadFriction):
         return (x.side * abs(x.rigid_body) ** c.exponent,)
 
 
-def _speed_of_fading(scene: Scene, constants: dict[str, float]) -> tuple[float, float]:
-    """Fading as slowly as this it does not fade; where it does not, the speed is idle."""
+def _speed_of_fading(coverage: Coverage, constants: dict[str, float]) -> tuple[float, float]:
+    """Return the limits of the fading speed; without fading, the constant is not searched."""
     if constants['fading']:
-        return scene.slowest, 2.0 * scene.speed
+        return coverage.slowest, 2.0 * coverage.speed
     return constants['velocity'], constants['velocity']
 
 
@@ -254,19 +255,20 @@ class InnerLoadFriction(Effect):
     numbers = (('friction per load', 'A per A'),)
     variable = 'load'
     uses_inner_load = True
-    most = 2
+    max_count = 2
     signs = (1,)
     constants = {**dict.fromkeys(_LOADS), 'with_inertia': None, 'exponent': None, 'fading': None,
                  'velocity': SearchRange(1.6, limits=_speed_of_fading), 'transition': None}
 
     @classmethod
-    def grid(cls, scene: Scene) -> list[dict[str, float]]:
-        """Linear and quadratic, with and without the load of acceleration; fading with speed."""
+    def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
+        """Return linear and quadratic terms, with and without inertial load, and fading."""
         still = dict.fromkeys(_LOADS, 0.0)
-        shapes = [(1.0, 0.0, scene.speed), (2.0, 0.0, scene.speed)]
-        shapes += [(1.0, 1.0, value) for value in geometric(0.05 * scene.speed, scene.speed, 4)]
+        shapes = [(1.0, 0.0, coverage.speed), (2.0, 0.0, coverage.speed)]
+        shapes += [(1.0, 1.0, value)
+                   for value in geometric(0.05 * coverage.speed, coverage.speed, 4)]
         return [{**still, 'with_inertia': with_inertia, 'exponent': exponent, 'fading': fading,
-                 'velocity': velocity, 'transition': scene.transition}
+                 'velocity': velocity, 'transition': coverage.transition}
                 for exponent, fading, velocity in shapes for with_inertia in (0.0, 1.0)]
 
     @classmethod

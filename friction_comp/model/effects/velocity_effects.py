@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 
 from friction_comp.model.effects.base import Effect, geometric
+from friction_comp.model.effects.definitions import Coverage, SearchRange, Signals
 from friction_comp.model.effects.live_term import LiveTerm
-from friction_comp.model.effects.scene import Scene, SearchRange, Signals
 
 
-def _speed_hardly_varied(scene: Scene) -> str:
-    if scene.speed >= 1.5 * scene.slow:
+def _speed_hardly_varied(coverage: Coverage) -> str:
+    if coverage.speed >= 1.5 * coverage.slow:
         return ''
-    return (f'Speed hardly varied ({scene.slow:.3g} to {scene.speed:.3g} rad/s): effects of '
+    return (f'Speed hardly varied ({coverage.slow:.3g} to {coverage.speed:.3g} rad/s): effects of '
             'velocity cannot be seen.')
 
 
@@ -27,16 +27,17 @@ class Stribeck(Effect):
     numbers = (('height at standstill', 'A'),)
     variable = 'velocity'
     # Fading as slowly as the top speed it is curved viscous friction; at rest, it is not seen.
-    constants = {'velocity': SearchRange(1.6, limits=lambda scene, _: (
-        0.5 * scene.slowest, 0.7 * scene.speed)), 'exponent': None, 'transition': None}
+    constants = {'velocity': SearchRange(1.6, limits=lambda coverage, _: (
+        0.5 * coverage.slowest, 0.7 * coverage.speed)), 'exponent': None, 'transition': None}
     equation = '{A:+.4g}·tanh(v/{transition:.3g})·exp(-(|v|/{velocity:.3g})^{exponent:g})'
 
     @classmethod
-    def grid(cls, scene: Scene) -> list[dict[str, float]]:
-        """Stribeck velocities from just above standstill to two thirds of the top speed."""
-        lowest = max(1.5 * scene.transition, 1.5 * scene.slowest, 0.003 * scene.speed)
-        return [{'velocity': velocity, 'exponent': exponent, 'transition': scene.transition}
-                for velocity in geometric(min(lowest, 0.3 * scene.speed), 0.7 * scene.speed, 9)
+    def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
+        """Return Stribeck velocities from just above standstill to two thirds of the top speed."""
+        lowest = max(1.5 * coverage.transition, 1.5 * coverage.slowest, 0.003 * coverage.speed)
+        return [{'velocity': velocity, 'exponent': exponent, 'transition': coverage.transition}
+                for velocity in geometric(
+                    min(lowest, 0.3 * coverage.speed), 0.7 * coverage.speed, 9)
                 for exponent in (1.0, 2.0)]
 
     @staticmethod
@@ -44,8 +45,8 @@ class Stribeck(Effect):
         return (x.side * np.exp(-np.minimum((abs(x.velocity) / c.velocity) ** c.exponent, 700.0)),)
 
     @classmethod
-    def insufficient_data(cls, scene: Scene) -> str:
-        return _speed_hardly_varied(scene)
+    def insufficient_data(cls, coverage: Coverage) -> str:
+        return _speed_hardly_varied(coverage)
 
     def describe(self) -> str:
         size, speed = abs(self.coefficients[0]), self.values['velocity']
@@ -74,10 +75,10 @@ class ViscousShape(Effect):
                  'transition': None}
 
     @classmethod
-    def grid(cls, scene: Scene) -> list[dict[str, float]]:
-        """Exponents below and above one."""
-        return [{'exponent': exponent, 'reference': scene.speed,
-                 'transition': scene.transition}
+    def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
+        """Return exponents below and above one."""
+        return [{'exponent': exponent, 'reference': coverage.speed,
+                 'transition': coverage.transition}
                 for exponent in (0.3, 0.45, 0.6, 0.75, 1.4, 1.7, 2.0, 2.5, 3.0)]
 
     @staticmethod
@@ -87,15 +88,16 @@ class ViscousShape(Effect):
         return (x.side * (speed ** c.exponent - slope * speed),)
 
     @classmethod
-    def insufficient_data(cls, scene: Scene) -> str:
-        return _speed_hardly_varied(scene)
+    def insufficient_data(cls, coverage: Coverage) -> str:
+        return _speed_hardly_varied(coverage)
 
     @classmethod
-    def limited(cls, name: str, value: float, constants: dict[str, float], scene: Scene) -> float:
-        """Next to one it is the linear term once more, and the two grow against each other."""
+    def limited(cls, name: str, value: float, constants: dict[str, float],
+                coverage: Coverage) -> float:
+        """Keep the exponent away from 1, where the term is collinear with viscous friction."""
         if name == 'exponent' and 0.85 < value < 1.2:
             return 0.85 if value < 1.0 else 1.2
-        return super().limited(name, value, constants, scene)
+        return super().limited(name, value, constants, coverage)
 
     def describe(self) -> str:
         gain, exponent = self.coefficients[0], self.values['exponent']
@@ -127,22 +129,22 @@ class DirectionAsymmetry(Effect):
     constants = {'offset': None, 'transition': None}
 
     @classmethod
-    def grid(cls, scene: Scene) -> list[dict[str, float]]:
-        return [{'offset': 1.0, 'transition': scene.transition}]
+    def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
+        return [{'offset': 1.0, 'transition': coverage.transition}]
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         return (1.0 if c.offset else x.side ** 2, abs(x.velocity))
 
     @classmethod
-    def insufficient_data(cls, scene: Scene) -> str:
-        if scene.both_directions:
+    def insufficient_data(cls, coverage: Coverage) -> str:
+        if coverage.both_directions:
             return ''
         return ('Motion was in one direction only: differences between directions, constant '
                 'offsets and reversals cannot be seen.')
 
     @classmethod
-    def holds_offset(cls, scene: Scene) -> bool:
+    def determines_offset(cls, coverage: Coverage) -> bool:
         return True
 
     def live(self) -> LiveTerm:

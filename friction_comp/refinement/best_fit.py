@@ -13,24 +13,24 @@ import numpy as np
 from scipy import optimize
 
 from friction_comp.drive import Drive
-from friction_comp.model.differentiation import earlier
+from friction_comp.model.differentiation import shifted_in_time
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement import thresholds
+from friction_comp.refinement.block_sums import held_out_error
 from friction_comp.refinement.effect_columns import (
-    base_columns,
+    eq6_columns,
+    EQ6_LINEAR,
     neighbourhood,
-    PLAIN,
     proposals,
     Table,
     Term,
 )
-from friction_comp.refinement.naming import Intervals, Stability
 from friction_comp.refinement.prepare import blocks_of_samples, prepare, Rows, with_settings
-from friction_comp.refinement.recorded_motion import differentiations, plain_columns
+from friction_comp.refinement.recorded_motion import candidate_settings, plain_columns
 from friction_comp.refinement.search import adjust_constants, Search
-from friction_comp.refinement.sums import held_out
+from friction_comp.refinement.stability import Intervals, Stability
 from friction_comp.samples import Samples
 
 # Share of the top speed over which the friction of a plain drive changes sign.
@@ -40,7 +40,7 @@ _LAGS = (0.5, 1, 1.5, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
 
 
 @dataclass(frozen=True)
-class Question:
+class Problem:
     """The input of refinement."""
 
     raw: Samples  # all recordings
@@ -55,10 +55,10 @@ class Fit:
 
     table: Table
     terms: list[Term]  # the terms, those of the initial model first
-    given: int  # number of terms of the initial model
+    initial_count: int  # number of terms of the initial model
     settings: dict[str, Any]  # of differentiation
     candidates: list[Term]  # the last ones
-    # Share of resampled block sets in which the lag lowers the error enough; 1 without a lag.
+    # Share of bootstrap samples in which the lag lowers the error enough; 1 without a lag.
     lag_confidence: float = 1.0
     # How often repeated searches choose each term, and intervals, once terms are named.
     stability: Stability = field(default_factory=Stability)
@@ -71,18 +71,18 @@ class Fit:
 
     def errors(self) -> np.ndarray:
         """Return the squared error of each cell by a fit to all other blocks, shape (K,)."""
-        return self.table.left_out(self.table.indices(self.terms))
+        return self.table.held_out_errors(self.table.indices(self.terms))
 
     def rmse_with(self, terms: Sequence[Term]) -> float:
         """Return the held-out RMS error of some of the terms, at the present transition, A."""
         table = self.table
-        errors = table.left_out(table.indices(terms, derivatives=False))
+        errors = table.held_out_errors(table.indices(terms, derivatives=False))
         return math.sqrt(float(errors.sum()) / float(table.sums.rows.sum()))
 
     def residual(self) -> np.ndarray:
         """Return the residual of each sample by a fit to all other blocks, A, shape (N,)."""
         table, rows = self.table, self.table.rows
-        columns = np.column_stack([base_columns(rows, *table.transition)[:, :PLAIN],
+        columns = np.column_stack([eq6_columns(rows, *table.transition)[:, :EQ6_LINEAR],
                                    *(term.columns(rows) for term in self.terms)])
         train = (table.block != np.arange(rows.blocks)[:, None]).astype(float)
         fits = table.sums.fits(table.indices(self.terms, derivatives=False), train)
@@ -90,17 +90,17 @@ class Fit:
             'ns,ns->n', columns, fits[blocks_of_samples(rows)]))
 
 
-def fit_eq6_alone(question: Question, settings: dict[str, Any]) -> Fit:
+def fit_eq6_alone(problem: Problem, settings: dict[str, Any]) -> Fit:
     """Fit Eq. 6 to the recordings, without effects and without a lag."""
     settings = {name: value for name, value in settings.items() if name != 'lag'}
-    rows, settings = prepare(question.raw, question.drive, settings, question.declared)
-    table = Table(rows, 2.0 / rows.scene.transition)
+    rows, settings = prepare(problem.raw, problem.drive, settings, problem.declared)
+    table = Table(rows, 2.0 / rows.coverage.transition)
     table.fit_transition([])
     return Fit(table, [], 0, settings, [])
 
 
-class Attempt(Search):
-    """A search among all terms that the effects propose for the residual, in one table."""
+class EffectSearch(Search):
+    """A search among all terms that the effects propose for the residual."""
 
     def __init__(self, table: Table, fixed: list[Term]) -> None:
         super().__init__(table, [], fixed)
@@ -109,17 +109,17 @@ class Attempt(Search):
         self.update_candidates(fixed)
 
     def update_candidates(self, terms: Sequence[Term]) -> None:
-        """Replace the candidates by those that suit the residual of a fit."""
+        """Replace the candidates by the terms proposed for the residual of a fit."""
         table = self.table
         proposed = proposals(table, terms)
         self._retained.update(terms)
         table.keep(self._retained.union(proposed))
-        kinds = {term.kind for term in self.fixed if term.kind.most == 1}
+        kinds = {term.kind for term in self.fixed if term.kind.max_count == 1}
         self.candidates = [term for term in table.add(proposed) if term.kind not in kinds and (
             (term.kind.variable == 'time') == self._time_effects)]
 
-    def improve(self, terms: list[Term]) -> list[Term]:
-        """Adjust the constants of the last term and the transition, and renew the candidates."""
+    def after_addition(self, terms: list[Term]) -> list[Term]:
+        """Adjust the constants of the last term and the transition; update the candidates."""
         return self._adjust(terms, only=terms[-1:])
 
     def _adjust(self, terms: Sequence[Term], rounds: int = 3, only: Sequence[Term] | None = None
@@ -151,7 +151,7 @@ class Attempt(Search):
         Effects of time are tried last, so that they do not replace a recorded cause.
         """
         self._time_effects = False
-        terms = self.backward(self.separable(list(dict.fromkeys([*self.fixed, *start]))))
+        terms = self.backward(self.without_collinear(list(dict.fromkeys([*self.fixed, *start]))))
         self.table.fit_transition(terms)
         self.update_candidates(terms)
         terms = self._adjust(self.forward(self.backward(terms)), 5)
@@ -163,56 +163,57 @@ class Attempt(Search):
         return terms
 
 
-def search_with(question: Question, settings: dict[str, Any] | None = None,
+def search_with(problem: Problem, settings: dict[str, Any] | None = None,
                 begin: Sequence[Term] | None = None) -> Fit:
-    """Search with given differentiation settings and return the best fit.
+    """Search with some differentiation settings and return the best fit.
 
-    Settings are chosen when omitted. `begin` is the only start, beside the given terms, unless it
-    is omitted. Of several searches the one with the lowest error is taken, where each term costs
-    `LEAST_SHARE` of the error.
+    Settings are chosen when omitted. The search begins with the terms of the initial model and
+    those of `begin`; when it is omitted, with each of `EffectSearch.starts`. The fit with the
+    lowest error is returned, where each term costs `LEAST_SHARE` of the error.
     """
-    rows, settings = prepare(question.raw, question.drive, settings, question.declared)
-    model = question.model
-    start = model.sigmoid if model else Sigmoid(1.0, -1.0, 2.0 / rows.scene.transition)
+    rows, settings = prepare(problem.raw, problem.drive, settings, problem.declared)
+    model = problem.model
+    start = model.sigmoid if model else Sigmoid(1.0, -1.0, 2.0 / rows.coverage.transition)
     table = Table(rows, start.steepness, start.shift)
     # A load that is already part of the target cannot be an effect as well.
-    given = table.add([Term(type(effect), dict(effect.values)) for effect in model.effects
-                       if not (rows.load_by_mechanics and 'load' in effect.needs)
-                       ] if model else [])
+    initial = table.add([Term(type(effect), dict(effect.values)) for effect in model.effects
+                         if not (rows.load_coefficient and 'load' in effect.needs)
+                         ] if model else [])
     if not model:
         table.fit_transition([])
-    attempt = Attempt(table, given)
-    starts = attempt.starts() if begin is None else [table.add(begin)]
+    search = EffectSearch(table, initial)
+    starts = search.starts() if begin is None else [table.add(begin)]
     transition = table.transition
     ends: list[tuple[float, int, list[Term], tuple[float, float], list[Term]]] = []
     for first_terms in starts:
         table.set_transition(*transition)
-        terms = attempt.search_from(first_terms)
-        ends.append((attempt.error(terms) * (1.0 + thresholds.LEAST_SHARE) ** len(terms), len(ends),
-                     terms, table.transition, attempt.candidates))
+        terms = search.search_from(first_terms)
+        ends.append((search.error(terms) * (1.0 + thresholds.LEAST_SHARE) ** len(terms), len(ends),
+                     terms, table.transition, search.candidates))
     _, _, terms, transition, candidates = min(ends)
     table.set_transition(*transition)
-    return Fit(table, terms, len(given), settings,
+    return Fit(table, terms, len(initial), settings,
                [term for term in candidates if term in table.columns_of])
 
 
-def find_best_fit(question: Question) -> Fit:
+def find_best_fit(problem: Problem) -> Fit:
     """Return the best fit over lags and bandwidths.
 
-    Both are chosen like everything else: by the error of blocks that were not fitted, after a
-    whole search with each.
+    Both are chosen, like effects, by the error of blocks that were not fitted, after a whole
+    search with each.
     """
-    best = search_with(question)
+    best = search_with(problem)
     tried = [best.settings]
     for _ in range(2):
         before = best
-        for settings in _other_settings(question, best):
+        for settings in _other_settings(problem, best):
             if settings in tried:
                 continue
             tried.append(settings)
             first_lag = bool(settings.get('lag')) and not best.settings.get('lag')
             # Terms that stood in for a lag are a poor start; another bandwidth changes little.
-            other = search_with(question, settings, None if first_lag else best.terms[best.given:])
+            begin = None if first_lag else best.terms[best.initial_count:]
+            other = search_with(problem, settings, begin)
             share = thresholds.LAG_ERROR if first_lag else 1.0 - thresholds.EQUIVALENT
             if _mean_error(other) < share * _mean_error(best):
                 confidence = _lag_confidence(other, best) if first_lag else best.lag_confidence
@@ -229,7 +230,7 @@ def _mean_error(fit: Fit) -> float:
 
 
 def _lag_confidence(lagged: Fit, unlagged: Fit) -> float:
-    """Return the share of resampled block sets in which a lag lowers the error enough."""
+    """Return the share of bootstrap samples of blocks in which a lag lowers the error enough."""
     rng = np.random.default_rng(2)
     lagged_errors, unlagged_errors = (
         np.bincount(fit.table.block, fit.errors()) for fit in (lagged, unlagged))
@@ -240,28 +241,29 @@ def _lag_confidence(lagged: Fit, unlagged: Fit) -> float:
     return float(np.mean(after < thresholds.LAG_ERROR * before))
 
 
-def _other_settings(question: Question, fit: Fit) -> list[dict[str, Any]]:
-    """Return settings with which the fitted terms, or a plain drive, predict better."""
+def _other_settings(problem: Problem, fit: Fit) -> list[dict[str, Any]]:
+    """Return settings, not those of a fit, with which its terms or a plain drive predict better."""
     rows, others, settings = fit.rows, [], fit.settings
     target = rows.averaged(rows.target)
 
     def columns(other: Rows) -> np.ndarray:
-        return np.column_stack([base_columns(other, *fit.table.transition),
+        return np.column_stack([eq6_columns(other, *fit.table.transition),
                                 *(term.columns(other) for term in fit.terms)])
-    samples = rows.samples.with_(load=None) if rows.load_by_mechanics else rows.samples
-    plain = plain_columns(samples, [rows.scene.transition, _PLAIN_TRANSITION * rows.scene.speed])
+    samples = rows.samples.with_(load=None) if rows.load_coefficient else rows.samples
+    plain = plain_columns(
+        samples, [rows.coverage.transition, _PLAIN_TRANSITION * rows.coverage.speed])
     current_lag = settings.get('lag', 0.0)
     for matrix in [columns(rows)] if current_lag else [plain, columns(rows)]:
         lag, gain = _best_lag(rows, matrix, target, fine=bool(current_lag))
         if gain > (thresholds.EQUIVALENT if current_lag else 0.5 * (1.0 - thresholds.LAG_ERROR)):
             others.append({**settings, 'lag': current_lag + lag})
     errors: list[tuple[float, int, dict[str, Any]]] = []
-    for choice in differentiations(question.raw):
+    for choice in candidate_settings(problem.raw):
         if current_lag:
             choice['lag'] = current_lag
-        matrix = columns(with_settings(rows, question.raw, choice))
+        matrix = columns(with_settings(rows, problem.raw, choice))
         if np.isfinite(matrix).all():
-            error = held_out(rows.averaged(matrix), target, rows.block)
+            error = held_out_error(rows.averaged(matrix), target, rows.block)
             errors.append((error, len(errors), choice))
     least, _, choice = min(errors)
     now = [error for error, _, tried in errors if tried == settings]
@@ -272,23 +274,25 @@ def _other_settings(question: Question, fit: Fit) -> list[dict[str, Any]]:
 
 def _best_lag(rows: Rows, matrix: np.ndarray, target: np.ndarray, fine: bool
               ) -> tuple[float, float]:
-    """Return the time shift of columns that predicts best, s, and the share of error it removes.
+    """Return the lag with which columns predict best, s, and the share of the error it removes.
 
-    `matrix`, shape (N, P), holds the columns of all samples. Where `fine`, only shifts of up to
-    two samples are tried.
+    `matrix`, shape (N, P), holds the columns at all samples. With `fine`, only lags of up to two
+    samples are tried.
     """
     step = rows.samples.sample_time
 
     def error(lag: float) -> float:
-        moved = earlier(matrix, rows.samples, lag) if lag else matrix
-        return held_out(rows.averaged(moved), target, rows.block)
+        shifted = shifted_in_time(matrix, rows.samples, lag) if lag else matrix
+        return held_out_error(rows.averaged(shifted), target, rows.block)
     sizes = (1.0, 2.0) if fine else [
         size for size in _LAGS if size * step <= thresholds.LONGEST_LAG]
     lags = np.array(sorted([0.0, *(side * size * step for size in sizes for side in (1, -1))]))
     errors = [error(lag) for lag in lags]
     index = int(np.argmin(errors))
+    # Between the neighbours of the best lag on the grid.
     best = optimize.minimize_scalar(
         error, bounds=(lags[max(index - 1, 0)], lags[min(index + 1, len(lags) - 1)]),
         method='bounded', options={'xatol': 0.02 * step, 'maxiter': 12})
     least, lag = min((errors[index], float(lags[index])), (float(best.fun), float(best.x)))
-    return lag, 1.0 - least / errors[int(np.argmin(np.abs(lags)))]
+    without_lag = errors[int(np.argmin(np.abs(lags)))]
+    return lag, 1.0 - least / without_lag

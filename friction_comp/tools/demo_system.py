@@ -27,19 +27,19 @@ if TYPE_CHECKING:
     from friction_comp.reports.html import Report
 
 
-class Stage:
-    """Simulated joints in lockstep, the nodes around them, and a clock for what is said."""
+class DemoSystem:
+    """The nodes of a demo scene: simulated joints in lockstep and all that acts on them."""
 
     def __init__(self, arguments: Namespace, nodes: Nodes, ros: ToolClient) -> None:
         self.arguments, self.nodes, self.ros = arguments, nodes, ros
         self.output = arguments.output.absolute()
         self.joints: list[str] = []
         self._console = Console(highlight=False)
-        self._began = time.monotonic()
+        self._start_time = time.monotonic()
 
-    def say(self, text: str) -> None:
-        """Print what happens, with the time since the start."""
-        minutes, seconds = divmod(round(time.monotonic() - self._began), 60)
+    def log(self, text: str) -> None:
+        """Print a line with the time since the start."""
+        minutes, seconds = divmod(round(time.monotonic() - self._start_time), 60)
         self._console.print(f'[dim]{minutes}:{seconds:02d}[/dim]  {text}')
 
     def start_plant(self, joints: Sequence[str], models: Sequence[Path],
@@ -53,18 +53,18 @@ class Stage:
             'wait_for_reference': True, 'wait_for_listeners': 3, **more})
 
     def start(self, name: str, *models: Path, **more: Any) -> None:
-        """Start a node that moves the joints with these models."""
+        """Start a node that commands the joints, with the model file of each."""
         self.nodes.start(
             name, {'joints': self.joints, 'model_files': models, **IN_LOCKSTEP, **more})
 
     def start_exercise(self, **more: Any) -> None:
-        """Start an exercise that ends by itself; the compensator and the recorder listen to it."""
+        """Start an exercise that ends by itself and waits for compensator and recorder."""
         self.nodes.start('exercise', {
             'joints': self.joints, 'clock': 'ticks', 'when_done': 'exit', 'use_sim_time': True,
             'input_reliability': 'reliable', 'wait_for_listeners': 2, **more})
 
     def start_recorder(self, name: str) -> None:
-        """Start to record into `recordings`."""
+        """Start to record; see `recording`."""
         self.nodes.start('recorder', {
             'output': self.recording(name), 'use_sim_time': True, 'input_reliability': 'reliable'})
 
@@ -73,21 +73,21 @@ class Stage:
         return self.output / 'recordings' / name
 
     def wait_for_recorder(self) -> None:
-        """Wait until the recorder hears everything that is said from now on."""
+        """Wait until the recorder receives all messages from now on."""
         # Subscriptions to the command: the plant's and the recorder's. Identification has a
         # publisher only while it commands.
-        self.ros.until_connected('current_command', 0, 2)
-        self.ros.until_connected('interaction_wrench', 1, 1)
+        self.ros.wait_until_connected('current_command', 0, 2)
+        self.ros.wait_until_connected('interaction_wrench', 1, 1)
         if self.nodes.running('compensator'):
             # Messages sent before the recorder was discovered would be missing in the recording, so
             # an exercise begins after this.
             self.ros.forget('compensator')
-            self.ros.until(
+            self.ros.wait_until(
                 lambda: int(self.ros.value('compensator', 'listeners to the command') or 0)
                 >= self.ros.subscriptions('current_command'), 'the compensator and its listeners')
 
     def wait_while(self, title: str, going: Callable[[], bool], share: Callable[[], float]) -> None:
-        """Show the share of something that is done, while it goes on."""
+        """Wait while `going` returns True, and show the share of the work that is done."""
         with progress(title) as show:
             while going():
                 self.ros.wait(0.1)
@@ -105,8 +105,8 @@ class Stage:
         self.ros.forget('exercise')
 
     def finish(self, page: Report, content: dict[str, Any], *lines: Any) -> None:
-        """Write page and content as the report, print lines, and say where the report is."""
-        seconds = time.monotonic() - self._began
+        """Write page and content as the report, and print lines and the path of the report."""
+        seconds = time.monotonic() - self._start_time
         write_report(self.output, {**content, 'seconds': seconds}, page, self.arguments.command)
         for line in lines:
             self._console.print(line)
@@ -115,8 +115,8 @@ class Stage:
 
 
 @contextmanager
-def open_stage(arguments: Namespace) -> Iterator[Stage]:
-    """Yield a stage whose nodes end with the block."""
+def open_system(arguments: Namespace) -> Iterator[DemoSystem]:
+    """Yield the system of a scene, whose nodes end with the block."""
     # Importing ROS 2 may restart Python, so it comes first.
     from friction_comp.nodes.tool_client import ToolClient
 
@@ -126,7 +126,7 @@ def open_stage(arguments: Namespace) -> Iterator[Stage]:
     with Nodes(output / 'logs') as nodes, ToolClient(nodes.check) as ros:
         page = _open_page(output) if arguments.watch else None
         try:
-            yield Stage(arguments, nodes, ros)
+            yield DemoSystem(arguments, nodes, ros)
         finally:
             if page is not None:
                 page.terminate()
@@ -134,7 +134,7 @@ def open_stage(arguments: Namespace) -> Iterator[Stage]:
 
 
 def _open_page(output: Path) -> subprocess.Popen[str]:
-    """Start the live page, and say where it is."""
+    """Start the live page and print its address."""
     path = output / 'logs' / 'watch.log'
     with path.open('w') as log:
         page = subprocess.Popen(

@@ -34,21 +34,21 @@ class BlockSums:
         return cls(np.array([own @ own.T for own in blocks]),
                    np.array([own.shape[1] for own in blocks]), signs)
 
-    def left_out(self, columns: Sequence[int], fold: np.ndarray | None = None) -> np.ndarray:
+    def held_out_errors(self, columns: Sequence[int], fold: np.ndarray | None = None) -> np.ndarray:
         """Return the squared error of each block by the fit to all blocks of other folds.
 
         Blocks of the same `fold`, shape (K,), are left out together; each by itself when omitted.
         """
         fold_of_block = np.arange(len(self.rows)) if fold is None else fold
         train = fold_of_block != np.arange(int(fold_of_block.max()) + 1)[:, None]
-        return self.squares(columns, self.fits(columns, train.astype(float))[fold_of_block])
+        return self.squared_errors(columns, self.fits(columns, train.astype(float))[fold_of_block])
 
-    def squares(self, columns: Sequence[int], coefficients: np.ndarray) -> np.ndarray:
+    def squared_errors(self, columns: Sequence[int], coefficients: np.ndarray) -> np.ndarray:
         """Return the squared error of each block, (K,), by its own coefficients, shape (K, S)."""
         inner = np.append(np.asarray(columns, dtype=int), self.gram.shape[1] - 1)
-        mix = np.concatenate((coefficients, np.full((len(coefficients), 1), -1.0)), axis=1)
-        return np.asarray((mix[:, None] @ self.gram[:, inner[:, None], inner]
-                           @ mix[:, :, None])[:, 0, 0])
+        combination = np.concatenate((coefficients, np.full((len(coefficients), 1), -1.0)), axis=1)
+        return np.asarray((combination[:, None] @ self.gram[:, inner[:, None], inner]
+                           @ combination[:, :, None])[:, 0, 0])
 
     def fits(self, columns: Sequence[int], weights: np.ndarray) -> np.ndarray:
         """Return the coefficients, shape (F, S), of fits to blocks with weights, shape (F, K)."""
@@ -60,7 +60,7 @@ class BlockSums:
         """Return the coefficients fitted to all blocks, shape (S,)."""
         return self.fits(columns, np.ones((1, len(self.rows))))[0]
 
-    def own_share(self, columns: Sequence[int]) -> np.ndarray:
+    def independent_share(self, columns: Sequence[int]) -> np.ndarray:
         """Return the share of each column's norm that is independent of the others, shape (S,)."""
         norms = self._norms(np.asarray(columns, dtype=int))
         scaled = self.gram.sum(axis=0)[np.ix_(columns, columns)] / norms / norms[:, None]
@@ -81,9 +81,9 @@ def sums_of(columns: np.ndarray, target: np.ndarray, block: np.ndarray) -> Block
         np.zeros(columns.shape[1], dtype=int))
 
 
-def held_out(columns: np.ndarray, target: np.ndarray, block: np.ndarray) -> float:
+def held_out_error(columns: np.ndarray, target: np.ndarray, block: np.ndarray) -> float:
     """Return the squared error of all blocks, each by least squares on the others."""
-    return float(sums_of(columns, target, block).left_out(range(columns.shape[1])).sum())
+    return float(sums_of(columns, target, block).held_out_errors(range(columns.shape[1])).sum())
 
 
 def solve(sums: np.ndarray, norms: np.ndarray, signs: np.ndarray) -> np.ndarray:

@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Finds the variables that the residual still depends on, whatever the shape of the dependence.
 
-The range of a variable is cut into cells. Where the residual's mean differs between cells by more
-than it does with the signs of long stretches flipped at random, it depends on the variable.
+The range of a variable is divided into cells. The residual depends on the variable if its mean
+differs between cells by more than it does when the signs of long blocks of consecutive samples are
+flipped at random.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ _PAIRED = {'position': 12, 'velocity': 8, 'time': 12, 'acceleration': 6, 'load':
            'temperature': 6}
 # A pair of these variables is preferred unless another pair explains this many times as much.
 _STATE, _OTHER_PAIR = frozenset(('position', 'velocity', 'load', 'temperature')), 1.5
-_FEWEST_STRETCHES, _MOST_STRETCHES = 20, 400
+_FEWEST_BLOCKS, _MOST_BLOCKS = 20, 400
 
 
 @dataclass(frozen=True)
@@ -41,12 +42,14 @@ class Dependence:
     note: str
 
 
-def leftover(samples: Samples, residual: np.ndarray, slowest: float) -> list[Dependence]:
+def remaining_dependences(samples: Samples, residual: np.ndarray, slowest: float
+                          ) -> list[Dependence]:
     """Return the variables that a residual, shape (N,), still depends on, the strongest first.
 
-    Each dependence is subtracted before the next is looked for, so that only variables that
-    explain something of their own are named; then pairs of variables are tried. The samples are in
-    motion, with velocity and acceleration, and may have gaps; `slowest` is the speed of standstill.
+    Each dependence is subtracted before the next is searched for, so that a variable is reported
+    only if it explains a part that others do not; then pairs of variables are tried. The samples
+    are in motion, with velocity and acceleration, and may have gaps; `slowest` is the speed of
+    standstill, rad/s.
     """
     limit = _OUTLYING * float(robust_std(residual)) + 1e-300
     values = np.clip(residual, -limit, limit)
@@ -60,13 +63,13 @@ def leftover(samples: Samples, residual: np.ndarray, slowest: float) -> list[Dep
     rng = np.random.default_rng(0)
     cells = {name: _cells(name, signals, side) for name in _SINGLE if name in signals}
     while cells:
-        stretch = _stretches(values)
+        block = _blocks(values)
         share = float(values @ values) / power
-        strength, name = max((depends(values, cell, stretch, rng), name)
+        strength, name = max((explained_share(values, cell, block, rng), name)
                              for name, cell in cells.items())
         if strength * share < thresholds.LEAST_STRENGTH:
             break
-        dependences.append(_entry(name, strength * share, values, name))
+        dependences.append(_dependence(name, strength * share, values, name))
         cell = cells.pop(name)
         mean = np.bincount(cell, values) / np.maximum(np.bincount(cell), 1)
         values = values - mean[cell]
@@ -74,22 +77,22 @@ def leftover(samples: Samples, residual: np.ndarray, slowest: float) -> list[Dep
     pair, strength = _strongest_pair(values, signals, side, rng)
     if strength * share > 2.0 * thresholds.LEAST_STRENGTH:
         known = {item.variable for item in dependences}
-        dependences += [_entry(name, strength * share, values, ' and '.join(pair))
+        dependences += [_dependence(name, strength * share, values, ' and '.join(pair))
                         for name in pair if name not in known]
     dependences.sort(key=lambda item: -item.strength)
     return dependences + _inseparable(dependences, signals)
 
 
-def depends(residual: np.ndarray, cells: np.ndarray, stretch: np.ndarray,
-            rng: np.random.Generator) -> float:
+def explained_share(residual: np.ndarray, cells: np.ndarray, block: np.ndarray,
+                    rng: np.random.Generator) -> float:
     """Return the share of a residual's variance that cells explain; 0 where it may be chance.
 
-    It is the share beyond the average with flipped signs. Stretches are longer than the residual's
-    memory: without a dependence, the sign of the residual in one is independent of that in the
-    next.
+    It is the share beyond the average with flipped signs. `cells` and `block`, shape (N,), are the
+    indices of each sample's cell and block. Blocks are longer than the correlation time, so that
+    without a dependence the sign of the residual in one is independent of that in the next.
     """
-    count, rows = int(cells.max()) + 1, int(stretch.max()) + 1
-    table = np.bincount(stretch * count + cells, residual, minlength=rows * count)
+    count, rows = int(cells.max()) + 1, int(block.max()) + 1
+    table = np.bincount(block * count + cells, residual, minlength=rows * count)
     table = table.reshape(rows, count)
     weight = 1.0 / np.maximum(np.bincount(cells, minlength=count), 1)
     power = float(residual @ residual)
@@ -123,7 +126,7 @@ def _signals(samples: Samples, slowest: float) -> dict[str, np.ndarray]:
 
 
 def _cells(name: str, signals: dict[str, np.ndarray], side: np.ndarray) -> np.ndarray:
-    """Return the cell of each sample, directions apart so that signs do not cancel."""
+    """Return the cell of each sample; directions have separate cells, or signs might cancel."""
     tails = (0.003, 0.01, 0.03) if name in ('velocity', 'acceleration') else ()
     cell = _ranges(signals[name], _SINGLE[name], tails)
     if name == 'velocity':
@@ -136,16 +139,17 @@ def _cells(name: str, signals: dict[str, np.ndarray], side: np.ndarray) -> np.nd
 
 def _strongest_pair(values: np.ndarray, signals: dict[str, np.ndarray], side: np.ndarray,
                     rng: np.random.Generator) -> tuple[tuple[str, ...], float]:
+    """Return the two variables that together explain most, and the share that they explain."""
     ranges = {name: _ranges(signals[name], count) for name, count in _PAIRED.items()
               if name in signals}
-    stretch = _stretches(values)
+    block = _blocks(values)
     best: tuple[float, float, tuple[str, ...]] = (0.0, 0.0, ())
     for names in combinations(ranges, 2):
         cell = ranges[names[0]] * (int(ranges[names[1]].max()) + 1) + ranges[names[1]]
         if 'velocity' not in names:
             cell = 2 * cell + side
         cell = np.unique(cell, return_inverse=True)[1].reshape(-1)
-        strength = depends(values, cell, stretch, rng)
+        strength = explained_share(values, cell, block, rng)
         weighted = strength * (_OTHER_PAIR if _STATE.issuperset(names) else 1.0)
         best = max(best, (weighted, strength, names))
     return best[2], best[1]
@@ -166,18 +170,19 @@ def _inseparable(dependences: list[Dependence], signals: dict[str, np.ndarray]) 
     return inseparable
 
 
-def _stretches(values: np.ndarray) -> np.ndarray:
-    """Return the stretch of each value; stretches are longer than the correlation time."""
+def _blocks(values: np.ndarray) -> np.ndarray:
+    """Return the block of each value, shape (N,); blocks are longer than the correlation time."""
     size = len(values)
     padded = 1 << (2 * size - 1).bit_length()
     correlation = np.fft.irfft(np.abs(np.fft.rfft(values, padded)) ** 2)[:max(2, size // 10)]
     below = np.nonzero(correlation < 0.2 * correlation[0])[0]
     memory = int(below[0]) if below.size else size // 10
-    length = max(2 * memory, size // _MOST_STRETCHES)
-    return np.arange(size) // max(2, min(length, size // _FEWEST_STRETCHES))
+    length = max(2 * memory, size // _MOST_BLOCKS)
+    return np.arange(size) // max(2, min(length, size // _FEWEST_BLOCKS))
 
 
-def _entry(name: str, strength: float, values: np.ndarray, words: str) -> Dependence:
+def _dependence(name: str, strength: float, values: np.ndarray, words: str) -> Dependence:
+    """Return the dependence on a variable; `words` name it, or a pair, in the note."""
     size = np.sqrt(max(strength, 0.0) * np.mean(values ** 2))
     return Dependence(name, strength, f'about {size:.2g} A RMS of the remaining error depend on '
                       f'{words}, in a way that no effect of the package describes')

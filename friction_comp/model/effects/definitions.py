@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The terms that effects are written in: signals, coverage of recordings, search ranges."""
+"""Signals, coverage of recordings and search ranges, by which effects are defined."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ VARIABLES = (
     'other joints')
 
 RESISTS, CARRIES, NEITHER = 'resists', 'carries', 'neither'
-"""What an effect does to the joint: takes energy from every motion, as friction does; pushes
-whatever the direction, as gravity does; or is no torque at all."""
+"""What an effect does to the joint: it dissipates energy, as friction does; it is a torque that is
+independent of the direction, as gravity is; or it is no torque."""
 
 
 class Signals(NamedTuple):
@@ -34,8 +34,8 @@ class Signals(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Scene:
-    """What a set of recordings covers: the frame within which constants are searched."""
+class Coverage:
+    """The ranges that a set of recordings covers, within which constants are searched."""
 
     transition: float         # rad/s over which friction changes sign: tanh(v/transition)
     speed: float              # 95th percentile of the speed while moving, rad/s
@@ -50,10 +50,10 @@ class Scene:
     both_directions: bool = True      # whether there is motion in both
     slow: float = 0.0                 # 5th percentile of the speed while moving, rad/s
     reversals: float = math.inf       # of the direction of motion
-    rested: float = math.inf          # how long the joint stood still, s
-    positions: float = math.inf       # distinct positions that the encoder gave
+    rest_duration: float = math.inf          # how long the joint stood still, s
+    distinct_positions: float = math.inf       # distinct positions that the encoder gave
     temperature_span: float = math.inf        # range of the motor temperature, K
-    usual_speed: float = math.inf     # median of the speed while moving, rad/s
+    median_speed: float = math.inf     # median of the speed while moving, rad/s
     speed_spread: float = math.inf    # its standard deviation as a share of its mean
 
     @property
@@ -63,28 +63,29 @@ class Scene:
 
 
 @dataclass(frozen=True)
-class Look:
-    """A residual as effects look at it to propose constants: arrays of shape (R,)."""
+class ResidualView:
+    """A residual from which effects propose constants: arrays of shape (R,)."""
 
-    scene: Scene
+    coverage: Coverage
     position: Any                     # rad
     velocity: Any                     # rad/s
     side: Any                         # sign of friction, -1..1
     residual: Any                     # A
     row_time: float                   # s over which each row was averaged
-    loads: list[dict[str, float]]     # what the terms of the fit carry, see `Effect.load_share`
+    # Loads of the terms of the fit, see `Effect.load_share`.
+    load_shares: list[dict[str, float]]
 
 
 @dataclass(frozen=True)
 class SearchRange:
-    """How a constant is searched around a first value."""
+    """How a constant is searched around an initial value."""
 
-    # Half width of the bracket: a factor, or a number of units where there is one.
+    # Half width of the bracket: a factor, or a number of units where there is a unit.
     width: float
     # Size of one unit, for constants searched on a linear scale; the scale is logarithmic without.
-    unit: Callable[[Scene, dict[str, float]], float] | None = None
-    # Lowest and highest value at which the effect is what its name says.
-    limits: Callable[[Scene, dict[str, float]], tuple[float, float]] | None = None
+    unit: Callable[[Coverage, dict[str, float]], float] | None = None
+    # Lowest and highest value; beyond them the effect is another one.
+    limits: Callable[[Coverage, dict[str, float]], tuple[float, float]] | None = None
 
 
 # An encoder that gives fewer distinct positions over the motion is coarse: less than a hundredth
@@ -92,13 +93,14 @@ class SearchRange:
 _COARSE = 150
 
 NEARLY_ONE_SPEED = 0.4
-"""Spread of a speed that is one but for starts and reversals: one speed to and fro has 0.25 to
-0.35, motion that varies (production strokes, several speeds, sines) 0.46 and more."""
+"""Largest spread of a speed that is constant except for starts and reversals: motion to and fro at
+one speed has 0.25 to 0.35; production strokes, several speeds and sines have 0.46 and more."""
 
 
-def too_coarse(scene: Scene) -> str:
-    """Return a sentence where the encoder gave too few distinct positions; empty if enough."""
-    if scene.positions >= _COARSE:
+def too_coarse(coverage: Coverage) -> str:
+    """Return a warning if the encoder gave too few distinct positions; empty otherwise."""
+    if coverage.distinct_positions >= _COARSE:
         return ''
-    return (f'Position is coarse: {scene.positions:.0f} distinct values. Lag, presliding and what '
-            'else happens within a few steps of it cannot be seen, and acceleration is uncertain.')
+    return (f'Position is coarse: {coverage.distinct_positions:.0f} distinct values. Lag, '
+            'presliding and what else happens within a few steps of it cannot be seen, and '
+            'acceleration is uncertain.')

@@ -23,9 +23,9 @@ import numpy as np
 from scipy import stats
 
 from friction_comp.refinement import thresholds
+from friction_comp.refinement.block_sums import BlockSums
 from friction_comp.refinement.effect_columns import Table, Term
-from friction_comp.refinement.search import free_constants, Search, slopes, unit_of
-from friction_comp.refinement.sums import BlockSums
+from friction_comp.refinement.search import constant_derivatives, free_constants, Search, step_size
 from friction_comp.statistics import robust_std
 
 # A column of the table, or a constant of a term.
@@ -44,41 +44,41 @@ class Stability:
     # Effects that searches without a term choose instead, and the share of all searches.
     alternatives: dict[Term, list[tuple[str, float]]] = field(default_factory=dict)
 
-    def renamed(self, names: dict[Term, Term]) -> Stability:
-        """Return the same results under the new names of terms whose constants have changed."""
+    def with_new_terms(self, new: dict[Term, Term]) -> Stability:
+        """Return the same results for new terms, which replace those with other constants."""
         return Stability(
-            {names.get(term, term): share for term, share in self.chosen.items()},
-            {names.get(term, term): others for term, others in self.alternatives.items()})
+            {new.get(term, term): share for term, share in self.chosen.items()},
+            {new.get(term, term): others for term, others in self.alternatives.items()})
 
     def named(self, term: Term) -> bool:
         """Return whether a term is chosen often enough to be named."""
         return self.chosen.get(term, 0.0) >= thresholds.NAMED_SHARE
 
 
-def repeat_search(table: Table, terms: Sequence[Term], given: int, candidates: Sequence[Term]
-                  ) -> Stability:
+def repeat_search(table: Table, terms: Sequence[Term], initial_count: int,
+                  candidates: Sequence[Term]) -> Stability:
     """Repeat the whole search on resampled blocks and count how often it chooses each term.
 
-    The first `given` of the terms of the fit are those of the initial model; all others, and the
-    candidates, may be chosen.
+    The first `initial_count` of the terms of the fit are those of the initial model; all others,
+    and the candidates, may be chosen.
     """
     rng = np.random.default_rng(0)
-    fixed, span = list(terms[:given]), table.rows.scene.span
-    single_kinds = {term.kind for term in terms if term.kind.most == 1 and not term.group}
+    fixed, span = list(terms[:initial_count]), table.rows.coverage.span
+    single_kinds = {term.kind for term in terms if term.kind.max_count == 1 and not term.group}
     # With the adjusted constants: a neighbouring grid point is the same effect.
-    offered = [*terms[given:], *(term for term in candidates
-                                if term.kind not in single_kinds and term not in terms)]
+    offered = [*terms[initial_count:], *(term for term in candidates
+                                         if term.kind not in single_kinds and term not in terms)]
     late = [term for term in offered if term.kind.variable == 'time']
     early = [term for term in offered if term not in late]
     physics = [term for term in early if term.kind.physics and not term.group]
-    groups = [term for term in terms[given:] if term.group]
+    groups = [term for term in terms[initial_count:] if term.group]
     searches: list[list[Term]] = []
     while len(searches) < thresholds.SEARCHES:
         weights = table.draw_blocks(rng)
         if np.sum(weights == 0) < 3:
             continue
         search = Search(table, early, fixed, weights)
-        start = search.separable([*fixed, *dict.fromkeys([*physics, *groups])])
+        start = search.without_collinear([*fixed, *dict.fromkeys([*physics, *groups])])
         better = search.forward(search.backward(start))
         search.candidates = late
         searches.append(search.forward(better))
@@ -88,14 +88,14 @@ def repeat_search(table: Table, terms: Sequence[Term], given: int, candidates: S
     chosen = {term: float(np.mean([contains(result, term) for result in searches]))
               for term in terms}
     alternatives: dict[Term, list[tuple[str, float]]] = {}
-    for term in terms[given:]:
+    for term in terms[initial_count:]:
         counts: Counter[str] = Counter()
         for result in searches:
             if not contains(result, term):
                 counts.update(sorted({other.kind.name for other in result
                                       if not contains(terms, other)}))
         alternatives[term] = [(name, count / len(searches)) for name, count in counts.most_common()
-                             if count >= thresholds.ALTERNATIVE_SHARE * len(searches)]
+                              if count >= thresholds.ALTERNATIVE_SHARE * len(searches)]
     return Stability(chosen, alternatives)
 
 
@@ -138,7 +138,8 @@ def intervals(table: Table, terms: Sequence[Term]) -> Intervals:
     """
     free = free_constants(terms)
     indices = table.indices(terms)
-    full = np.vstack((table.columns[indices], slopes(table, terms, free), table.target))
+    full = np.vstack(
+        (table.columns[indices], constant_derivatives(table, terms, free), table.target))
     signs = np.append(table.sums.signs[indices], np.zeros(len(free), dtype=int))
     sums = BlockSums.over(full, table.block_rows, signs)
     rng = np.random.default_rng(1)
@@ -153,13 +154,17 @@ def intervals(table: Table, terms: Sequence[Term]) -> Intervals:
     constants = {}
     for (index, name), h in zip(free, half[len(indices):]):
         term = terms[index]
-        value, width = term.constants[name], h * unit_of(term, name, table.rows.scene)
+        value, width = term.constants[name], h * step_size(term, name, table.rows.coverage)
         constants[term, name] = float(value - width), float(value + width)
     return Intervals(coefficients, constants, draws)
 
 
-class Elsewhere:
-    """Sums, of terms, over thirds of speed, position, time, acceleration, and over postures."""
+class LeftOutThirds:
+    """Errors of terms on thirds of a variable that are left out of the fit, each in turn.
+
+    The variables are speed, position, time and acceleration. Where several joints moved, regions
+    of posture are left out as well.
+    """
 
     def __init__(self, table: Table, terms: Sequence[Term]) -> None:
         rows, averages = table.rows, table.rows.at_rows
@@ -179,39 +184,42 @@ class Elsewhere:
             name: BlockSums.over(full, [part == k for k in range(int(part.max()) + 1)], signs)
             for name, part in partitions.items()}
 
-    def squares(self, terms: Sequence[Term]) -> dict[str, float]:
-        """Return the sum of squared errors of each partition, the blocks of time among them."""
+    def squared_errors(self, terms: Sequence[Term]) -> dict[str, float]:
+        """Return the sum of squared errors for each variable whose thirds are left out in turn.
+
+        The entry `_PARTS` is that of blocks of time.
+        """
         columns = [self._column_index[column] for column in self._table.indices(
             terms, derivatives=False)]
-        return {name: max(float(sums.left_out(columns).sum()), 1e-300)
+        return {name: max(float(sums.held_out_errors(columns).sum()), 1e-300)
                 for name, sums in self._sums.items()}
 
-    def growth(self, terms: Sequence[Term]) -> dict[str, float]:
-        """Return the ratio of each partition's error to that of blocks of time."""
-        errors = self.squares(terms)
+    def error_growth(self, terms: Sequence[Term]) -> dict[str, float]:
+        """Return the ratio of the error for each variable to that of blocks of time."""
+        errors = self.squared_errors(terms)
         least = errors.pop(_PARTS)
         return {name: math.sqrt(error / least) for name, error in errors.items()}
 
-    def helpful(self, terms: Sequence[Term], given: int) -> list[Term]:
+    def without_harmful(self, terms: Sequence[Term], initial_count: int) -> list[Term]:
         """Return the terms without those that increase these errors, the worst removed first.
 
-        The first `given` terms are kept in any case.
+        The first `initial_count` terms are always kept.
         """
         terms, target = list(terms), self._table.target
         most = thresholds.USELESS_ERROR ** 2 * float(target @ target)
         error = self._score(terms)
-        while len(terms) > given:
-            # Two terms that cancel help only together, and mislead together.
+        while len(terms) > initial_count:
+            # Two terms that cancel each other have to be removed together.
             trials = [(self._score([term for term in terms if term not in removed]), removed)
-                      for size in (1, 2) for removed in combinations(terms[given:], size)]
+                      for size in (1, 2) for removed in combinations(terms[initial_count:], size)]
             lowest, removed = min(trials, key=lambda trial: trial[0])
-            # Zero may predict some part about as well as the terms do.
-            if lowest >= error and max(self.squares(terms).values()) <= most:
+            # Go on without a gain if for some variable the error is about that of zero current.
+            if lowest >= error and max(self.squared_errors(terms).values()) <= most:
                 break
             error = lowest
             terms = [term for term in terms if term not in removed]
         return terms
 
     def _score(self, terms: Sequence[Term]) -> float:
-        """Return the mean logarithm of these errors, so that no single partition decides."""
-        return float(np.mean(np.log(list(self.squares(terms).values()))))
+        """Return the mean logarithm of these errors, so that no single variable decides."""
+        return float(np.mean(np.log(list(self.squared_errors(terms).values()))))
