@@ -228,8 +228,8 @@ class Bump(Effect):
         if coverage.speed_spread >= NEARLY_ONE_SPEED:
             return ''
         return (f'Speed was near {coverage.median_speed:.3g} rad/s most of the time: the few '
-                'samples of starts and reversals determine the dependence on speed, and bumps cannot be '
-                'distinguished from effects of starts and reversals.')
+                'samples of starts and reversals determine the dependence on speed, and bumps '
+                'cannot be distinguished from effects of starts and reversals.')
 
     def describe(self) -> str:
         c = self.values
