@@ -137,7 +137,8 @@ def separations(samples: Samples, pairs: Sequence[Pair], scene: Scene) -> dict[P
     block = blocks_of(samples, start)
     table = Table(Rows(samples, samples.current, usable, nothing, scene, start, 1, block,
                        np.zeros_like(block)), 2.0 / scene.transition)
-    keys = {name: table.add(terms_of(name, scene)) for pair in pairs for name in pair}
+    names = dict.fromkeys(name for pair in pairs for name in pair)
+    keys = {name: table.add(terms_of(name, scene)) for name in names}
 
     def least(first: str, second: str) -> float:
         shares = []
