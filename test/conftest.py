@@ -8,6 +8,11 @@ import signal
 import sys
 from unittest.mock import patch
 
+# As `python3 -m friction_comp` does for tools, before the first import of NumPy: threads of linear
+# algebra that wait for each other take up to twelve times the processor time here.
+os.environ.setdefault('OMP_NUM_THREADS', '1')
+os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+
 from hypothesis import HealthCheck, settings
 from matplotlib.figure import Figure
 import pytest

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A planned motion keeps its limits, repeats with its seed, and tells effects apart."""
 
+from contextlib import contextmanager
 import json
 
 from hypothesis import example, given, strategies as st
@@ -65,11 +66,21 @@ def test_no_plan_leaves_its_limits(seed, bends, lowest, span, velocity, accelera
     assert v[-1] == 0.0
 
 
+@contextmanager
+def short_search():
+    """Search a third as long for each plan, where it is not about how good it is."""
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr('friction_comp.excitation.plan._GENERATIONS', 2)
+        yield
+
+
 @pytest.fixture(scope='module')
 def plan():
-    return plan_joint(ELBOW, pairs_of(['stribeck', 'viscous_shape']), 20.0, 3)
+    with short_search():
+        return plan_joint(ELBOW, pairs_of(['stribeck', 'viscous_shape']), 20.0, 3)
 
 
+@short_search()
 def test_the_same_seed_gives_the_same_plan_and_another_another(plan):
     pairs = pairs_of(['stribeck', 'viscous_shape'])
     again, other = (plan_joint(ELBOW, pairs, 20.0, seed) for seed in (3, 4))
@@ -101,6 +112,7 @@ def test_separation_sees_what_cannot_be_told_apart():
     assert shares[1] < 0.1 * shares[0]
 
 
+@short_search()
 def test_effort_is_kept_by_the_model_or_refused(plan):
     model = FrictionModel(drive=Drive(0.1, 100.0, 4000), joint='elbow',
                           sigmoid=Sigmoid(0.2, -0.2, 400.0, viscous=0.5))
@@ -148,6 +160,7 @@ def test_a_report_of_refine_says_what_to_tell_apart():
         pairs_in({'ambiguous': [{'between': ['time', 'temperature']}]}, 'r')
 
 
+@short_search()
 def test_the_tool_writes_plan_page_and_report(tmp_path, capsys):
     output = tmp_path / 'o'
     assert run('excite', [*PLAIN, '--effects', 'stribeck,viscous_shape', '--seconds', '20',

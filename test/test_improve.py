@@ -25,6 +25,12 @@ from simulated_recordings.played import PlayedDrive
 LIMITS = JointLimits('joint', -1.5, 1.5, 1.2, 6.0)
 
 
+@pytest.fixture
+def short_search(monkeypatch):
+    """Search a fifth as long for each plan, where what it separates is not asked."""
+    monkeypatch.setattr('friction_comp.excitation.plan._GENERATIONS', 1)
+
+
 @pytest.fixture(scope='module')
 def improved():
     drive = random_drive(1, ['bump', 'gravity'])
@@ -66,7 +72,7 @@ def test_page_and_report_tell_each_round(improved, tmp_path):
     assert 'refinement.html' in text
 
 
-def test_a_drive_that_changes_between_rounds_is_not_trusted():
+def test_a_drive_that_changes_between_rounds_is_not_trusted(short_search):
     drive = random_drive(3, ['gravity'])
     played, worse = PlayedDrive(drive, 2), []
 
@@ -109,7 +115,8 @@ def test_wrong_input_is_one_line(wrong, words, tmp_path, capsys):
 
 @pytest.mark.slow
 @pytest.mark.processes
-def test_one_command_goes_from_nothing_to_a_tested_model(tmp_path, monkeypatch, own_environment):
+def test_one_command_goes_from_nothing_to_a_tested_model(
+        tmp_path, monkeypatch, own_environment, short_search):
     pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
     fork_nodes_of_tools(monkeypatch)
     # As few states a second as a plant may have.

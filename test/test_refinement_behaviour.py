@@ -49,6 +49,7 @@ STANDSTILL = ('stribeck', 'hysteresis', 'friction_ripple', 'direction')
 # well; the others follow their path exactly.
 UNDER_SERVO = ('stribeck', 'direction', 'friction_ripple')
 ENOUGH = 60.0  # s of recording
+SAMPLE_TIME = 2e-3  # s, of plant and law in the loop
 
 
 @pytest.fixture
@@ -81,14 +82,15 @@ def plant_of(declared, name, parameters, seed=3):
     """Return the simulated joint with the effect that its model file does not declare."""
     warm = dict(THERMAL, initial=50.0) if name == 'temperature' else None
     hidden = Undeclared.from_effects([{'name': name, 'parameters': parameters}], warm)
-    return Plant([declared], seed=seed, undeclared=[hidden])
+    return Plant([declared], seed=seed, undeclared=[hidden], sample_time=SAMPLE_TIME)
 
 
 def moved_by_hand(declared, model, name, parameters, compensated=True, **changes):
     """Return RMS over the movements and mean of their peaks of the person's torque, N·m."""
     movement = ReferenceMovement(
         **{'repetitions': 1, 'standstill': 1.5, 'compensated': compensated, **changes})
-    log = closed_loop(plant_of(declared, name, parameters), CompensationLaw([model]), movement,
+    log = closed_loop(plant_of(declared, name, parameters),
+                      CompensationLaw([model], sample_time=SAMPLE_TIME), movement,
                       movement.duration)
     squares, peaks = [], []
     for number in range(2):
@@ -108,12 +110,14 @@ def stiffly_held(declared):
 
 def farthest_untouched(declared, model, name, parameters, direction):
     """Return how far the joint goes, rad, while a direction is announced and nobody touches it."""
-    plant, law, farthest = plant_of(declared, name, parameters), CompensationLaw([model]), 0.0
-    for k in range(3000):
+    plant, farthest = plant_of(declared, name, parameters), 0.0
+    law = CompensationLaw([model], sample_time=SAMPLE_TIME)
+    for _ in range(round(3.0 / SAMPLE_TIME)):
         state = plant.state
         farthest = max(farthest, abs(state.position[0]))
-        plant.step(law.update(state.time, state.position, state.velocity,
-                              [direction if k > 300 else 0], temperature=state.temperature))
+        announced = [direction if state.time > 0.3 else 0]
+        plant.step(law.update(state.time, state.position, state.velocity, announced,
+                              temperature=state.temperature))
     return farthest
 
 

@@ -28,8 +28,12 @@ def note_model(number):
 
 
 @functools.cache
+def motion_planned():
+    return plan_joint(LIMITS, [('gravity', 'stribeck')], 20.0, 3).samples(50.0)
+
+
 def planned(number):
-    motion = plan_joint(LIMITS, [('gravity', 'stribeck')], 20.0, 3).samples(50.0)
+    motion = motion_planned()
     return TrajectoryGoal(motion.time, motion.position, np.asarray(motion.velocity),
                           ramp_slope=SLOPES[number])
 

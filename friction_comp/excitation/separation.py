@@ -140,7 +140,8 @@ def separations(samples: Samples, pairs: Sequence[Pair], coverage: Coverage) -> 
     block = blocks_of(samples, start)
     table = Table(Rows(samples, samples.current, usable, nothing, coverage, start, 1, block,
                        np.zeros_like(block)), 2.0 / coverage.transition)
-    keys = {name: table.add(terms_of(name, coverage)) for pair in pairs for name in pair}
+    names = dict.fromkeys(name for pair in pairs for name in pair)
+    keys = {name: table.add(terms_of(name, coverage)) for name in names}
 
     def least(first: str, second: str) -> float:
         shares = []

@@ -111,7 +111,7 @@ def identification_figure(model: FrictionModel) -> Figure:
         [1e3 * breakaway.positive_std, 1e3 * breakaway.negative_std], fmt='s', capsize=4,
         color=COLOURS['green'], label='breakaway')
     axes.set(xlabel='joint velocity (rad/s)', ylabel='motor current (mA)')
-    axes.legend(loc='best')
+    axes.legend(loc='upper left')
     return figure
 
 

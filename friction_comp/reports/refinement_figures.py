@@ -80,7 +80,8 @@ def friction_figure(result: RefineResult) -> Figure:
     low, high = np.percentile(friction, (0.5, 99.5))
     axes.set_ylim(low - 0.2 * (high - low), high + 0.2 * (high - low))
     axes.set(xlabel='velocity (rad/s)', ylabel=f"friction ({result.report['unit']})")
-    axes.legend()
+    # Friction rises from lower left to upper right. The best place among many points takes seconds.
+    axes.legend(loc='upper left')
     return figure
 
 
@@ -150,7 +151,7 @@ def spectrum_figure(result: RefineResult) -> Figure | None:
         axes.plot(*largest_in_ranges(k, size), color=COLOURS[colour], label=words)
     axes.set(xscale='log', xlabel='periods per turn', ylabel=f"amplitude ({result.report['unit']})")
     axes.set_ylim(bottom=0.0)
-    axes.legend()
+    axes.legend(loc='upper right')
     return figure
 
 
