@@ -60,6 +60,14 @@ def test_too_little_is_refused_in_one_line(parts, words):
     assert '\n' not in str(caught.value)
 
 
+@pytest.mark.parametrize('wrap', [lambda one: one, lambda one: [[one]], lambda one: 'file.mcap'])
+def test_what_is_no_list_of_samples_is_refused(wrap):
+    samples = Samples(time=np.arange(3.0), position=np.zeros(3), velocity=None,
+                      current=np.zeros(3))
+    with pytest.raises(InputError, match='list of Samples'):
+        join(wrap(samples))
+
+
 def test_a_joint_that_hardly_moves_is_refused():
     still = swings(1)
     step = np.where(still.time > 39.0, 0.1 * np.sin(40.0 * (still.time - 39.0)), 0.0)

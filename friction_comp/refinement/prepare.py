@@ -91,6 +91,8 @@ def join(recordings: Sequence[Samples]) -> Samples:
 
     Raises `InputError` if there are too few samples or no motion.
     """
+    if isinstance(recordings, Samples) or not all(isinstance(r, Samples) for r in recordings):
+        raise InputError('recordings must be a list of Samples, as read_recording returns it')
     # Sorted by content, so that the order in which files are named makes no difference.
     recordings = sorted((part for part in recordings if len(part)), key=lambda part: (
         len(part), *map(float, part.position[:2]), *map(float, part.current[:2])))

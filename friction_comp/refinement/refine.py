@@ -79,7 +79,7 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
     report_progress = progress or (lambda share, word: None)
     declared = drive is not None or model is not None
     drive = drive or (model.drive if model else Drive(1.0, 1.0))
-    problem = Problem(join(list(recorded)), drive, declared, model)
+    problem = Problem(join(recorded), drive, declared, model)
     fit = find_best_fit(problem)
     report_progress(0.6, 'repeating the search on resampled parts')
     fit = select_named(fit)
