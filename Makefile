@@ -58,9 +58,6 @@ lint: setup
 	@$(BIN)/python -m ruff check .
 	@$(BIN)/python -m mypy
 
-# Two processes share two cores: more threads for small matrices only get in each other's way.
-check test: export OPENBLAS_NUM_THREADS = 1
-check test: export OMP_NUM_THREADS = 1
 # Tests start a hundred interpreters: what these import is kept as bytecode, even where Python is
 # told to write none beside its sources.
 check test: export PYTHONPYCACHEPREFIX = $(CURDIR)/build/bytecode

@@ -147,7 +147,7 @@ def amplitude(p: Any, s: Any, positive: bool, speed: float, more: float) -> tupl
     # Friction that reverses over a longer distance has an element of its own, without preload.
     # The sliding friction without it shows whether the ramps of identification included it.
     mean = min(mean, max(plateau, mean - p.turning))
-    near = p.slow_share * min(sliding, mean)
+    near = p.slow_share * max(0.0, min(sliding, mean))
     # Until the joint has left its position of rest, breakaway friction holds it.
     moved = abs(s.position - s.rest_position)
     start = max(0.0, min(1.0, 2.0 - moved / p.start_distance))

@@ -65,9 +65,10 @@ class Presliding:
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if value is not None or name == 'distance':
-                bound = {'least' if name == 'backlash' else 'above': 0.0}
-                check_number(value, f'presliding.{name}', **bound)
+            if name == 'backlash' and value is not None:
+                check_number(value, 'presliding.backlash', least=0.0)
+            elif value is not None or name == 'distance':
+                check_number(value, f'presliding.{name}', above=0.0)
 
 
 @dataclass
