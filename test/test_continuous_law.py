@@ -279,6 +279,22 @@ def follow_with_stamps(stamps):
                      for k, stamp in enumerate(stamps)])
 
 
+def test_a_joint_that_turns_round_as_announced_has_its_preload_without_a_rest():
+    """It has help as long as it moves, and the other way before it moves there."""
+    law, currents = CompensationLaw([small_model()]), []
+    position = 0.0
+    for k in range(1600):
+        # Announced 0.2 s before it stops; friction then holds it for 0.3 s while the person pushes.
+        speed = np.interp(k, [1000, 1200], [0.3, 0.0]) if k < 1500 else -0.1
+        position += 1e-3 * speed
+        currents.append(law.update(1e-3 * k, [position], None, [1 if k < 1000 else -1])[0])
+    share = np.array(currents) / (0.9 * LEVEL)
+    assert share[1150] > 0.8
+    # Led from full help one way to full help the other way: 0.2 s.
+    assert np.flatnonzero(share < -0.9)[0] <= 1200 + 220
+    assert np.all(share[1420:1500] < -0.9)
+
+
 @pytest.mark.parametrize('leap', [10.0, -10.0])
 def test_a_stamp_that_leaps_does_not_stop_the_law(leap):
     """Else the current stays as it is until the clock has caught up, wherever the joint goes."""

@@ -88,17 +88,15 @@ def test_a_joint_at_rest_has_its_preload_within_a_sixth_of_a_second():
     assert current[-1] == pytest.approx(0.9 * LEVEL, rel=1e-3)
 
 
-def test_help_ends_where_the_joint_moves_against_the_announcement():
-    """A therapist announces the way back: the joint is to stop, and gets no help to go on."""
+def test_a_joint_that_moves_against_the_announcement_keeps_its_help_until_it_stops():
+    """As in the note, where friction in motion is compensated whatever is announced."""
     law = CompensationLaw([small_model()])
     forward = np.arange(2000) * 2e-4
     assert drive_along(law, forward[:1000])[-1] == pytest.approx(0.9 * LEVEL, rel=1e-2)
     against = drive_along(law, forward[1000:], direction=-1, begin=1000)
-    assert np.all(np.diff(against) < 1e-9)
-    np.testing.assert_allclose(against[200:], 0.0, atol=1e-9)
-    # On the way back it is there again.
-    back = drive_along(law, forward[::-1], direction=-1, begin=2000)
-    assert back[-1] == pytest.approx(-0.9 * LEVEL, rel=1e-2)
+    np.testing.assert_allclose(against, 0.9 * LEVEL, rtol=1e-2)
+    stopped = drive_along(law, np.full(250, forward[-1]), direction=-1, begin=2000)
+    assert stopped[-1] == pytest.approx(-0.9 * LEVEL, rel=1e-2)
 
 
 @pytest.mark.parametrize('period', [0.2, 0.4])

@@ -62,8 +62,25 @@ def _slipped(p: Any, s: Any, share: float) -> None:
 
 
 @njit(cache=True)
+def _start_leading(s: Any) -> None:
+    s.mode, s.ramp, s.lead_position, s.still_time = LEADING, s.z, s.position, 0.0
+
+
+@njit(cache=True)
+def turns_round(p: Any, s: Any, aim: float) -> bool:
+    """Return whether a joint that moved against the announced direction stops.
+
+    A joint that springs back near its position of rest has not moved away from it.
+    """
+    return (s.z * aim < 0.0 and abs(s.speed) < p.lead_speed
+            and abs(s.position - s.rest_position) > p.moved_distance)
+
+
+@njit(cache=True)
 def lead(p: Any, s: Any, aim: float) -> None:
-    """Move the operator of a joint at rest to the announced direction, and check that it holds.
+    """Lead the operator to the announced direction, and check that the joint holds.
+
+    z is led while the joint rests, and from where it stops if it moved in the other direction.
 
     A joint that moves in that direction by more than it yields has slipped: while z is led, which
     ends there, and once more from one rest to the next, unless it moved farther than anybody does
@@ -103,12 +120,10 @@ def lead(p: Any, s: Any, aim: float) -> None:
         s.since, s.displaced, s.trusted = 0.0, 0, s.trust
         if s.direction == 0.0:
             # Displacement keeps driving the operator, since a push may come at any time.
-            s.z = approach(s.z * (1.0 - s.opposed), 0.0, s.step / p.lead_time)
-            s.opposed, s.mode, s.ramp, s.rest_position = 0.0, HELD, 0.0, s.position
+            s.z = approach(s.z, 0.0, s.step / p.lead_time)
+            s.mode, s.ramp, s.rest_position = HELD, 0.0, s.position
         elif abs(aim - s.z) > 0.02 and (s.mode == FREE or aim != s.ramp):
-            s.z *= 1.0 - s.opposed
-            s.opposed = 0.0
-            s.mode, s.ramp, s.lead_position, s.still_time = LEADING, s.z, s.position, 0.0
+            _start_leading(s)
         else:
             s.mode, s.ramp = HELD, aim
     else:
@@ -118,6 +133,10 @@ def lead(p: Any, s: Any, aim: float) -> None:
         if s.displaced == 0 and abs(s.position - s.rest_position) > p.moved_distance:
             s.displaced = 1
             s.trust = min(1.0, max(s.trust, s.trusted) + 1.0 - p.lowered)
+        if turns_round(p, s, aim):
+            # The person pushes the other way already, and does not wait until the joint rests.
+            s.since, s.displaced, s.trusted = 0.0, 0, s.trust
+            _start_leading(s)
 
 
 @njit(cache=True)
@@ -217,19 +236,6 @@ def announced(p: Any, s: Any, direction: float) -> float:
 
 
 @njit(cache=True)
-def unless_opposed(p: Any, s: Any, direction: float) -> float:
-    """Return the share of current left to a joint that moves against the announced direction.
-
-    The joint is about to reverse: current that keeps it moving is removed. A joint that springs
-    back near its position of rest is not moving away from it, and keeps its current.
-    """
-    opposes = (s.mode == FREE and s.z * direction < 0.0
-               and abs(s.position - s.rest_position) > p.moved_distance)
-    s.opposed = approach(s.opposed, 1.0 if opposes else 0.0, s.step / p.lead_time)
-    return 1.0 - s.opposed
-
-
-@njit(cache=True)
 def rise(p: Any, s: Any, wanted: float, direction: float) -> None:
     """Limit the rate at which the friction current rises; it falls at once.
 
@@ -271,7 +277,7 @@ def continuous_current(p: Any, s: Any, direction: float, forward: float, backwar
     speed = abs(s.speed)
     positive = s.z > 0.0
     level, start = amplitude(p, s, positive, speed, forward if positive else -backward)
-    share = while_steady(p, s, speed) * faded(p, s, speed) * unless_opposed(p, s, direction)
+    share = while_steady(p, s, speed) * faded(p, s, speed)
     friction = s.trust * share * (level * s.z + p.share * p.turning * s.turned)
     if in_doubt(p, s):
         s.friction = wanted = 0.0

@@ -49,9 +49,8 @@ STATE = _record(
     # Change of speed: averaged speed in rad/s, the lowest and the usual one since the start, s of
     # sliding, the share withheld.
     'pace slowest usual sliding withheld '
-    # Trust in the drive, at the last rest too; share of current against the
-    # announced direction, 0..1; s of doubt.
-    'trust trusted opposed doubt contradiction '
+    # Trust in the drive, at the last rest too; s of doubt.
+    'trust trusted doubt contradiction '
     # The direction announced last, and its recent changes, s.
     'direction changes '
     # Output in A and its parts.
