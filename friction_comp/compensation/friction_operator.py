@@ -44,9 +44,9 @@ def follow(p: Any, s: Any) -> None:
     s.backlash_position = driven
     if s.mode != LEADING:
         s.z = min(1.0, max(-1.0, s.z + displacement / p.distance))
-    if p.turning > 0.0 and displacement != 0.0:
-        side = math.copysign(1.0, displacement)
-        s.turned = side - (side - s.turned) * math.exp(-abs(displacement) / p.turning_distance)
+    if p.dahl > 0.0 and displacement != 0.0:
+        sign = math.copysign(1.0, displacement)
+        s.dahl_z = sign - (sign - s.dahl_z) * math.exp(-abs(displacement) / p.dahl_distance)
     if abs(s.position - s.still_position) > p.still_distance:
         s.still_position = s.position
         s.still_time = 0.0
@@ -87,7 +87,7 @@ def lead(p: Any, s: Any, aim: float) -> None:
     by accident.
     """
     if s.still_time >= p.rest_time:
-        s.turned = approach(s.turned, 0.0, s.step / p.lead_time)
+        s.dahl_z = approach(s.dahl_z, 0.0, s.step / p.lead_time)
     if s.mode == LEADING:
         s.since += s.step
         moved = s.position - s.lead_position
@@ -165,7 +165,7 @@ def amplitude(p: Any, s: Any, positive: bool, speed: float, more: float) -> tupl
     sliding = max(0.0, min(plateau + more, max(plateau, plateau * settled + more)))
     # Friction that reverses over a longer distance has an element of its own, without preload.
     # The sliding friction without it shows whether the ramps of identification included it.
-    mean = min(mean, max(plateau, mean - p.turning))
+    mean = min(mean, max(plateau, mean - p.dahl))
     near = p.slow_share * max(0.0, min(sliding, mean))
     # Until the joint has left its position of rest, breakaway friction holds it.
     moved = abs(s.position - s.rest_position)
@@ -278,7 +278,7 @@ def continuous_current(p: Any, s: Any, direction: float, forward: float, backwar
     positive = s.z > 0.0
     level, start = amplitude(p, s, positive, speed, forward if positive else -backward)
     share = while_steady(p, s, speed) * faded(p, s, speed)
-    friction = s.trust * share * (level * s.z + p.share * p.turning * s.turned)
+    friction = s.trust * share * (level * s.z + p.share * p.dahl * s.dahl_z)
     if in_doubt(p, s):
         s.friction = wanted = 0.0
     elif s.doubt > 0.0:

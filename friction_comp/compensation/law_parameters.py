@@ -125,7 +125,7 @@ def law_parameters(model: FrictionModel, law: str = 'continuous', breakaway_gain
         p['gain'] = 0.0
     set_breakaway(p[0], model.breakaway)
     _set_distances(p, model)
-    _set_turning(p, model)
+    _set_dahl_friction(p, model)
     _set_times(p, model)
     _set_speeds(p, model)
     return p
@@ -184,14 +184,14 @@ def _set_distances(p: Any, model: FrictionModel) -> None:
     p['early'], p['least_changing'] = EARLY, LEAST_CHANGING
 
 
-def _set_turning(p: Any, model: FrictionModel) -> None:
+def _set_dahl_friction(p: Any, model: FrictionModel) -> None:
     """Set the friction of effects that reverse over a longer distance than presliding."""
-    p['turning_distance'] = p['distance']
+    p['dahl_distance'] = p['distance']
     for effect in model.effects:
-        turning = None if effect.not_fed_back else effect.turning()
-        if turning is not None and turning[0] > 0.0:
-            p['turning'] += turning[0]
-            p['turning_distance'] = max(float(p['turning_distance'][0]), LONGER * turning[1])
+        found = None if effect.not_fed_back else effect.dahl_friction()
+        if found is not None and found[0] > 0.0:
+            p['dahl'] += found[0]
+            p['dahl_distance'] = max(float(p['dahl_distance'][0]), LONGER * found[1])
 
 
 def _set_times(p: Any, model: FrictionModel) -> None:

@@ -22,11 +22,11 @@ def _record(floats: str, integers: str) -> np.dtype:
 
 PARAMETERS = _record(
     # Friction in A, of Eq. 6 and of breakaway; s/rad, rad/s, A·s/rad.
-    'upper lower steepness shift viscous break_positive break_negative turning '
+    'upper lower steepness shift viscous break_positive break_negative dahl '
     # Shares.
     'gain share slow_share lowered early least_trust least_changing '
     # Distances in rad.
-    'distance turning_distance backlash slip still_distance start_distance moved_distance '
+    'distance dahl_distance backlash slip still_distance start_distance moved_distance '
     'resolution '
     'lowest highest soft_end '
     # Times in s.
@@ -42,7 +42,7 @@ STATE = _record(
     'time step position seen half_speed speed leapt '
     # The operator: z in -1..1, the element that reverses over a longer distance, position behind
     # the backlash in rad.
-    'z turned backlash_position '
+    'z dahl_z backlash_position '
     # Rest: how long, where the joint is, where it rested, where leading began, s and rad; z while
     # it is led, and s since leading or the movement began.
     'still_time still_position rest_position lead_position ramp since '

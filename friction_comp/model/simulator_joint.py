@@ -97,12 +97,12 @@ def sweeps(model: FrictionModel, top_speed: float) -> tuple[Samples, np.ndarray]
     path = np.linspace(low, high, _POINTS)
     parts = []
     for speed in _SPEEDS * top_speed:
-        for side in (1.0, -1.0):
+        for sign in (1.0, -1.0):
             time = (path - low) / speed
             zero = np.zeros(_POINTS)
             parts.append(Samples(
-                time=time, position=path if side > 0 else path[::-1], current=zero,
-                velocity=np.full(_POINTS, side * speed), acceleration=zero, load=zero,
+                time=time, position=path if sign > 0 else path[::-1], current=zero,
+                velocity=np.full(_POINTS, sign * speed), acceleration=zero, load=zero,
                 temperature=np.full(_POINTS, _ROOM), rigid_body=zero, coupling=zero))
     late = np.tile(np.arange(_POINTS) >= _POINTS // 10, len(parts))
     return Samples.concatenate(parts), late

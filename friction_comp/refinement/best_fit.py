@@ -130,12 +130,12 @@ class EffectSearch(Search):
         return terms
 
     def starts(self) -> list[list[Term]]:
-        """Return the starts of the search: plain physics, without and with neighbouring links.
+        """Return the starts of the search: the first model, without and with neighbouring links.
 
         Weight, spring and inertia may cancel in a motion, so that each helps only with the others.
         """
         table, rows = self.table, self.table.rows
-        plain = [term for term in self.candidates if term.kind.physics]
+        plain = [term for term in self.candidates if term.kind.in_first_model]
         starts: list[list[Term]] = [plain]
         if rows.joints:
             kind = EFFECTS['other_joints']

@@ -232,7 +232,7 @@ def friction_would_push(rows: Rows) -> bool:
     response, something that was not recorded moves the joint, or a signal has the wrong sign.
     """
     table = Table(rows, 2.0 / rows.coverage.transition)
-    terms = table.add([term for term in proposals(table, []) if term.kind.physics])
+    terms = table.add([term for term in proposals(table, []) if term.kind.in_first_model])
     columns = table.indices(terms, derivatives=False)
     free = replace(table.sums, signs=np.zeros_like(table.sums.signs))
     bounded, unbounded = (float(sums.held_out_errors(columns, table.block).sum())

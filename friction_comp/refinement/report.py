@@ -114,7 +114,8 @@ def correlations_of(fit: Fit) -> list[dict[str, Any]]:
         kind = term.kind
         label = kind.name.replace('_', ' ')
         for k, column in enumerate(table.columns_of[term]):
-            coefficient = kind.numbers[k][0] if k < len(kind.numbers) else f'coefficient {k + 1}'
+            known = k < len(kind.coefficient_names)
+            coefficient = kind.coefficient_names[k][0] if known else f'coefficient {k + 1}'
             names[column] = f'{label}: {coefficient}'
         for name in kind.constants:
             names[term, name] = f'{label}: {name.replace("_", " ")}'

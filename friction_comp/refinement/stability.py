@@ -70,7 +70,7 @@ def repeat_search(table: Table, terms: Sequence[Term], initial_count: int,
                                          if term.kind not in single_kinds and term not in terms)]
     late = [term for term in offered if term.kind.variable == 'time']
     early = [term for term in offered if term not in late]
-    physics = [term for term in early if term.kind.physics and not term.group]
+    expected = [term for term in early if term.kind.in_first_model and not term.group]
     groups = [term for term in terms[initial_count:] if term.group]
     searches: list[list[Term]] = []
     while len(searches) < thresholds.SEARCHES:
@@ -78,7 +78,7 @@ def repeat_search(table: Table, terms: Sequence[Term], initial_count: int,
         if np.sum(weights == 0) < 3:
             continue
         search = Search(table, early, fixed, weights)
-        start = search.without_collinear([*fixed, *dict.fromkeys([*physics, *groups])])
+        start = search.without_collinear([*fixed, *dict.fromkeys([*expected, *groups])])
         better = search.forward(search.backward(start))
         search.candidates = late
         searches.append(search.forward(better))

@@ -166,11 +166,11 @@ def number_rows(result: RefineResult) -> list[list[str]]:
     for old, new in zip(result.start.effects, result.model.effects):
         if old.name == new.name:
             for index, pair in enumerate(zip(old.coefficients, new.coefficients)):
-                label, number_unit = _described(new.numbers, index, unit)
+                label, number_unit = _described(new.coefficient_names, index, unit)
                 rows.append([new.name, label, *map(number, pair), number_unit, ''])
     for effect in result.report['effects']:
         name, bounds = effect['name'], effect['intervals']
-        described = EFFECTS[name].numbers if name in EFFECTS else ()
+        described = EFFECTS[name].coefficient_names if name in EFFECTS else ()
         for key, value in effect['parameters'].items():
             # A constant that was not searched has no interval, or one of zero width.
             if key != 'coefficients' and bounds.get(key) not in (None, [value, value]):

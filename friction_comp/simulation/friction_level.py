@@ -39,9 +39,9 @@ def friction_level(p: Record, s: Record, speed: float, positive: bool) -> float:
     """Return g in N·m at a speed (rad/s, not negative) for one direction of sliding."""
     fade = math.exp(-speed / p.stribeck_velocity)
     if positive:
-        side, plateau, floor, level = 1.0, p.upper, p.floor_positive, s.level_positive
+        sign, plateau, floor, level = 1.0, p.upper, p.floor_positive, s.level_positive
     else:
-        side, plateau, floor, level = -1.0, -p.lower, p.floor_negative, s.level_negative
-    kinetic = side * compiled_kinetic_current(
-        side * speed, p.upper, p.lower, p.steepness, p.shift, p.viscous)
+        sign, plateau, floor, level = -1.0, -p.lower, p.floor_negative, s.level_negative
+    kinetic = sign * compiled_kinetic_current(
+        sign * speed, p.upper, p.lower, p.steepness, p.shift, p.viscous)
     return max(kinetic, plateau - (plateau - floor) * fade) + (level - floor) * fade

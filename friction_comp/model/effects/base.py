@@ -41,7 +41,7 @@ class Effect(ABC):
     parameters : dict
         ``coefficients`` (A, one per column) and the nonlinear constants, plain numbers in SI units.
     valid_range : dict, optional
-        Lowest and highest value of the `held` signals up to which it is continued.
+        Lowest and highest value of the `range_margins` signals up to which it is continued.
     """
 
     name = ''           # in model files and reports
@@ -54,16 +54,16 @@ class Effect(ABC):
     # effects of a fit share.
     constants: dict[str, SearchRange | None] = {}
     # What each coefficient is, and its unit, A standing for the recording's own.
-    numbers: tuple[tuple[str, str], ...] = ()
+    coefficient_names: tuple[tuple[str, str], ...] = ()
     # The effect in one sentence, and its formula in A, as templates for `str.format`: {A}, {B}, ...
     # are the coefficients, the constants have their own names.
-    words = equation = ''
+    summary = equation = ''
     # Physically possible sign of the first coefficients: 1, -1, or 0 for either.
     signs: tuple[int, ...] = ()
     max_count = 1       # of effects of the class in a model, with different constants
     # Whether every drive may have it: refinement starts with it, and removes it where the data do
     # not support it.
-    physics = False
+    in_first_model = False
     holds_on_another_day = True     # whether it is expected in other recordings of the drive
     # Whether a sample's value depends on those before: then it has `step`, `start` and `memory`.
     has_memory = False
@@ -74,7 +74,7 @@ class Effect(ABC):
     uses_inner_load = False
     # Signals beyond whose recorded range the effect is constant, since no law extrapolates it; and
     # the share of that range by which it is continued on either side before.
-    held: dict[str, float] = {}
+    range_margins: dict[str, float] = {}
     Constants: Any
 
     def __init_subclass__(cls, **options: Any) -> None:
@@ -87,7 +87,7 @@ class Effect(ABC):
     def __init__(self, parameters: dict[str, Any],
                  valid_range: dict[str, Any] | None = None) -> None:
         parameters = dict(parameters)
-        self.valid_range = checked_range(valid_range, self.held)
+        self.valid_range = checked_range(valid_range, self.range_margins)
         coefficients = parameters.pop('coefficients', None)
         if coefficients is None:
             raise InputError('coefficients are missing')
@@ -182,16 +182,16 @@ class Effect(ABC):
         return state
 
     @staticmethod
-    def start(side: Any, c: Any) -> Any:
+    def start(sign: Any, c: Any) -> Any:
         """Return the state at the start of a segment."""
-        return 0.0 * side
+        return 0.0 * sign
 
     @classmethod
-    def memory(cls, samples: Samples, side: Any, c: Any) -> Any:
+    def memory(cls, samples: Samples, sign: Any, c: Any) -> Any:
         """Return the state at every sample, shape (N,): `step` from the start of each segment."""
         if not cls.has_memory:
             return 0.0
-        begins, start = segment_starts(samples), cls.start(side + np.zeros(len(samples)), c)
+        begins, start = segment_starts(samples), cls.start(sign + np.zeros(len(samples)), c)
         states = np.empty(len(samples))
         time, position, speed = samples.time, samples.position, np.asarray(samples.velocity)
         for k in range(len(samples)):
@@ -203,16 +203,16 @@ class Effect(ABC):
         """Return a fresh `LiveTerm` for the compensator, or None where it is not fed back."""
         return None if self.not_fed_back else LiveTerm(self)
 
-    def turning(self) -> tuple[float, float] | None:
-        """Return the friction in A that reverses over a distance, and that distance; or None.
+    def dahl_friction(self) -> tuple[float, float] | None:
+        """Return the friction that reverses as in Dahl's model, in A, and its distance; or None.
 
-        The distance in rad is that of Dahl's model with an exponent of 1.
+        The distance is in rad, for an exponent of 1.
         """
         return None
 
     def describe(self) -> str:
         """Return the effect in words, one sentence."""
-        return self.words.format(**self._symbols()) or f'{self.name} ({self.variable})'
+        return self.summary.format(**self._symbols()) or f'{self.name} ({self.variable})'
 
     def formula(self) -> str:
         """Return the effect's formula with its numbers, in A."""
@@ -227,11 +227,11 @@ class Effect(ABC):
     def matrix(cls, samples: Samples, constants: dict[str, float]) -> np.ndarray:
         """Return the design matrix, shape (N, M), for `Samples` with velocity."""
         c = cls.Constants(**constants)
-        side: Any = 0.0
+        sign: Any = 0.0
         if 'transition' in constants:
-            side = friction_sign(np.asarray(samples.velocity), c.transition)
+            sign = friction_sign(np.asarray(samples.velocity), c.transition)
         x = Signals(samples.time, samples.position, samples.velocity, samples.acceleration,
-                    samples.load, samples.temperature, side, cls.memory(samples, side, c),
+                    samples.load, samples.temperature, sign, cls.memory(samples, sign, c),
                     samples.rigid_body, samples.coupling)
         columns = cls.columns(x, c)
         # Each column contiguous in memory, as solvers of coefficients need it.
@@ -271,9 +271,9 @@ def friction_sign(velocity: np.ndarray, transition: float) -> np.ndarray:
     global _latest_sign
     latest = _latest_sign
     if latest[0] is not velocity or latest[1] != transition:
-        side = np.asarray(np.tanh(velocity / transition))
-        side.flags.writeable = False
-        _latest_sign = latest = velocity, transition, side
+        sign = np.asarray(np.tanh(velocity / transition))
+        sign.flags.writeable = False
+        _latest_sign = latest = velocity, transition, sign
     return np.asarray(latest[2])
 
 
@@ -294,13 +294,13 @@ def geometric(lowest: float, highest: float, count: int) -> list[float]:
 _TAIL = 0.1
 
 
-def checked_range(ranges: Any, held: Collection[str]) -> dict[str, tuple[float, float]]:
+def checked_range(ranges: Any, range_margins: Collection[str]) -> dict[str, tuple[float, float]]:
     """Return the lowest and highest value by signal of an effect's entry in a model file."""
     if ranges is None:
         return {}
-    if not isinstance(ranges, dict) or not set(ranges) <= set(held):
-        raise InputError(f'valid_range must be a mapping of {", ".join(held) or "nothing"}, '
-                         f'not {ranges!r}')
+    if not isinstance(ranges, dict) or not set(ranges) <= set(range_margins):
+        known = ', '.join(range_margins) or 'nothing'
+        raise InputError(f'valid_range must be a mapping of {known}, not {ranges!r}')
     checked = {}
     for name, ends in ranges.items():
         if not isinstance(ends, (list, tuple)) or len(ends) != 2:
@@ -313,11 +313,11 @@ def checked_range(ranges: Any, held: Collection[str]) -> dict[str, tuple[float, 
 
 
 def with_range(effect: Effect, samples: Samples) -> Effect:
-    """Return an effect whose valid range is that of samples with velocity, extended by `held`."""
-    if not effect.held:
+    """Return an effect that is valid in the range of these samples, with `range_margins`."""
+    if not effect.range_margins:
         return effect
     ranges = {}
-    for name, beyond in effect.held.items():
+    for name, beyond in effect.range_margins.items():
         values = getattr(samples, name)
         if values is not None and len(values):
             low, high = np.percentile(values, (_TAIL, 100.0 - _TAIL))

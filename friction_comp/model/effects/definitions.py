@@ -27,7 +27,7 @@ class Signals(NamedTuple):
     acceleration: Any = 0.0   # rad/s²
     load: Any = 0.0           # back-driving torque, N·m
     temperature: Any = 0.0    # degrees Celsius
-    side: Any = 0.0           # sign of friction, -1..1, which passes through zero smoothly
+    sign: Any = 0.0           # sign of friction, -1..1, which passes through zero smoothly
     memory: Any = 0.0         # state of an effect that has one
     rigid_body: Any = 0.0     # torque that the links of the whole arm ask of the joint, N·m
     coupling: Any = 0.0       # current that other joints ask of the joint's motor, A
@@ -69,7 +69,7 @@ class ResidualView:
     coverage: Coverage
     position: Any                     # rad
     velocity: Any                     # rad/s
-    side: Any                         # sign of friction, -1..1
+    sign: Any                         # sign of friction, -1..1
     residual: Any                     # A
     row_time: float                   # s over which each row was averaged
     # Loads of the terms of the fit, see `Effect.load_share`.

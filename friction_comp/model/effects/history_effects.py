@@ -31,18 +31,18 @@ def dahl_step(state: float, dt: float, dq: float, velocity: float, c: Any) -> fl
     """
     if dq == 0.0:
         return state
-    side = 1.0 if dq > 0.0 else -1.0
+    sign = 1.0 if dq > 0.0 else -1.0
     # What is missing to the end of the reversal, of 2.
-    remaining = 1.0 - side * state
+    remaining = 1.0 - sign * state
     if remaining <= 0.0:
-        return side
+        return sign
     travel = abs(dq) / c.distance
     if abs(c.exponent - 1.0) < 1e-6:
         remaining *= math.exp(-travel)
     else:
         power = remaining ** (1.0 - c.exponent) - (1.0 - c.exponent) * travel
         remaining = power ** (1.0 / (1.0 - c.exponent)) if power > 0.0 else 0.0
-    return side * (1.0 - remaining)
+    return sign * (1.0 - remaining)
 
 
 @njit(cache=True)
@@ -77,7 +77,7 @@ class Hysteresis(Effect):
     """
 
     name = 'hysteresis'
-    numbers = (('friction that turns round', 'A'), ('friction while it turns round', 'A'))
+    coefficient_names = (('friction that turns round', 'A'), ('friction while it turns round', 'A'))
     variable = 'history'
     # Presliding reverses over resolved steps, and well within the range; beyond these exponents it
     # reverses at once, or never.
@@ -88,8 +88,8 @@ class Hysteresis(Effect):
         'exponent': SearchRange(1.5, limits=lambda *_: (0.3, 3.0)), 'transition': None}
     signs = (1,)
     has_memory = True
-    words = ('Hysteresis: {A:.3g} A of friction turn round over {distance:.3g} rad after a '
-             'reversal')
+    summary = ('Hysteresis: {A:.3g} A of friction turn round over {distance:.3g} rad after a '
+               'reversal')
     equation = '{A:+.4g}·z {B:+.4g}·dz/dt, dz/dq = (1 - z·sgn(v))^{exponent:.3g}/{distance:.3g}'
 
     @classmethod
@@ -105,14 +105,14 @@ class Hysteresis(Effect):
     step = staticmethod(dahl_step)
 
     @staticmethod
-    def start(side: Any, c: Any) -> Any:
+    def start(sign: Any, c: Any) -> Any:
         """At the start of a segment in motion, the reversal is complete."""
-        return side
+        return sign
 
     @classmethod
-    def memory(cls, samples: Samples, side: Any, c: Any) -> Any:
+    def memory(cls, samples: Samples, sign: Any, c: Any) -> Any:
         position = np.ascontiguousarray(samples.position, dtype=float)
-        return _dahl_states(position, segment_starts(samples), side, c)
+        return _dahl_states(position, segment_starts(samples), sign, c)
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
@@ -130,7 +130,7 @@ class Hysteresis(Effect):
     def live(self) -> LiveTerm:
         return _FadingAtRest(self)
 
-    def turning(self) -> tuple[float, float]:
+    def dahl_friction(self) -> tuple[float, float]:
         """Return Dahl's friction, and the distance that half reverses it with an exponent of 1."""
         p = self.values['exponent']
         reach = math.log(2.0) if abs(p - 1.0) < 1e-6 else (0.5 ** (1.0 - p) - 1.0) / (p - 1.0)
@@ -168,7 +168,7 @@ class RestTime(Effect):
     """``A·tanh(v/v_t)·s``: s grows with the time at rest and fades over a distance of motion."""
 
     name = 'rest_time'
-    numbers = (('stiction after a long rest', 'A'),)
+    coefficient_names = (('stiction after a long rest', 'A'),)
     variable = 'history'
     # With a time constant above the recording's duration it is linear in time; below a tenth of a
     # second it is constant at rest. A distance below a step of position or above the range cannot
@@ -182,8 +182,8 @@ class RestTime(Effect):
         'velocity': None, 'transition': None}
     signs = (1,)
     has_memory = True
-    words = ('Rest time: up to {A:+.3g} A more friction after resting (time constant '
-             '{time_constant:.2g} s), lost over {distance:.2g} rad')
+    summary = ('Rest time: up to {A:+.3g} A more friction after resting (time constant '
+               '{time_constant:.2g} s), lost over {distance:.2g} rad')
     equation = ('{A:+.4g}·tanh(v/{transition:.3g})·(1 - exp(-t_rest/{time_constant:.3g}))'
                 '·exp(-Δq/{distance:.3g})')
 
@@ -202,13 +202,13 @@ class RestTime(Effect):
     step = staticmethod(rest_step)
 
     @classmethod
-    def memory(cls, samples: Samples, side: Any, c: Any) -> Any:
+    def memory(cls, samples: Samples, sign: Any, c: Any) -> Any:
         return _rest_states(samples.time, samples.position, np.asarray(samples.velocity),
                             segment_starts(samples), c)
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
-        return (x.side * x.memory,)
+        return (x.sign * x.memory,)
 
     @classmethod
     def insufficient_data(cls, coverage: Coverage) -> str:
@@ -229,17 +229,17 @@ class Temperature(Effect):
     """
 
     name = 'temperature'
-    numbers = (('Coulomb friction per kelvin', 'A/K'),
-               ('viscous friction per kelvin', 'A·s/(rad·K)'),
-               ('offset per kelvin', 'A/K'))
+    coefficient_names = (('Coulomb friction per kelvin', 'A/K'),
+                         ('viscous friction per kelvin', 'A·s/(rad·K)'),
+                         ('offset per kelvin', 'A/K'))
     variable = 'temperature'
     needs = ('temperature',)
     # Friction falls almost linearly over tens of kelvin, so it is extrapolated to twice the range
     # seen.
-    held = {'temperature': 1.0}
+    range_margins = {'temperature': 1.0}
     constants = {'reference_temperature': None, 'transition': None}
-    words = ('Temperature: per kelvin Coulomb friction changes by {A:+.3g} A and viscous friction '
-             'by {B:+.3g} A per rad/s')
+    summary = ('Temperature: per kelvin Coulomb friction changes by {A:+.3g} A and viscous '
+               'friction by {B:+.3g} A per rad/s')
     equation = ('({A:+.4g}·s {B:+.4g}·v {C:+.4g}·s²)·(T - {reference_temperature:.3g}), '
                 's = tanh(v/{transition:.3g})')
 
@@ -257,14 +257,14 @@ class Temperature(Effect):
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         difference = x.temperature - c.reference_temperature
-        return (x.side * difference, x.velocity * difference, x.side * x.side * difference)
+        return (x.sign * difference, x.velocity * difference, x.sign * x.sign * difference)
 
 
 class OffsetDrift(Effect):
     """``A·exp(-t/τ)``: a current that drifts whatever the direction, t as in `WarmUp`."""
 
     name = 'offset_drift'
-    numbers: tuple[tuple[str, str], ...] = (('offset at the start', 'A'),)
+    coefficient_names: tuple[tuple[str, str], ...] = (('offset at the start', 'A'),)
     variable = 'time'
     role = NEITHER
     holds_on_another_day = False
@@ -273,7 +273,7 @@ class OffsetDrift(Effect):
     # Slower than this is a straight line in time; faster, a matter of a few movements.
     constants: dict[str, SearchRange | None] = {'time_constant': SearchRange(
         1.7, limits=lambda coverage, _: (0.02 * coverage.duration, 5.0 * coverage.duration))}
-    words = 'Offset drift: {A:+.3g} A at the start, fading with {time_constant:.3g} s'
+    summary = 'Offset drift: {A:+.3g} A at the start, fading with {time_constant:.3g} s'
     equation = '{A:+.4g}·exp(-t/{time_constant:.4g})'
 
     @classmethod
@@ -307,15 +307,15 @@ class WarmUp(OffsetDrift):
     """
 
     name = 'warm_up'
-    numbers = (('Coulomb friction at the start', 'A'),
-               ('viscous friction at the start', 'A·s/rad'),
-               ('offset at the start', 'A'))
+    coefficient_names = (('Coulomb friction at the start', 'A'),
+                         ('viscous friction at the start', 'A·s/rad'),
+                         ('offset at the start', 'A'))
     role = Effect.role
     not_fed_back = ('how warm the motor is when the compensator starts is not known; fed back it '
                     'would over-compensate a drive that is warm already')
     constants = {**OffsetDrift.constants, 'transition': None}
-    words = ('Warm-up: {A:+.3g} A of Coulomb and {B:+.3g} A per rad/s of viscous friction at the '
-             'start, fading with {time_constant:.3g} s')
+    summary = ('Warm-up: {A:+.3g} A of Coulomb and {B:+.3g} A per rad/s of viscous friction at the '
+               'start, fading with {time_constant:.3g} s')
     equation = ('({A:+.4g}·s {B:+.4g}·v {C:+.4g}·s²)·exp(-t/{time_constant:.4g}), '
                 's = tanh(v/{transition:.3g})')
 
@@ -327,4 +327,4 @@ class WarmUp(OffsetDrift):
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         fade = np.exp(-np.maximum(x.time, 0.0) / c.time_constant)
-        return (x.side * fade, x.velocity * fade, x.side * x.side * fade)
+        return (x.sign * fade, x.velocity * fade, x.sign * x.sign * fade)

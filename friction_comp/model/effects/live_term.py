@@ -44,10 +44,10 @@ class LiveTerm:
 
         `rigid_body` and `coupling` are the torques of the arm at rest.
         """
-        side = math.tanh(velocity / self._transition) if self._transition else 0.0
+        sign = math.tanh(velocity / self._transition) if self._transition else 0.0
         state = self._remember(time, position, velocity)
         # By position, in the order of the fields: arguments by name take twice as long.
-        return self._evaluate(Signals(0.0, position, velocity, 0.0, load, temperature, side, state,
+        return self._evaluate(Signals(0.0, position, velocity, 0.0, load, temperature, sign, state,
                                       rigid_body, coupling))
 
     def both_sides(self, time: float, position: float, speed: float,
@@ -62,10 +62,10 @@ class LiveTerm:
         """
         state = self._remember(time, position, speed)
         values = []
-        for side in (1.0, -1.0):
-            turned = float(self._effect.start(side, self._constants))
+        for sign in (1.0, -1.0):
+            turned = float(self._effect.start(sign, self._constants))
             values.append(self._evaluate(Signals(
-                0.0, position, side * abs(speed), 0.0, load, temperature, side,
+                0.0, position, sign * abs(speed), 0.0, load, temperature, sign,
                 turned if turned != 0.0 else state, rigid_body, coupling)))
         return values[0], values[1]
 

@@ -84,7 +84,8 @@ class Cogging(Effect):
     variable = 'position'
     role = CARRIES
     max_count = 4
-    numbers = (('part with the cosine of the phase', 'A'), ('part with the sine of the phase', 'A'))
+    coefficient_names = (('part with the cosine of the phase', 'A'),
+                         ('part with the sine of the phase', 'A'))
     # With fewer periods over the range it is no ripple.
     constants: dict[str, SearchRange | None] = {
         'frequency': SearchRange(
@@ -93,7 +94,7 @@ class Cogging(Effect):
                                         math.inf)),
         'growth': None, 'speed': None, 'transition': None}
     # Its amplitude at the speeds that were seen; over position it repeats.
-    held = {'velocity': 0.25}
+    range_margins = {'velocity': 0.25}
     _word = 'Cogging'
 
     @classmethod
@@ -110,7 +111,7 @@ class Cogging(Effect):
         separation = 2.0 * math.pi / max(coverage.span, 1e-9)
         for constants in cls.grid(coverage):
             c = cls.Constants(frequency=0.0, **constants)
-            signals = Signals(position=view.position, velocity=view.velocity, side=view.side)
+            signals = Signals(position=view.position, velocity=view.velocity, sign=view.sign)
             # At frequency zero the first column is the amplitude itself.
             k, power = position_spectrum(
                 view.position, view.residual, cls.columns(signals, c)[0], highest)
@@ -147,7 +148,7 @@ class FrictionRipple(Cogging):
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
-        amplitude = x.side * (abs(x.velocity) / c.speed) ** c.growth
+        amplitude = x.sign * (abs(x.velocity) / c.speed) ** c.growth
         phase = c.frequency * x.position
         return (amplitude * np.cos(phase), amplitude * np.sin(phase))
 
@@ -163,7 +164,7 @@ class Bump(Effect):
     """
 
     name = 'bump'
-    numbers = (('height', 'A'),)
+    coefficient_names = (('height', 'A'),)
     variable = 'position'
     max_count = 3
     # In the range, and narrower than it; with a larger exponent it is a step up and down.
@@ -207,7 +208,7 @@ class Bump(Effect):
             shapes.setdefault((constants['width'], constants['directional']), []).append(constants)
         for (width, directional), points in shapes.items():
             places = np.array([point['position'] for point in points])
-            values = (view.residual * (view.side if directional else 1.0))[order]
+            values = (view.residual * (view.sign if directional else 1.0))[order]
             low = np.searchsorted(position, places - width)
             high = np.searchsorted(position, places + width)
             sums = np.concatenate(([0.0], np.cumsum(values)))
@@ -221,7 +222,7 @@ class Bump(Effect):
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         distance = np.minimum(abs(x.position - c.position) / c.width, 1e6)
         bell = np.exp(-np.minimum(0.5 * distance ** c.exponent, 700.0))
-        return (bell * x.side if c.directional else bell,)
+        return (bell * x.sign if c.directional else bell,)
 
     @classmethod
     def insufficient_data(cls, coverage: Coverage) -> str:
@@ -239,6 +240,6 @@ class Bump(Effect):
 
     def formula(self) -> str:
         c = self.values
-        side = f'·tanh(v/{c["transition"]:.3g})' if c['directional'] else ''
+        sign = f'·tanh(v/{c["transition"]:.3g})' if c['directional'] else ''
         return (f'{self.coefficients[0]:+.4g}·exp(-½·(|q - {c["position"]:.4g}|'
-                f'/{c["width"]:.3g})^{c["exponent"]:.3g}){side}')
+                f'/{c["width"]:.3g})^{c["exponent"]:.3g}){sign}')

@@ -26,10 +26,11 @@ class Gravity(Effect):
     """``A·cos(q) + B·sin(q)``, independent of the direction of motion."""
 
     name = 'gravity'
-    numbers = (('part with the cosine of position', 'A'), ('part with the sine of position', 'A'))
+    coefficient_names = (('part with the cosine of position', 'A'),
+                         ('part with the sine of position', 'A'))
     variable = 'position'
     role = CARRIES
-    physics = weight = gives_load = True
+    in_first_model = weight = gives_load = True
     equation = '{A:+.4g}·cos(q) {B:+.4g}·sin(q)'
 
     @staticmethod
@@ -64,13 +65,13 @@ class Spring(Effect):
     """``A·(q - q0)``, independent of the direction of motion, as a spring or a cable makes."""
 
     name = 'spring'
-    numbers = (('stiffness', 'A/rad'),)
+    coefficient_names = (('stiffness', 'A/rad'),)
     variable = 'position'
     role = CARRIES
-    physics = gives_load = True
-    held = {'position': 0.25}
+    in_first_model = gives_load = True
+    range_margins = {'position': 0.25}
     constants = {'position': None}
-    words = 'Spring-like: {A:+.3g} A per rad'
+    summary = 'Spring-like: {A:+.3g} A per rad'
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
@@ -99,16 +100,16 @@ class Inertia(Effect):
     """``J/(k_t·n)·dv/dt``: inertia of motor, gear and limb."""
 
     name = 'inertia'
-    numbers = (('inertia', 'A·s²/rad'),)
+    coefficient_names = (('inertia', 'A·s²/rad'),)
     variable = 'acceleration'
     role = CARRIES
     needs = ('acceleration',)
     signs = (1,)
-    physics = True
+    in_first_model = True
     not_fed_back = (
         'acceleration from the encoder comes too late and too noisy: fed back it would lower the '
         'apparent inertia and can destabilise the joint')
-    words = 'Inertia: {A:.4g} A per rad/s²'
+    summary = 'Inertia: {A:.4g} A per rad/s²'
     equation = '{A:+.4g}·dv/dt'
 
     @staticmethod
@@ -129,14 +130,14 @@ class RigidBody(Effect):
     """
 
     name = 'rigid_body'
-    numbers = (('current per torque', 'A/(N·m)'),)
+    coefficient_names = (('current per torque', 'A/(N·m)'),)
     variable = 'other joints'
     role = CARRIES
     needs = ('rigid_body',)
     signs = (1,)
-    physics = weight = True
-    words = ('Weight and inertia of the whole arm: {A:.4g} A per N·m that its links ask of the '
-             'joint')
+    in_first_model = weight = True
+    summary = ('Weight and inertia of the whole arm: {A:.4g} A per N·m that its links ask of the '
+               'joint')
     equation = '{A:+.4g}·τ_links'
 
     @staticmethod
@@ -153,8 +154,8 @@ class OtherJoints(Effect):
     needs = ('coupling',)
     signs = (1,)
     weight = True
-    words = ('Other joints: weight and inertia that hang from this joint through them, as a sum '
-             'of terms found in the recording, times {A:.4g}')
+    summary = ('Other joints: weight and inertia that hang from this joint through them, as a sum '
+               'of terms found in the recording, times {A:.4g}')
     equation = '{A:+.4g}·i_other_joints'
 
     @staticmethod
@@ -169,15 +170,15 @@ class LoadTorque(Effect):
     """
 
     name = 'load_torque'
-    numbers = (('current per load', 'A/(N·m)'),)
+    coefficient_names = (('current per load', 'A/(N·m)'),)
     variable = 'load'
     role = NEITHER
-    physics = True
+    in_first_model = True
     needs = ('load',)
     not_fed_back = (
         'feeding the measured interaction torque back is admittance control, which this '
         'compensator is not: the torque sensor is for evaluation only')
-    words = 'Load: {A:+.4g} A per N·m of measured back-driving torque'
+    summary = 'Load: {A:+.4g} A per N·m of measured back-driving torque'
     equation = '{A:+.4g}·τ_b'
 
     @staticmethod
@@ -194,15 +195,15 @@ class LoadFriction(Effect):
     """``A·tanh(v/v_t)·|τ_b|^p``: friction that grows with the measured load on the teeth."""
 
     name = 'load_friction'
-    numbers = (('friction at 1 N·m', 'A'),)
+    coefficient_names = (('friction at 1 N·m', 'A'),)
     variable = 'load'
     needs = ('load',)
     signs = (1,)
-    held = {'load': 0.25}
+    range_margins = {'load': 0.25}
     # With a lower power it is Coulomb friction once more.
     constants = {'exponent': SearchRange(1.6, limits=lambda *_: (0.3, 3.0)), 'transition': None}
-    words = ('Load-dependent friction: {A:+.4g} A at 1 N·m of load, growing with its power '
-             '{exponent:.3g}')
+    summary = ('Load-dependent friction: {A:+.4g} A at 1 N·m of load, growing with its power '
+               '{exponent:.3g}')
     equation = '{A:+.4g}·tanh(v/{transition:.3g})·|τ_b|^{exponent:.3g}'
 
     @classmethod
@@ -212,7 +213,7 @@ class LoadFriction(Effect):
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
-        return (x.side * abs(x.load) ** c.exponent,)
+        return (x.sign * abs(x.load) ** c.exponent,)
 
 
 class CarriedLoadFriction(LoadFriction):
@@ -223,15 +224,15 @@ class CarriedLoadFriction(LoadFriction):
 
     name = 'carried_load_friction'
     needs = ('rigid_body',)
-    held = {}
+    range_margins = {}
     constants = {'exponent': SearchRange(1.6, limits=lambda *_: (0.5, 3.0)), 'transition': None}
-    words = ('Load-dependent friction: {A:+.4g} A at 1 N·m that the links ask of the joint, '
-             'growing with its power {exponent:.3g}')
+    summary = ('Load-dependent friction: {A:+.4g} A at 1 N·m that the links ask of the joint, '
+               'growing with its power {exponent:.3g}')
     equation = '{A:+.4g}·tanh(v/{transition:.3g})·|τ_links|^{exponent:.3g}'
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
-        return (x.side * abs(x.rigid_body) ** c.exponent,)
+        return (x.sign * abs(x.rigid_body) ** c.exponent,)
 
 
 def _speed_of_fading(coverage: Coverage, constants: dict[str, float]) -> tuple[float, float]:
@@ -252,7 +253,7 @@ class InnerLoadFriction(Effect):
     """
 
     name = 'inner_load_friction'
-    numbers = (('friction per load', 'A per A'),)
+    coefficient_names = (('friction per load', 'A per A'),)
     variable = 'load'
     uses_inner_load = True
     max_count = 2
@@ -286,7 +287,7 @@ class InnerLoadFriction(Effect):
         load = (c.cosine * np.cos(x.position) + c.sine * np.sin(x.position)
                 + c.slope * x.position + c.offset + c.with_inertia * c.inertia * x.acceleration)
         fade = np.exp(-c.fading * np.minimum(abs(x.velocity) / c.velocity, 700.0))
-        return (x.side * abs(load) ** c.exponent * fade,)
+        return (x.sign * abs(load) ** c.exponent * fade,)
 
     def describe(self) -> str:
         c = self.values

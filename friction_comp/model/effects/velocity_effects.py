@@ -24,7 +24,7 @@ class Stribeck(Effect):
     """``A·tanh(v/v_t)·exp(-(|v|/v_s)^p)``, the second term of the note's Eq. 2 for p = 1."""
 
     name = 'stribeck'
-    numbers = (('height at standstill', 'A'),)
+    coefficient_names = (('height at standstill', 'A'),)
     variable = 'velocity'
     # Fading as slowly as the top speed it is curved viscous friction; at rest, it is not seen.
     constants = {'velocity': SearchRange(1.6, limits=lambda coverage, _: (
@@ -42,7 +42,7 @@ class Stribeck(Effect):
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
-        return (x.side * np.exp(-np.minimum((abs(x.velocity) / c.velocity) ** c.exponent, 700.0)),)
+        return (x.sign * np.exp(-np.minimum((abs(x.velocity) / c.velocity) ** c.exponent, 700.0)),)
 
     @classmethod
     def insufficient_data(cls, coverage: Coverage) -> str:
@@ -67,9 +67,9 @@ class ViscousShape(Effect):
     """
 
     name = 'viscous_shape'
-    numbers = (('size at the reference speed', 'A'),)
+    coefficient_names = (('size at the reference speed', 'A'),)
     variable = 'velocity'
-    held = {'velocity': 0.25}
+    range_margins = {'velocity': 0.25}
     # Below a fifth it is Coulomb friction once more, above three and a half a few fast samples.
     constants = {'exponent': SearchRange(1.3, limits=lambda *_: (0.2, 3.5)), 'reference': None,
                  'transition': None}
@@ -85,7 +85,7 @@ class ViscousShape(Effect):
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         speed = abs(x.velocity) / c.reference
         slope = 6.0 * c.exponent / ((c.exponent + 1.0) * (c.exponent + 2.0))
-        return (x.side * (speed ** c.exponent - slope * speed),)
+        return (x.sign * (speed ** c.exponent - slope * speed),)
 
     @classmethod
     def insufficient_data(cls, coverage: Coverage) -> str:
@@ -123,8 +123,8 @@ class DirectionAsymmetry(Effect):
     """
 
     name = 'direction_asymmetry'
-    numbers = (('half the difference of Coulomb friction', 'A'),
-               ('half the difference of viscous friction', 'A·s/rad'))
+    coefficient_names = (('half the difference of Coulomb friction', 'A'),
+                         ('half the difference of viscous friction', 'A·s/rad'))
     variable = 'direction'
     constants = {'offset': None, 'transition': None}
 
@@ -134,7 +134,7 @@ class DirectionAsymmetry(Effect):
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
-        return (1.0 if c.offset else x.side ** 2, abs(x.velocity))
+        return (1.0 if c.offset else x.sign ** 2, abs(x.velocity))
 
     @classmethod
     def insufficient_data(cls, coverage: Coverage) -> str:
