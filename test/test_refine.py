@@ -6,6 +6,7 @@ import csv
 from dataclasses import replace
 import json
 import re
+import sys
 
 import numpy as np
 import pytest
@@ -130,7 +131,9 @@ def test_what_a_person_gives_counts_as_measured(drive, tmp_path, capsys):
     assert 'where the joint moves' in out
 
 
-def test_a_model_to_start_from_is_what_before_means(folder, drive, tmp_path):
+def test_a_model_to_start_from_is_what_before_means(folder, drive, tmp_path, monkeypatch):
+    # Its page is that of the fixture, with the drawings alone.
+    monkeypatch.setitem(sys.modules, 'bokeh', None)
     drive.model.save(tmp_path / 'declared.yaml')
     assert run_refine([str(folder / 'fit'), '--output', str(tmp_path / 'out'),
                        '--model', str(tmp_path / 'declared.yaml')]) == 0

@@ -21,9 +21,10 @@ SCALES = (0.4, 0.25, 0.5)
 FRICTION = ((0.02, 0.3, 0.2, 0.05), (-0.03, 0.4, 0.3, 0.04), (0.0, 0.2, 0.1, 0.02))
 # The URDF says 4, 3 and 2 kg.
 MASSES = (5.0, 2.2, 2.6)
+SIZE = 1200  # samples, at 100 Hz
 
 
-def trial(seed, size=1200):
+def trial(seed, size=SIZE):
     rng = np.random.default_rng(seed)
     motion = waves(rng, size, 3, 0.01)
     return recorded(small_arm(MASSES), PLANE, motion, SCALES, FRICTION, rng)
@@ -74,7 +75,7 @@ def test_predict_needs_no_urdf_and_is_right_on_another_recording(refined, joint,
         str(refined / 'score'), '--model', str(refined / 'out' / 'model.yaml'), '--joint', joint,
         '--output', str(table)]) == 0
     error = errors_of(table)
-    assert len(error) == 1200
+    assert len(error) == SIZE
     # Noise is 0.02 A; the sign of friction at reversals is sharper than 100 Hz shows.
     assert np.sqrt(np.mean(error ** 2)) < 0.035
     assert predict.main([
@@ -106,8 +107,9 @@ def test_a_recording_without_the_other_joints_is_refused(refined, tmp_path, caps
 
 @pytest.mark.slow
 def test_one_joint_of_an_arm_has_the_usual_files(refined, tmp_path):
+    write_samples(tmp_path / 'short', trial(1, 400))
     assert refine_tool.main([
-        str(refined / 'fit'), '--urdf', str(refined / 'arm.urdf'), '--joint', 'bend', '--output',
+        str(tmp_path / 'short'), '--urdf', str(refined / 'arm.urdf'), '--joint', 'bend', '--output',
         str(tmp_path / 'out')]) == 0
     report = json.loads((tmp_path / 'out' / 'report.json').read_text(encoding='utf-8'))
     assert report['joint'] == 'bend'
@@ -139,11 +141,11 @@ def test_a_joint_that_stands_still_is_left_out_and_a_gripper_may_be_there(refine
     """Only the last joint moves; two recordings; a gripper without effort beside the arm."""
     for number, name in enumerate(('one', 'two')):
         rng = np.random.default_rng(20 + number)
-        motion = waves(rng, 800, 3, 0.01)
+        motion = waves(rng, 400, 3, 0.01)
         for values, place in zip(motion, (0.3, 0.0, 0.0)):
             values[:, :2] = place
         joints = recorded(small_arm(MASSES), PLANE, motion, SCALES, FRICTION, rng)
-        finger = joints[0].with_(joint='finger', current=np.zeros(800), arm=None)
+        finger = joints[0].with_(joint='finger', current=np.zeros(400), arm=None)
         write_samples(tmp_path / name, [*joints, finger])
     assert refine_tool.main([
         str(tmp_path / 'one'), str(tmp_path / 'two'), '--urdf', str(refined / 'arm.urdf'),
