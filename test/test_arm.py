@@ -169,6 +169,7 @@ def test_with_few_data_links_stay_possible_and_near_the_urdf(pinocchio, tmp_path
     assert (masses < 2.5).all()
 
 
+@pytest.mark.slow
 def test_declared_drives_leave_the_torques_in_newton_metres(pinocchio, tmp_path):
     joints, _motion = simulated(5, 600)
     chain = chain_of(tmp_path, small_arm(), PLANE)
@@ -179,6 +180,7 @@ def test_declared_drives_leave_the_torques_in_newton_metres(pinocchio, tmp_path)
         assert found.tree.weight(q) == pytest.approx(true.weight(q), rel=0.1, abs=0.3)
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_and_say_what_the_urdf_alone_tells(pinocchio, tmp_path):
     chain = chain_of(tmp_path, small_arm(), PLANE)
     true = chain_of(tmp_path, small_arm((5.0, 2.2, 2.6)), PLANE).tree.parameters

@@ -112,6 +112,7 @@ def test_terms_of_kinetic_energy_are_what_lagrange_asks():
                 wanted[5:-5], abs=1e-3 * np.max(np.abs(wanted)) + 1e-6), group
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(('joint', 'effects', 'seed'), [
     ('shoulder', {'gravity', 'inertia', 'other_joints'}, 10),
     ('elbow', {'inertia', 'other_joints'}, 20)])

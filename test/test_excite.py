@@ -114,6 +114,7 @@ def test_separation_sees_what_cannot_be_told_apart():
     assert shares[1] < 0.1 * shares[0]
 
 
+@pytest.mark.slow
 @short_search()
 def test_effort_is_kept_by_the_model_or_refused(plan):
     model = FrictionModel(drive=Drive(0.1, 100.0, 4000), joint='elbow',

@@ -50,6 +50,7 @@ def improved():
     return drive, result, told
 
 
+@pytest.mark.slow
 def test_two_hidden_effects_are_found_and_the_model_is_trusted(improved):
     drive, result, _ = improved
     assert result.verdict == 'trust'
@@ -62,6 +63,7 @@ def test_two_hidden_effects_are_found_and_the_model_is_trusted(improved):
         1.3 * result.rounds[-1].held_out_rmse)
 
 
+@pytest.mark.slow
 def test_no_model_is_trusted_before_a_new_motion_has_tested_it(improved):
     _, result, told = improved
     first = result.rounds[0]
@@ -71,6 +73,7 @@ def test_no_model_is_trusted_before_a_new_motion_has_tested_it(improved):
     assert [len(one.rounds) for one in told] == list(range(1, len(result.rounds) + 1))
 
 
+@pytest.mark.slow
 def test_page_and_report_tell_each_round(improved, tmp_path):
     _, result, _ = improved
     report = result.report()
@@ -83,6 +86,7 @@ def test_page_and_report_tell_each_round(improved, tmp_path):
     assert 'refinement.html' in text
 
 
+@pytest.mark.slow
 def test_a_drive_that_changes_between_rounds_is_not_trusted(short_search):
     drive = random_drive(3, ['gravity'])
     played, worse = PlayedDrive(drive, 2), []

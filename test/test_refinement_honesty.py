@@ -56,6 +56,7 @@ def traced(report):
     return [entry['variable'] for entry in report['unexplained']]
 
 
+@pytest.mark.slow
 def test_inertia_is_found_beside_a_larger_effect_without_a_name():
     t, q, v, a = strokes(3)
     rough = 0.08 * np.sign(np.sin(9.0 * q) + 0.3) * np.where(q > 0.1, 1.0, -0.4)
@@ -89,6 +90,7 @@ def test_warming_up_is_not_called_a_change_at_one_moment():
     assert names(report) == ['warm_up']
 
 
+@pytest.mark.slow
 def test_a_product_of_position_and_velocity_gets_no_wrong_name():
     t, q, v, _ = strokes(4)
     report = refine([recorded(t, q, friction(v) + 0.08 * q * v, 4)], drive=DRIVE).report

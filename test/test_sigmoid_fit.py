@@ -101,6 +101,7 @@ def test_random_drives_are_fitted_below_the_truth():
         assert error <= 1.001 * np.min(reweighted_errors(x, currents, steepness, shift))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('number', NOTE)
 def test_curves_of_the_note_are_found_again(number):
     truth = Sigmoid.from_coefficients(NOTE[number], 'deg/s')
@@ -161,6 +162,7 @@ def test_a_transition_outside_a_long_table_is_ranked_like_any_other():
     assert errors == pytest.approx(0.0, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_a_long_table_is_condensed_and_fitted_as_well_as_by_the_true_curve(monkeypatch):
     """One that hardly holds the other direction; a search takes as long as it has points."""
     rng, sizes = np.random.default_rng(1), []
