@@ -129,6 +129,7 @@ def simulated(seed, size, masses=(5.0, 2.2, 2.6), **options):
     return recorded(small_arm(masses), PLANE, motion, SCALES, FRICTION, rng), motion
 
 
+@pytest.mark.slow
 def test_links_of_a_small_arm_are_found_beside_friction(pinocchio, tmp_path):
     joints, _ = simulated(1, 1200)
     chain = chain_of(tmp_path, small_arm(), PLANE)

@@ -32,6 +32,7 @@ def seen_by(joint, names, current, motion):
                    current=current, joint=joint, arm=JointStates(names, q, v))
 
 
+@pytest.mark.slow
 def test_the_weight_of_the_next_link_is_found_without_a_urdf():
     rng = np.random.default_rng(0)
     names = ('shoulder', 'elbow', 'wrist')

@@ -135,6 +135,7 @@ def test_a_stop_in_the_way_ends_the_run():
     assert bench.largest < 0.7
 
 
+@pytest.mark.slow
 def test_a_steady_load_is_told():
     result = Bench(torque=lambda run, state: 0.3).finish()
     assert any('leant' in text for text in result.warnings)

@@ -114,6 +114,7 @@ def test_curves_of_the_note_are_found_again(number):
     np.testing.assert_allclose(c, expected, rtol=2e-3)
 
 
+@pytest.mark.slow
 def test_transition_that_the_table_does_not_resolve_is_centred_and_gentle():
     truth = Sigmoid(upper=0.2, lower=-0.2, steepness=2000.0, shift=0.008, viscous=0.05)
     speeds = np.concatenate([-TABLE[TABLE > 0][::-1], TABLE[TABLE > 0]])
