@@ -118,8 +118,13 @@ def fork_nodes_of_tools(monkeypatch):
 
 
 def shorten_scenes(monkeypatch, folder):
-    """Let scenes of the demo fork their nodes, exercise once, and have few states."""
+    """Let scenes of the demo fork their nodes, exercise once, and have few states.
+
+    Where they hold the loop to real time while they refine beside it, it is slower still.
+    """
+    from friction_comp.nodes.tool_client import ToolClient
     from friction_comp.tools import demo_scenes, demo_system
+    set_parameter = ToolClient.set_parameter
 
     def shortened(*parts):
         path = package_file(*parts)
@@ -130,8 +135,13 @@ def shorten_scenes(monkeypatch, folder):
         return path
 
     def seldom(*arguments):
-        return processes.plant_parameters(*arguments[:4], sample_time=2.5 * processes.SAMPLE_TIME)
+        return {**processes.plant_parameters(
+            *arguments[:4], sample_time=2.5 * processes.SAMPLE_TIME), 'clock_period': 0.04}
+
+    def set_slowly(client, node, name, value):
+        set_parameter(client, node, name, 0.1 * value if name == 'pace' else value)
     fork_nodes_of_tools(monkeypatch)
+    monkeypatch.setattr(ToolClient, 'set_parameter', set_slowly)
     monkeypatch.setattr(demo_scenes, 'package_file', shortened)
     monkeypatch.setattr(demo_system, 'plant_parameters', seldom)
 

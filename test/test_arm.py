@@ -129,12 +129,13 @@ def simulated(seed, size, masses=(5.0, 2.2, 2.6), **options):
     return recorded(small_arm(masses), PLANE, motion, SCALES, FRICTION, rng), motion
 
 
+@pytest.mark.slow
 def test_links_of_a_small_arm_are_found_beside_friction(pinocchio, tmp_path):
-    joints, _ = simulated(1, 2500)
+    joints, _ = simulated(1, 1200)
     chain = chain_of(tmp_path, small_arm(), PLANE)
     found = fit_arm(chain, joints)
     # The truth from other files: only torques, not the parameters one by one, can be seen.
-    fresh, motion = simulated(2, 2000)
+    fresh, motion = simulated(2, 1200)
     torque = found.tree.torques(*motion)
     for k, own in enumerate(fresh):
         v, a = motion[1][:, k], motion[2][:, k]
@@ -169,8 +170,9 @@ def test_with_few_data_links_stay_possible_and_near_the_urdf(pinocchio, tmp_path
     assert (masses < 2.5).all()
 
 
+@pytest.mark.slow
 def test_declared_drives_leave_the_torques_in_newton_metres(pinocchio, tmp_path):
-    joints, _motion = simulated(5, 1000)
+    joints, _motion = simulated(5, 600)
     chain = chain_of(tmp_path, small_arm(), PLANE)
     found = fit_arm(chain, joints, declared=np.array(SCALES))
     assert found.scales == pytest.approx(SCALES, rel=0.05)
@@ -179,10 +181,11 @@ def test_declared_drives_leave_the_torques_in_newton_metres(pinocchio, tmp_path)
         assert found.tree.weight(q) == pytest.approx(true.weight(q), rel=0.1, abs=0.3)
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_and_say_what_the_urdf_alone_tells(pinocchio, tmp_path):
     chain = chain_of(tmp_path, small_arm(), PLANE)
     true = chain_of(tmp_path, small_arm((5.0, 2.2, 2.6)), PLANE).tree.parameters
-    joints, _ = simulated(50, 1500)
+    joints, _ = simulated(50, 800)
     found = fit_arm(chain, joints, declared=np.array(SCALES)).intervals
     # The first link turns about the vertical: nothing shows its mass, and all show what the last
     # one, whose weight is felt by two joints, weighs at its distance.

@@ -234,6 +234,7 @@ def test_yaml(text):
     assert yaml.safe_load(text)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('text', blocks('python'))
 def test_python(text, workplace):
     if 'output/refined' in text:

@@ -34,6 +34,7 @@ def folder(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_what_is_short_is_read_as_it_was_recorded(folder):
     (whole, _), _ = read_condensed(folder)
     same, _ = read_recording(folder)
@@ -41,6 +42,7 @@ def test_what_is_short_is_read_as_it_was_recorded(folder):
     assert np.array_equal(whole.position, same.position)
 
 
+@pytest.mark.slow
 def test_averages_are_of_the_same_samples_and_it_is_said(folder):
     found = read_condensed(folder, limit=20_000)
     assert '4 samples at a time were averaged' in found[0][1].notes[-1]
@@ -54,6 +56,7 @@ def test_averages_are_of_the_same_samples_and_it_is_said(folder):
     assert [samples.recording[0] for samples, _ in found] == [0, 1]
 
 
+@pytest.mark.slow
 def test_pieces_from_everywhere_are_kept_where_averages_are_too_many(folder):
     found = read_condensed(folder, limit=5_000)
     kept = sum(len(samples) for samples, _ in found)
@@ -63,6 +66,7 @@ def test_pieces_from_everywhere_are_kept_where_averages_are_too_many(folder):
         assert samples.time[-1] > 50.0
 
 
+@pytest.mark.slow
 def test_a_ripple_is_found_in_averages(folder):
     found = [samples for samples, _ in read_condensed(folder, limit=10_000)]
     report = refine(found, drive=Drive(1.0, 1.0)).report

@@ -32,10 +32,11 @@ def seen_by(joint, names, current, motion):
                    current=current, joint=joint, arm=JointStates(names, q, v))
 
 
+@pytest.mark.slow
 def test_the_weight_of_the_next_link_is_found_without_a_urdf():
     rng = np.random.default_rng(0)
     names = ('shoulder', 'elbow', 'wrist')
-    currents, motion = planar(rng, 1500)
+    currents, motion = planar(rng, 1000)
     for joint, current in zip(names, currents):
         result = refine([seen_by(joint, names, current, motion)])
         assert result.report['after']['held_out_rmse'] < 0.03
@@ -68,9 +69,9 @@ def test_what_mechanics_rules_out_is_not_tried(own):
 def test_joints_that_move_independently_show_no_coupling():
     rng = np.random.default_rng(10)
     names = tuple('abcd')
-    motion = waves(rng, 3000, 4, 0.01)
+    motion = waves(rng, 1500, 4, 0.01)
     v = motion[1][:, 2]
-    slow = np.convolve(rng.standard_normal(3100), np.exp(-np.arange(100) / 20))[50:3050]
+    slow = np.convolve(rng.standard_normal(1600), np.exp(-np.arange(100) / 20))[50:1550]
     current = 0.3 * np.tanh(v / 0.02) + 0.2 * v + 0.02 * slow
     report = refine([seen_by('c', names, current, motion)]).report
     assert 'other_joints' not in {effect['name'] for effect in report['effects']}
@@ -112,6 +113,7 @@ def test_terms_of_kinetic_energy_are_what_lagrange_asks():
                 wanted[5:-5], abs=1e-3 * np.max(np.abs(wanted)) + 1e-6), group
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(('joint', 'effects', 'seed'), [
     ('shoulder', {'gravity', 'inertia', 'other_joints'}, 10),
     ('elbow', {'inertia', 'other_joints'}, 20)])
@@ -152,7 +154,7 @@ def test_joints_that_move_as_one_do_not_tell_which_of_them_asks(share):
     """What is held out of such motion is predicted as well, but other motion need not be."""
     rng = np.random.default_rng(5)
     q, v, a = (np.column_stack((x[:, 0], share * x[:, 0] + (1.0 - share) * x[:, 1]))
-               for x in waves(rng, 3000, 2, 0.01))
+               for x in waves(rng, 1500, 2, 0.01))
     current = (2.0 * np.cos(q[:, 0]) + 0.8 * np.cos(q[:, 0] + q[:, 1])
                + 0.3 * np.tanh(v[:, 0] / 0.01) + 0.2 * v[:, 0] + 0.05 * a[:, 0]
                + 0.02 * rng.standard_normal(len(q)))

@@ -77,6 +77,7 @@ def test_prose_fits_into_a_window_of_120_columns():
             assert len(line) <= 120 or re.match(r'\s*(\||!\[)', line), f'{path.name}: {line}'
 
 
+@pytest.mark.slow
 def test_it_builds_without_a_warning(tmp_path):
     pytest.importorskip('sphinx', reason='make docs installs requirements/docs.txt')
     pytest.importorskip('myst_parser', reason='make docs installs requirements/docs.txt')

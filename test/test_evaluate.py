@@ -177,6 +177,7 @@ def test_recordings_without_what_is_needed():
     assert any('d = 0 is assumed' in note for note in evaluation.notes)
 
 
+@pytest.mark.slow
 def test_the_tool_from_recordings_to_report(tmp_path, capsys):
     write_samples(tmp_path / 'plain', trial([1.0] * 2), custom_data={'model_file': 'elbow.yaml'})
     write_samples(tmp_path / 'assisted', trial([0.25] * 2, directions=[1, -1]),

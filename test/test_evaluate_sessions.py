@@ -31,8 +31,8 @@ from friction_comp.recordings.storage import Storage
 from friction_comp.reports.evaluation_words import summary, verdict
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
-# Two hundred a second are enough for what is not about figures to a per mil.
-STEP = 5e-3
+# A hundred a second are enough for what is not about figures to a per mil.
+STEP = 1e-2
 trial = partial(made_trial, step=STEP)
 
 
@@ -224,7 +224,7 @@ def weeks(folder, days=8, slope=0.02):
                 ('plain', [1.0] * 4, None), ('helped', [0.3 + slope * k] * 4, [1, -1] * 2)):
             random = np.random.default_rng(k)
             peaks = [h + 0.01 * random.normal() for h in heights]
-            samples = trial(peaks, directions=directions).take(slice(None, None, 2))
+            samples = trial(peaks, directions=directions)
             write_samples(folder / f'{name}_{k}', samples, start_ns=noon * 1_000_000_000,
                           custom_data={'model_file': 'm.yaml'})
 

@@ -87,6 +87,7 @@ def test_what_is_no_history_of_the_drive_is_refused_by_name(tmp_path, content, w
     assert '\n' not in str(error.value)
 
 
+@pytest.mark.slow
 def test_months_of_recordings_give_one_model_and_one_page(tmp_path, capsys):
     MODEL.save(tmp_path / 'model.yaml')
     before = tmp_path / 'model.yaml'

@@ -19,7 +19,7 @@ from friction_comp.simulation.undeclared import Undeclared
 
 ROOT = Path(__file__).resolve().parents[1]
 # s; the note's experiments, in test_reproduce.py, are at a thousand samples a second
-STEP = 2e-3
+STEP = 4e-3
 RAMPS = 6
 SLOPES = {1: 0.05, 2: 0.06, 3: 0.12}
 QUICK = {'speeds': np.radians([10.0, 40.0, 100.0]).tolist(), 'breakaway_cycles': 2,

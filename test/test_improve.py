@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The loop that asks for its own data: from nothing to a model that predicts unseen motion."""
 
+from contextlib import contextmanager
 import functools
 import json
 import math
@@ -25,32 +26,44 @@ from simulated_recordings.played import PlayedDrive
 LIMITS = JointLimits('joint', -1.5, 1.5, 1.2, 6.0)
 
 
+@contextmanager
+def searched(generations):
+    """Search shortly for each plan; `test_excite.py` says what a plan separates."""
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr('friction_comp.excitation.plan._GENERATIONS', generations)
+        yield
+
+
 @pytest.fixture
-def short_search(monkeypatch):
-    """Search a fifth as long for each plan, where what it separates is not asked."""
-    monkeypatch.setattr('friction_comp.excitation.plan._GENERATIONS', 1)
+def short_search():
+    with searched(1):
+        yield
 
 
 @pytest.fixture(scope='module')
 def improved():
     drive = random_drive(1, ['bump', 'gravity'])
     told = []
-    result = improve(PlayedDrive(drive, 1), LIMITS, drive.model.drive,
-                     schedule=Schedule(20.0, 120.0, 1), done=told.append)
+    with searched(4):
+        result = improve(PlayedDrive(drive, 1), LIMITS, drive.model.drive,
+                         schedule=Schedule(20.0, 120.0, 1), done=told.append)
     return drive, result, told
 
 
+@pytest.mark.slow
 def test_two_hidden_effects_are_found_and_the_model_is_trusted(improved):
     drive, result, _ = improved
     assert result.verdict == 'trust'
     assert set(result.rounds[-1].effects) - {'inertia'} == {'bump', 'gravity'}
     assert result.rounds[-1].held_out_rmse < 1.3 * drive.noise_floor
     # What the verdict promises: motion that nobody has planned for is predicted as well.
-    other = plan_joint(LIMITS, [('gravity', 'spring')], 20.0, 77)
+    with searched(4):
+        other = plan_joint(LIMITS, [('gravity', 'spring')], 20.0, 77)
     assert prediction_error(result.result.model, PlayedDrive(drive, 5)(other)) < (
         1.3 * result.rounds[-1].held_out_rmse)
 
 
+@pytest.mark.slow
 def test_no_model_is_trusted_before_a_new_motion_has_tested_it(improved):
     _, result, told = improved
     first = result.rounds[0]
@@ -60,6 +73,7 @@ def test_no_model_is_trusted_before_a_new_motion_has_tested_it(improved):
     assert [len(one.rounds) for one in told] == list(range(1, len(result.rounds) + 1))
 
 
+@pytest.mark.slow
 def test_page_and_report_tell_each_round(improved, tmp_path):
     _, result, _ = improved
     report = result.report()
@@ -72,6 +86,7 @@ def test_page_and_report_tell_each_round(improved, tmp_path):
     assert 'refinement.html' in text
 
 
+@pytest.mark.slow
 def test_a_drive_that_changes_between_rounds_is_not_trusted(short_search):
     drive = random_drive(3, ['gravity'])
     played, worse = PlayedDrive(drive, 2), []

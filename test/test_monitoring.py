@@ -47,6 +47,7 @@ def watched(data, batch=100, model=MODEL):
         yield part[-1, 0], residual.verdict()
 
 
+@pytest.mark.slow
 def test_silent_for_an_hour_while_the_model_fits():
     verdicts = [verdict for _, verdict in watched(rows(3600.0))]
     assert all(verdict.fits for verdict in verdicts)

@@ -203,7 +203,8 @@ def test_a_joint_of_an_arm_is_moved_by_its_torque_controller(file, tmp_path):
 
         def handle():
             if not accepted or (accepted[-1].done() and not accepted[-1].result().accepted):
-                accepted.append(client.send_goal_async(PlayTrajectory.Goal(trajectory=message)))
+                accepted.append(client.send_goal_async(
+                    PlayTrajectory.Goal(trajectory=message, ramp_slope=0.4)))
             return accepted[-1].done() and accepted[-1].result().accepted
         while not handle():
             arm.go_on(lambda: False)

@@ -22,8 +22,8 @@ from std_msgs.msg import Float64MultiArray
 from friction_comp.model.friction_model import FrictionModel
 
 JOINT = 'elbow'
-GOAL = {'joint': JOINT, 'speeds': [0.8, 1.4], 'motion_range': 0.8, 'ramp_slope': 0.12,
-        'ramp_period': 4.0, 'breakaway_cycles': 2}
+GOAL = {'joint': JOINT, 'speeds': [0.8, 1.4], 'motion_range': 0.8, 'ramp_slope': 0.2,
+        'ramp_period': 2.0, 'breakaway_cycles': 2}
 pytestmark = pytest.mark.slow
 
 

@@ -28,7 +28,7 @@ from friction_comp.nodes.live_signals import LiveSignals
 from friction_comp.nodes.recent_past import Message, RecentPast
 
 JOINT = 'elbow'
-STEP = 0.01
+STEP = 0.02
 MODEL = FrictionModel.load(MODELS[0])
 pytestmark = pytest.mark.slow
 
@@ -239,11 +239,11 @@ def test_a_trial_ends_with_enough_motion_and_names_the_previous_model_if_that_wa
     for path in (str(same), MODELS[2]):
         watch = JointWatch(0.25, MODELS[0])
         watch.start_trial(path)
-        watch.take(rows[:1000])
+        watch.take(rows[:500])
         assert watch.end_trial() is None
         assert watch.trial is not None
         # All of the trial's motion at once, as when the machine was busy.
-        watch.take(rows[1000:])
+        watch.take(rows[500:])
         ends[path] = watch.end_trial()
         assert watch.trial is None
     assert ends[str(same)] is None

@@ -76,6 +76,7 @@ def recording(seed, duration=60.0, step=0.01):
                    current=current + 0.002 * rng.standard_normal(time.size))
 
 
+@pytest.mark.slow
 def test_an_effect_that_exists_only_here(own_effect, tmp_path):
     result = refine([recording(1)])
     found = result.report['effects'][0]

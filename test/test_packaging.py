@@ -3,6 +3,7 @@
 """The package as pip, colcon and `ros2 run` see it, and the rules its files keep."""
 
 import ast
+import functools
 import importlib.util
 import os
 from pathlib import Path
@@ -43,6 +44,7 @@ ROSDEP_KEYS = {
 }
 
 
+@functools.cache
 def imported(path):
     """Names of the top-level packages that a file imports anywhere."""
     names = set()

@@ -43,6 +43,7 @@ def test_peaks_survive_thinning():
     assert (np.diff(x) > 0).all()
 
 
+@pytest.mark.slow
 def test_a_minute_at_a_kilohertz_is_a_page_of_three_megabytes():
     pytest.importorskip('bokeh')
     time = 1e-3 * np.arange(60_000)

@@ -311,6 +311,7 @@ def test_joints_are_read_together(tmp_path):
     np.testing.assert_allclose(second.arm.position[:, 0], -second.arm.position[:, 1], atol=1e-9)
 
 
+@pytest.mark.slow
 @settings(max_examples=15)
 @given(st.floats(0.5, 30.0), st.integers(1, 3))
 def test_a_stream_is_the_recording_in_stretches(long_recording, seconds, files):

@@ -6,6 +6,7 @@ import csv
 from dataclasses import replace
 import json
 import re
+import sys
 
 import numpy as np
 import pytest
@@ -55,6 +56,7 @@ def table(path):
     return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
 
 
+@pytest.mark.slow
 def test_report_has_what_is_promised(folder, drive):
     report = json.loads((folder / 'out' / 'report.json').read_text())
     assert report['unit'] == 'A'
@@ -73,6 +75,7 @@ def test_report_has_what_is_promised(folder, drive):
     assert report['unexplained'] == []
 
 
+@pytest.mark.slow
 def test_the_page_needs_nothing_from_elsewhere(folder):
     page = (folder / 'out' / 'report.html').read_text()
     assert page.startswith('<!DOCTYPE html>')
@@ -81,6 +84,7 @@ def test_the_page_needs_nothing_from_elsewhere(folder):
     assert not re.search(r'\b(src|href)=.?http', tags)
 
 
+@pytest.mark.slow
 def test_the_page_says_what_each_number_is_and_where_it_is_from(folder):
     page = (folder / 'out' / 'report.html').read_text()
     for words in ('Coulomb friction', 'viscous friction', 'part with the cosine of the phase',
@@ -92,6 +96,7 @@ def test_the_page_says_what_each_number_is_and_where_it_is_from(folder):
     assert len(page) < 3_000_000
 
 
+@pytest.mark.slow
 def test_predict_writes_a_row_for_every_joint_state(folder, drive):
     path = folder / 'predicted.csv'
     assert run_predict([str(folder / 'score'), '--model', str(folder / 'out' / 'model.yaml'),
@@ -130,7 +135,10 @@ def test_what_a_person_gives_counts_as_measured(drive, tmp_path, capsys):
     assert 'where the joint moves' in out
 
 
-def test_a_model_to_start_from_is_what_before_means(folder, drive, tmp_path):
+@pytest.mark.slow
+def test_a_model_to_start_from_is_what_before_means(folder, drive, tmp_path, monkeypatch):
+    # Its page is that of the fixture, with the drawings alone.
+    monkeypatch.setitem(sys.modules, 'bokeh', None)
     drive.model.save(tmp_path / 'declared.yaml')
     assert run_refine([str(folder / 'fit'), '--output', str(tmp_path / 'out'),
                        '--model', str(tmp_path / 'declared.yaml')]) == 0
@@ -141,6 +149,7 @@ def test_a_model_to_start_from_is_what_before_means(folder, drive, tmp_path):
     assert refined.drive == drive.model.drive
 
 
+@pytest.mark.slow
 def test_bad_input_is_named_and_nothing_is_left(folder, tmp_path):
     with pytest.raises(InputError, match='nowhere'):
         run_refine([str(tmp_path / 'nowhere'), '--output', str(tmp_path / 'out')])

@@ -68,6 +68,7 @@ def test_the_model_written_is_the_model_judged(case, tmp_path):
     assert (written.differentiation.get('lag') is not None) == (case == 'late')
 
 
+@pytest.mark.slow
 def test_the_model_written_is_the_model_judged_where_other_joints_take_part_late(tmp_path):
     rng = np.random.default_rng(7)
     first, second = swings(8), swings(9)
@@ -118,6 +119,7 @@ def test_a_plain_drive_is_trusted_and_nothing_is_named():
     assert report['reasons']
 
 
+@pytest.mark.slow
 def test_current_of_the_wrong_sign_is_told():
     samples = swings(7)
     report = refine([samples.with_(current=-samples.current)]).report
@@ -125,6 +127,7 @@ def test_current_of_the_wrong_sign_is_told():
     assert report['verdict'] == 'record again'
 
 
+@pytest.mark.slow
 def test_what_is_found_is_the_same_whatever_the_unit_and_the_order():
     one, two = with_ripple(10), with_ripple(11)
     first, second = refine([one, two]), refine([two, one])
@@ -186,6 +189,7 @@ def test_sentences_have_the_unit_of_the_recording(unit):
     assert in_unit('A spring of 2 A', 'A') == 'A spring of 2 A'
 
 
+@pytest.mark.slow
 def test_the_tool_says_how_often_a_name_was_chosen(tmp_path, capsys):
     write_samples(tmp_path / 'r', with_ripple(14).with_(joint='elbow'), 0.1, 100.0)
     assert run_refine([str(tmp_path / 'r'), '--torque-constant', '0.1', '--gear-ratio', '100',

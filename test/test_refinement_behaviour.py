@@ -49,7 +49,7 @@ STANDSTILL = ('stribeck', 'hysteresis', 'friction_ripple', 'direction')
 # well; the others follow their path exactly.
 UNDER_SERVO = ('stribeck', 'direction', 'friction_ripple')
 ENOUGH = 60.0  # s of recording
-SAMPLE_TIME = 2e-3  # s, of plant and law in the loop
+SAMPLE_TIME = 4e-3  # s, of plant and law in the loop
 
 
 @pytest.fixture

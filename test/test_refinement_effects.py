@@ -19,7 +19,9 @@ pytestmark = pytest.mark.slow
 
 SEED = 31
 # As much as each of these takes to be found, s; bench/refine_table.py has twice that.
-RECORDED = {'rate': 125.0, 'duration': 75.0}
+RECORDED = {'rate': 100.0, 'duration': 75.0}
+# How friction grows within a rest is told from place by more samples.
+MORE = {'rest': {'rate': 125.0}}
 PAIRS = [('gravity', 'stribeck'), ('friction_ripple', 'inertia'), ('bump', 'sub_linear')]
 
 
@@ -35,7 +37,8 @@ def moving(samples):
 def refined(cases, seed, outside='', servo=False):
     """Return the report, and the error on a fresh recording in parts of the noise floor."""
     drive = random_drive(seed, cases)
-    excitation = excitation_for(cases, **RECORDED, servo=servo)
+    excitation = excitation_for(
+        cases, **{**RECORDED, **MORE.get('+'.join(cases), {})}, servo=servo)
     sets = []
     for number in (10 * seed + 1, 10 * seed + 2):
         trials = record(drive, number, excitation)

@@ -56,6 +56,7 @@ def traced(report):
     return [entry['variable'] for entry in report['unexplained']]
 
 
+@pytest.mark.slow
 def test_inertia_is_found_beside_a_larger_effect_without_a_name():
     t, q, v, a = strokes(3)
     rough = 0.08 * np.sign(np.sin(9.0 * q) + 0.3) * np.where(q > 0.1, 1.0, -0.4)
@@ -74,6 +75,7 @@ def test_a_change_at_one_moment_is_traced_to_time():
     assert 'time' in traced(report)
 
 
+@pytest.mark.slow
 def test_a_lasting_change_is_not_called_warm_up():
     t, q, v, _ = strokes(5)
     changed = friction(v) * np.where(t > 55.0, 1.4, 1.0)
@@ -82,6 +84,7 @@ def test_a_lasting_change_is_not_called_warm_up():
     assert traced(report)[0] == 'time'
 
 
+@pytest.mark.slow
 def test_warming_up_is_not_called_a_change_at_one_moment():
     t, q, v, _ = strokes(5)
     fading = friction(v) * (1.0 + 0.5 * np.exp(-t / 30.0))
@@ -89,6 +92,7 @@ def test_warming_up_is_not_called_a_change_at_one_moment():
     assert names(report) == ['warm_up']
 
 
+@pytest.mark.slow
 def test_a_product_of_position_and_velocity_gets_no_wrong_name():
     t, q, v, _ = strokes(4)
     report = refine([recorded(t, q, friction(v) + 0.08 * q * v, 4)], drive=DRIVE).report
@@ -103,6 +107,7 @@ def test_friction_of_the_size_of_acceleration_is_traced_to_it():
     assert 'direction_asymmetry' not in names(report)
 
 
+@pytest.mark.slow
 def test_coarse_velocities_are_not_mistaken_for_a_lag():
     t, q, v, _ = strokes(7)
     report = refine([recorded(t, 0.4 * q, friction(0.4 * v), 7, counts=20_000)],
@@ -110,6 +115,7 @@ def test_coarse_velocities_are_not_mistaken_for_a_lag():
     assert names(report) == []
 
 
+@pytest.mark.slow
 def test_a_bump_that_a_fold_crosses_one_way_only_is_still_found():
     t, q, v, _ = strokes(8)
     bump = 0.05 * np.exp(-((q - 0.74) / 0.05) ** 2) * np.tanh(v / 0.02)
@@ -171,6 +177,7 @@ def test_motion_at_one_speed_is_said_to_show_little_of_speed():
                for line in report['warnings'])
 
 
+@pytest.mark.slow
 def test_standstill_has_a_say_in_where_friction_changes_its_sign():
     # In motion friction changes its sign at -0.06 rad/s, as a sensor that is off zero has it; at
     # rest, which is no motion, the drive asks for nothing.
@@ -261,6 +268,7 @@ def pendulum(seed, load_friction=0.15):
     return motion.with_(current=current, acceleration=None)
 
 
+@pytest.mark.slow
 def test_friction_that_grows_with_the_carried_weight_is_found_without_a_torque_sensor():
     result = refine([pendulum(1)])
     report = result.report

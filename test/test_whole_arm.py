@@ -21,9 +21,11 @@ SCALES = (0.4, 0.25, 0.5)
 FRICTION = ((0.02, 0.3, 0.2, 0.05), (-0.03, 0.4, 0.3, 0.04), (0.0, 0.2, 0.1, 0.02))
 # The URDF says 4, 3 and 2 kg.
 MASSES = (5.0, 2.2, 2.6)
+SIZE = 1200  # samples, at 100 Hz
+pytestmark = pytest.mark.slow
 
 
-def trial(seed, size=1200):
+def trial(seed, size=SIZE):
     rng = np.random.default_rng(seed)
     motion = waves(rng, size, 3, 0.01)
     return recorded(small_arm(MASSES), PLANE, motion, SCALES, FRICTION, rng)
@@ -49,7 +51,6 @@ def errors_of(table):
     return np.array([float(row['measured']) - float(row['predicted']) for row in rows])
 
 
-@pytest.mark.slow
 def test_every_joint_has_its_report_and_the_arm_has_one(refined):
     whole = json.loads((refined / 'out' / 'report.json').read_text(encoding='utf-8'))
     assert list(whole['joints']) == list(PLANE)
@@ -74,7 +75,7 @@ def test_predict_needs_no_urdf_and_is_right_on_another_recording(refined, joint,
         str(refined / 'score'), '--model', str(refined / 'out' / 'model.yaml'), '--joint', joint,
         '--output', str(table)]) == 0
     error = errors_of(table)
-    assert len(error) == 1200
+    assert len(error) == SIZE
     # Noise is 0.02 A; the sign of friction at reversals is sharper than 100 Hz shows.
     assert np.sqrt(np.mean(error ** 2)) < 0.035
     assert predict.main([
@@ -104,10 +105,10 @@ def test_a_recording_without_the_other_joints_is_refused(refined, tmp_path, caps
     assert not (tmp_path / 'x.csv').exists()
 
 
-@pytest.mark.slow
 def test_one_joint_of_an_arm_has_the_usual_files(refined, tmp_path):
+    write_samples(tmp_path / 'short', trial(1, 400))
     assert refine_tool.main([
-        str(refined / 'fit'), '--urdf', str(refined / 'arm.urdf'), '--joint', 'bend', '--output',
+        str(tmp_path / 'short'), '--urdf', str(refined / 'arm.urdf'), '--joint', 'bend', '--output',
         str(tmp_path / 'out')]) == 0
     report = json.loads((tmp_path / 'out' / 'report.json').read_text(encoding='utf-8'))
     assert report['joint'] == 'bend'
@@ -133,17 +134,16 @@ def test_what_cannot_be_used_gives_one_line_and_nothing_written(refined, argumen
     assert not (refined / 'bad').exists()
 
 
-@pytest.mark.slow
 def test_a_joint_that_stands_still_is_left_out_and_a_gripper_may_be_there(refined, tmp_path,
                                                                         capsys):
     """Only the last joint moves; two recordings; a gripper without effort beside the arm."""
     for number, name in enumerate(('one', 'two')):
         rng = np.random.default_rng(20 + number)
-        motion = waves(rng, 800, 3, 0.01)
+        motion = waves(rng, 400, 3, 0.01)
         for values, place in zip(motion, (0.3, 0.0, 0.0)):
             values[:, :2] = place
         joints = recorded(small_arm(MASSES), PLANE, motion, SCALES, FRICTION, rng)
-        finger = joints[0].with_(joint='finger', current=np.zeros(800), arm=None)
+        finger = joints[0].with_(joint='finger', current=np.zeros(400), arm=None)
         write_samples(tmp_path / name, [*joints, finger])
     assert refine_tool.main([
         str(tmp_path / 'one'), str(tmp_path / 'two'), '--urdf', str(refined / 'arm.urdf'),
@@ -194,7 +194,6 @@ def test_an_unknown_way_with_gravity_is_refused(refined):
 # Without a URDF.
 
 
-@pytest.mark.slow
 def test_other_joints_are_named_where_no_urdf_says_more(refined, tmp_path):
     fresh = read_arm(refined / 'score')
     assert refine_tool.main([
@@ -214,7 +213,6 @@ def test_other_joints_are_named_where_no_urdf_says_more(refined, tmp_path):
 
 
 @needs_data
-@pytest.mark.slow
 def test_ur10e_is_predicted_better_than_by_plain_least_squares():
     """UR10e, all joints moving (shamilmamedov/dynamic_calibration, Mamedov and Mikhel 2020)."""
     pytest.importorskip('pinocchio', reason='Pinocchio is not installed')
