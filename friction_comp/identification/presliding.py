@@ -46,6 +46,7 @@ _EARLY, _COUNTS = 1.0 / 3.0, 4.0
 # any stay below in one direction at least, those with visible backlash have 0.05 to 0.24 in both
 # (`bench/law_table.py --floors identification`, seeds 42 to 48).
 _DEPTH, _SHARE = 0.04, 0.2
+_SURE = 3.0          # standard deviations of the current's noise that are no upturn
 _SEEN_COUNTS = 3.0   # the least backlash that an encoder tells
 _PLACES = 60         # of the curve
 _NEAR = 0.75         # share of what a ramp crossed from which on its tangent at the touch is taken
@@ -61,6 +62,7 @@ class RampFriction:
     measured: np.ndarray    # the way as the encoder shows it, rad
     peak: int               # index of the largest current of friction
     half: int               # samples to either side over which it is smoothed
+    noise: float = 0.0      # standard deviation of the smoothed current, A
 
     @property
     def breakaway(self) -> float:
@@ -121,6 +123,7 @@ def ramp_friction(time: np.ndarray, position: np.ndarray, current: np.ndarray, s
     return RampFriction(
         time=even[half:half + end], current=friction[:end], position=given[:end],
         measured=way[half:half + end], half=half,
+        noise=float(np.std(driven[half:half + end] - smooth[:end]) / np.sqrt(count)),
         peak=int(np.argmax(np.where(slow[:end], friction[:end], -np.inf))))
 
 
@@ -205,6 +208,9 @@ def _upturn(ramp: RampFriction, resolution: float) -> tuple[float, int]:
             corners.pop()
         corners.append(k)
     below = np.interp(x[:top + 1], x[corners], y[corners]) - y[:top + 1]
+    # Samples within the window of smoothing share their noise.
+    windows = np.maximum(1.0, count[x[:top + 1]] / (2 * ramp.half + 1))
+    below -= _SURE * ramp.noise / np.sqrt(windows)
     return float(np.max(below) / y[top]), int(np.searchsorted(place, x[np.argmax(below)]))
 
 
