@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 #
 #   make demo    the whole loop over ROS 2 on this machine, with a report at the end
-#   make check   while you work: the checks of style and the quick tests, in one to two minutes
+#   make check   while you work: the checks of style and the quick tests, in one to one and a half minutes
 #   make test    the checks of style and types, and every test
 #   make setup   only the environment in .venv/, which the others make by themselves
 #   make lint    only the checks of style and types
