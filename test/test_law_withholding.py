@@ -99,6 +99,15 @@ def test_a_joint_that_moves_against_the_announcement_keeps_its_help_until_it_sto
     assert stopped[-1] == pytest.approx(-0.9 * LEVEL, rel=1e-2)
 
 
+def test_slow_motion_against_the_announcement_is_no_stop():
+    """Half a degree a second keeps its help all along."""
+    law = CompensationLaw([small_model()])
+    forward = np.arange(12000) * 5e-6
+    drive_along(law, forward[:500])
+    against = drive_along(law, forward[500:], direction=-1, begin=500)
+    np.testing.assert_allclose(against, 0.89 * LEVEL, rtol=1e-2)
+
+
 @pytest.mark.parametrize('period', [0.2, 0.4])
 def test_announcements_that_flicker_are_not_believed(period):
     law, currents = CompensationLaw([small_model()]), []

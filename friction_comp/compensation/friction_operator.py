@@ -70,9 +70,10 @@ def _start_leading(s: Any) -> None:
 def turns_round(p: Any, s: Any, aim: float) -> bool:
     """Return whether a joint that moved against the announced direction stops.
 
-    A joint that springs back near its position of rest has not moved away from it.
+    A joint that springs back near its position of rest has not moved away from it, and one that
+    has been slow for half a second does not stop.
     """
-    return (s.z * aim < 0.0 and abs(s.speed) < p.lead_speed
+    return (s.z * aim < 0.0 and abs(s.speed) < p.lead_speed < s.usual
             and abs(s.position - s.rest_position) > p.moved_distance)
 
 
