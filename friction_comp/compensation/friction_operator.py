@@ -5,10 +5,10 @@
 ``i = A(|ω|)·z``, where z in -1..1 is driven by displacement: an elastic-plastic element of distance
 R behind a small backlash. Where A does not exceed the gear's friction and R is at least its
 presliding distance, the law supplies over any path at most the energy that the gear dissipates,
-plus a bounded amount (proof in docs/compensation_law.md). At rest z is moved to the announced
-direction (the preload), and one observation bounds the model's error: whether the joint holds it.
-What the joint has shown to hold is kept in one number, the trust in its drive. A slip lowers it, a
-movement by a person restores some of it.
+plus a bounded amount (proof in docs/compensation_law.md). Where the joint rests or turns round, z
+is moved to the announced direction (the preload), and one observation bounds the model's error:
+whether the joint holds it. What it has shown to hold is kept in one number, the trust in its drive.
+A slip lowers it, a movement by a person restores some of it.
 """
 
 from __future__ import annotations
@@ -63,6 +63,7 @@ def _slipped(p: Any, s: Any, share: float) -> None:
 
 @njit(cache=True)
 def _start_leading(s: Any) -> None:
+    """Begin to lead z from where it is."""
     s.mode, s.ramp, s.lead_position, s.still_time = LEADING, s.z, s.position, 0.0
 
 

@@ -188,10 +188,10 @@ def _set_dahl_friction(p: Any, model: FrictionModel) -> None:
     """Set the friction of effects that reverse over a longer distance than presliding."""
     p['dahl_distance'] = p['distance']
     for effect in model.effects:
-        found = None if effect.not_fed_back else effect.dahl_friction()
-        if found is not None and found[0] > 0.0:
-            p['dahl'] += found[0]
-            p['dahl_distance'] = max(float(p['dahl_distance'][0]), LONGER * found[1])
+        friction, distance = (not effect.not_fed_back and effect.dahl_friction()) or (0.0, 0.0)
+        if friction > 0.0:
+            p['dahl'] += friction
+            p['dahl_distance'] = np.maximum(p['dahl_distance'], LONGER * distance)
 
 
 def _set_times(p: Any, model: FrictionModel) -> None:

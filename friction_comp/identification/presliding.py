@@ -62,7 +62,7 @@ class RampFriction:
     measured: np.ndarray    # the way as the encoder shows it, rad
     peak: int               # index of the largest current of friction
     half: int               # samples to either side over which it is smoothed
-    noise: float = 0.0      # standard deviation of the smoothed current, A
+    noise: float            # standard deviation of the smoothed current, A
 
     @property
     def breakaway(self) -> float:

@@ -41,7 +41,7 @@ class Effect(ABC):
     parameters : dict
         ``coefficients`` (A, one per column) and the nonlinear constants, plain numbers in SI units.
     valid_range : dict, optional
-        Lowest and highest value of the `range_margins` signals up to which it is continued.
+        Lowest and highest value, by signal of `range_margins`, up to which it is continued.
     """
 
     name = ''           # in model files and reports
