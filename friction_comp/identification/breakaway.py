@@ -178,14 +178,14 @@ def _hinge_errors(t: np.ndarray, x: np.ndarray, weight: np.ndarray, knees: np.nd
     slide = np.maximum(t - knees[:, None], 0.0)
     creep = [np.broadcast_to(t ** power, slide.shape) for power in range(3)]
     design = weight[:, None] * np.stack((*creep, slide ** 2, slide ** 3), axis=2)
-    target, best = weight * x, np.full(len(knees), np.inf)
+    scaled = design / (np.sqrt(np.sum(design ** 2, axis=1)) + 1e-300)[:, None]
+    target, turned = weight * x, np.swapaxes(scaled, 1, 2)
+    gram, goal = turned @ scaled + 1e-12 * np.eye(5), turned @ target[:, None]
+    best = np.full(len(knees), np.inf)
     for columns in ([0, 1, 2, 3, 4], [0, 1, 2, 3], [0, 1, 2, 4], [0, 1, 2]):
-        part = design[:, :, columns]
-        size = np.sqrt(np.sum(part ** 2, axis=1)) + 1e-300
-        scaled = part / size[:, None]
-        turned = np.swapaxes(scaled, 1, 2)
-        coefficients = np.linalg.solve(turned @ scaled + 1e-12 * np.eye(len(columns)),
-                                       turned @ target[:, None])
+        coefficients = np.zeros(goal.shape)
+        coefficients[:, columns] = np.linalg.solve(
+            gram[:, columns][:, :, columns], goal[:, columns])
         error = np.sum((target[:, None] - scaled @ coefficients)[:, :, 0] ** 2, axis=1)
         forwards = (coefficients[:, 3:, 0] >= 0.0).all(axis=1)
         best = np.where(forwards, np.minimum(best, error), best)
