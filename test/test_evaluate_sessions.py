@@ -31,8 +31,8 @@ from friction_comp.recordings.storage import Storage
 from friction_comp.reports.evaluation_words import summary, verdict
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
-# A hundred a second are enough for what is not about figures to a per mil.
-STEP = 1e-2
+# Fifty a second are enough for what is not about figures to a per mil.
+STEP = 2e-2
 trial = partial(made_trial, step=STEP)
 
 

@@ -57,7 +57,7 @@ def level(gears):
 
 @pytest.mark.slow
 def test_breakaway_is_what_was_set():
-    gears = plain_gears(draws=2)
+    gears = plain_gears(draws=1)
     found = breakaway_currents(gears, EVEN, repetitions=2)
     ratio = found / level(gears)[:, None]
     # creep at the ramp's rate, where friction falls with speed, takes some of it
@@ -226,23 +226,26 @@ def test_draws_are_the_same_again_and_halves_differ():
     assert not np.any(first.gears['stiffness'] == other.gears['stiffness'])
 
 
+def quickly_identified(kind, seed):
+    """Return what identification found of a gear at 500 samples/s, of as many steps as at 1000."""
+    seldom = SimpleNamespace(**{**vars(world), 'Plant': functools.partial(
+        Plant, sample_time=2e-3, steps=40)})
+    return identification(
+        replace(make_bank(world, [kind], 1, seed, 8), world=seldom), quick=True)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(('kind', 'seed'), [('maxwell_slip', 27), ('lugre', 25), ('dahl', 23)])
 def test_identification_finds_what_a_gear_with_presliding_bears(kind, seed):
     """The motion before the slide, a millimetre or more at the rim, is not taken for the slide."""
-    # Five hundred samples a second, of as many steps as a thousand have.
-    seldom = SimpleNamespace(**{**vars(world), 'Plant': functools.partial(
-        Plant, sample_time=2e-3, steps=40)})
-    bank = replace(make_bank(world, [kind], 1, seed, 8), world=seldom)
-    for row in identification(bank, quick=True):
+    for row in quickly_identified(kind, seed):
         # The floor for the presliding distance is not met yet: it is known to a third.
         assert row.met or ('presliding' in row.floor and row.value < 35.0), row
 
 
 @pytest.mark.slow
 def test_a_link_much_heavier_than_its_rotor_does_not_rattle_through_identification():
-    bank = make_bank(world, ['lugre'], 1, 6, 8)
-    rows = {row.floor: row for row in identification(bank, quick=True)}
+    rows = {row.floor: row for row in quickly_identified('lugre', 6)}
     assert rows['identification: kinetic off, worst'].value < 3.0, rows
 
 

@@ -17,7 +17,7 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.recordings import write_samples
+from friction_comp.recordings import read_recording, write_samples
 from friction_comp.refinement import refine
 from friction_comp.samples import Samples
 from friction_comp.tools.predict import main as run_predict
@@ -197,26 +197,24 @@ def test_outliers_and_gaps_do_no_harm(drive):
     assert np.sqrt(np.mean(error ** 2)) < 1.3 * drive.noise_floor
 
 
-def scored(name, tmp_path):
-    assert run_refine([str(DATA / name / 'fit'), '--torque-constant', '1', '--gear-ratio', '1',
-                       '--output', str(tmp_path / 'out')]) == 0
-    assert run_predict([str(DATA / name / 'score'), '--model', str(tmp_path / 'out' / 'model.yaml'),
-                        '--output', str(tmp_path / 'score.csv')]) == 0
-    columns = table(tmp_path / 'score.csv')
-    return columns['measured'] - columns['predicted']
+def scored(name):
+    """Return the error on one measured recording of the model refined from another."""
+    fit, score = (read_recording(DATA / name / which, None, 1.0, 1.0)[0]
+                  for which in ('fit', 'score'))
+    return score.current - refine([fit], drive=Drive(1.0, 1.0)).model.predict(score)
 
 
 @needs_data
 @pytest.mark.slow
-def test_harmonic_drive_of_a_ur10e(tmp_path):
-    error = scored('ur10e_joint1', tmp_path)
+def test_harmonic_drive_of_a_ur10e():
+    error = scored('ur10e_joint1')
     assert np.sqrt(np.mean(error ** 2)) < 0.206
 
 
 @needs_data
 @pytest.mark.slow
-def test_ball_screw_of_the_emps_benchmark(tmp_path):
-    error = scored('emps', tmp_path)
+def test_ball_screw_of_the_emps_benchmark():
+    error = scored('emps')
     error = sosfiltfilt(butter(2, 40.0, fs=1000.0, output='sos'), error)
     assert np.sqrt(np.mean(error ** 2)) < 3.0
 

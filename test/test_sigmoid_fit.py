@@ -13,10 +13,8 @@ from friction_comp.identification import sigmoid_fit
 from friction_comp.identification.sigmoid_fit import _fit, fit_sigmoid, sigmoid_error
 from friction_comp.model.sigmoid import Sigmoid
 
-NOTE = {
-    1: (0.1101, 1.2456, 0.1359, 1.1671, 1.4959, 0.0008),
-    2: (0.3629, 1.1022, 0.3000, 2.2795, 1.8775, 0.0027),
-    3: (0.8896, 3.0735, 0.3082, 2.4381, 0.8727, 0.0032)}
+# Of configuration 2, the steepest of the note.
+NOTE = 0.3629, 1.1022, 0.3000, 2.2795, 1.8775, 0.0027
 TABLE = np.radians([1, 2, 3, 5, 10, 20, 30, 40, 50, 60, 70, 80, 90, 100])
 TABLE = np.concatenate([-TABLE[::-1], TABLE])
 
@@ -82,33 +80,18 @@ def brute_force(speeds, currents):
 @pytest.mark.parametrize('seed', range(2))
 def test_fit_is_as_good_as_a_brute_force_global_search(seed):
     speeds, currents = random_drive(seed)
-    _, error = fit_sigmoid(speeds, currents)
+    sigmoid, error = fit_sigmoid(speeds, currents)
+    assert error == pytest.approx(sigmoid_error(sigmoid, speeds, currents))
     assert error <= 1.001 * brute_force(speeds, currents)
 
 
 @pytest.mark.slow
-def test_random_drives_are_fitted_below_the_truth():
-    for seed in (100,):
-        speeds, currents = random_drive(seed)
-        sigmoid, error = fit_sigmoid(speeds, currents)
-        assert error == pytest.approx(sigmoid_error(sigmoid, speeds, currents))
-        # Nothing is found in the neighbourhood that is better by more than a per mil.
-        random = np.random.default_rng(seed)
-        x = speeds / np.max(np.abs(speeds))
-        steepness = sigmoid.steepness * np.max(np.abs(speeds)) * np.exp(
-            random.normal(scale=0.5, size=40))
-        shift = sigmoid.shift / np.max(np.abs(speeds)) + random.normal(size=40) / steepness
-        assert error <= 1.001 * np.min(reweighted_errors(x, currents, steepness, shift))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize('number', NOTE)
-def test_curves_of_the_note_are_found_again(number):
-    truth = Sigmoid.from_coefficients(NOTE[number], 'deg/s')
+def test_a_curve_of_the_note_is_found_again():
+    truth = Sigmoid.from_coefficients(NOTE, 'deg/s')
     dense = np.radians(np.concatenate([np.linspace(-4, 4, 41), np.degrees(TABLE)]))
     found, error = fit_sigmoid(dense, truth(dense))
     assert error < 1e-6
-    c, expected = np.array(found.coefficients('deg/s')), np.array(NOTE[number])
+    c, expected = np.array(found.coefficients('deg/s')), np.array(NOTE)
     scale = (expected[3] + expected[4]) / (c[3] + c[4])
     c[[0, 2, 3, 4]] *= scale
     np.testing.assert_allclose(c, expected, rtol=2e-3)
