@@ -56,7 +56,8 @@ class CompensatorNode(LifecycleNode):
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
         self.create_service(Trigger, '~/reset_faults', self._on_reset)
-        Diagnostics(self, self._report, ', '.join(self._joints), 'compensation')
+        self._diagnostics = Diagnostics(
+            self, self._report, ', '.join(self._joints), 'compensation')
         self.create_timer(_CHECK_PERIOD, self._check, clock=Clock(clock_type=ClockType.STEADY_TIME))
         if declare(self, 'autostart', True, 'configure and activate at start'):
             self._start()
@@ -134,6 +135,8 @@ class CompensatorNode(LifecycleNode):
         models, self._candidates = self._candidates, None
         if self._configured is not None:
             self._configured.apply({parameter.name for parameter in parameters}, models)
+            # A recording tells from them which law and model were in use when.
+            self._diagnostics.publish()
 
     def _value(self, name: str) -> Any:
         return self.get_parameter(name).value

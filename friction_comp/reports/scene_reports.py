@@ -91,7 +91,7 @@ def session_phases(evaluation: Evaluation, marks: dict[str, float], count: int
     movements in each direction.
     """
     repetitions = sorted(evaluation.repetitions, key=lambda r: r.begin)
-    # The compensator's own record of the active model is exact; the marks are a second late.
+    # The compensator records the active model as it changes; the marks are later.
     first = repetitions[0].compensation.model
     before = [r for r in repetitions if r.compensation.model == first]
     after = [r for r in repetitions if r.compensation.model != first]
