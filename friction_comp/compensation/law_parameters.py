@@ -31,11 +31,9 @@ LONGER = 1.5
 # Backlash of the operator as a share of its distance, beyond one count: it prevents vibration of a
 # joint that a hand holds. Where presliding is known, less is needed.
 BACKLASH, KNOWN_BACKLASH = 0.15, 0.05
-# Presliding is known if it has at least this many counts and a relative standard deviation below
-# this. A push is then detected before the joint slides, and current without an announcement rises
-# within this time, s.
-KNOWN_COUNTS, KNOWN_STD = 10.0, 0.2
-KNOWN_TIME = 0.03
+# Presliding is known if it has at least this many counts and a standard deviation. A push is then
+# detected before the joint slides, and current without an announcement rises within this time, s.
+KNOWN_COUNTS, KNOWN_TIME = 10.0, 0.03
 # rad; if the model has no presliding distance. Measured geared joints had 0.1 to 1 mrad.
 DEFAULT_PRESLIDING = 1e-3
 DEFAULT_RESOLUTION = 1e-5
@@ -153,11 +151,10 @@ def set_breakaway(p: np.void, breakaway: Breakaway | None,
 
 
 def knows_presliding(model: FrictionModel) -> bool:
-    """Return whether presliding is known so well that a push shows before the joint slides."""
+    """Return whether presliding is long enough that a push shows before the joint slides."""
     known, count = model.presliding, model.drive.position_resolution
     return (known is not None and known.std is not None and count is not None
-            and known.distance >= KNOWN_COUNTS * count
-            and known.std <= KNOWN_STD * known.distance)
+            and known.distance >= KNOWN_COUNTS * count)
 
 
 def _set_distances(p: Any, model: FrictionModel) -> None:
