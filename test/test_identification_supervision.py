@@ -130,7 +130,7 @@ def test_a_stop_in_the_way_ends_the_run():
         beyond = state.position[0] - 0.15
         return -4000.0 * beyond - 40.0 * state.velocity[0] if beyond > 0.0 else 0.0
     bench = Bench(torque=torque)
-    with pytest.raises(IdentificationError, match=r'blocked|stop|behind|swings'):
+    with pytest.raises(IdentificationError, match=r'blocked|stop|behind|oscillates'):
         bench.finish()
     assert bench.largest < 0.7
 

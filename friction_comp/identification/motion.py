@@ -1,10 +1,10 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Moves a joint for identification: it is broken free, follows references, travels, and rests.
+"""Moves a joint for identification: short push, following a reference, travel, and standstill.
 
-The first motion of an unknown joint is breakaway, then a short push: it measures the current that
-overcomes friction and the acceleration per current, which the motion controller needs, and shows
-whether the measured current is the commanded one.
+An unknown joint is first broken free by a current ramp and pushed briefly. This measures the
+current that overcomes friction and the acceleration per current, which the velocity controller
+needs, and shows whether the measured current is the commanded one.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import math
 from typing import NoReturn
 
 from friction_comp.drive import Drive
-from friction_comp.identification.excitation import at_travel
+from friction_comp.identification.excitation import travel_state
 from friction_comp.identification.goal import IdentificationError, MotionGoal
 from friction_comp.identification.kinetic import acceleration_of_push, KineticPoint
 from friction_comp.identification.supervision import Sample, Supervision
@@ -28,15 +28,15 @@ from friction_comp.identification.velocity_control import (
 )
 from friction_comp.signal_checks import LATEST
 
-STILL_TIME = 0.2        # s of standstill asked for before each ramp
-_PATIENCE = 10.0        # s to come to rest
-# A joint that moves by no more than so many counts, and rad, stands still.
-_STILL_COUNTS, _STILL_WAY = 2.5, 1e-5
-_PUSH_SPEED = 0.3       # rad/s that the short push aims at
+STILL_TIME = 0.2        # s of standstill required before each ramp
+_PATIENCE = 10.0        # longest time to come to rest, s
+# A joint is at rest if it moves by at most this many counts or this angle in rad.
+_STILL_COUNTS, _STILL_ANGLE = 2.5, 1e-5
+_PUSH_SPEED = 0.3       # speed at which the short push ends, rad/s
 
 
 def speed_over(samples: Sequence[Sample], sign: int, window: float) -> float:
-    """Speed in the direction `sign` over the last `window` seconds; 0 while they are too few."""
+    """Return the speed in direction `sign` over the last `window` s; 0 with too few samples."""
     last = samples[-1]
     for k in range(len(samples) - 2, -1, -1):
         elapsed = last.time - samples[k].time
@@ -46,30 +46,30 @@ def speed_over(samples: Sequence[Sample], sign: int, window: float) -> float:
 
 
 class Motion(ABC):
-    """A joint's movements as generators that yield currents in A and are handed samples."""
+    """A joint's movements as generators that yield currents in A and receive samples."""
 
     def __init__(self, goal: MotionGoal, drive: Drive) -> None:
         goal.check(drive)
         self.goal, self.drive = goal, drive
-        # Must know the measured current to be the commanded one before the first push.
+        # Has to confirm that the measured current is the commanded one before the first push.
         self.supervision = Supervision(goal, drive)
-        self.phase = 'standstill'           # what is being done
+        self.phase = 'standstill'           # present step, for feedback
         self.sample = Sample(math.nan, math.nan, math.nan)  # the latest one
         self.start = math.nan               # position at the start, rad
         self.acceleration = math.nan        # k_t·n/J, rad/s² per A; NaN before it is known
-        # Largest current that friction is known to take, signed, per direction, A.
+        # Largest friction current known so far in the positive and negative direction, signed, A.
         self.friction: tuple[float, float] | None = None
-        # The currents that were commanded at the speeds held so far. What is fed forward, and how
-        # much may be commanded, follows from them and never from measured currents: a wrong unit
-        # of the measurement must not drive the joint.
-        self.held: list[KineticPoint] = []
+        # Look-up table of commanded currents so far. Feedforward and limit of the controller follow
+        # from it and never from measured currents: a measurement in a wrong unit must not drive the
+        # joint.
+        self.commanded_points: list[KineticPoint] = []
         self.warnings: list[str] = []
         self._resolution = drive.position_resolution or 1e-6
         self._push = {1: 0.0, -1: 0.0}     # current that overcomes friction, per direction
         self._slid = 0                     # direction of the latest slide
 
     def run(self) -> Generator[float, Sample, None]:
-        """Yield currents in A and be handed samples: the whole motion, from rest to rest."""
+        """Yield currents in A and receive samples: the whole motion, from rest to rest."""
         self.sample = yield 0.0
         self.start = self.sample.position
         yield from self._standstill(STILL_TIME)
@@ -79,7 +79,7 @@ class Motion(ABC):
 
     @abstractmethod
     def _movements(self) -> Generator[float, Sample, None]:
-        """Yield currents and be handed samples of a joint whose friction and inertia are known."""
+        """Yield currents and receive samples, once friction and inertia are known."""
 
     @abstractmethod
     def remaining(self) -> float:
@@ -87,7 +87,7 @@ class Motion(ABC):
 
     @abstractmethod
     def bounds(self) -> tuple[float, float]:
-        """Return the lowest and highest position in rad that the joint may have from then on."""
+        """Return the lowest and highest position in rad that the joint may have."""
 
     def _step(self, command: float) -> Generator[float, Sample, Sample]:
         """Apply a current and return the next sample."""
@@ -95,22 +95,23 @@ class Motion(ABC):
         return self.sample
 
     def _standstill(self, duration: float) -> Generator[float, Sample, None]:
-        """Wait at zero current until the joint has stood for a duration."""
+        """Wait at zero current until the joint has been at rest for a duration in s."""
         sample = self.sample
         begin, still_since, stood_at = sample.time, sample.time, sample.position
         while sample.time - still_since < duration:
             if sample.time - begin > _PATIENCE + duration:
                 raise IdentificationError(
                     'the joint does not come to rest at zero current: it is driven by gravity, '
-                    'pushed, or rings')
+                    'pushed, or oscillates')
             sample = yield from self._step(0.0)
-            if abs(sample.position - stood_at) > max(_STILL_COUNTS * self._resolution, _STILL_WAY):
+            if abs(sample.position - stood_at) > max(
+                    _STILL_COUNTS * self._resolution, _STILL_ANGLE):
                 still_since, stood_at = sample.time, sample.position
 
     # The first motion.
 
     def _first_motion(self) -> Generator[float, Sample, None]:
-        """Push in either direction; `friction` and `acceleration` are known then."""
+        """Push in both directions to measure `friction` and `acceleration`."""
         self.phase = 'push'
         rates = []
         for sign in (1, -1):
@@ -123,7 +124,7 @@ class Motion(ABC):
         self.acceleration = max(rates, default=typical)
 
     def _short_push(self, sign: int) -> Generator[float, Sample, float]:
-        """Break the joint free, push it a little, let it coast; return k_t·n/J or NaN."""
+        """Break the joint free, push it briefly, let it coast; return k_t·n/J or NaN."""
         peak = self.goal.ramp_peak
         slope = peak / 3.0
         yield from self._standstill(STILL_TIME)
@@ -139,10 +140,10 @@ class Motion(ABC):
             if speed_over(window, sign, 0.01) > _PUSH_SPEED / 10.0 and (
                     sign * (sample.position - home) > 8.0 * self._resolution):
                 break
-        if not self.supervision.known():
+        if not self.supervision.is_current_confirmed():
             # The response may still be on its way.
             yield from self._standstill(STILL_TIME + LATEST)
-            self.supervision.require_known()
+            self.supervision.require_confirmed_current()
             sample = self.sample
         self._push[sign] = sign * current
         self._note_friction()
@@ -163,12 +164,12 @@ class Motion(ABC):
         return acceleration_of_push(pushed, coasted, strong, sign)
 
     def _note_friction(self) -> None:
-        """Renew `friction`, after a push or a cycle: it is looked at with every sample."""
+        """Update `friction` after a push or a cycle, not with every sample."""
         if 0.0 in self._push.values():
             return
         positive, negative = (
             sign * max([abs(self._push[sign])] + [
-                abs(point.current) for point in self.held if point.speed * sign > 0.0])
+                abs(point.current) for point in self.commanded_points if point.speed * sign > 0.0])
             for sign in (1, -1))
         self.friction = positive, negative
 
@@ -176,13 +177,13 @@ class Motion(ABC):
         side = 'positive' if sign > 0 else 'negative'
         raise IdentificationError(
             f'the joint did not break free in the {side} direction up to {reached:.3g} A. '
-            'Did it move all the same? Then its encoder is stuck. Is it blocked? If neither, ask '
-            'for a steeper ramp_slope or a longer ramp_period')
+            'If it did move, its encoder is stuck. If it is not blocked, request a steeper '
+            'ramp_slope or a longer ramp_period')
 
     # Following a reference.
 
     def _controller(self, bandwidth: float, speed: float) -> Controller:
-        # Single encoder counts must not change the current by more than friction.
+        # A single encoder count must not change the current by more than friction.
         push = min(self._push[1], -self._push[-1])
         quiet = math.sqrt(0.06 * push * self.acceleration / self._resolution)
         return Controller(
@@ -190,22 +191,22 @@ class Motion(ABC):
             self._expected(1, speed), self._expected(-1, speed), max(min(bandwidth, quiet), 5.0))
 
     def _plausible(self, speed: float) -> float:
-        """Return the largest current in A that a speed may take, by what is known so far.
+        """Return the largest plausible current in A at a speed.
 
-        Friction grows at most in proportion to speed beyond what was measured; twice that, and
-        twice what the profile's acceleration takes, is left for gravity and control. Where the
-        joint is blocked or the encoder stuck, the controller asks for more.
+        Beyond measured speeds, friction grows at most in proportion to speed. Twice that, plus
+        twice the current of the profile's acceleration, leaves room for gravity and control. If the
+        joint is blocked or the encoder stuck, the controller exceeds this limit.
         """
         push = max(self._push[1], -self._push[-1])
         known = max([push] + [
             abs(point.current) * max(1.0, speed / abs(point.speed))
-            for point in self.held[-2:]])
+            for point in self.commanded_points[-2:]])
         accelerating = 10.0 * speed / self.goal.cycle(max(speed, 1e-3))[0] / self.acceleration
         return min(self.drive.current_limit, max(3.0 * push, 2.0 * known) + 2.0 * accelerating)
 
     def _expected(self, sign: int, speed: float) -> float:
-        """Return the current expected at a speed, from the speeds held so far."""
-        known = [point for point in self.held if point.speed * sign > 0.0][-2:]
+        """Return the current expected at a speed, from the look-up table so far."""
+        known = [point for point in self.commanded_points if point.speed * sign > 0.0][-2:]
         if not known:
             return self._push[sign]
         current, last = known[-1].current, known[-1]
@@ -218,7 +219,7 @@ class Motion(ABC):
                 allowance: float, speed: float,
                 factor: float = 1.0
                 ) -> Generator[float, Sample, tuple[float, list[Sample], list[float]]]:
-        """Follow reference(t) -> (position, velocity); return its begin in s, samples, commands.
+        """Follow reference(t) -> (position, velocity); return start time in s, samples, commands.
 
         Each command in A is the one that was applied before its sample.
         """
@@ -250,7 +251,7 @@ class Motion(ABC):
             duration = self._travel_time(distance)
 
             def reference(t: float) -> tuple[float, float]:
-                position, velocity = at_travel(t, distance, duration)
+                position, velocity = travel_state(t, distance, duration)
                 return start + position, velocity
 
             yield from self._follow(

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Identification of a drive, sample by sample (note, sections 2.3 and 2.4).
 
-Whatever calls `IdentificationRun.update` once a sample runs the procedure, be it a ROS node or a
-plain loop. The movements are a script that yields currents and is handed samples:
-`Script._movements` is the whole procedure in order, the methods below it are its steps. Each
-``yield`` is one sample of the joint. What is measured is left in attributes.
+A ROS node or a plain loop runs the procedure by calling `IdentificationRun.update` with every
+sample. The movements are generators that yield currents and receive samples, one sample for each
+``yield``: `Script._movements` is the whole procedure in order, the methods below it are its steps.
+Measurements are stored in attributes.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.identification.excitation import at_position, at_ramp, at_velocity
+from friction_comp.identification.excitation import cycle_position, cycle_velocity, ramp_current
 from friction_comp.identification.goal import (
     IdentificationError,
     IdentificationGoal,
@@ -39,17 +39,17 @@ from friction_comp.identification.ramp_evaluation import (
     time_of_ramp,
 )
 from friction_comp.identification.sigmoid_fit import fit_sigmoid
-from friction_comp.identification.supervision import loaded, Sample, SupervisedRun
+from friction_comp.identification.supervision import check_load, Sample, SupervisedRun
 from friction_comp.identification.velocity_control import (
     Controller,
     velocity_controller_state,
     velocity_controller_step,
 )
 
-# The joint runs, well above the run-away threshold, at this speed in rad/s for this time in s, and
-# for more than this many encoder counts. A ramp ends when it has run this far, rad: a rotor that
-# slides through backlash also runs, and is then stopped; few robot gears have more backlash.
-CUT_SPEED, CUT_WINDOW, CUT_COUNTS, CUT_WAY = 0.05, 0.02, 8.0, 5e-3
+# The joint slides when its mean speed over this time in s exceeds this speed in rad/s, and it has
+# moved by more than this many encoder counts. A ramp ends when it has slid this far, rad: a rotor
+# that crosses backlash also slides, and is then stopped; few robot gears have more backlash.
+CUT_SPEED, CUT_WINDOW, CUT_COUNTS, CUT_DISTANCE = 0.05, 0.02, 8.0, 5e-3
 # Stick-slip requires higher gains; a joint with more lag than expected, or with a link that is much
 # heavier than its rotor and oscillates against it, requires lower ones.
 GAIN_LADDER = (1.0, 1.7, 0.3, 0.1)
@@ -57,11 +57,12 @@ GAIN_LADDER = (1.0, 1.7, 0.3, 0.1)
 # controller oscillates, and the part that the amplifier cannot follow biases the mean.
 MAX_SCATTER = 0.15
 REST_SHARE = 0.1        # of the ramp period at zero current after each ramp, as in Eq. 8
-# Ramps are made at positions up to this share of the motion range off its centre, so that cogging
-# and other position-dependent torques average out; four ramps at each position.
+# Ramps start at positions up to this share of the motion range off its centre, so that cogging and
+# other position-dependent torques average out; four ramps at each position.
 PLACES_SHARE = 0.015
-# After every two of this many cycles follows a ramp with stops in each direction: the first stop
-# and their distance are shares of the current at which the previous ramp ended.
+# After the first two of this many cycles, a ramp with pauses follows in each direction. The current
+# of the first pause and the step between pauses are shares of the current at which the joint broke
+# free on the previous ramp.
 STOPPING_CYCLES, FIRST_STOP, STOP_STEP = 4, 0.8, 0.025
 
 # Measured and commanded currents at one speed, forwards and backwards.
@@ -76,21 +77,21 @@ class Script(Motion):
     def __init__(self, goal: IdentificationGoal, drive: Drive) -> None:
         super().__init__(goal, drive)
         self.points: list[KineticPoint] = []    # of measured currents: the look-up table so far
-        self.ramps: list[Ramp] = []             # without stops
-        self.stopping: list[Ramp] = []          # with stops
-        # Time in s, position and current, shape (N, 3), of each evaluated cycle of Eq. 3.
+        self.ramps: list[Ramp] = []             # without pauses
+        self.stopping: list[Ramp] = []          # with pauses
+        # Time in s, position in rad and current in A, shape (N, 3), of each evaluated cycle.
         self.cycles_driven: list[np.ndarray] = []
-        self._highest_gain = math.inf      # of GAIN_LADDER
-        self._uneven = False               # whether the current varies whatever the gain
+        self._highest_gain = math.inf      # largest factor of GAIN_LADDER that may be used
+        self._uneven = False               # whether the current varies at any gain
         self._reached = {1: 0.5, -1: 0.5}  # share of the ramp at which the joint broke free
         self._speeds_done = 0
-        # Every kernel of the control loop is compiled before the first sample comes.
-        at_ramp(0.1, 1.0, 1.0)
+        # Compile the functions of the control loop before the first sample arrives.
+        ramp_current(0.1, 1.0, 1.0)
         velocity_controller_step(
             Controller(1.0, 1.0), velocity_controller_state(), 0.0, 0.0, 0.0, 1e-3)
 
     def bounds(self) -> tuple[float, float]:
-        """Return the ends of the motion range, which lies about the position at the start."""
+        """Return the ends of the motion range, which is centred on the position at the start."""
         half = 0.5 * self.goal.motion_range
         return self.start - half, self.start + half
 
@@ -109,14 +110,14 @@ class Script(Motion):
         return left
 
     def _movements(self) -> Generator[float, Sample, None]:
-        """Yield currents, be handed samples; the whole of sections 2.3 and 2.4 in order."""
+        """Yield currents and receive samples: sections 2.3 and 2.4 in order."""
         self._check_accelerations()
         for speed in self.goal.speeds:
             yield from self._constant_velocity(speed)
             self._speeds_done += 1
         if len({abs(point.speed) for point in self.points}) < 2:
             raise IdentificationError('too few speeds could be held: ' + '; '.join(self.warnings))
-        # Two ramps in each direction in turn: a gear yields less after a slide in the ramp's own
+        # Directions alternate in pairs of ramps: a gear yields less after a slide in the ramp's own
         # direction than after one against it, and presliding needs both.
         for first in range(0, self.goal.breakaway_cycles, 2):
             count = min(2, self.goal.breakaway_cycles - first)
@@ -134,7 +135,7 @@ class Script(Motion):
                         sign, (cut * np.arange(FIRST_STOP, 1.1, STOP_STEP)).tolist())))
 
     def _place(self, index: int) -> float:
-        """Position in rad of the next ramps: evenly spread however many there are."""
+        """Return the start in rad of the next ramps; any number of them is evenly spread."""
         golden = 0.5 * (math.sqrt(5.0) - 1.0)
         share = 2.0 * math.fmod(0.5 + index * golden, 1.0) - 1.0
         return self.start + share * PLACES_SHARE * self.goal.motion_range
@@ -150,7 +151,7 @@ class Script(Motion):
                     f'{self.drive.current_limit:g} A: lower the speed or widen the range')
 
     def _constant_velocity(self, speed: float) -> Generator[float, Sample, None]:
-        """Drive the cycles of Eq. 3 at one speed and average over the constant phases."""
+        """Run the cycles of Eq. 3 at one speed and average over the constant phases."""
         for _ in range(self.goal.velocity_cycles):
             best = None
             for factor in GAIN_LADDER:
@@ -161,7 +162,7 @@ class Script(Motion):
                     continue
                 scatter = _current_scatter(driven[0])
                 if best is not None and scatter > 0.7 * _current_scatter(best[0]):
-                    # The controller is not the cause: friction itself is that uneven.
+                    # The controller is not the cause: friction itself varies.
                     self._uneven, self._highest_gain = True, math.inf
                     break
                 best = driven
@@ -171,21 +172,21 @@ class Script(Motion):
                 self._highest_gain = max(0.99 * factor, GAIN_LADDER[-1])
             if best is None:
                 self.warnings.append(
-                    f'{speed:g} rad/s left out: the joint sticks and slips or swings at it')
+                    f'{speed:g} rad/s left out: stick-slip, or the joint oscillates')
                 return
             self.points.extend(best[0])
-            self.held.extend(best[1])
+            self.commanded_points.extend(best[1])
             self._note_friction()
 
     def _one_cycle(self, speed: float, factor: float) -> Generator[float, Sample, _Cycle | None]:
-        """Drive one cycle of Eq. 3; return both directions' currents, None if the speed swung."""
+        """Run one cycle of Eq. 3; return both directions' currents, None if speed oscillated."""
         duration, width = self.goal.cycle(speed)
         yield from self._travel(self.start - 0.5 * width)
         self.phase = 'velocity'
         start = self.sample.position
 
         def reference(t: float) -> tuple[float, float]:
-            return start + at_position(t, speed, duration), at_velocity(t, speed, duration)
+            return start + cycle_position(t, speed, duration), cycle_velocity(t, speed, duration)
 
         begin, samples, commands = yield from self._follow(
             reference, duration, max(0.05 * self.goal.motion_range, 0.25 * width), speed, factor)
@@ -207,42 +208,39 @@ class Script(Motion):
         return points, held
 
     def _ramp(self, sign: int, stops: Sequence[float] = ()) -> Generator[float, Sample, Ramp]:
-        """Raise the current along Eq. 8 until the joint runs away, then let it come to rest.
-
-        At the currents `stops`, A, it waits.
-        """
+        """Raise the current along Eq. 8 until the joint slides; pause at `stops`, A."""
         goal = self.goal
         yield from self._standstill(max(STILL_TIME, REST_SHARE * goal.ramp_period))
         sample = self.sample
         begin, home, samples = sample.time, sample.position, [sample]
         window = deque([sample], maxlen=200)
         farthest = 0.2 * goal.motion_range
-        runs: tuple[float, float] | None = None     # since when, of the ramp's time, and where
+        slide: tuple[float, float] | None = None    # where it began: ramp time s, displacement rad
         while True:
             rise = time_of_ramp(sample.time - begin, goal.ramp_slope, stops)
             if rise > 0.4 * goal.ramp_period:
                 self._never_free(sign, goal.ramp_peak)
             sample = yield from self._step(
-                sign * at_ramp(rise, goal.ramp_slope, goal.ramp_period))
+                sign * ramp_current(rise, goal.ramp_slope, goal.ramp_period))
             samples.append(sample)
             window.append(sample)
-            way = sign * (sample.position - home)
-            if (way <= CUT_COUNTS * self._resolution
+            moved = sign * (sample.position - home)
+            if (moved <= CUT_COUNTS * self._resolution
                     or speed_over(window, sign, CUT_WINDOW) <= CUT_SPEED):
-                runs = None
-            elif runs is None:
-                runs = rise, way
-            if way > farthest or (runs is not None and way > runs[1] + CUT_WAY):
+                slide = None
+            elif slide is None:
+                slide = rise, moved
+            if moved > farthest or (slide is not None and moved > slide[1] + CUT_DISTANCE):
                 break
         if len(stops) == 0:
-            broke = rise if runs is None else runs[0]
+            broke = rise if slide is None else slide[0]
             self._reached[sign] = min(1.0, broke / (0.4 * goal.ramp_period))
         before, self._slid = self._slid, sign
         return Ramp(sign, before, np.array(samples), tuple(stops))
 
 
 def _current_scatter(points: Sequence[KineticPoint]) -> float:
-    """Scatter of the current at constant velocity as a share of its mean."""
+    """Return the scatter of the current at constant velocity as a share of its mean."""
     return max(point.standard_deviation / max(abs(point.current), 1e-9) for point in points)
 
 
@@ -277,8 +275,8 @@ class IdentificationRun(SupervisedRun):
         Raises
         ------
         IdentificationError
-            If the run is not finished, too many ramps show no breakaway, or backlash makes it
-            scatter.
+            If the run is not finished, too many ramps show no breakaway, or breakaway scatters
+            because of backlash.
         """
         if not self.finished:
             raise IdentificationError(f'identification is not complete: {self.error or self.phase}')
@@ -293,7 +291,7 @@ class IdentificationRun(SupervisedRun):
                 self.drive.position_resolution or 1e-6, acceleration, sigmoid.viscous)
             self.warnings += ramps.warnings
             statistics = ramps.records.statistics()
-            wrong, doubtful = loaded(
+            wrong, doubtful = check_load(
                 points, (statistics.positive_mean, statistics.negative_mean),
                 max(statistics.positive_std, statistics.negative_std))
             if wrong:
@@ -308,7 +306,7 @@ class IdentificationRun(SupervisedRun):
         return self._result
 
     def _acceleration(self) -> float:
-        """k_t·n/J in rad/s² per A by the cycles' changes of speed; by the push where they fail."""
+        """Return k_t·n/J in rad/s² per A from the cycles of Eq. 3, or else from the push."""
         push = self._script.acceleration
         rates = [acceleration_of_cycle(cycle) for cycle in self._script.cycles_driven]
         plausible = [rate for rate in rates if push / 5.0 < rate < 5.0 * push]
