@@ -256,7 +256,7 @@ def test_noise_that_hides_the_current_is_said_to_do_so():
 def test_no_measured_current_changes_what_is_commanded(monkeypatch):
     """Whatever passes the supervision: neither feed-forward nor limits come from it."""
     monkeypatch.setattr(Supervision, 'check', lambda *_: None)
-    monkeypatch.setattr(Supervision, 'known', lambda _: True)
+    monkeypatch.setattr(Supervision, 'is_current_confirmed', lambda _: True)
     commands = []
     for factor in (1.0, 1000.0):
         bench = Bench(scaled(factor, 3))
