@@ -20,67 +20,67 @@ class Threshold(float):
 
 # Which samples are fitted, and how they are grouped.
 FEWEST_SAMPLES = Threshold(
-    200, 'samples', 'in motion at least: fewer show Coulomb and viscous friction and little else')
+    200, 'samples', 'fewest in motion; with less, little but Coulomb and viscous friction shows')
 REST = Threshold(
-    0.1, 's', 'at rest at least; slow motion within this time before and after is presliding')
+    0.1, 's', 'shortest rest; slow motion within this time of a rest is presliding')
 PRESLIDING_SPEED = Threshold(
-    0.05, 'of the top speed', 'above which motion near a rest is not presliding')
+    0.05, 'of the top speed', 'faster motion near a rest is not presliding')
 ROWS = Threshold(
-    16000, 'rows', 'at most, if averages at 100 Hz allow; otherwise up to four times as many')
+    16000, 'rows', 'most averages searched; four times as many if they are at 100 Hz')
 BLOCKS = Threshold(
     16, 'blocks', 'long enough to differ, and enough of them for statistics')
 REGIONS = Threshold(
     3, 'regions', 'of posture, if several joints moved')
 # Bandwidth, lag and transition.
 EQUIVALENT = Threshold(
-    0.005, 'of the error', 'as difference is ignored: wider bandwidth, sharper transition win')
+    0.005, 'of the error', 'less is ignored: the wider bandwidth or sharper transition is used')
 LOWER_ERROR = Threshold(
-    0.97, 'of the error', 'at most, with the effects found, for a bandwidth to be tried next')
+    0.97, 'of the error', 'limit for trying another bandwidth, with the effects found')
 LAG_ERROR = Threshold(
-    0.8, 'of the squared error', 'at most with a lag: it blurs, and may replace effects')
+    0.8, 'of the squared error', 'limit for accepting a lag, which blurs and may replace effects')
 LONGEST_LAG = Threshold(
-    0.15, 's', 'of lag at most: more than in any drive with a current controller')
+    0.15, 's', 'longer than that of any drive with a current controller')
 SAME_MOTION_ERROR = Threshold(
     1.02, 'times', 'the smallest squared error in motion: below it, starts and stops decide')
 # The search.
 LEAST_SHARE = Threshold(
-    0.02, 'of the squared error', 'removed at least: with less, an effect may correct another')
+    0.02, 'of the squared error', 'smallest gain of an effect; less may only correct another one')
 STANDARD_ERRORS = Threshold(
-    2.0, 'standard errors', 'of the gain over held-out blocks, which it must exceed')
+    2.0, 'standard errors', 'smallest gain over held-out blocks')
 STAYS = Threshold(
-    0.5, 'of both', 'previous thresholds is enough for an effect to stay in a fit')
+    0.5, 'of both gains', 'is enough for an effect to stay in a fit')
 OWN_SHARE = Threshold(
-    0.01, 'of its size', 'independent of other terms at least: with less, coefficients cancel')
+    0.01, 'of its size', 'that no other term repeats: with less, coefficients cancel')
 SHORTLIST = Threshold(
     6, 'effects', 'compared by held-out blocks: those that explain most of the fitted ones')
 MOST_EFFECTS = Threshold(
-    14, 'effects', 'at most, more than any drive was seen to need')
+    14, 'effects', 'more than any drive was seen to need')
 # Names.
 SEARCHES = Threshold(
     40, 'searches', 'on resampled blocks: the standard error of a share of one half is 8 %')
 NAMED_SHARE = Threshold(
     0.6, 'of the searches', 'must choose an effect before it is named')
 ALTERNATIVE_SHARE = Threshold(
-    0.2, 'of the searches', 'that choose another effect instead: it is reported as ambiguous')
+    0.2, 'of the searches', 'choose another effect instead: it is reported as ambiguous')
 # The verdict.
 GROWTH = Threshold(
-    1.3, 'times', 'the held-out error: with more in left-out thirds, the model does not extend')
+    1.3, 'times', 'the held-out error: limit for thirds that were not fitted')
 LEAST_STRENGTH = Threshold(
-    0.03, 'of the residual variance', 'depending on one variable: less is not reported')
+    0.03, 'of the residual variance', 'weaker dependences on a variable are not reported')
 UNEXPLAINED = Threshold(
-    0.4, 'of the residual variance', 'depending on one variable: the model lacks something')
+    0.4, 'of the residual variance', 'explained by one variable: the model lacks something')
 UNEXPLAINED_CURRENT = Threshold(
-    0.4, 'of the current', 'as error in motion: it depends on something that was not recorded')
+    0.4, 'of the current', 'a larger error in motion is due to something not recorded')
 USELESS_ERROR = Threshold(
-    0.9, 'of the current', 'as error to expect elsewhere: zero would predict about as well')
+    0.9, 'of the current', 'with a larger error elsewhere, zero would predict about as well')
 SAME_LOAD = Threshold(
-    0.02, 'of -1/(k_t·n)', 'as deviation of the load coefficient: above it, k_t·n is wrong')
+    0.02, 'of -1/(k_t·n)', 'if the load coefficient deviates by more, the torque constant is wrong')
 WRITTEN_ERROR = Threshold(
-    1.5, 'times', "the fit's error at most, of the model as it is written")
+    1.5, 'times', "the fit's error: limit for the model as it is written")
 FOLLOWED_VARIANCE = Threshold(
     0.99, 'of the variance', "of a joint's position follows from the others': they move as one")
 PUSHING_ERROR = Threshold(
-    0.5, 'of the squared error', 'left if friction may push: the current responds to the motion')
+    0.5, 'of the squared error', 'with less if friction may push, the current is a response')
 WARMED_WITH_TIME = Threshold(
     0.95, 'rank correlation', 'of time and temperature: above it they cannot be distinguished')
 SPED_WITH_TIME = Threshold(
