@@ -10,7 +10,7 @@ import pytest
 
 from friction_comp.errors import InputError
 from friction_comp.identification.breakaway import breakaway_currents
-from friction_comp.identification.excitation import at_ramp
+from friction_comp.identification.excitation import ramp_current
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.simulation.joint import Plant
 
@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parents[1]
 SLOPES = {1: 0.05, 2: 0.06, 3: 0.12}
 PERIOD = 10.0
 COUNT = 1.57e-5  # rad
-ramps_of = np.vectorize(at_ramp)
+ramps_of = np.vectorize(ramp_current)
 
 
 def ramp_recording(number, cycles, seed=1, share=1.0):

@@ -9,16 +9,17 @@ import numpy as np
 import pytest
 
 from friction_comp.identification.excitation import (
-    at_position,
-    at_ramp,
-    at_travel,
-    at_velocity,
     constant_velocity_windows,
+    cycle_position,
+    cycle_velocity,
+    ramp_current,
+    travel_state,
 )
 from friction_comp.identification.goal import IdentificationGoal
 
 velocity_reference, position_reference, current_ramp = (
-    np.vectorize(formula, otypes=[float]) for formula in (at_velocity, at_position, at_ramp))
+    np.vectorize(formula, otypes=[float])
+    for formula in (cycle_velocity, cycle_position, ramp_current))
 speeds = st.floats(0.01, 1.745) | st.floats(-1.745, -0.01)
 ranges = st.floats(0.05, 6.0)
 
@@ -79,7 +80,7 @@ def test_constant_velocity_windows_lie_on_the_plateaus():
 
 
 def test_travel_starts_and_ends_at_rest():
-    places = np.array([at_travel(t, -0.4, 2.0) for t in np.linspace(0.0, 2.0, 2001)])
+    places = np.array([travel_state(t, -0.4, 2.0) for t in np.linspace(0.0, 2.0, 2001)])
     assert places[0].tolist() == [0.0, 0.0]
     assert places[-1] == pytest.approx([-0.4, 0.0], abs=1e-12)
     assert np.max(np.abs(places[:, 1])) == pytest.approx(1.875 * 0.4 / 2.0, rel=1e-5)

@@ -8,13 +8,13 @@ from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 
-from friction_comp.identification.excitation import at_position
+from friction_comp.identification.excitation import cycle_position
 from friction_comp.identification.goal import IdentificationError
 from friction_comp.identification.kinetic import acceleration_of_cycle, local_parabolas
 from friction_comp.identification.presliding import (
     combined_presliding,
     common_stiffness,
-    crossed_backlash,
+    find_backlash,
     presliding_std,
     ramp_friction,
 )
@@ -149,15 +149,15 @@ def test_backlash_is_told_with_its_size_and_kept_out_of_breakaway(backlash):
 def test_a_gear_without_backlash_is_said_to_have_none(distance):
     ramps = [friction_of(ramp(dahl(distance), slope, sign=sign))
              for slope in (0.1, 0.2) for sign in (1, -1)]
-    assert crossed_backlash(ramps, [1, -1, 1, -1], COUNT) == (0.0, [0] * 4)
-    assert crossed_backlash([], [], COUNT) == (0.0, [])
+    assert find_backlash(ramps, [1, -1, 1, -1], COUNT) == (0.0, [0] * 4)
+    assert find_backlash([], [], COUNT) == (0.0, [])
 
 
 def test_a_contact_that_is_stiffer_to_one_side_is_no_backlash():
     ramps = [friction_of(ramp(contact, sign=sign)) for contact, sign in (
         (loose(3e-4), 1), (dahl(2e-4), -1)) * 2]
-    assert crossed_backlash(ramps, [1, -1, 1, -1], COUNT)[0] == 0.0
-    assert crossed_backlash(ramps, [1, 1, -1, -1], COUNT)[0] > 0.0
+    assert find_backlash(ramps, [1, -1, 1, -1], COUNT)[0] == 0.0
+    assert find_backlash(ramps, [1, 1, -1, -1], COUNT)[0] > 0.0
 
 
 def test_breakaway_that_backlash_makes_unsure_is_refused_with_that_word():
@@ -243,7 +243,7 @@ def test_parabolas_are_exact_on_a_parabola(place, slope, bend):
 def test_the_inertia_is_what_getting_faster_takes_more_than_getting_slower(friction):
     duration, speed = 2.0, 1.2
     time = np.arange(0.0, duration, 1e-3)
-    position = np.array([at_position(t, speed, duration) for t in time])
+    position = np.array([cycle_position(t, speed, duration) for t in time])
     velocity = np.gradient(position, time)
     current = friction(velocity) + np.gradient(velocity, time) / RATE
     current += 2e-3 * np.random.default_rng(3).normal(size=time.size)

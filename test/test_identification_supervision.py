@@ -130,7 +130,7 @@ def test_a_stop_in_the_way_ends_the_run():
         beyond = state.position[0] - 0.15
         return -4000.0 * beyond - 40.0 * state.velocity[0] if beyond > 0.0 else 0.0
     bench = Bench(torque=torque)
-    with pytest.raises(IdentificationError, match=r'blocked|stop|behind|swings'):
+    with pytest.raises(IdentificationError, match=r'blocked|stop|behind|oscillates'):
         bench.finish()
     assert bench.largest < 0.7
 
@@ -256,7 +256,7 @@ def test_noise_that_hides_the_current_is_said_to_do_so():
 def test_no_measured_current_changes_what_is_commanded(monkeypatch):
     """Whatever passes the supervision: neither feed-forward nor limits come from it."""
     monkeypatch.setattr(Supervision, 'check', lambda *_: None)
-    monkeypatch.setattr(Supervision, 'known', lambda _: True)
+    monkeypatch.setattr(Supervision, 'is_current_confirmed', lambda _: True)
     commands = []
     for factor in (1.0, 1000.0):
         bench = Bench(scaled(factor, 3))

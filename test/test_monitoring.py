@@ -52,7 +52,7 @@ def test_silent_for_an_hour_while_the_model_fits():
     verdicts = [verdict for _, verdict in watched(rows(3600.0))]
     assert all(verdict.fits for verdict in verdicts)
     assert verdicts[-1].known
-    assert 'fits' in verdicts[-1].words
+    assert 'fits' in verdicts[-1].text
 
 
 def test_what_a_person_carries_counts_as_friction_where_the_load_is_measured():
@@ -73,8 +73,8 @@ def test_says_what_the_residual_goes_with(seconds, change, name):
     *_, (_, verdict) = watched(rows(seconds, change))
     assert not verdict.fits
     assert verdict.explained_by
-    assert name in [variable for variable, _ in verdict.explained_by], verdict.words
-    assert name in verdict.words
+    assert name in [variable for variable, _ in verdict.explained_by], verdict.text
+    assert name in verdict.text
 
 
 def test_friction_that_is_higher_throughout_is_named_as_that_and_nothing_else():

@@ -44,7 +44,7 @@ def test_the_drives_of_the_note_pass(tmp_path, number):
 
 @pytest.mark.parametrize(('text', 'words'), [
     (replaced('mean: 0.0995', 'mean: 99.5'), r'breakaway.positive: 99.5 A is more than'),
-    (replaced('mean: 0.0995', 'mean: 2.0'), r'does not go with sliding friction'),
+    (replaced('mean: 0.0995', 'mean: 2.0'), r'does not match sliding friction'),
     (replaced('mean: -0.0995', 'mean: -0.001'), r'breakaway.negative'),
     (replaced('std: 0.0034}\n  neg', 'std: 0.34}\n  neg'), r'standard deviation'),
     (replaced('[0.1101,', '[3.4,'), r'breakaway|lookup_table|sign|limit'),

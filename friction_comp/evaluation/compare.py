@@ -19,7 +19,7 @@ from friction_comp.evaluation.intervals import (
     Interval,
     is_significant,
     mean_interval,
-    student,
+    student_quantile,
 )
 from friction_comp.evaluation.repetitions import Compensation, FIGURES, Repetition
 from friction_comp.statistics import holm
@@ -132,7 +132,7 @@ def effect_size(comparison: Comparison) -> Interval | None:
     difference, count = comparison.difference, comparison.pairs
     if not difference.half:
         return None
-    size = difference.mean / (difference.half * math.sqrt(count)) * student(count - 1)
+    size = difference.mean / (difference.half * math.sqrt(count)) * student_quantile(count - 1)
     half = float(stats.norm.ppf(0.5 + 0.5 * CONFIDENCE)) * math.sqrt(
         1.0 / count + size ** 2 / (2.0 * count))
     return Interval.around(size, half, count)
@@ -185,5 +185,5 @@ def _trend(condition: Compensation, repetitions: list[Repetition]) -> Trend:
     weeks = np.array([date.fromisoformat(day).toordinal() for day in days]) / 7.0
     line = stats.linregress(weeks, [value.mean for value in days.values()])
     slope = Interval.around(
-        float(line.slope), student(len(days) - 2) * float(line.stderr), len(days))
+        float(line.slope), student_quantile(len(days) - 2) * float(line.stderr), len(days))
     return Trend(figure, condition, days, slope, float(line.pvalue))

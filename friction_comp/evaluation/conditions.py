@@ -54,7 +54,7 @@ def evaluate(recordings: Sequence[Samples], names: Sequence[str] | None = None,
     model : str, optional
         The model file that was active.
     about : list of RecordingInfo, optional
-        The info of each recording from `read_recording_with_info`, with what was active when.
+        The info of each recording from `read_recording_with_info`, with active laws and models.
     friction : FrictionModel, optional
         A model from which the current that a movement needs beyond the commanded one is computed,
         also without a torque sensor.

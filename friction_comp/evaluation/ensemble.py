@@ -23,12 +23,12 @@ _LEAD_POINTS = round(LEAD / STEP)
 
 
 def grid(duration: float) -> np.ndarray:
-    """Return the times of the points of a movement's curves since its begin, s, shape (N,)."""
+    """Return the times of a movement's curve points since its beginning, s, shape (N,)."""
     return _point_times(round((1.0 + _BEYOND) * duration / STEP) + 1)
 
 
 def _point_times(stop: int) -> np.ndarray:
-    """Return the times of the points before number `stop`, where 0 is the begin of the movement."""
+    """Return the times of the points before index `stop`; index 0 is the movement's beginning."""
     return np.arange(-_LEAD_POINTS, stop) * STEP
 
 

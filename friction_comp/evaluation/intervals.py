@@ -48,12 +48,12 @@ def mean_interval(values: Sequence[float]) -> Interval:
     count, mean = len(values), float(np.mean(values))
     if count < 2:
         return Interval(mean, None, None, count)
-    half = student(count - 1) * np.std(values, ddof=1) / np.sqrt(count)
+    half = student_quantile(count - 1) * np.std(values, ddof=1) / np.sqrt(count)
     return Interval.around(mean, float(half), count)
 
 
-def student(freedom: int) -> float:
-    """Return half the width of the interval in standard errors, from Student's t."""
+def student_quantile(freedom: int) -> float:
+    """Return Student's t for half the width of the interval in standard errors."""
     return float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, freedom))
 
 

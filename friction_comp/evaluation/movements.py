@@ -42,7 +42,7 @@ class Movement:
     # late as that.
     rest_end: float
     sign: int  # +1 for the positive direction, -1 for the negative
-    direction: int  # announced direction d at the begin of the movement
+    direction: int  # announced direction d at the beginning of the movement
     travel: float  # rad
 
 

@@ -71,15 +71,15 @@ class Evaluation:
         """Whether the back-driving torque was measured."""
         return any('peak_torque' in r.figures for r in self.repetitions)
 
-    def words(self, condition: Compensation) -> tuple[str, ...]:
-        """Return the direction, the law and, where there are several, the model of a condition."""
+    def names_of(self, condition: Compensation) -> tuple[str, ...]:
+        """Return the names of a condition; the model only if there are several."""
         models = {c.compensation.model for c in self.conditions if c.compensation.model}
-        parts = condition.words if len(models) > 1 else condition.words[:2]
+        parts = condition.names if len(models) > 1 else condition.names[:2]
         return tuple(filter(None, parts))
 
     def label(self, condition: Compensation) -> str:
-        """Return the words of a condition in one line."""
-        return ' · '.join(self.words(condition))
+        """Return the names of a condition in one line."""
+        return ' · '.join(self.names_of(condition))
 
     def pair(self) -> tuple[Compensation, Compensation] | None:
         """Return the conditions without and with direction whose comparison is reported first.
@@ -131,7 +131,7 @@ class Evaluation:
     def is_bound(self) -> bool:
         """Whether the measured reduction of the peak is only a lower bound.
 
-        Where the joint did not start moving without a direction, the torque needed is unknown.
+        If the joint did not start moving without a direction, the torque needed is unknown.
         """
         conditions, change = self.pair(), self.peak_reduction
         return (conditions is not None and change is not None and change >= 0.0

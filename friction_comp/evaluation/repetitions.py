@@ -30,7 +30,7 @@ _AFTER_ONSET = 0.25
 _START_SHARE, _PUSH_SHARE = 0.01, 0.1
 # Time for which the joint must be still before a false start, s: an oscillation is none.
 _STILL = 0.2
-# Rounding error of sums of sample times, s.
+# Tolerance for rounding errors of sums of sample times, s.
 _ROUNDING = 1e-9
 # Movements whose durations differ by no more than this share are of one class, and are averaged
 # or left out together. Finer classes take more memory where people move as they like; coarser ones
@@ -55,8 +55,8 @@ FIGURES = {
 class Compensation:
     """The compensation that was active during a movement."""
 
-    # Compensation law; 'none' where no current was commanded, 'other' where another node than the
-    # compensator commanded it, 'identification' where that node did, '' where unknown.
+    # Compensation law; 'none' if no current was commanded, 'identification' if that node commanded
+    # it, 'other' if another node than the compensator did, '' if unknown.
     law: str
     model: str  # model file; '' where there was none or it is unknown
     announced: int  # 1: the movement's direction, -1: the opposite one, 0: none
@@ -67,16 +67,16 @@ class Compensation:
         return self.announced != 0 and self.law not in ('none', 'kinetic')
 
     @property
-    def words(self) -> tuple[str, str, str]:
-        """Direction, law and model in one or two words each, '' where unknown."""
+    def names(self) -> tuple[str, str, str]:
+        """Short names of direction, law and model, '' if unknown."""
         announced = {0: 'd = 0', 1: 'd = ±1', -1: 'd = ±1 (against)'}[self.announced]
         law = {'none': 'no compensation', 'other': 'another commander'}.get(self.law, self.law)
         return announced, law, Path(self.model).name
 
     @property
     def label(self) -> str:
-        """The known words in one line."""
-        return ' · '.join(filter(None, self.words))
+        """The known names in one line."""
+        return ' · '.join(filter(None, self.names))
 
     def as_dict(self) -> dict[str, Any]:
         """Return the entry of report.json."""
@@ -111,7 +111,7 @@ class Repetition:
 
     @property
     def shown_time(self) -> float:
-        """Time from the movement's begin until it is over and the joint has started moving, s."""
+        """Time from the movement's beginning to its end and until the joint has started, s."""
         return max(self.duration, self.figures.get('onset', -math.inf) + _AFTER_ONSET)
 
     @property
@@ -135,8 +135,8 @@ def measure(samples: Samples, movement: Movement, name: str = '',
             residual: np.ndarray | None = None) -> Repetition:
     """Measure one movement of a recording.
 
-    `info` says what was active when, and the date; `residual` is the current by a model minus the
-    commanded current, A, shape (N,).
+    `info` contains the date and the active law and model; `residual` is the current by a model
+    minus the commanded current, A, shape (N,).
     """
     part = _slice_between(samples, movement.begin, movement.end)
     has_reference = samples.reference_position is not None or samples.reference_velocity is not None
@@ -179,10 +179,10 @@ def counted_torque(time: np.ndarray, load: np.ndarray, movement: Movement, onset
                    has_reference: bool) -> np.ndarray:
     """Return the torque that counts for a movement's peak: that needed to move the joint.
 
-    Torque counts from the begin of the movement to its deceleration, or until the joint starts
-    moving where that is later. Earlier torque belongs to the previous movement, unless the joint
+    Torque counts from the beginning of the movement until it decelerates, or until the joint starts
+    moving if that is later. Earlier torque belongs to the previous movement, unless the joint
     started early. Without a reference the movement begins with the joint's motion, so the torque
-    before it counts too. Before the joint moves only torque along the movement counts, and then
+    before it counts, too. Before the joint moves, only torque along the movement counts; afterwards
     torque in either direction.
 
     Parameters

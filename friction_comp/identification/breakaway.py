@@ -2,15 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Breakaway currents from recorded current ramps (note, section 2.4, Eq. 8-10).
 
-Applied literally, Eq. 9 detects breakaway at the first encoder count. A real joint flickers by a
-count at rest, and creeps by tens of counts on its elastic contacts before it slides. Each ramp is
-therefore evaluated backwards: first the run-away is found, a speed held over so many samples that
-it is neither flicker nor creep, then the time at which it began, by fitting the position with a
-smooth creep that changes into a slide at an unknown time. The current at that time is a local mean
-of the measured current, corrected for the slope of the ramp.
+Applied literally, Eq. 9 detects breakaway at the first encoder count. But a joint at rest flickers
+by a count, and creeps by tens of counts in presliding before it slides. Each ramp is therefore
+evaluated backwards. First the run-away is found: a speed that persists too long for flicker or
+creep. Then the beginning of the slide is found by fitting the position with a smooth creep that
+changes into a slide at an unknown time. The current at that time is a local mean of the measured
+current, corrected for the slope of the ramp.
 
-This is all that a recording shows of a joint of unknown inertia. Identification knows the inertia,
-and uses the peak of friction instead: `ramp_evaluation`.
+This is possible with recordings of a joint of unknown inertia. Identification knows the inertia and
+uses the peak of friction instead, if there is one; see `ramp_evaluation`.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ import numpy as np
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import Breakaway
 
-# rad/s that no presliding creep reaches: ramp slope times k_t·n over a geared joint's stiffness is
-# a few mrad/s at most; and s over which the speed is taken.
+# Speed in rad/s that creep does not reach, and s over which it is computed. The speed of creep is
+# ramp slope times k_t·n over the stiffness: a few mrad/s at most for a geared joint.
 _RUNAWAY_SPEED, _SPEED_WINDOW = 0.02, 0.03
-_CURRENT_WINDOW = 0.1  # s each side over which the current is averaged
+_CURRENT_WINDOW = 0.1  # s on each side over which the current is averaged
 _SHORTEST_RAMP = 20    # samples
 _POINTS = 160          # of the fit
-_MISFIT = 0.13         # of the way slid, by which the fit may be wrong
-# s before the run-away within which the slide began: a sliding joint reaches the run-away speed
-# within tenths of a second. Over a longer time, creep on soft contacts, which yield more as the
-# load approaches breakaway, would be mistaken for the slide.
+_MISFIT = 0.13         # error of the fit as a share of the distance slid
+# Longest time in s from the beginning of the slide to the run-away: a sliding joint takes tenths of
+# a second. With a longer window, creep of soft contacts, which grows towards breakaway, would be
+# mistaken for the slide.
 _LONGEST_WINDOW = 0.6
 
 
 class SlideBegin(NamedTuple):
-    """Where a joint breaks free on a ramp: instant t_s in s, current in A, position in rad."""
+    """Where a joint begins to slide on a ramp: time t_s in s, current in A, position in rad."""
 
     time: float
     current: float
@@ -46,7 +46,7 @@ class SlideBegin(NamedTuple):
 
 @dataclass(frozen=True)
 class BreakawayRecords:
-    """Every breakaway of an identification; arrays of shape (M,), in the order of time."""
+    """Every breakaway of an identification; arrays of shape (M,), in order of time."""
 
     time: np.ndarray        # s
     current: np.ndarray     # A, negative in the negative direction
@@ -63,7 +63,7 @@ class BreakawayRecords:
     def statistics(self) -> Breakaway:
         """Return means, standard deviations and mean positions.
 
-        Raises InputError if a direction has no breakaway at all.
+        Raises InputError if a direction has no breakaway.
         """
         values = {}
         for name, direction in (('positive', 1), ('negative', -1)):
@@ -77,7 +77,7 @@ class BreakawayRecords:
 
 
 def breakaway_records(begins: list[SlideBegin], directions: list[int]) -> BreakawayRecords:
-    """Return where slides began, and their directions, as arrays."""
+    """Return the beginnings of slides, and their directions, as arrays."""
     time, current, position = np.array(begins, dtype=float).reshape(-1, 3).T
     return BreakawayRecords(time, current, position, np.array(directions, dtype=int))
 
@@ -86,7 +86,7 @@ def breakaway_currents(time: np.ndarray, position: np.ndarray, current: np.ndarr
                        command: np.ndarray, resolution: float) -> BreakawayRecords:
     """Find every breakaway in a recording of current ramps.
 
-    The ramps may go on after the joint broke free, as Eq. 8 does, or be cut, and differ in slope.
+    The ramps may continue after breakaway, as in Eq. 8, or end there, and may differ in slope.
 
     Parameters
     ----------
@@ -110,10 +110,10 @@ def breakaway_currents(time: np.ndarray, position: np.ndarray, current: np.ndarr
 
 def slide_begin(time: np.ndarray, position: np.ndarray, current: np.ndarray, sign: int,
                 resolution: float) -> SlideBegin | None:
-    """Return where the joint begins to slide on one ramp; None where it does not.
+    """Return where the joint begins to slide on one ramp; None if it does not.
 
-    The arrays, s, rad and measured A, are of the ramp alone, `sign` is its direction, and the
-    resolution the angle of an encoder count in rad.
+    The arrays contain this ramp only, in s, rad and measured A; `sign` is its direction, and
+    `resolution` the angle of an encoder count in rad.
     """
     if len(time) < _SHORTEST_RAMP:
         return None
@@ -130,16 +130,16 @@ def slide_begin(time: np.ndarray, position: np.ndarray, current: np.ndarray, sig
 
 
 def _runaway(time: np.ndarray, position: np.ndarray, sign: int, resolution: float) -> int:
-    """Return the first sample at which a speed has held over a window, -1 where none does."""
+    """Return the first sample with the run-away speed over the window; -1 if there is none."""
     tail = np.searchsorted(time, time - _SPEED_WINDOW, side='left')
-    elapsed, way = time - time[tail], sign * (position - position[tail])
-    fast = ((elapsed >= 0.5 * _SPEED_WINDOW) & (way > _RUNAWAY_SPEED * elapsed)
-            & (way > 4.0 * resolution))
+    elapsed, moved = time - time[tail], sign * (position - position[tail])
+    fast = ((elapsed >= 0.5 * _SPEED_WINDOW) & (moved > _RUNAWAY_SPEED * elapsed)
+            & (moved > 4.0 * resolution))
     return int(np.argmax(fast)) if fast.any() else -1
 
 
 def _current_at(time: np.ndarray, current: np.ndarray, instant: float) -> float:
-    """Return the current in A at an instant on the ramp, its noise averaged out."""
+    """Return the current in A at a time on the ramp, averaged to suppress noise."""
     t = time - np.mean(time)
     gradient = float(np.dot(t, current) / np.dot(t, t))
     reach = min(_CURRENT_WINDOW, max(time[-1] - instant, 0.01))
@@ -149,11 +149,11 @@ def _current_at(time: np.ndarray, current: np.ndarray, instant: float) -> float:
 
 
 def _hinge(time: np.ndarray, position: np.ndarray, resolution: float) -> float:
-    """Return the instant at which creep turns into a slide, by least squares.
+    """Return the time at which creep changes into a slide, by least squares.
 
-    Creep is a parabola; the slide adds to it an acceleration and a growing one, no jump in speed,
-    none of them backwards. No formula holds far into the slide, so the farther the joint has
-    gone, the less a sample weighs.
+    Creep is a parabola. The slide adds quadratic and cubic terms that are not negative, without a
+    jump in speed. No formula holds far into the slide, so the weight of a sample decreases with the
+    distance slid.
     """
     count = min(_POINTS, len(time))
     if count < 12:
@@ -174,7 +174,7 @@ def _hinge(time: np.ndarray, position: np.ndarray, resolution: float) -> float:
 
 def _hinge_errors(t: np.ndarray, x: np.ndarray, weight: np.ndarray, knees: np.ndarray
                   ) -> np.ndarray:
-    """Return the weighted squares left by a parabola and powers of (t - knee)₊, shape (K,)."""
+    """Return weighted squared errors of a parabola plus powers of (t - knee)₊, shape (K,)."""
     slide = np.maximum(t - knees[:, None], 0.0)
     creep = [np.broadcast_to(t ** power, slide.shape) for power in range(3)]
     design = weight[:, None] * np.stack((*creep, slide ** 2, slide ** 3), axis=2)

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The movements and currents that excite a drive for identification (note, Eq. 3-5 and 8)."""
+"""Movements and currents that excite a drive for identification (note, Eq. 3-5 and 8)."""
 
 from __future__ import annotations
 
@@ -12,11 +12,10 @@ LARGEST_SPEED = math.radians(100.0)
 """Bound on |ω_c| in Eq. 5, rad/s."""
 
 
-def at_velocity(time: float, speed: float, cycle_time: float) -> float:
-    """Return the reference velocity of Eq. 3 in rad/s at a time; zero outside the cycle.
+def cycle_velocity(time: float, speed: float, cycle_time: float) -> float:
+    """Return the reference velocity of Eq. 3 in rad/s at a time in s; zero outside the cycle.
 
-    The fifth phase is taken to begin at 0.9 T, as the phases before it do; the note prints
-    ``0.9 < t``.
+    The fifth phase begins at 0.9 T, where the note prints ``0.9 < t``.
     """
     share = time / cycle_time
     if share <= 0.0 or share >= 1.0:
@@ -32,8 +31,8 @@ def at_velocity(time: float, speed: float, cycle_time: float) -> float:
     return -speed + 10.0 * speed * (share - 0.9)
 
 
-def at_position(time: float, speed: float, cycle_time: float) -> float:
-    """Return the integral of Eq. 3 in rad, from the cycle's beginning; zero outside the cycle.
+def cycle_position(time: float, speed: float, cycle_time: float) -> float:
+    """Return the integral of Eq. 3 in rad since the beginning of the cycle; zero outside it.
 
     The cycle ends where it began, and its far end at T/2 is 0.4·ω_c·T away (Eq. 4).
     """
@@ -41,20 +40,20 @@ def at_position(time: float, speed: float, cycle_time: float) -> float:
     if share <= 0.0 or share >= 1.0:
         return 0.0
     if share <= 0.1:
-        way = 5.0 * (share * share)
+        integral = 5.0 * (share * share)
     elif share <= 0.4:
-        way = share - 0.05
+        integral = share - 0.05
     elif share <= 0.6:
-        way = 0.35 + (share - 0.4) - 5.0 * ((share - 0.4) * (share - 0.4))
+        integral = 0.35 + (share - 0.4) - 5.0 * ((share - 0.4) * (share - 0.4))
     elif share <= 0.9:
-        way = 0.95 - share
+        integral = 0.95 - share
     else:
-        way = 5.0 * ((1.0 - share) * (1.0 - share))
-    return speed * cycle_time * way
+        integral = 5.0 * ((1.0 - share) * (1.0 - share))
+    return speed * cycle_time * integral
 
 
 @njit(cache=True)
-def at_ramp(time: float, slope: float, period: float) -> float:
+def ramp_current(time: float, slope: float, period: float) -> float:
     """Return the motor current of Eq. 8 in A at a time; zero outside the period.
 
     The note prints the left side as a derivative, but Fig. 2 shows that the right side is the
@@ -68,7 +67,7 @@ def at_ramp(time: float, slope: float, period: float) -> float:
     return 0.0
 
 
-def at_travel(time: float, distance: float, duration: float) -> tuple[float, float]:
+def travel_state(time: float, distance: float, duration: float) -> tuple[float, float]:
     """Return position in rad and velocity in rad/s of a smooth move from rest to rest.
 
     A quintic: velocity and acceleration are zero at both ends, the largest velocity is
@@ -83,9 +82,9 @@ def at_travel(time: float, distance: float, duration: float) -> tuple[float, flo
 
 def constant_velocity_windows(cycle_time: float, settling: float = 0.0
                               ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return begin and end in s of the phases of Eq. 3 at +ω_c and at -ω_c.
+    """Return beginning and end in s of the phases of Eq. 3 at +ω_c and at -ω_c.
 
-    Without their first `settling` s, at most 60 % of a phase.
+    The first `settling` s, but at most 60 % of each phase, are left out.
     """
     skipped = min(max(settling, 0.0), 0.18 * cycle_time)
     return ((0.1 * cycle_time + skipped, 0.4 * cycle_time),

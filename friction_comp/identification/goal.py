@@ -20,25 +20,25 @@ from friction_comp.identification.kinetic import KineticPoint
 from friction_comp.model.friction_model import Breakaway, FrictionModel, Presliding
 from friction_comp.model.sigmoid import Sigmoid
 
-# Share of the motion range that the profiles use; the rest is for the controller's errors.
+# Share of the motion range that the profiles use; the rest is a margin for control errors.
 _USED_SHARE = 0.9
 
 
 class IdentificationError(InputError):
-    """The drive did not do what identification needs; the text says what and what to change."""
+    """The drive did not respond as identification requires; the text says what to change."""
 
 
 class MotionGoal(ABC):
-    """What says how a joint may be moved, and the current ramps that break it free."""
+    """How a joint may be moved, and the current ramps that break it free."""
 
     ramp_slope: float                   # A/s
     ramp_period: float                  # s
     motion_range: float                 # width of the range that the joint may use, rad
-    speeds: Sequence[float]             # that it is to have, the least first, rad/s
+    speeds: Sequence[float]             # rad/s, the lowest first
 
     @abstractmethod
     def cycle(self, speed: float) -> tuple[float, float]:
-        """Return the time in s and the distance in rad of one cycle."""
+        """Return the duration in s and the distance in rad of one cycle at a speed in rad/s."""
 
     @property
     def ramp_peak(self) -> float:
@@ -46,7 +46,7 @@ class MotionGoal(ABC):
         return 0.4 * self.ramp_slope * self.ramp_period
 
     def check(self, drive: Drive) -> None:
-        """Raise InputError if the drive cannot do the goal."""
+        """Raise InputError if the drive cannot meet the goal."""
         if self.ramp_peak > drive.current_limit:
             raise InputError(
                 f'ramp_slope and ramp_period: the ramps would reach {self.ramp_peak:g} A, above '
@@ -60,29 +60,29 @@ class IdentificationGoal(MotionGoal):
     Parameters
     ----------
     speeds : sequence of float
-        Constant velocities ω_c in rad/s. Each is driven in both directions, so signs and
-        repeated magnitudes are dropped; at least two different ones.
+        Constant velocities ω_c in rad/s, at least two different magnitudes. Each is driven in
+        both directions, so signs and repeated magnitudes are dropped.
     motion_range : float
-        Width in rad of the range about the position at the start that the joint may use.
+        Width in rad of the range, centred on the position at the start, that the joint may use.
     ramp_slope : float
-        Gradient s of Eq. 8 in A/s.
+        Slope s of Eq. 8 in A/s.
     ramp_period : float
         T of Eq. 8 in s.
     breakaway_cycles : int
-        Ramps per direction. For every four begun, from two on, one more a direction stops on
-        its way.
+        Ramps per direction. After the 2nd, 6th, 10th ..., an extra ramp with pauses follows in
+        each direction.
     velocity_cycles : int
         Cycles of Eq. 3 per speed.
     largest_speed : float
-        Bound on ``|ω_c|`` in rad/s; the note's is 100 deg/s.
+        Limit of ``|ω_c|`` in rad/s; the note's is 100 deg/s.
     longest_cycle : float
-        Slow speeds use part of the range only, so that a cycle takes no longer than this, in s.
-        Infinity follows Eq. 5 to the letter, at 2.5·range/speed per cycle.
+        Longest duration of a cycle in s; low speeds use only a part of the range to keep it.
+        Infinity follows Eq. 5 exactly, with 2.5·range/speed per cycle.
 
     Raises
     ------
     InputError
-        Naming the entry and what is wrong with it.
+        If an entry is unusable.
     """
 
     speeds: Sequence[float]
@@ -120,7 +120,7 @@ class IdentificationGoal(MotionGoal):
         if shortest < 0.12:
             raise InputError(
                 f'motion_range: {self.motion_range:g} rad leaves {shortest:.2g} s of constant '
-                f'velocity at {speeds[-1]:g} rad/s, 0.12 s are needed')
+                f'velocity at {speeds[-1]:g} rad/s; 0.12 s are needed')
 
     def cycle(self, speed: float) -> tuple[float, float]:
         """Return duration T in s and width in rad of the cycle at a speed (Eq. 5)."""
@@ -130,20 +130,20 @@ class IdentificationGoal(MotionGoal):
 
 @dataclass(frozen=True)
 class IdentificationResult:
-    """Everything identification found."""
+    """Result of an identification."""
 
     points: list[KineticPoint]      # the look-up table in ascending speed, negative speeds first
     sigmoid: Sigmoid                # fit of Eq. 6
     sigmoid_error: float            # E of Eq. 7, A
     breakaway: Breakaway
     records: BreakawayRecords       # every single breakaway
-    # k_t·n/J in rad/s² per A, by the changes of speed at constant-velocity cycles; from a short
-    # push, to some tens of percent, where they take too little current.
+    # k_t·n/J in rad/s² per A from the cycles of Eq. 3; if their accelerations take too little
+    # current, from the short push, with an error of some tens of percent.
     acceleration_per_current: float
     goal: IdentificationGoal
     warnings: list[str] = field(default_factory=list)
-    presliding: Presliding | None = None        # None where the encoder is too coarse to tell
-    backlash: float | None = None               # rad; None where the ramps show none
+    presliding: Presliding | None = None        # None if the encoder is too coarse
+    backlash: float | None = None               # rad; None if the ramps show none
 
     @property
     def speeds(self) -> np.ndarray:
@@ -166,12 +166,12 @@ class IdentificationResult:
         return self.sigmoid.coefficients()
 
     def lookup_table(self) -> dict[str, list[float]]:
-        """Return the look-up table as the model file holds it."""
+        """Return the look-up table as in the model file."""
         return {'speeds': self.speeds.tolist(), 'currents': self.currents.tolist(),
                 'standard_deviations': self.standard_deviations.tolist()}
 
     def model(self, drive: Drive, joint: str = '') -> FrictionModel:
-        """Return the `FrictionModel` of the drive; the caller saves it."""
+        """Return the `FrictionModel` of the drive; it is not saved."""
         return FrictionModel(
             drive=drive, sigmoid=self.sigmoid, breakaway=self.breakaway, joint=joint,
             presliding=self.presliding,

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Mean currents at constant velocity, the look-up table of section 2.3, and what inertia takes."""
+"""Mean currents at constant velocity (look-up table of section 2.3), and inertia."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from friction_comp.identification.excitation import constant_velocity_windows
 if TYPE_CHECKING:
     from friction_comp.identification.supervision import Sample
 
-# s that a constant-velocity phase is given to settle.
+# s at the beginning of a constant-velocity phase that are not used.
 _SETTLING = 0.25
-_TRANSIENT = 2.5e-3  # s after a step of current that are left to the current controller
-_CYCLE_SMOOTHING = 0.02  # of a cycle over which its acceleration is taken
+_TRANSIENT = 2.5e-3  # s that the current controller takes after a step of current
+_CYCLE_SMOOTHING = 0.02  # share of a cycle over which acceleration is computed
 
 
 @dataclass(frozen=True)
 class KineticPoint:
     """One entry of the look-up table."""
 
-    speed: float                 # ω_c as asked for, rad/s, signed
-    current: float               # mean, A, the share that accelerates the joint taken off
+    speed: float                 # ω_c as requested, rad/s, signed
+    current: float               # mean without the part that accelerates the joint, A
     standard_deviation: float    # of the measured current over the phase, A
     actual_speed: float          # mean velocity over the phase, rad/s
     unsteadiness: float          # largest deviation from a straight line, as a share of its length
@@ -43,9 +43,9 @@ def constant_velocity_currents(time: ArrayLike, position: ArrayLike, current: Ar
                                ) -> tuple[KineticPoint, KineticPoint]:
     """Average the current over the phases of one cycle of Eq. 3 at +ω_c and at -ω_c.
 
-    `time` is in s since the cycle began, `position` in rad, `current` the measured one in A, each
-    of shape (N,). With k_t·n/J, in rad/s² per A, the small current that still accelerates the joint
-    during a phase is taken off its mean.
+    `time` in s counts from the beginning of the cycle, `position` is in rad and the measured
+    `current` in A, each of shape (N,). If `acceleration_per_current` (k_t·n/J, rad/s² per A) is
+    given, the small current that still accelerates the joint is subtracted from the mean.
     """
     time, position, current = (
         np.asarray(values, dtype=float) for values in (time, position, current))
@@ -55,7 +55,7 @@ def constant_velocity_currents(time: ArrayLike, position: ArrayLike, current: Ar
         count = int(np.sum(chosen))
         if count < 10:
             raise InputError(
-                f'speed {sign * speed:g} rad/s: the constant-velocity phase holds {count} samples, '
+                f'speed {sign * speed:g} rad/s: {count} samples of the constant-velocity phase are '
                 'too few to average')
         t = time[chosen] - np.mean(time[chosen])
         x, i = position[chosen], current[chosen]
@@ -64,16 +64,16 @@ def constant_velocity_currents(time: ArrayLike, position: ArrayLike, current: Ar
         if acceleration_per_current is not None:
             mean -= 2.0 * bend / acceleration_per_current
         straight = x - np.polyval(np.polyfit(t, x, 1), t)
-        way = max(abs(slope) * (t[-1] - t[0]), 1e-12)
+        distance = max(abs(slope) * (t[-1] - t[0]), 1e-12)
         points.append(KineticPoint(
             speed=sign * speed, current=mean, standard_deviation=float(np.std(i)),
-            actual_speed=float(slope), unsteadiness=float(np.max(np.abs(straight)) / way),
+            actual_speed=float(slope), unsteadiness=float(np.max(np.abs(straight)) / distance),
             samples=count))
     return points[0], points[1]
 
 
 def merge_points(points: Iterable[KineticPoint]) -> list[KineticPoint]:
-    """Average repeated speeds: the look-up table in ascending speed."""
+    """Average repeated speeds; return the look-up table in ascending speed."""
     groups: dict[float, list[KineticPoint]] = {}
     for point in points:
         groups.setdefault(round(point.speed, 9), []).append(point)
@@ -96,9 +96,9 @@ def acceleration_of_push(pushed: Sequence[Sample], coasted: Sequence[Sample], st
                          sign: int) -> float:
     """Estimate k_t·n/J in rad/s² per A from a push at constant current and the coasting after it.
 
-    Friction is much the same in both, so that the difference between the two accelerations is
-    k_t·n/J times the current, of a magnitude `strength` in A. It sets the velocity controller's
-    gains, for which tens of percent do. NaN where the samples do not tell.
+    Friction is about the same in both, so the difference of the accelerations is k_t·n/J times the
+    current of magnitude `strength` in A. The velocity controller's gains, which follow from it,
+    tolerate errors of tens of percent. NaN if it cannot be estimated.
     """
     faster, top = _acceleration(pushed, sign)
     if not math.isfinite(faster) or top <= 0.0:
@@ -109,7 +109,7 @@ def acceleration_of_push(pushed: Sequence[Sample], coasted: Sequence[Sample], st
         if len(moving) > 3 and sign * (moving[-1].position - moving[-4].position) <= 0.0:
             break
     slower, _ = _acceleration(moving[:max(4, int(0.8 * len(moving)))], sign)
-    # For a joint that stops within a few samples, only its speed and the time of rest are known.
+    # If the joint stops within a few samples, use its top speed and the time to rest.
     stopping = -top / max(moving[-1].time - coasted[0].time, 1e-4)
     if not math.isfinite(slower) or slower >= 0.0:
         slower = stopping
@@ -118,7 +118,7 @@ def acceleration_of_push(pushed: Sequence[Sample], coasted: Sequence[Sample], st
 
 
 def _acceleration(samples: Sequence[Sample], sign: int) -> tuple[float, float]:
-    """Acceleration and final speed of a parabola through the samples, in the push's direction."""
+    """Return acceleration and final speed of a fitted parabola, in the push's direction."""
     time = np.array([sample.time for sample in samples])
     position = sign * np.array([sample.position for sample in samples])
     chosen = time >= time[0] + _TRANSIENT
@@ -134,8 +134,8 @@ def _acceleration(samples: Sequence[Sample], sign: int) -> tuple[float, float]:
 def acceleration_of_cycle(cycle: np.ndarray) -> float:
     """Estimate k_t·n/J in rad/s² per A from a cycle of Eq. 3: rows of s, rad and A, shape (N, 3).
 
-    At one speed in one direction friction is the same whether the joint accelerates or decelerates:
-    the difference of the currents is due to the inertia. NaN if that is small compared with other
+    At a given speed and direction, friction is the same whether the joint accelerates or
+    decelerates: the difference in current is due to inertia. NaN if it is small compared with other
     variations.
     """
     time, position, current = cycle.T
@@ -157,10 +157,10 @@ def acceleration_of_cycle(cycle: np.ndarray) -> float:
 
 def local_parabolas(values: np.ndarray, count: int,
                     step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Fit a parabola to `count` samples about every sample, `step` s apart.
+    """Fit a parabola to `count` samples, `step` s apart, around every sample.
 
-    Savitzky and Golay, Analytical Chemistry 36(8), 1964. Returns its value, slope and second
-    derivative in the middle, each of shape (N - count + 1,).
+    Savitzky and Golay, Analytical Chemistry 36(8), 1964. Returns value, slope and second derivative
+    at the centre, each of shape (N - count + 1,).
     """
     inner = slice(count // 2, len(values) - count // 2)
     value, slope, bend = (

@@ -16,7 +16,7 @@ import math
 from typing import NoReturn
 
 from friction_comp.drive import Drive
-from friction_comp.identification.excitation import at_travel
+from friction_comp.identification.excitation import travel_state
 from friction_comp.identification.goal import IdentificationError, MotionGoal
 from friction_comp.identification.kinetic import acceleration_of_push, KineticPoint
 from friction_comp.identification.supervision import Sample, Supervision
@@ -30,7 +30,7 @@ from friction_comp.signal_checks import LATEST
 
 STILL_TIME = 0.2        # s of standstill required before each ramp
 _PATIENCE = 10.0        # longest time to come to rest, s
-# A joint that moves by no more than the larger of this many counts and this angle in rad is at rest.
+# A joint is at rest if it moves by at most this many counts or this angle in rad.
 _STILL_COUNTS, _STILL_ANGLE = 2.5, 1e-5
 _PUSH_SPEED = 0.3       # speed at which the short push ends, rad/s
 
@@ -59,9 +59,9 @@ class Motion(ABC):
         self.acceleration = math.nan        # k_t·n/J, rad/s² per A; NaN before it is known
         # Largest friction current known so far in the positive and negative direction, signed, A.
         self.friction: tuple[float, float] | None = None
-        # Look-up table of commanded currents so far. The feedforward and the limit of the controller
-        # follow from it and never from measured currents: a wrong unit of the measurement must not
-        # drive the joint.
+        # Look-up table of commanded currents so far. Feedforward and limit of the controller follow
+        # from it and never from measured currents: a measurement in a wrong unit must not drive the
+        # joint.
         self.commanded_points: list[KineticPoint] = []
         self.warnings: list[str] = []
         self._resolution = drive.position_resolution or 1e-6
@@ -140,10 +140,10 @@ class Motion(ABC):
             if speed_over(window, sign, 0.01) > _PUSH_SPEED / 10.0 and (
                     sign * (sample.position - home) > 8.0 * self._resolution):
                 break
-        if not self.supervision.known():
+        if not self.supervision.is_current_confirmed():
             # The response may still be on its way.
             yield from self._standstill(STILL_TIME + LATEST)
-            self.supervision.require_known()
+            self.supervision.require_confirmed_current()
             sample = self.sample
         self._push[sign] = sign * current
         self._note_friction()
@@ -251,7 +251,7 @@ class Motion(ABC):
             duration = self._travel_time(distance)
 
             def reference(t: float) -> tuple[float, float]:
-                position, velocity = at_travel(t, distance, duration)
+                position, velocity = travel_state(t, distance, duration)
                 return start + position, velocity
 
             yield from self._follow(

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Current ramps of an identification, and the breakaway currents and presliding they show."""
+"""Evaluates current ramps: breakaway currents, presliding and backlash."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from friction_comp.identification.goal import IdentificationError
 from friction_comp.identification.presliding import (
     combined_presliding,
     common_stiffness,
-    crossed_backlash,
+    find_backlash,
     presliding_std,
     ramp_friction,
     RampFriction,
@@ -30,22 +30,22 @@ from friction_comp.identification.presliding import (
 from friction_comp.model.friction_model import Presliding
 
 STOP_TIME = 0.16
-"""s that a ramp with stops waits at each."""
+"""Length of each pause of a ramp, s."""
 
-# The joint is still moving at a stop if, in the last third of it, it moves at this share of the
-# speed of the second third, by this many counts and by this share of the distance since the ramp
-# began. A joint on its presliding comes to rest.
-_SPEED_SHARE, _COUNTS, _WAY_SHARE = 0.5, 2.0, 0.08
-_MOST_LOST = 0.1   # share of ramps without a breakaway that is accepted
-# Two standard errors of breakaway, as a share of it, that are accepted for a gear with backlash.
-_MOST_LOOSE = 0.05
+# The joint slides during a pause if it moves in the last third by more than this share of its
+# movement in the second third, this many counts and this share of the distance since the ramp
+# began. A joint in presliding comes to rest.
+_SPEED_SHARE, _COUNTS, _DISTANCE_SHARE = 0.5, 2.0, 0.08
+_MOST_LOST = 0.1   # accepted share of ramps without a breakaway
+# Accepted two standard errors of breakaway, as a share of it, for a gear with backlash.
+_MOST_SCATTER = 0.05
 
 
 class Ramp(NamedTuple):
     """One current ramp: `samples` are rows of `Sample`.
 
-    `before` is the direction in which the joint slid last before it, 0 where that is not known;
-    `stops` the currents in A at which it waited.
+    `before` is the direction of the last slide before it, 0 if not known; `stops` are the currents
+    in A at which the ramp paused.
     """
 
     direction: int
@@ -56,26 +56,27 @@ class Ramp(NamedTuple):
 
 @dataclass
 class RampEvaluation:
-    """What a drive's ramps say."""
+    """Result of a drive's ramps."""
 
     records: BreakawayRecords
-    presliding: Presliding | None   # None where the encoder is too coarse to tell
+    presliding: Presliding | None   # None if the encoder is too coarse
     warnings: list[str]
-    backlash: float | None          # rad; None where none shows
+    backlash: float | None          # rad; None if none was found
 
 
 def evaluate_ramps(ramps: Sequence[Ramp], stopping: Sequence[Ramp], slope: float,
                    resolution: float, acceleration_per_current: float,
                    viscous: float) -> RampEvaluation:
-    """Evaluate the ramps of a drive, without and with stops, all of a gradient `slope` in A/s.
+    """Evaluate the ramps of a drive, without and with pauses, all with `slope` in A/s.
 
-    Breakaway is the peak of what friction takes (`ramp_friction`). Where friction of a joint that
-    slides grows with speed from standstill on, it has no peak, and breakaway is where the slide
-    begins (`slide_begin`). One ramp cannot tell that from presliding; a ramp with stops can: at a
-    stop presliding comes to rest, a slide does not.
+    Breakaway is the peak of friction (`ramp_friction`). If friction increases with speed from
+    standstill, it has no peak, and breakaway is where the slide begins (`slide_begin`). Only ramps
+    with pauses distinguish that from presliding: during a pause presliding comes to rest, a slide
+    does not.
 
-    Parameters are in rad a count, rad/s² per A (k_t·n/J) and A·s/rad (of Eq. 6). Raises
-    IdentificationError if too many ramps show no breakaway, or backlash makes it scatter.
+    `resolution` is in rad per count, `acceleration_per_current` (k_t·n/J) in rad/s² per A, and
+    `viscous` (of Eq. 6) in A·s/rad. Raises IdentificationError if too many ramps show no breakaway,
+    or if it scatters because of backlash.
     """
     def friction_of(ramp: Ramp) -> RampFriction | None:
         return ramp_friction(*_measured(ramp), ramp.direction, resolution,
@@ -88,7 +89,7 @@ def evaluate_ramps(ramps: Sequence[Ramp], stopping: Sequence[Ramp], slope: float
     if lost > _MOST_LOST * count:
         raise IdentificationError(
             f'{lost} of {count} ramps show no clear breakaway: the joint creeps; '
-            'ask for a steeper ramp_slope')
+            'request a steeper ramp_slope')
     warnings = [f'{lost} of {count} ramps show no clear breakaway'] if lost else []
     kept, peaks = [ramp for ramp, _, _ in known], [peak for _, _, peak in known]
     directions = [ramp.direction for ramp in kept]
@@ -99,13 +100,13 @@ def evaluate_ramps(ramps: Sequence[Ramp], stopping: Sequence[Ramp], slope: float
     records = breakaway_records(tops, directions)
     moved = [(moving_level(ramp, slope, resolution), friction_of(ramp)) for ramp in stopping]
     shares = [level / peak.breakaway for level, peak in moved if level and peak]
-    # Share of the peak friction that a joint holds at rest, from its stops and from where slides
-    # begin.
+    # Compare the share of peak friction at which the joint slides: from pauses (`shares`), and from
+    # the beginnings of slides (`begun`).
     slides = breakaway_records(begins, directions)
     begun = float(np.mean(np.abs(slides.current)) / np.mean(np.abs(records.current)))
     if shares and _lower_bound(shares) <= 0.5 * (1.0 + begun):
         records = slides
-    backlash, upturns = crossed_backlash(peaks, directions, resolution)
+    backlash, upturns = find_backlash(peaks, directions, resolution)
     if backlash > 0.0:
         warnings.append(_backlash_message(backlash, records))
     return RampEvaluation(records, _presliding(kept, peaks, records, upturns, resolution,
@@ -120,9 +121,9 @@ def _measured(ramp: Ramp) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _lower_bound(shares: Sequence[float]) -> float:
-    """Return the mean less its uncertainty (Student's t, at the level of one standard error).
+    """Return the mean minus its uncertainty (Student's t, at the level of one standard error).
 
-    A breakaway current that is too low is the safer error. One ramp has no uncertainty.
+    A breakaway current that is too low is the safer error. For one ramp the uncertainty is zero.
     """
     count = len(shares)
     if count < 2:
@@ -132,14 +133,14 @@ def _lower_bound(shares: Sequence[float]) -> float:
 
 
 def _backlash_message(backlash: float, records: BreakawayRecords) -> str:
-    """Return what to say of backlash; refuse a breakaway current that it makes unsure."""
+    """Return the warning about backlash; raise if breakaway scatters too much because of it."""
     for side, sign in (('positive', 1), ('negative', -1)):
         levels = np.abs(records.currents(sign))
         if len(levels) > 1 and 2.0 * np.std(levels, ddof=1) > (
-                _MOST_LOOSE * math.sqrt(len(levels)) * np.mean(levels)):
+                _MOST_SCATTER * math.sqrt(len(levels)) * np.mean(levels)):
             raise IdentificationError(
                 f'backlash of {backlash:.2g} rad: breakaway in the {side} direction scatters by '
-                f'{100.0 * np.std(levels, ddof=1) / np.mean(levels):.0f} %; ask for more '
+                f'{100.0 * np.std(levels, ddof=1) / np.mean(levels):.0f} %; request more '
                 'breakaway_cycles or a less steep ramp_slope')
     return f'backlash of {backlash:.2g} rad; presliding is given without it'
 
@@ -149,9 +150,9 @@ def _presliding(ramps: Sequence[Ramp], peaks: Sequence[RampFriction], records: B
                 backlash: float | None) -> Presliding | None:
     levels = np.abs(records.current)
     onward = [ramp.before == ramp.direction for ramp in ramps]
-    ways = [(same, peak.presliding(level, upturn))
-            for same, peak, level, upturn in zip(onward, peaks, levels, upturns)]
-    distance = combined_presliding(ways)
+    measured = [(same, peak.presliding(level, upturn))
+                for same, peak, level, upturn in zip(onward, peaks, levels, upturns)]
+    distance = combined_presliding(measured)
     # Less than two counts cannot be resolved.
     if distance <= 2.0 * resolution:
         return None
@@ -159,11 +160,11 @@ def _presliding(ramps: Sequence[Ramp], peaks: Sequence[RampFriction], records: B
         distance,
         common_stiffness([peak for same, peak in zip(onward, peaks) if same],
                          float(np.mean(levels)), resolution),
-        presliding_std(ways, distance, resolution), backlash)
+        presliding_std(measured, distance, resolution), backlash)
 
 
 def time_of_ramp(elapsed: float, slope: float, stops: Sequence[float]) -> float:
-    """Return the time on the ramp of Eq. 8 in s, after waiting at each of the stops, A."""
+    """Return the time on the ramp of Eq. 8 in s, which stands still during pauses at `stops`, A."""
     late = 0.0
     for level in stops:
         reached = level / slope + late
@@ -176,18 +177,18 @@ def time_of_ramp(elapsed: float, slope: float, stops: Sequence[float]) -> float:
 
 
 def moving_level(ramp: Ramp, slope: float, resolution: float) -> float | None:
-    """Return the current in A at which the joint keeps moving although the current is held.
+    """Return the current in A of the first pause from which on the joint never comes to rest.
 
-    The first stop from which on it never comes to rest; None where it does at the last.
+    None if it comes to rest at the last pause.
     """
     time, position = ramp.samples[:, 0] - ramp.samples[0, 0], ramp.samples[:, 1]
-    way = ramp.direction * (position - position[0])
+    moved = ramp.direction * (position - position[0])
     moving = None
     for k, level in enumerate(ramp.stops):
         begin = level / slope + k * STOP_TIME
         if time[-1] < begin + STOP_TIME:
-            return moving or level  # It ran away at this stop, or on the way to it.
-        a, b, c = np.interp(begin + STOP_TIME * np.array([1.0, 2.0, 3.0]) / 3.0, time, way)
-        rests = c - b <= max(_SPEED_SHARE * (b - a), _COUNTS * resolution, _WAY_SHARE * c)
+            return moving or level  # It slid during this pause, or before it.
+        a, b, c = np.interp(begin + STOP_TIME * np.array([1.0, 2.0, 3.0]) / 3.0, time, moved)
+        rests = c - b <= max(_SPEED_SHARE * (b - a), _COUNTS * resolution, _DISTANCE_SHARE * c)
         moving = None if rests else moving or level
     return moving

@@ -19,7 +19,7 @@ import numpy as np
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.identification.excitation import at_position, at_ramp, at_velocity
+from friction_comp.identification.excitation import cycle_position, cycle_velocity, ramp_current
 from friction_comp.identification.goal import (
     IdentificationError,
     IdentificationGoal,
@@ -39,7 +39,7 @@ from friction_comp.identification.ramp_evaluation import (
     time_of_ramp,
 )
 from friction_comp.identification.sigmoid_fit import fit_sigmoid
-from friction_comp.identification.supervision import loaded, Sample, SupervisedRun
+from friction_comp.identification.supervision import check_load, Sample, SupervisedRun
 from friction_comp.identification.velocity_control import (
     Controller,
     velocity_controller_state,
@@ -86,7 +86,7 @@ class Script(Motion):
         self._reached = {1: 0.5, -1: 0.5}  # share of the ramp at which the joint broke free
         self._speeds_done = 0
         # Compile the functions of the control loop before the first sample arrives.
-        at_ramp(0.1, 1.0, 1.0)
+        ramp_current(0.1, 1.0, 1.0)
         velocity_controller_step(
             Controller(1.0, 1.0), velocity_controller_state(), 0.0, 0.0, 0.0, 1e-3)
 
@@ -186,7 +186,7 @@ class Script(Motion):
         start = self.sample.position
 
         def reference(t: float) -> tuple[float, float]:
-            return start + at_position(t, speed, duration), at_velocity(t, speed, duration)
+            return start + cycle_position(t, speed, duration), cycle_velocity(t, speed, duration)
 
         begin, samples, commands = yield from self._follow(
             reference, duration, max(0.05 * self.goal.motion_range, 0.25 * width), speed, factor)
@@ -208,8 +208,7 @@ class Script(Motion):
         return points, held
 
     def _ramp(self, sign: int, stops: Sequence[float] = ()) -> Generator[float, Sample, Ramp]:
-        """Raise the current along Eq. 8 until the joint slides; pause at the currents `stops`, A.
-        """
+        """Raise the current along Eq. 8 until the joint slides; pause at `stops`, A."""
         goal = self.goal
         yield from self._standstill(max(STILL_TIME, REST_SHARE * goal.ramp_period))
         sample = self.sample
@@ -222,7 +221,7 @@ class Script(Motion):
             if rise > 0.4 * goal.ramp_period:
                 self._never_free(sign, goal.ramp_peak)
             sample = yield from self._step(
-                sign * at_ramp(rise, goal.ramp_slope, goal.ramp_period))
+                sign * ramp_current(rise, goal.ramp_slope, goal.ramp_period))
             samples.append(sample)
             window.append(sample)
             moved = sign * (sample.position - home)
@@ -292,7 +291,7 @@ class IdentificationRun(SupervisedRun):
                 self.drive.position_resolution or 1e-6, acceleration, sigmoid.viscous)
             self.warnings += ramps.warnings
             statistics = ramps.records.statistics()
-            wrong, doubtful = loaded(
+            wrong, doubtful = check_load(
                 points, (statistics.positive_mean, statistics.negative_mean),
                 max(statistics.positive_std, statistics.negative_std))
             if wrong:

@@ -2,14 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fit of the kinetic friction curve, Eq. 6, to the look-up table by the L1 error of Eq. 7.
 
-For a given steepness and shift of the transition the curve is linear in what remains, so the search
-is over two numbers only: a grid that places transitions about every point of the table, then a
-pattern search from the best of each steepness. No start is needed. Many transitions are fitted at
-once by reweighted least squares, the last one exactly by linear programming.
+For a given steepness and shift of the transition, the curve is linear in the other parameters. So
+only these two are searched: on a grid with transitions around every point of the table, then by a
+pattern search from the best of each steepness. No initial guess is needed. Many transitions are
+fitted at once by reweighted least squares, the final one exactly by linear programming.
 
-Where the transition is steeper than the table resolves, every transition inside a gap fits
-alike; the one returned is centred as near to zero as the error allows, and no steeper than the
-data show.
+If the transition is steeper than the table resolves, all transitions within a gap fit equally well.
+The one returned is centred as near to zero as the error allows, and as gentle.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from friction_comp.errors import InputError
 from friction_comp.model.sigmoid import Sigmoid
 
 TOLERANCE = 3e-4
-"""Share by which the error may rise for the sake of a well-behaved transition."""
+"""Share by which the error may increase for a transition that is centred and gentle."""
 
 # Rounds of reweighting: enough to rank transitions and to agree with linear programming.
 _RANK, _CLOSE = 12, 45
@@ -34,14 +33,15 @@ _STEP = np.array([(a, b) for a in (-1.0, -0.3, 0.0, 0.3, 1.0) for b in (-1.0, -0
 
 
 def fit_sigmoid(speeds: ArrayLike, currents: ArrayLike) -> tuple[Sigmoid, float]:
-    """Fit the sigmoid of Eq. 6 to a look-up table; return it and E of Eq. 7 in A, which is least.
+    """Fit the sigmoid of Eq. 6 to a look-up table; return it and its minimal E of Eq. 7 in A.
 
-    Speeds in rad/s and mean currents in A, shape (N,), are in any order, with two different speeds
-    of each sign at least. Raises InputError if the table is too small, one-sided or not finite.
+    Speeds in rad/s and mean currents in A, shape (N,), may be in any order, with at least two
+    different speeds of each sign. Raises InputError if the table is too small, one-sided or not
+    finite.
     """
     speeds, currents = np.asarray(speeds, dtype=float), np.asarray(currents, dtype=float)
     if speeds.ndim != 1 or speeds.shape != currents.shape:
-        raise InputError(f'look-up table: speeds and currents must be of one length, not '
+        raise InputError(f'look-up table: speeds and currents must have the same length, not '
                          f'{speeds.shape} and {currents.shape}')
     if not (np.all(np.isfinite(speeds)) and np.all(np.isfinite(currents))):
         raise InputError('look-up table: speeds and currents must be finite')
@@ -67,13 +67,13 @@ def sigmoid_error(sigmoid: Sigmoid, speeds: ArrayLike, currents: ArrayLike) -> f
 
 
 def _condense(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return a long table as the medians of groups of neighbouring speeds of one sign."""
+    """Condense a long table to medians of groups of neighbouring speeds of the same sign."""
     if len(x) <= _MOST_POINTS:
         return x, y
     groups = []
     for side in (x < 0.0, x == 0.0, x > 0.0):
         order = np.nonzero(side)[0][np.argsort(x[side])]
-        # A few speeds of one sign must not disappear beside many of the other.
+        # Keep the speeds of a sign that has only few.
         count = min(len(order), max(20, int(_MOST_POINTS * len(order) / len(x))))
         groups += np.array_split(order, count) if count else []
     few = np.array([(np.median(x[group]), np.median(y[group])) for group in groups])
@@ -90,12 +90,12 @@ def _fit(x: np.ndarray, y: np.ndarray, steepness: np.ndarray, shift: np.ndarray,
          ) -> tuple[np.ndarray, np.ndarray]:
     """Return the L1 error of each of G transitions, shape (G,), and coefficients, shape (G, 3).
 
-    By reweighted least squares: weights are the inverse of the residuals, not below a bound that
-    falls from round to round.
+    Reweighted least squares: weights are inverse residuals, with a lower bound on the residuals
+    that decreases from round to round.
     """
     design = _columns(x, steepness, shift)
     weights = np.ones(design.shape[:2])
-    # Beyond the transition its share is constant, like the first column. Rounding grows with N.
+    # Outside the transition, the second column is constant like the first. Rounding grows with N.
     ridge = 1e-13 * max(1.0, len(x) / 100.0) * np.eye(3)
     best, kept = np.full(len(design), np.inf), np.zeros((len(design), 3))
     for k in range(rounds):
@@ -111,7 +111,7 @@ def _fit(x: np.ndarray, y: np.ndarray, steepness: np.ndarray, shift: np.ndarray,
 
 
 def _exact(x: np.ndarray, y: np.ndarray, steepness: float, shift: float) -> np.ndarray:
-    """Return the coefficients with the least L1 error at a transition, shape (3,)."""
+    """Return the coefficients with the smallest L1 error for a transition, shape (3,)."""
     columns, count = _columns(x, np.array([steepness]), np.array([shift]))[0], len(x)
     return np.asarray(optimize.linprog(
         np.concatenate([np.zeros(3), np.ones(2 * count)]),
@@ -120,10 +120,10 @@ def _exact(x: np.ndarray, y: np.ndarray, steepness: float, shift: float) -> np.n
 
 
 def _search(x: np.ndarray, y: np.ndarray, values: np.ndarray) -> tuple[float, float]:
-    """Return the steepness and the shift of the least error; speeds are scaled to [-1, 1]."""
+    """Return steepness and shift with the smallest error; speeds are scaled to [-1, 1]."""
     steepest = 40.0 / float(np.min(np.diff(values)))
     steepness = np.geomspace(0.5, steepest, 24)
-    # Steep transitions differ only where they pass through a point.
+    # Steep transitions only differ near a point.
     places = values[np.unique(np.linspace(0, len(values) - 1, 40).astype(int))]
     beside = places[:, None, None] + np.array([-5.0, -2.0, -0.6, 0.6, 2.0, 5.0]) / steepness[
         :, None]
@@ -168,9 +168,9 @@ def _search(x: np.ndarray, y: np.ndarray, values: np.ndarray) -> tuple[float, fl
 
 def _well_behaved(x: np.ndarray, y: np.ndarray, steepness: float, shift: float
                   ) -> tuple[float, float]:
-    """Return the transition, among those that fit alike, that is centred and gentle.
+    """Return a centred and gentle transition among those that fit equally well.
 
-    A gentle transition must not live off a falling line under it, so the viscous share has a floor.
+    A falling viscous term must not make up for a gentler transition, so it has a lower bound.
     """
     (error,), (best,) = _fit(x, y, np.array([steepness]), np.array([shift]), _CLOSE)
     bound = error * (1.0 + TOLERANCE) + 1e-9 * x.size

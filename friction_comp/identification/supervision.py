@@ -1,14 +1,13 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Runs a script that moves a joint, sample by sample, and releases it at the first fault.
+"""Moves a joint sample by sample by a script, and commands zero current at the first fault.
 
-A script says what to command, and what was commanded says what must be measured: the measured
-current is the commanded one, and soon; the position goes where the measured velocity leads; and a
-current well above what set the joint free accelerates it. What contradicts that is a fault of the
-wiring, of the encoder, of the units or of the machine, or somebody's hand, and ends the run before
-a model is written: **zero current whenever the joint does not do what a joint does**. Until the
-measured current is known to be the commanded one, no more is commanded than the first ramp, which
-is cut when the joint moves.
+Measurements must agree with commands: the measured current is the commanded one, with little delay;
+the position changes as the measured velocity says; and a current well above breakaway accelerates
+the joint. A contradiction means a fault of wiring, encoder, units or machine, or a person holding
+the joint. It ends the run before a model is written: **zero current whenever the joint does not
+respond as a joint should**. Until the measured current is confirmed to be the commanded one, only
+the first ramp is commanded, which ends when the joint moves.
 """
 
 from __future__ import annotations
@@ -26,32 +25,32 @@ from friction_comp.signal_checks import Answer, current_fault, CurrentCheck, Vel
 if TYPE_CHECKING:
     from friction_comp.identification.motion import Motion
 
-LONGEST_GAP = 0.25      # s without a sample after which the joint is out of control
+LONGEST_GAP = 0.25      # longest time without a sample, s
 # Accepted ratios of measured to commanded current, and of integrated velocity to change of
 # position; outside, a unit or a constant is wrong.
 _FACTOR = 2.0
-# Standard errors by which a gain must be outside these limits to be wrong, and the largest standard
-# error, as a share of the gain, with which it is known to be right.
-_ERRORS, _KNOWN = 3.0, 0.25
-# Correlation above which a measured current is a delayed commanded one; and delay in s above which
-# that explains why a joint does not respond.
+# A gain is wrong if it is outside these limits by this many standard errors; it is confirmed if its
+# standard error is at most this share of it.
+_ERRORS, _CONFIRMED = 3.0, 0.25
+# Correlation above which the measured current is the delayed commanded one; and delay in s above
+# which that explains why a joint does not respond.
 _ALIKE, _LATE = 0.9, 0.01
-# Share of the ramps' peak that the commanded current must have to be compared.
+# Smallest commanded current that is compared, as a share of the ramps' peak.
 _LEAST = 0.02
-# Overall gain above which the result reports it.
+# Deviation of the overall gain from 1 above which the result contains a warning.
 _DOUBTFUL = 0.15
 # Longest step between samples that is integrated, s.
 _STEP = 0.02
 # A current of this multiple of breakaway must accelerate the joint visibly.
 _SURPLUS = 1.5
-# Counts by which such a joint must be expected to have moved, and the share of them that it must
-# have moved; and s that it has to respond, since delay, current loop and filter take some
-# milliseconds.
+# The response is checked when this many counts of movement are expected, of which the joint must
+# have moved this share; but not before this time in s, since delay, current loop and filter take
+# some milliseconds.
 _EXPECTED_COUNTS, _ANSWERED, _ANSWER_TIME = 30.0, 0.1, 0.01
 
 
 class Sample(NamedTuple):
-    """A sample for the script: s, rad and A, the last NaN where unknown."""
+    """A sample for the script: s, rad and A; current is NaN if unknown."""
 
     time: float
     position: float
@@ -59,7 +58,7 @@ class Sample(NamedTuple):
 
 
 class Supervision:
-    """Compares what is measured with what was commanded, sample by sample."""
+    """Compares measurements with commands, sample by sample."""
 
     def __init__(self, goal: MotionGoal, drive: Drive):
         self._drive = drive
@@ -67,16 +66,16 @@ class Supervision:
         self._resolution = drive.position_resolution or 1e-6
         self._last: tuple[float, float] | None = None
         self._currents = CurrentCheck()
-        self._ways = VelocityCheck(_FACTOR, resolution=self._resolution, zeros=True)
+        self._velocities = VelocityCheck(_FACTOR, resolution=self._resolution, zeros=True)
         self._window: deque[tuple[float, float]] = deque(maxlen=10)
         self._begin_answer(0.0, 0.0, 0.0)
 
     def check(self, time: float, position: float, velocity: float | None, current: float,
               command: float, friction: Sequence[float] | None, acceleration: float) -> None:
-        """Take a sample and the current that was applied before it; raise if the joint is at fault.
+        """Check a sample against the current applied before it; raise IdentificationError on fault.
 
-        `velocity` is None or NaN where it is not measured; `friction` and `acceleration` are those
-        of `Motion`.
+        `velocity` is None or NaN if it is not measured; `friction` and `acceleration` are those of
+        `Motion`.
         """
         if self._last is None:
             self._last = time, position
@@ -88,15 +87,15 @@ class Supervision:
         if math.isfinite(current):
             self._currents.take(time, min(step, _STEP), command, current)
             self._compare_currents()
-        # The position goes where the velocity leads.
+        # The position must change as the velocity says.
         if velocity is None or not math.isfinite(velocity) or step > _STEP:
-            self._ways.interrupt()
-        elif fault := self._ways.take(time, position, velocity):
+            self._velocities.interrupt()
+        elif fault := self._velocities.take(time, position, velocity):
             raise IdentificationError(fault)
         if friction is not None and math.isfinite(acceleration):
             self._expect_motion(step, time, position, command, friction, acceleration)
 
-    # The measured current is the commanded one.
+    # The measured current must be the commanded one.
 
     def _compare_currents(self) -> None:
         gain = self._currents.gain(self._least)
@@ -104,29 +103,29 @@ class Supervision:
             return
         answer = self._currents.answer()
         _refuse_late(answer)
-        # A current that had no time to take effect is not compared yet.
+        # Do not compare yet while the current has had no time to take effect.
         if answer.earliest > self._least:
             self._refuse_gain(answer)
 
-    def known(self) -> bool:
-        """Return whether the measured current is known to be the commanded one by now."""
+    def is_current_confirmed(self) -> bool:
+        """Return whether the measured current is confirmed to be the commanded one."""
         answer = self._currents.answer()
         return (1.0 / _FACTOR <= answer.gain <= _FACTOR
-                and answer.error <= _KNOWN * answer.gain)
+                and answer.error <= _CONFIRMED * answer.gain)
 
-    def require_known(self) -> None:
-        """Raise unless the measured current is known; the drive has had the time to answer."""
-        if self.known():
+    def require_confirmed_current(self) -> None:
+        """Raise unless the measured current is confirmed; call it after the drive had time."""
+        if self.is_current_confirmed():
             return
         answer = self._currents.answer()
         _refuse_late(answer)
         self._refuse_gain(answer)
         raise IdentificationError(
-            f'the measured current cannot be told to be the commanded one: {answer.gain:.2g} '
-            f'times as large, but for {answer.error:.2g}: effort is too noisy, or not measured')
+            'the measured current cannot be confirmed to be the commanded one: its ratio is '
+            f'{answer.gain:.2g} ± {answer.error:.2g}: effort is too noisy, or not measured')
 
     def _refuse_gain(self, answer: Answer) -> None:
-        """Raise IdentificationError where a gain is wrong whatever the noise."""
+        """Raise IdentificationError if the gain is wrong by more than noise explains."""
         gain, error = answer.gain, _ERRORS * answer.error
         if 1.0 / _FACTOR - error <= gain <= _FACTOR + error:
             return
@@ -135,12 +134,12 @@ class Supervision:
             f'{self._currents.commanded:.3g} A: {current_fault(gain, self._drive)}')
 
     def warnings(self) -> list[str]:
-        """Return warnings, in words."""
+        """Return warnings as text."""
         gain = self._currents.gain(self._least, lately=False)
         if not math.isfinite(gain) or abs(gain - 1.0) <= _DOUBTFUL:
             return []
         return [f'the measured current is {gain:.2f} times the commanded one: torque constant, '
-                'gear ratio or current controller are not quite as the model file has them']
+                'gear ratio or current controller deviate from the model file']
 
     # A current well above friction must accelerate the joint.
 
@@ -165,51 +164,50 @@ class Supervision:
         if (self._expected < _EXPECTED_COUNTS * self._resolution
                 or time - self._since < _ANSWER_TIME):
             return
-        # It kept moving, or it deviates from its expected motion, for instance because it is
-        # braked.
-        went = position - self._from
-        gained = went - self._drift * (time - self._since)
-        if max(sign * went, sign * gained) < _ANSWERED * self._expected:
+        # Accept a joint that keeps moving, and one whose motion changes, for instance brakes.
+        moved = position - self._from
+        gained = moved - self._drift * (time - self._since)
+        if max(sign * moved, sign * gained) < _ANSWERED * self._expected:
             _refuse_late(self._currents.answer())
             raise IdentificationError(
-                f'the joint does not move at {command:.3g} A, although less set it free before: '
-                'it is blocked, at a stop or held, or the encoder is stuck')
+                f'the joint does not move at {command:.3g} A, although less current broke it free '
+                'before: it is blocked, at a stop or held, or the encoder is stuck')
         self._begin_answer(time, position, sign)
 
 
 def _refuse_late(answer: Answer) -> None:
-    """Raise IdentificationError where the measured current is the commanded one, but late."""
+    """Raise IdentificationError if the measured current is the commanded one, but late."""
     if (answer.delay >= _LATE and answer.likeness > _ALIKE
             and 1.0 / _FACTOR <= answer.gain <= _FACTOR):
         raise IdentificationError(
-            f'the measured current follows the commanded one {answer.delay:.2g} s late, in the '
-            f'right size ({answer.gain:.2g} times as large): a joint cannot be controlled so '
-            'late. Machine or network are overloaded, or the driver lets currents or states wait')
+            f'the measured current follows the commanded one {answer.delay:.2g} s late, with the '
+            f'right size (ratio {answer.gain:.2g}): this is too late to control a joint. Machine '
+            'or network are overloaded, or the driver delays currents or states')
 
 
-def loaded(points: Sequence[KineticPoint], breakaway: tuple[float, float],
+def check_load(points: Sequence[KineticPoint], breakaway: tuple[float, float],
            spread: float) -> tuple[str, str]:
-    """Return from a finished run what is wrong, and what is doubtful; empty where nothing is.
+    """Return an error and a warning on loads during a finished run; each is empty if none.
 
-    Friction takes as much in both directions, but for a few per cent. What adds to one and takes
-    from the other is a load: gravity, a spring, or somebody who leans on the joint. Gravity is
-    the same in the table of velocities and in the breakaway currents, whose means and largest
-    standard deviation are given in A; a person need not be.
+    Friction is about equal in both directions. A load adds to one direction and reduces the other:
+    gravity, a spring, or a person leaning on the joint. Gravity affects the look-up table and the
+    breakaway currents alike, a person perhaps not. `breakaway` has the means of both directions,
+    `spread` their largest standard deviation, in A.
     """
     friction = 0.5 * (breakaway[0] - breakaway[1])
     shift = 0.5 * (breakaway[0] + breakaway[1])
     sides = [[p.current for p in points if p.speed * sign > 0.0] for sign in (1, -1)]
     sliding = 0.5 * sum(sum(side) / len(side) for side in sides) if all(sides) else shift
     if friction <= 0.0:
-        return 'breakaway takes no current: the joint was pushed', ''
+        return 'breakaway needs no current: the joint was pushed', ''
     if spread > 0.6 * friction:
-        return (f'the breakaway currents scatter by {spread:.3g} A about {friction:.3g} A: the '
-                'joint was touched while it was measured', '')
+        return (f'the breakaway currents scatter by {spread:.3g} A around {friction:.3g} A: the '
+                'joint was touched during the measurement', '')
     if abs(shift - sliding) > 0.6 * friction:
-        return (f'a load of {sliding:.3g} A while the joint moved, but of {shift:.3g} A when it '
-                'broke free: somebody leant on it for a part of the run', '')
+        return (f'the load was {sliding:.3g} A while the joint moved, but {shift:.3g} A when it '
+                'broke free: somebody leant on it during part of the run', '')
     if max(abs(shift), abs(sliding)) > 0.12 * friction:
-        return '', (f'one direction takes {2.0 * max(shift, sliding, key=abs):.3g} A more than '
+        return '', (f'one direction needs {2.0 * max(shift, sliding, key=abs):.3g} A more than '
                     'the other: gravity or a spring, or somebody leant on the joint')
     return '', ''
 
@@ -223,8 +221,8 @@ class SupervisedRun:
 
     def __init__(self, script: Motion) -> None:
         self.drive = script.drive
-        self.error = ''             # why the run failed; empty while it has not
-        self.finished = False       # whether all was done
+        self.error = ''             # why the run failed; empty if it did not
+        self.finished = False       # whether the run is complete
         self.progress = 0.0         # 0 to 1, never falling
         self.remaining = math.nan   # estimated time to the end, s
         self._script: Motion = script
@@ -236,7 +234,7 @@ class SupervisedRun:
 
     @property
     def phase(self) -> str:
-        """The run's present step."""
+        """Present step of the run."""
         if self.error:
             return 'failed'
         return 'done' if self.finished else self._script.phase
@@ -252,7 +250,7 @@ class SupervisedRun:
         position : float
             rad.
         velocity : float, optional
-            rad/s. The position must go where it leads; for all else the position is finer.
+            rad/s; only compared with the change of position, which is more precise.
         current : float
             Measured motor current in A.
 
@@ -264,8 +262,8 @@ class SupervisedRun:
         Raises
         ------
         IdentificationError
-            When the joint leaves its range, the encoder fails, or the drive does not answer as a
-            drive does. From then on every call returns zero.
+            If the joint leaves its range, the encoder fails, or the drive does not respond as
+            expected. From then on every call returns zero.
         """
         if self.finished or self.error:
             return 0.0
@@ -308,14 +306,14 @@ class SupervisedRun:
         if abs(time - self._last) > LONGEST_GAP:
             what = 'no sample for' if time > self._last else 'time went back by'
             raise IdentificationError(
-                f'{what} {abs(time - self._last):.2g} s; {LONGEST_GAP} s are tolerated')
+                f'{what} {abs(time - self._last):.2g} s; the limit is {LONGEST_GAP} s')
         low, high = self._script.bounds()
         if not low <= position <= high:
             raise IdentificationError(
                 f'the joint left its motion range of {high - low:.4g} rad')
 
     def _estimate(self, now: float) -> None:
-        """Renew `remaining` and `progress`, ten times a second of the joint's time."""
+        """Update `remaining` and `progress` ten times per second of the joint's time."""
         if self._begin is None:
             self._begin = now
         elif now - self._estimated < 0.1:

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Moves a joint along a trajectory of positions under identification's supervision.
 
-The joint is broken free and pushed first, at the place where it stands: what friction takes and
-what a current does is all that the controller needs. Then it travels to the first point, follows
-the trajectory, and rests.
+First the joint is broken free and pushed briefly at its present position, to measure friction and
+acceleration per current, which the controller needs. Then it travels to the first point, follows
+the trajectory, and stops.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ from friction_comp.identification.goal import MotionGoal
 from friction_comp.identification.motion import Motion, STILL_TIME
 from friction_comp.identification.supervision import Sample, SupervisedRun
 
-# Shares of the trajectory's range: how far the joint may be outside it, how far from its position
-# it may be pushed, and how far behind its reference.
+# Shares of the trajectory's range: how far the joint may leave it, how far the first push may move
+# the joint, and how far it may lag behind its reference.
 _BEYOND, _PUSHED, _BEHIND = 0.025, 0.1, 0.1
 _LONGEST = 3600.0
 
 
 @dataclass(frozen=True)
 class TrajectoryGoal(MotionGoal):
-    """A trajectory of one joint, and the ramp that breaks it free before.
+    """A trajectory of one joint, and the current ramp that breaks it free first.
 
-    The joint is at rest at the ends; between the points, positions are cubic. Raises InputError if
-    the trajectory cannot be followed.
+    It starts and ends at rest; positions between the points are cubic. Raises InputError if the
+    trajectory cannot be followed.
     """
 
     times: Sequence[float]          # s, ascending from zero or later
@@ -42,20 +42,20 @@ class TrajectoryGoal(MotionGoal):
     ramp_slope: float = 0.1
     ramp_period: float = 10.0
     motion_range: float = field(init=False)         # of the positions
-    speeds: Sequence[float] = field(init=False)     # a slow one to travel with, and the highest
+    speeds: Sequence[float] = field(init=False)     # a low one for travel, and the highest
 
     def __post_init__(self) -> None:
         sizes = {len(self.times), len(self.positions), len(self.velocities)}
         if len(sizes) > 1 or len(self.times) < 2:
-            raise InputError('a trajectory needs two points at least, each with position and '
+            raise InputError('a trajectory needs at least two points, each with position and '
                              'velocity')
         if not np.isfinite([*self.times, *self.positions, *self.velocities]).all():
-            raise InputError('the trajectory holds a number that is not finite')
+            raise InputError('the trajectory contains a number that is not finite')
         if not (np.diff(self.times) > 0.0).all() or self.times[0] < 0.0:
             raise InputError('the times of the trajectory do not ascend')
         if self.times[-1] > _LONGEST:
-            raise InputError(f'the trajectory takes {self.times[-1]:.4g} s; {_LONGEST:g} s are '
-                             'the most')
+            raise InputError(f'the trajectory takes {self.times[-1]:.4g} s; the limit is '
+                             f'{_LONGEST:g} s')
         if any(abs(end) > 1e-6 for end in (self.velocities[0], self.velocities[-1])):
             raise InputError('the trajectory does not begin and end at rest')
         object.__setattr__(self, 'motion_range', float(np.ptp(self.positions)))
@@ -68,7 +68,7 @@ class TrajectoryGoal(MotionGoal):
             check_number(getattr(self, name), name, above=0.0)
 
     def cycle(self, speed: float) -> tuple[float, float]:
-        """Return time in s and width in rad of a cycle with the trajectory's acceleration."""
+        """Return duration in s and width in rad of a cycle with the trajectory's acceleration."""
         steep = float(np.abs(np.diff(self.velocities) / np.diff(self.times)).max())
         duration = 10.0 * speed / max(steep, 1e-6)
         return duration, 0.4 * speed * duration
@@ -98,7 +98,7 @@ class FollowTrajectory(Motion):
         return max(0.0, self._began + self.goal.times[-1] - self.sample.time)
 
     def _movements(self) -> Generator[float, Sample, None]:
-        """Yield currents, be handed samples: travel to the first point, follow the trajectory."""
+        """Yield currents and receive samples: travel to the first point, follow the trajectory."""
         goal = self.goal
         yield from self._travel(goal.positions[0])
         self.phase, self._began = 'trajectory', self.sample.time

@@ -1,11 +1,11 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The joint-velocity controller that identification drives the joint with (note, section 2.3).
+"""The joint-velocity controller of identification (note, section 2.3).
 
-A PI controller acts on ``e = (ω_ref - ω) + λ·(φ_ref - φ)``: the position part keeps the joint
-inside its motion range however long the cycle, and lets the encoder's fine position stand in for
-its coarse velocity (one count in a millisecond is 0.9 deg/s on the note's configuration 1). The
-velocity is the encoder's difference behind a first-order low pass.
+A PI controller acts on ``e = (ω_ref - ω) + λ·(φ_ref - φ)``. The position term keeps the joint in
+its motion range during long cycles, and compensates for the coarse velocity of the encoder (one
+count per millisecond is 0.9 deg/s on the note's configuration 1). The velocity is the difference of
+encoder positions, filtered by a first-order low pass.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ import numpy as np
 from friction_comp.low_pass import low_pass_weight
 
 BANDWIDTH = 100.0
-"""Crossover frequency in rad/s: far below the 1 ms sampling, far above the profile's changes."""
+"""Crossover frequency in rad/s: far below the sampling frequency of 1 kHz, far above that of the
+profile."""
 
 # rad/s of reference velocity over which the push fades in.
 _BLEND_VELOCITY = 0.002
@@ -30,10 +31,10 @@ LAST_POSITION, VELOCITY, INTEGRAL, LAST_REFERENCE = 0, 1, 2, 3
 class Controller(NamedTuple):
     """Parameters of the controller.
 
-    An error of a factor two of the acceleration per current either way is harmless: the phase
-    margin stays near 40 degrees or above. The push roughly overcomes friction in each direction;
-    it is fed forward with the sign of the reference velocity and spares the integrator the swing
-    at reversals. The mean current measured does not depend on it.
+    An acceleration per current that is wrong by a factor of two, up or down, is harmless: the phase
+    margin stays near 40 degrees or above. The push, a current that roughly overcomes friction, is
+    fed forward with the sign of the reference velocity, so that the integrator need not change at
+    reversals. The measured mean current does not depend on it.
     """
 
     acceleration_per_current: float     # k_t·n/J, rad/s² per A
@@ -44,7 +45,7 @@ class Controller(NamedTuple):
 
 
 def velocity_controller_state() -> np.ndarray:
-    """Return a fresh state array, float64: the controller at rest."""
+    """Return a new state array, float64, of a controller at rest."""
     return np.array([np.nan, 0.0, 0.0, 0.0])
 
 
@@ -53,8 +54,8 @@ def velocity_controller_step(parameters: Controller, state: np.ndarray, referenc
                              reference_velocity: float, position: float, time_step: float) -> float:
     """Return the current in A for one sample and advance the state in place.
 
-    The references are in rad and rad/s; the time since the previous sample is in s, longer where
-    samples were missed.
+    References are in rad and rad/s. `time_step` is the time since the previous sample in s, longer
+    if samples were missed.
     """
     if np.isnan(state[LAST_POSITION]):
         state[LAST_POSITION], state[LAST_REFERENCE] = position, reference_velocity

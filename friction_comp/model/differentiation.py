@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from friction_comp.samples import Samples
 
 METHOD = 'zero-phase Butterworth'
-# Used where a model does not say how it was fitted.
+# Used if a model does not say how it was fitted.
 DEFAULT_SETTINGS = {'method': METHOD, 'source': 'position', 'bandwidth': 40.0}
 _ORDER = 2
 # Time steps that differ by a smaller share than this are uniform.

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The drive's current as a sum of effects, and the files of one joint's model or a whole arm's."""
+"""The drive's current as a sum of effects, and model files of one joint or a whole arm."""
 
 from __future__ import annotations
 
@@ -215,7 +215,7 @@ class FrictionModel:
 
     @classmethod
     def from_dict(cls, document: dict[str, Any]) -> FrictionModel:
-        """Make a model of the plain values of its file."""
+        """Make a model from the plain values of its file."""
         known = {'format', 'version', *(entry.name for entry in fields(cls))}
         check_document(document, 'a model file', FORMAT, VERSION, known)
         given = {name: value for name, value in document.items() if value is not None}
@@ -277,7 +277,7 @@ def _lookup_table(section: Any) -> dict[str, list[float]]:
                     for value in check_list(values, f'lookup_table.{name}')]
              for name, values in section.items()}
     if len(table.get('speeds', ())) != len(table.get('currents', ())):
-        raise InputError('lookup_table: speeds and currents must be as many')
+        raise InputError('lookup_table: speeds and currents must have the same length')
     return table
 
 
@@ -335,7 +335,7 @@ def arm_document(models: dict[str, dict[str, Any]]) -> dict[str, Any]:
 
 
 def joints_of(document: Any) -> list[str] | None:
-    """Return the joints of a whole arm's document; None where it is that of one joint."""
+    """Return the joints of a whole arm's document; None if it describes one joint."""
     if not isinstance(document, dict) or document.get('format') != ARM_FORMAT:
         return None
     check_document(document, 'a file of a whole arm', ARM_FORMAT, VERSION)

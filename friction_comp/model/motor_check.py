@@ -82,7 +82,7 @@ def _check_sigmoid(model: FrictionModel, motion: Samples) -> float:
             'the sign of friction')
     span = current[-1] - current[0]
     if (np.maximum.accumulate(current) - current).max() > _DIP * span:
-        raise InputError('sigmoid: it falls with speed; friction that does is the effect stribeck')
+        raise InputError('sigmoid: it falls with speed; use the effect stribeck for such friction')
     largest = np.abs(current).max()
     _check_limit(model, largest, f'sigmoid: {largest:.3g} A at {speeds[-1]:.3g} rad/s is')
     _check_table(model)
@@ -140,7 +140,7 @@ def _check_breakaway(model: FrictionModel, friction: float) -> None:
         _check_limit(model, mean, f'breakaway.{side}: {mean:.4g} A is')
         if mean > _LARGEST_RATIO * friction or mean < _SMALLEST_RATIO * plateau:
             raise InputError(
-                f'breakaway.{side}: {mean:.4g} A does not go with sliding friction of '
+                f'breakaway.{side}: {mean:.4g} A does not match sliding friction of '
                 f'{plateau:.3g} to {friction:.3g} A')
         if spread > mean:
             raise InputError(

@@ -21,11 +21,11 @@ VELOCITY_UNITS = {'rad/s': 1.0, 'deg/s': math.pi / 180.0}
 
 def kinetic_current(velocity: Any, upper: float, lower: float, steepness: float, shift: float,
                     viscous: float) -> Any:
-    """Return Eq. 6 at a velocity: the one place where it is written.
+    """Return Eq. 6 at a velocity; the only implementation of Eq. 6.
 
-    Arrays and single numbers alike, rad/s; `compiled.compiled_kinetic_current` is the same function
-    in compiled code. Current or torque, in the unit of the plateaus; parameters are those of
-    `Sigmoid`.
+    `velocity` is an array or a number in rad/s. The result, current or torque, has the unit of the
+    plateaus; parameters are those of `Sigmoid`. `compiled.compiled_kinetic_current` is the same
+    function compiled.
     """
     return viscous * velocity + lower + (upper - lower) / (
         1.0 + np.exp(-steepness * (velocity - shift)))
@@ -36,7 +36,7 @@ class Sigmoid:
     """Current that overcomes kinetic friction, as a function of joint velocity (Eq. 6).
 
     Eq. 6 has six coefficients but five degrees of freedom: c1, c3, c4 and c5 may be multiplied
-    by any number. Here they are held as what they mean,
+    by any number. They are stored as these parameters:
 
     ``i(ω) = viscous·ω + lower + (upper - lower) / (1 + exp(-steepness·(ω - shift)))``
 
@@ -67,9 +67,9 @@ class Sigmoid:
     @classmethod
     def from_coefficients(cls, coefficients: Sequence[float],
                           velocity_unit: str = 'rad/s') -> Sigmoid:
-        """Make a sigmoid of c1..c6 of Eq. 6.
+        """Make a sigmoid from c1..c6 of Eq. 6.
 
-        The unit of ω in which c2 and c6 are given is rad/s or deg/s, as in Eq. 11 of the note.
+        c2 and c6 refer to ω in rad/s or, as in Eq. 11 of the note, in deg/s.
         Raises InputError if there are not six finite numbers with c2, c4 and c5 positive.
         """
         unit = _unit(velocity_unit)
@@ -87,7 +87,7 @@ class Sigmoid:
             shift=-math.log(c4 / c5) / c2 * unit, viscous=c6 / unit)
 
     def coefficients(self, velocity_unit: str = 'rad/s') -> tuple[float, ...]:
-        """Return c1..c6 of Eq. 6, with the sum c4 + c5, which Eq. 6 leaves free, of 2."""
+        """Return c1..c6 of Eq. 6; the sum c4 + c5, which Eq. 6 leaves free, is 2."""
         unit = _unit(velocity_unit)
         with np.errstate(over='ignore'):
             # The transition's share at standstill.

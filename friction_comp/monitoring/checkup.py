@@ -355,7 +355,7 @@ def _check_fit(seen: Observation, joint: str, model: FrictionModel, rows: np.nda
         level, do = OK, ''
     else:
         level, do = WARNING, 'check torque constant and gear ratio, then refine the model'
-    return [*findings, Finding(level, joint, residual.blind or verdict.words, do)]
+    return [*findings, Finding(level, joint, residual.blind or verdict.text, do)]
 
 
 def _rows(states: StatesSeen, measured_load: np.ndarray | None, joint: str, model: FrictionModel

@@ -56,7 +56,7 @@ class ModelFit:
     level: float = 0.0
 
     @property
-    def words(self) -> str:
+    def text(self) -> str:
         """The verdict as one line of text."""
         if not self.known:
             return 'not enough motion yet to tell whether the model fits'
@@ -194,7 +194,7 @@ def _block_slices(samples: Samples, moving: np.ndarray) -> Iterator[slice]:
 
 
 def _without_inertia(blocks: np.ndarray) -> np.ndarray:
-    """Return the residual without its dependence on acceleration: inertia is no friction."""
+    """Return the residual without its dependence on acceleration, since inertia is not friction."""
     residual, acceleration = blocks[:, _RESIDUAL], blocks[:, _ACCELERATION]
     columns = np.column_stack((np.ones(len(blocks)), np.sign(blocks[:, _VELOCITY]), acceleration))
     fit = np.linalg.lstsq(columns, residual, rcond=None)[0]

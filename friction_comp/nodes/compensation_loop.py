@@ -248,8 +248,8 @@ class CompensationLoop:
     def check_commanders(self, others: Sequence[str]) -> None:
         """Check for other publishers of the command; to be called often.
 
-        A publisher that appears while this node commands is a latched fault. One that was there
-        before is waited for, since discovery may report it for some time after it is gone.
+        A publisher that appears while this node commands is a latched fault. If it was there
+        before, the node waits, since discovery may report it for some time after it is gone.
         """
         now = self._clock()
         if self._silent_since is not None:

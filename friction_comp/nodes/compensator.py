@@ -197,9 +197,9 @@ class CompensatorNode(LifecycleNode):
         self._set_state('unconfigured', 'an error in a transition')
         return TransitionCallbackReturn.SUCCESS
 
-    def _set_state(self, state: str, words: str) -> None:
+    def _set_state(self, state: str, text: str) -> None:
         self._state = state
-        self.get_logger().info(words)
+        self.get_logger().info(text)
 
     def _disconnect(self) -> None:
         if self._configured is not None:

@@ -17,7 +17,7 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.nodes.compensation_loop import CompensationLoop
 from friction_comp.nodes.diagnostics import OK, per_joint, Rate, WARN
 from friction_comp.nodes.faults import Faults
-from friction_comp.nodes.joint_io import CommandPort, rivals
+from friction_comp.nodes.joint_io import CommandPort, competing_publishers
 from friction_comp.nodes.joint_states import NANO, nanoseconds
 from friction_comp.nodes.model_loading import warm_up
 
@@ -149,8 +149,8 @@ class ConfiguredCompensator:
     def supervise(self) -> None:
         """Check for other commanders and planners, and for directions that are not renewed."""
         loop = self.loop
-        loop.states.publishers = rivals(self._node, 'joint_states')
-        loop.direction.planners = rivals(self._node, 'direction', 'direction_stamped')
+        loop.states.publishers = competing_publishers(self._node, 'joint_states')
+        loop.direction.planners = competing_publishers(self._node, 'direction', 'direction_stamped')
         loop.check_commanders(loop.port.others())
         silent = loop.direction.silent(loop.states.stamp)
         if silent:

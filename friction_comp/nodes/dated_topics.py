@@ -84,9 +84,8 @@ class RecordedTopic:
     duplicates are removed.
 
     Each publisher numbers its messages, but a message does not name its publisher. A number that
-    continues no sequence follows lost messages, or is the first of a publisher that has not been
-    heard, if there is one. Beside a sequence that went on so far it counts as loss, until that
-    sequence continues after all.
+    continues no known sequence follows lost messages, or is the first one received from another
+    publisher. If both are possible, the gap counts as loss until the earlier sequence continues.
 
     `take` is called with each serialised message and the middleware's message info. `sender`
     returns the sender of a message, for topics with many publishers. `name` is the resolved name of
@@ -103,8 +102,8 @@ class RecordedTopic:
         self._subscriptions: dict[Offer, Any] = {}
         # In the order of arrival; only the keys are used.
         self._seen: dict[tuple[int, int], None] = {}
-        # Numbers of the next messages, by sender, and whether the sequence went on so far; losses
-        # that are none if one of these numbers arrives.
+        # Next number of each sequence, by sender, and whether the sequence has continued; losses to
+        # take back if one of these numbers arrives.
         self._expected: defaultdict[str, dict[int, bool]] = defaultdict(dict)
         self._doubtful: dict[int, int] = {}
         self._publishers: frozenset[tuple[bytes, Offer]] = frozenset()

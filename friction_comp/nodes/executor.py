@@ -160,8 +160,8 @@ class StreamExecutor(executors.Executor):
         for index in range(len(self._subscriptions)):
             if wait_set.is_ready('subscription', index):
                 last_ready = index
-        # Take one message of the last ready subscription, and all of those before it. A copy, since
-        # a callback may replace the list.
+        # Take one message of the last ready subscription, and all of those before it. Use a copy,
+        # since a callback may replace the list.
         for index, subscription in enumerate(self._subscriptions[:last_ready + 1]):
             while self._take(*subscription) and index < last_ready:
                 pass

@@ -213,12 +213,12 @@ class ExerciseNode(Node):
             return 'waits for joint_states'
         missing = [joint for joint, position in zip(self._joints, self._received)
                    if not np.isfinite(position)]
-        words = (f'waits for a position of {", ".join(missing)}: joint_states hold '
-                 f'{", ".join(sorted(self._named_joints))}')
+        text = (f'waits for a position of {", ".join(missing)}: joint_states hold '
+                f'{", ".join(sorted(self._named_joints))}')
         self._reports += 1
         if self._reports == _REPORTS_BEFORE_WARNING:
-            self.get_logger().warning(words)
-        return words
+            self.get_logger().warning(text)
+        return text
 
     def leave(self) -> None:
         """Announce no direction."""

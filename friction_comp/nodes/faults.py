@@ -27,7 +27,7 @@ class Faults:
     """Present faults of a node, and latched ones that remain until they are reset.
 
     May be used from several threads. A fault ends when it has not been reported for some time, so
-    that an intermittent fault is one.
+    that an intermittent fault counts as one.
     """
 
     def __init__(self, logger: Any, clock: Callable[[], float] = time.monotonic) -> None:
@@ -90,7 +90,7 @@ class Faults:
 
     @property
     def worst(self) -> tuple[bytes, str] | None:
-        """Level and words of the present fault, latched ones first; None where there is none."""
+        """Level and text of the present fault, latched ones first; None if there is none."""
         with self._lock:
             if self._latched:
                 return ERROR, '; '.join(self._latched.values()) + ' (latched)'

@@ -26,7 +26,7 @@ DEFAULT_SPEEDS = [math.radians(v) for v in (4.0, 8.0, 15.0, 25.0, 40.0, 60.0, 80
 
 @dataclass(frozen=True)
 class Action:
-    """One action of the node: its type and name, and what is done with a request."""
+    """One action of the node: its type and name, and how a request is processed."""
 
     kind: Any
     name: str
@@ -63,13 +63,13 @@ def declare_defaults(node: Any) -> dict[str, Any]:
     defaults = {'speeds': list(node.declare_parameter(
         'default_speeds', DEFAULT_SPEEDS, ParameterDescriptor(
             description='speeds of a goal that names none [rad/s]', read_only=True)).value)}
-    for name, default, words, unit, low, high in (
+    for name, default, text, unit, low, high in (
             ('motion_range', 1.0, 'motion range', ' [rad]', 1e-3, 100.0),
             ('ramp_slope', 0.06, 'ramp slope', ' [A/s]', 1e-6, 100.0),
             ('ramp_period', 10.0, 'ramp period', ' [s]', 1.0, 1000.0),
             ('breakaway_cycles', 20, 'breakaway cycles', '', 1, 100_000)):
         defaults[name] = declare(
-            node, f'default_{name}', default, f'{words} of a goal that names none{unit}', low, high)
+            node, f'default_{name}', default, f'{text} of a goal that names none{unit}', low, high)
     return defaults
 
 

@@ -255,7 +255,7 @@ class IdentificationNode(Node):
 
     def _check_connections(self) -> None:
         """Check the publishers, and end a goal whose client is gone."""
-        self._states.publishers = joint_io.rivals(self, 'joint_states')
+        self._states.publishers = joint_io.competing_publishers(self, 'joint_states')
         goal = self._goal
         if goal is None:
             return

@@ -92,10 +92,10 @@ def publishers(node: Any, topic: str) -> list[str]:
                   for info in node.get_publishers_info_by_topic(node.resolve_topic_name(topic)))
 
 
-def rivals(node: Any, *topics: str) -> list[str]:
+def competing_publishers(node: Any, *topics: str) -> list[str]:
     """Return the publishers of topics that should have only one; empty if there is only one.
 
-    One node may publish several of the topics. Counting takes microseconds, names take longer.
+    One node may publish several of the topics. Publishers are counted first, which is fast.
     """
     counts = [node.count_publishers(node.resolve_topic_name(topic)) for topic in topics]
     if sum(counts) < 2:
@@ -116,9 +116,9 @@ class CommandPort:
     The publisher exists only while the port is open: every node with a publisher may command the
     motor, and the others can see it.
 
-    Zero current may be commanded from any thread and takes precedence: currents with an earlier
-    `ticket` are not published after it. The ticket is to be read before a current is computed, and
-    increases with every zero command.
+    Zero current may be commanded from any thread and takes precedence: every zero command increases
+    `ticket`, and currents with an earlier ticket are not published. Read the ticket before
+    computing a current.
 
     `limits` are the largest currents of the joints in A, `torques` the torques at the joints in N·m
     per A: k_t·n. `last` is the last command in A.
@@ -171,7 +171,7 @@ class CommandPort:
         return self._discovered
 
     def is_lost(self, sent: int) -> bool:
-        """Return whether a state, repeated at a system time in ns, was because of a lost answer."""
+        """Return whether a state was repeated, at a system time in ns, because of a lost answer."""
         return sent > self._answered + _CROSSING_TIME
 
     def answer(self, currents: Sequence[float] | np.ndarray, ticket: int, stamp: int = 0) -> None:

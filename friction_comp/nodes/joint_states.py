@@ -41,8 +41,7 @@ def set_stamp(stamp: Any, value: int) -> None:
 class JointColumns:
     """Selects the node's joints from joint states of any order and with other joints.
 
-    `missing` are the joints that are not in the message, `twice` those that are in it more than
-    once.
+    `missing` are the joints that the message lacks, `twice` those that it names more than once.
     """
 
     def __init__(self, joints: Sequence[str]) -> None:

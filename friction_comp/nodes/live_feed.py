@@ -221,7 +221,7 @@ class LiveFeed:
     def status(self) -> list[tuple[str, str, str]]:
         """Return the status of the nodes, worst first."""
         now = time.monotonic()
-        entries = [(level, name, words) for name, (level, words, since) in sorted(
+        entries = [(level, name, text) for name, (level, text, since) in sorted(
             self._status.items()) if now - since < _STATUS_AGE]
         if now - self._received > 1.0:
             entries.append(('problem', 'joint_states', 'none'))

@@ -15,7 +15,7 @@ from friction_comp.topics import TOPICS
 # Period of the states that are used, and largest age of a load and of a temperature, ns.
 _STEP, _LOAD_AGE, _TEMPERATURE_AGE = 8_000_000, 200_000_000, 60_000_000_000
 # A busy machine reads all waiting messages of one topic before those of the next. States wait this
-# long for the load of their time, ns; other messages are kept for ten seconds at a kilohertz.
+# long for the load measured at the same time, ns; other messages are kept for ten seconds at 1 kHz.
 _PATIENCE = 5_000_000_000
 _MAX_KEPT = 10_000
 # Topics, and which fields of their messages are used.

@@ -25,7 +25,7 @@ def declare(node: Any, name: str, default: Any, description: str, low: float | N
 
     The default determines the type; an empty list is a list of strings. The description has meaning
     and unit. Numbers are limited to `low` to `high`, if `low` is given. The parameter is read-only
-    unless it `changes` while the node runs. `constraints` are words.
+    unless it `changes` while the node runs. `constraints` is a text.
 
     Raises
     ------
@@ -51,10 +51,10 @@ def declare(node: Any, name: str, default: Any, description: str, low: float | N
 
 def declare_choice(node: Any, name: str, choices: Sequence[str], description: str) -> str:
     """Declare a read-only parameter with one of a few values, by default the first; return it."""
-    words = ' or '.join(choices)
-    value = declare(node, name, choices[0], description, constraints=words)
+    listed = ' or '.join(choices)
+    value = declare(node, name, choices[0], description, constraints=listed)
     if value not in choices:
-        raise InputError(f'parameter {name}: must be {words}, not {value!r}')
+        raise InputError(f'parameter {name}: must be {listed}, not {value!r}')
     return str(value)
 
 

@@ -151,7 +151,7 @@ class RefinementNode(Node):
         if verdict.fits != self._fits[joint]:
             self._fits[joint] = verdict.fits
             log = self.get_logger().info if verdict.fits else self.get_logger().warning
-            log(f'{joint}: {verdict.words}')
+            log(f'{joint}: {verdict.text}')
 
     # The action.
 
@@ -257,13 +257,13 @@ class RefinementNode(Node):
         misfits = []
         for joint, watch in self._watches.items():
             verdict = watch.residual.verdict()
-            words = watch.residual.blind or verdict.words
-            values[f'{joint}: residual'] = words
+            text = watch.residual.blind or verdict.text
+            values[f'{joint}: residual'] = text
             values[f'{joint}: error as a share of the friction'] = float(verdict.share)
             values[f'{joint}: model file'] = watch.file
             values[f'{joint}: on trial'] = watch.trial is not None
             if not verdict.fits:
-                misfits.append(f'{joint}: {words}: refine it')
+                misfits.append(f'{joint}: {text}: refine it')
         if self._error:
             return ERROR, self._error, values
         if misfits:

@@ -23,11 +23,11 @@ def start_ros(name: str, arguments: Sequence[str], context: Context | None = Non
                    signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:
         # The errors have no common base class.
-        words = without_source_locations(error)
-        if 'log' in words and 'directory' in words:
-            raise InputError(f'ROS 2 cannot write its log: {words}. Set the environment variable '
+        text = without_source_locations(error)
+        if 'log' in text and 'directory' in text:
+            raise InputError(f'ROS 2 cannot write its log: {text}. Set the environment variable '
                              'ROS_LOG_DIR to a folder that can be written') from None
-        raise InputError(f'ROS arguments: {words}') from None
+        raise InputError(f'ROS arguments: {text}') from None
 
 
 @contextmanager

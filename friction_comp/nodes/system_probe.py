@@ -42,7 +42,7 @@ def middleware() -> str:
 
 def observe(seconds: float, arguments: list[str],
             progress: Callable[[float, str], None]) -> Observation:
-    """Observe a running system for s, under ROS arguments for namespace and remappings.
+    """Observe a running system for `seconds` s; `arguments` are ROS arguments, as remappings.
 
     `progress` is called with progress 0..1 and the present step.
     """

@@ -12,7 +12,7 @@ from numba import njit, prange
 import numpy as np
 
 from friction_comp.identification.breakaway import breakaway_currents, BreakawayRecords
-from friction_comp.identification.excitation import at_ramp
+from friction_comp.identification.excitation import ramp_current
 from friction_comp.identification.goal import IdentificationGoal
 from friction_comp.identification.run import (
     CUT_COUNTS,
@@ -91,7 +91,7 @@ def _ramp_runs(joints: np.ndarray, random: np.ndarray, states: np.ndarray, outs:
             past[k % CUT_SAMPLES] = position
             if abs(position - home) > CUT_COUNTS * p.resolution and abs(speed) > CUT_SPEED:
                 free = True
-            ramp = at_ramp(t - math.floor(t / period) * period, slope, period)
+            ramp = ramp_current(t - math.floor(t / period) * period, slope, period)
             command = 0.0 if free else ramp
             log[r, k, 0] = position
             log[r, k, 1] = out.current

@@ -20,7 +20,7 @@ _FIRST_REPORT = 10_000_000_000
 
 @dataclass(frozen=True)
 class Activity:
-    """State of a compensator from one time on, as it reported it; '' what it did not report."""
+    """State of a compensator from one time on, as it reported it; '' if not reported."""
 
     time: int           # received at, ns
     state: str          # its lifecycle state; 'identification' while that node moved the joint
@@ -49,8 +49,8 @@ class ActivityLog:
     def add(self, time: int, raw: bytes, begin: int) -> None:
         """Add a serialised DiagnosticArray; one that is truncated is skipped.
 
-        A compensator's first report also holds for the time just before it, down to the begin of
-        the recording, since reports come every second.
+        A compensator's first report also holds for the time just before it, back to the beginning
+        of the recording, since reports come every second.
         """
         if not any(node in raw for node in _SOURCES):
             return

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stores averages of a drive's recordings in a small file beside its model.
 
-They are averages of signals, not sums of products: a later refinement can fit new effects to
-averages, but not to sums of products, which contain only the columns of their time and are larger.
+Averages of signals are stored, not sums of products: a later refinement can fit new effects to
+averages. Sums of products contain only the columns known when they were computed, and are larger.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _FIRST_DATE = 1e9
 
 @dataclass(frozen=True)
 class RecordedAverages:
-    """Averages of one recording, at 100 Hz at most."""
+    """Averages of one recording, at most at 100 Hz."""
 
     name: str       # of the file or folder
     start: float    # stamp of its first sample, s

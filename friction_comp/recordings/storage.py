@@ -30,7 +30,7 @@ _ZSTD = b'\x28\xb5\x2f\xfd'
 
 
 def is_storage(path: Path) -> bool:
-    """Return whether a file is, by its name, one that holds messages."""
+    """Return whether a file contains messages, judging by its name."""
     return path.name.endswith(SUFFIXES)
 
 

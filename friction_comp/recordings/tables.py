@@ -40,7 +40,7 @@ Columns = dict[str, np.ndarray]
 
 
 def is_table(path: Path) -> bool:
-    """Return whether a file is, by its name, a table."""
+    """Return whether a file is a table, judging by its name."""
     return path.name.lower().endswith(TABLES)
 
 

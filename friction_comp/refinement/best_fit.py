@@ -60,7 +60,7 @@ class Fit:
     candidates: list[Term]  # the last ones
     # Share of bootstrap samples in which the lag lowers the error enough; 1 without a lag.
     lag_confidence: float = 1.0
-    # How often repeated searches choose each term, and intervals, once terms are named.
+    # How often repeated searches choose each term, and intervals; filled when terms are named.
     stability: Stability = field(default_factory=Stability)
     intervals: Intervals = field(default_factory=Intervals)
 
@@ -242,7 +242,7 @@ def _lag_confidence(lagged: Fit, unlagged: Fit) -> float:
 
 
 def _other_settings(problem: Problem, fit: Fit) -> list[dict[str, Any]]:
-    """Return settings, not those of a fit, with which its terms or a plain drive predict better."""
+    """Return other settings with which the terms of a fit, or a plain drive, predict better."""
     rows, others, settings = fit.rows, [], fit.settings
     target = rows.averaged(rows.target)
 

@@ -1,9 +1,9 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Block sums: products of columns summed over blocks, all that a linear fit needs.
+"""Block sums: products of columns summed over blocks, which suffice for linear fits.
 
-For each block k the sums ``X_kᵀX_k``, ``X_kᵀy_k``, ``y_kᵀy_k`` and the number of rows are kept, and
-no sample. A block is left out by subtraction; blocks are resampled by weights.
+For each block k, only the sums ``X_kᵀX_k``, ``X_kᵀy_k``, ``y_kᵀy_k`` and the number of rows are
+kept. Fits leave blocks out, or resample them, by weights.
 """
 
 from __future__ import annotations

@@ -85,11 +85,11 @@ def remaining_dependences(samples: Samples, residual: np.ndarray, slowest: float
 
 def explained_share(residual: np.ndarray, cells: np.ndarray, block: np.ndarray,
                     rng: np.random.Generator) -> float:
-    """Return the share of a residual's variance that cells explain; 0 where it may be chance.
+    """Return the share of a residual's variance that cells explain; 0 if it may be chance.
 
-    It is the share beyond the average with flipped signs. `cells` and `block`, shape (N,), are the
+    The average share with flipped signs is subtracted. `cells` and `block`, shape (N,), are the
     indices of each sample's cell and block. Blocks are longer than the correlation time, so that
-    without a dependence the sign of the residual in one is independent of that in the next.
+    without a dependence the signs of the residual in successive blocks are independent.
     """
     count, rows = int(cells.max()) + 1, int(block.max()) + 1
     table = np.bincount(block * count + cells, residual, minlength=rows * count)
@@ -181,11 +181,11 @@ def _blocks(values: np.ndarray) -> np.ndarray:
     return np.arange(size) // max(2, min(length, size // _FEWEST_BLOCKS))
 
 
-def _dependence(name: str, strength: float, values: np.ndarray, words: str) -> Dependence:
-    """Return the dependence on a variable; `words` name it, or a pair, in the note."""
+def _dependence(name: str, strength: float, values: np.ndarray, label: str) -> Dependence:
+    """Return the dependence on a variable; `label` names it, or a pair, in the note."""
     size = np.sqrt(max(strength, 0.0) * np.mean(values ** 2))
     return Dependence(name, strength, f'about {size:.2g} A RMS of the remaining error depend on '
-                      f'{words}, in a way that no effect of the package describes')
+                      f'{label}, in a way that no effect of the package describes')
 
 
 def _ranges(values: np.ndarray, count: int, tails: tuple[float, ...] = ()) -> np.ndarray:

@@ -293,7 +293,7 @@ def proposals(table: Table, terms: Sequence[Term]) -> list[Term]:
         if all(getattr(rows.samples, signal) is not None for signal in kind.needs)
         and not kind.insufficient_data(rows.coverage)
         and (view.load_shares or not kind.uses_inner_load)
-        # The person's torque answers friction: it correlates with every missing effect.
+        # The person's torque responds to friction: it correlates with every missing effect.
         and not (rows.load_coefficient and 'load' in kind.needs)
         for constants in kind.propose(view)]
     if rows.joints:

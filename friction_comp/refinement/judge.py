@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Estimates a model's error on other recordings and how far to trust it.
 
-The growth of errors in thirds of the recording that were not fitted tells what to expect on
-another recording; see `LeftOutThirds`. Everything else to report is a finding with a code, and the
-verdict is the grade of the worst one.
+The error expected on another recording follows from the growth of errors in thirds of the recording
+that were not fitted; see `LeftOutThirds`. Everything else to report is a finding with a code; the
+verdict is the grade of the worst finding.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Finding:
     code: str  # one of those of msg_docs/reports.md, for programs
     text: str  # one sentence, for people
     grade: str = TRUST  # the best verdict that this finding allows: `TRUST` for a mere note
-    record: str = ''  # a recording that would settle it; empty where none would
+    record: str = ''  # a recording that would settle it; empty if none would
 
 
 _FINDINGS = {
@@ -112,7 +112,7 @@ _EXPERIMENTS = {
 
 
 def finding(code: str, **values: Any) -> Finding:
-    """Return a finding with values put into its words."""
+    """Return a finding with values inserted into its text."""
     grade, text, record = _FINDINGS[code]
     return Finding(code, text.format(**values), grade, record.format(**values))
 
@@ -148,7 +148,7 @@ def in_unit(text: str, unit: str) -> str:
 
 
 def rms(values: np.ndarray) -> float:
-    """Return the root mean square; NaN of nothing."""
+    """Return the root mean square; NaN of an empty array."""
     return float(np.sqrt(np.mean(np.square(values)))) if np.size(values) else math.nan
 
 

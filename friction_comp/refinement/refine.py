@@ -64,7 +64,7 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
     progress : callable, optional
         Called with the share of the work done and the name of the step.
     unit : str, optional
-        Unit of `Samples.current`, for the text of the report. The default is A where a drive or a
+        Unit of `Samples.current`, for the text of the report. The default is A if a drive or a
         model gives the torque constant, otherwise N·m, the unit of effort.
 
     Returns

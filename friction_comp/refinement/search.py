@@ -69,8 +69,8 @@ class Search:
     region of posture: most excitations pass the same postures again and again, and a wrong
     term that fits these would not be noticed.
 
-    `candidates` may be added, and `fixed` terms are always kept. With `weights`, shape (B,), each
-    block is in the fitted sample as often as they say, and those with weight 0 are held out.
+    `candidates` may be added, and `fixed` terms are always kept. `weights`, shape (B,), are the
+    numbers of times that each block is fitted; blocks with weight 0 are held out.
     """
 
     def __init__(self, table: Table, candidates: list[Term], fixed: Sequence[Term] = (),
@@ -90,7 +90,7 @@ class Search:
         return terms
 
     def errors(self, terms: Sequence[Term]) -> list[np.ndarray]:
-        """Return the squared errors of held-out blocks, and of held-out regions where there are."""
+        """Return the squared errors of held-out blocks and, if any, of held-out regions."""
         table, sums, columns = self.table, self.table.sums, self.table.indices(terms)
         if self._resampled:
             coefficients = sums.fits(columns, self._weights[None])
@@ -106,7 +106,7 @@ class Search:
 
     def is_improvement(self, before: Sequence[np.ndarray], after: Sequence[np.ndarray],
                        share: float = 1.0) -> bool:
-        """Return whether `errors` decrease by more than may be chance.
+        """Return whether `errors` decrease by more than chance.
 
         Where several joints moved, they have to decrease in held-out regions of posture, too. The
         thresholds are multiplied by `share`.

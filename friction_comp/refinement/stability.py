@@ -6,9 +6,9 @@ The search is repeated on resampled blocks, and an effect is named where most se
 Effects that other searches choose in its place are those that the recording cannot distinguish
 from it. The scatter of the coefficients over resampled blocks gives their intervals.
 
-The next recording will differ from this one in speed, position, time or posture. So each third of
-the range of each of these is predicted by a fit to the other thirds. A term that increases these
-errors is not named, and the largest of them is the error expected elsewhere.
+The next recording will differ from this one in speed, position, time or posture. Therefore each
+third of the range of each of these is predicted by a fit to the other thirds. A term that increases
+these errors is not named, and the largest of them is the error expected elsewhere.
 """
 
 from __future__ import annotations

@@ -20,35 +20,35 @@ class Threshold(float):
 
 # Which samples are fitted, and how they are grouped.
 FEWEST_SAMPLES = Threshold(
-    200, 'samples', 'fewer in motion distinguish Coulomb from viscous friction and little else')
+    200, 'samples', 'fewest in motion; with less, little but Coulomb and viscous friction shows')
 REST = Threshold(
-    0.1, 's', 'of rest at least, before and after which motion is presliding for as long')
+    0.1, 's', 'shortest rest; slow motion within this time of a rest is presliding')
 PRESLIDING_SPEED = Threshold(
-    0.05, 'of the top speed', 'above it, motion beside a rest is no presliding')
+    0.05, 'of the top speed', 'faster motion near a rest is not presliding')
 ROWS = Threshold(
-    16000, 'rows', 'so many averages are searched, taken at 100 Hz or more')
+    16000, 'rows', 'most averages searched; four times as many if they are at 100 Hz')
 BLOCKS = Threshold(
     16, 'blocks', 'long enough to differ, and enough of them for statistics')
 REGIONS = Threshold(
-    3, 'regions', 'of posture, where several joints moved')
+    3, 'regions', 'of posture, if several joints moved')
 # Bandwidth, lag and transition.
 EQUIVALENT = Threshold(
-    0.005, 'of the error', 'of difference at most: the wider bandwidth or sharper transition wins')
+    0.005, 'of the error', 'less is ignored: the wider bandwidth or sharper transition is used')
 LOWER_ERROR = Threshold(
-    0.97, 'of the error', 'at most, by the effects found, at a bandwidth that is tried next')
+    0.97, 'of the error', 'limit for trying another bandwidth, with the effects found')
 LAG_ERROR = Threshold(
-    0.8, 'of the squared error', 'at most with a lag: it blurs, and may stand in for effects')
+    0.8, 'of the squared error', 'limit for accepting a lag, which blurs and may replace effects')
 LONGEST_LAG = Threshold(
     0.15, 's', 'longer than that of any drive with a current controller')
 SAME_MOTION_ERROR = Threshold(
-    1.02, 'times', 'the least squared error in motion: starts and stops decide below it')
+    1.02, 'times', 'the smallest squared error in motion: below it, starts and stops decide')
 # The search.
 LEAST_SHARE = Threshold(
-    0.02, 'of the squared error', 'with less, an effect may only correct the shape of another')
+    0.02, 'of the squared error', 'smallest gain of an effect; less may only correct another one')
 STANDARD_ERRORS = Threshold(
-    2.0, 'standard errors', 'of the gain over blocks that were not fitted')
+    2.0, 'standard errors', 'smallest gain over held-out blocks')
 STAYS = Threshold(
-    0.5, 'of both', 'is enough for an effect to stay in a fit')
+    0.5, 'of both gains', 'is enough for an effect to stay in a fit')
 OWN_SHARE = Threshold(
     0.01, 'of its size', 'that no other term repeats: with less, coefficients cancel')
 SHORTLIST = Threshold(
@@ -64,33 +64,33 @@ ALTERNATIVE_SHARE = Threshold(
     0.2, 'of the searches', 'choose another effect instead: it is reported as ambiguous')
 # The verdict.
 GROWTH = Threshold(
-    1.3, 'times', 'the error at most in thirds that were not fitted, or the model ends there')
+    1.3, 'times', 'the held-out error: limit for thirds that were not fitted')
 LEAST_STRENGTH = Threshold(
-    0.03, 'of the residual variance', 'depends on one variable: less is not reported')
+    0.03, 'of the residual variance', 'weaker dependences on a variable are not reported')
 UNEXPLAINED = Threshold(
-    0.4, 'of the residual variance', 'depends on one variable: the model lacks something')
+    0.4, 'of the residual variance', 'explained by one variable: the model lacks something')
 UNEXPLAINED_CURRENT = Threshold(
-    0.4, 'of the current', 'remains in motion: it depends on something that was not recorded')
+    0.4, 'of the current', 'a larger error in motion is due to something not recorded')
 USELESS_ERROR = Threshold(
-    0.9, 'of the current', 'is the error to expect elsewhere: zero would predict about as well')
+    0.9, 'of the current', 'with a larger error elsewhere, zero would predict about as well')
 SAME_LOAD = Threshold(
-    0.02, 'of -1/(k_t·n)', 'away from it, the load tells that the torque constant is wrong')
+    0.02, 'of -1/(k_t·n)', 'if the load coefficient deviates by more, the torque constant is wrong')
 WRITTEN_ERROR = Threshold(
-    1.5, 'times', "a fit's error at most, of the model as it is written")
+    1.5, 'times', "the fit's error: limit for the model as it is written")
 FOLLOWED_VARIANCE = Threshold(
     0.99, 'of the variance', "of a joint's position follows from the others': they move as one")
 PUSHING_ERROR = Threshold(
-    0.5, 'of the squared error', 'remains where friction may push: no drive answers motion so')
+    0.5, 'of the squared error', 'with less if friction may push, the current is a response')
 WARMED_WITH_TIME = Threshold(
-    0.95, 'rank correlation', 'of time and temperature, above which they cannot be told apart')
+    0.95, 'rank correlation', 'of time and temperature: above it they cannot be distinguished')
 SPED_WITH_TIME = Threshold(
-    0.9, 'rank correlation', 'of time and speed, above which drift may be friction over velocity')
+    0.9, 'rank correlation', 'of time and speed: above it drift may be friction over velocity')
 INSEPARABLE = Threshold(
-    0.97, 'rank correlation', 'with a variable that the residual depends on: it may be the other')
+    0.97, 'rank correlation', 'of another variable with the one found: it may be the cause')
 CORRELATED = Threshold(
     0.8, 'rank correlation', 'of two coefficients over resampled blocks: the pair is reported')
 VELOCITY_RATIO = Threshold(
-    1.2, 'times', 'the rate of position, above which the recorded velocity is called wrong')
+    1.2, 'times', 'the rate of position: beyond it the recorded velocity is reported as wrong')
 
 
 def table() -> list[tuple[str, float, str, str]]:

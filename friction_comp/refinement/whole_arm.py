@@ -104,7 +104,7 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
     if (fit.tree.gravity != chain.tree.gravity).any():
         direction = ', '.join(f'{value:.2f}' for value in fit.tree.gravity / 9.81)
         notes.append(f'the currents fit gravity along ({direction}) of the base far better than '
-                     'along its -z: the arm is assumed to be mounted so')
+                     'along its -z: the arm is assumed to be mounted that way')
     arm = Arm(fit.tree, fit.differentiation)
     refined = list(only or names)
     results: dict[str, RefineResult] = {}

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class _Peaks(NamedTuple):
-    """The peak torques of the compared pair and their change in words; the test of it."""
+    """The compared pair, its peak torques and their change as text, and the comparison."""
 
     pair: tuple[Compensation, Compensation]
     before: str
@@ -106,7 +106,7 @@ def verdict(evaluation: Evaluation) -> str:
     first, second = peaks.pair
     plain, assisted = 'without (d = 0)', 'the direction announced (d = ±1)'
     if (first.law, first.model) != (second.law, second.model):
-        plain_label, label = (' · '.join(evaluation.words(condition)[1:])
+        plain_label, label = (' · '.join(evaluation.names_of(condition)[1:])
                               or 'no law that the recording names' for condition in peaks.pair)
         plain, assisted = f'with {plain_label}', f'the direction announced (d = ±1, {label})'
     words = (f'With {assisted} it took {peaks.after} to set the joint in motion instead of '
@@ -205,5 +205,5 @@ def p_value_text(p_value: float | None) -> str:
 
 def nonbreaking_label(evaluation: Evaluation, condition: Compensation) -> str:
     """Return a condition's label with line breaks allowed only before the model."""
-    words = [word.replace(' ', '\u00a0') for word in evaluation.words(condition)]
-    return ' '.join(['\u00a0·\u00a0'.join(words[:2]), *words[2:]])
+    names = [name.replace(' ', '\u00a0') for name in evaluation.names_of(condition)]
+    return ' '.join(['\u00a0·\u00a0'.join(names[:2]), *names[2:]])

@@ -45,7 +45,7 @@ def moving_states(samples: Samples, joints: Sequence[str], settings: dict[str, A
 
 @dataclass(frozen=True)
 class Arm:
-    """The rest of the arm, as the model of one of its joints holds it."""
+    """The rest of the arm, as part of the model of one of its joints."""
 
     source: Tree | Coupling     # rigid bodies, or terms found without a URDF
     # How velocity and acceleration of all joints are derived from a recording.
@@ -75,7 +75,7 @@ class Arm:
 
     def _index(self, joint: str) -> int:
         if joint not in self.joints:
-            raise InputError(f'joint {joint!r} is none of the arm: '
+            raise InputError(f'joint {joint!r} is not part of the arm: '
                              f'{", ".join(map(repr, self.joints))}')
         return self.joints.index(joint)
 
@@ -94,7 +94,7 @@ class Arm:
 
     @classmethod
     def from_dict(cls, document: dict[str, Any]) -> Arm:
-        """Make an arm of the plain values of a model file."""
+        """Make an arm from the plain values of a model file."""
         settings = document.get('differentiation')
         if not isinstance(settings, dict):
             raise InputError('arm.differentiation is missing or not a mapping')

@@ -2,9 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Torques of other joints on a joint, as a sum of terms found without a URDF.
 
-Each group of terms is an energy of the arm, and what it asks of the joint follows by Lagrange's
-equations: a potential energy is a harmonic of a sum of angles, a kinetic energy such a harmonic
-times two velocities.
+Each group of terms is the torque of one energy on the joint, by Lagrange's equations. A potential
+energy is a harmonic of a sum of angles, a kinetic energy such a harmonic times two velocities.
 """
 
 from __future__ import annotations
@@ -25,13 +24,13 @@ _JOINTS = {'weight': 0, 'kinetic': 3}
 class Group:
     """Terms that belong together.
 
-    Of kind 'weight' they are cosine and sine of a sum of angles; of kind 'kinetic', the torque on a
-    joint of a kinetic energy of two velocities, alone or times these.
+    A group of kind 'weight' consists of cosine and sine of a sum of angles; one of kind 'kinetic'
+    of the torque of a kinetic energy of two velocities, alone or times cosine and sine.
     """
 
     kind: str
     angles: tuple[tuple[str, int], ...] = ()    # joint and sign of each angle in the sum
-    # Of a kinetic energy: the joint on which it acts, and the two whose velocities it has.
+    # Of kind 'kinetic': the joint on which the torque acts, and the two joints of the velocities.
     joints: tuple[str, ...] = ()
 
     def columns(self, names: Sequence[str], q: np.ndarray, v: np.ndarray,
@@ -62,11 +61,11 @@ class Group:
 
     @property
     def all_joints(self) -> set[str]:
-        """Names of all joints in it, of angles and of velocities."""
+        """Names of all joints in the group, of angles and of velocities."""
         return {name for name, _ in self.angles} | set(self.joints)
 
     def describe(self) -> str:
-        """Return the group in words."""
+        """Return a description of the group."""
         total = ' '.join(('+' if side > 0 else '-') + name for name, side in self.angles)
         over = f' over the angle {total.removeprefix("+")}' * bool(total)
         if self.kind == 'weight':
@@ -98,7 +97,7 @@ class Coupling:
         return total
 
     def weight(self, names: Sequence[str], q: np.ndarray) -> float:
-        """Return the current in A of joints that hold still at positions q, shape (J,), rad."""
+        """Return the current in A with all joints at rest at positions q, shape (J,), rad."""
         states = q[None]
         still = np.zeros_like(states)
         return float(sum(

@@ -24,7 +24,7 @@ _KINDS = ('revolute', 'prismatic')
 class Tree:
     """L joints, each carried by an earlier one, and the link that each carries.
 
-    Raises InputError if shapes or values make no tree.
+    Raises InputError if shapes or values are not those of a tree.
     """
 
     joints: tuple[str, ...]     # names, as recordings have them
@@ -51,7 +51,7 @@ class Tree:
         parents = np.ascontiguousarray(self.parents, dtype=np.int64)
         object.__setattr__(self, 'parents', parents)
         if size == 0 or len(set(self.joints)) != size:
-            raise InputError('arm.joints must have names that differ')
+            raise InputError('arm.joints must have different names')
         if len(self.kinds) != size or any(kind not in _KINDS for kind in self.kinds):
             raise InputError(f'each joint of an arm is one of {", ".join(_KINDS)}')
         if parents.shape != (size,) or (parents >= np.arange(size)).any() or (parents < -1).any():

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Effects that a model can have beside the sigmoid: one class each, and one name in the list."""
+"""Effects that a model can have in addition to the sigmoid: one class each, listed here."""
 
 from friction_comp.model.effects.base import Effect
 from friction_comp.model.effects.definitions import (

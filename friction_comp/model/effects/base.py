@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The base class of effects; everything particular to an effect is in its own class."""
+"""The base class of effects; everything specific to an effect is in its own class."""
 
 from __future__ import annotations
 
@@ -33,15 +33,14 @@ class Effect(ABC):
     """One term of the drive's current, in A: coefficients times columns.
 
     A subclass defines the whole effect. It sets the class attributes, implements `columns` (its
-    formula, once, for arrays and for single samples) and `grid`, and overrides what differs from
-    the defaults.
+    formula for both arrays and single samples) and `grid`, and overrides other defaults as needed.
 
     Parameters
     ----------
     parameters : dict
         ``coefficients`` (A, one per column) and the nonlinear constants, plain numbers in SI units.
     valid_range : dict, optional
-        Lowest and highest value, by signal of `range_margins`, up to which it is continued.
+        Lowest and highest value of signals in `range_margins`; beyond them it is constant.
     """
 
     name = ''           # in model files and reports
@@ -49,11 +48,11 @@ class Effect(ABC):
     role = RESISTS      # or CARRIES, or NEITHER
     # Signals of `Samples` that it needs besides position and velocity.
     needs: tuple[str, ...] = ()
-    # Every nonlinear constant and how it is searched around a point of the grid; None where it is
-    # not. A constant named `transition` is the velocity over which friction changes sign, which all
-    # effects of a fit share.
+    # Every nonlinear constant, and how it is searched around a point of the grid; None if it is not
+    # searched. `transition` is the velocity over which friction changes sign, common to all effects
+    # of a fit.
     constants: dict[str, SearchRange | None] = {}
-    # What each coefficient is, and its unit, A standing for the recording's own.
+    # Meaning and unit of each coefficient; A stands for the unit of the recording.
     coefficient_names: tuple[tuple[str, str], ...] = ()
     # The effect in one sentence, and its formula in A, as templates for `str.format`: {A}, {B}, ...
     # are the coefficients, the constants have their own names.
@@ -61,25 +60,25 @@ class Effect(ABC):
     # Physically possible sign of the first coefficients: 1, -1, or 0 for either.
     signs: tuple[int, ...] = ()
     max_count = 1       # of effects of the class in a model, with different constants
-    # Whether every drive may have it: refinement starts with it, and removes it where the data do
-    # not support it.
+    # Whether every drive may have it: refinement starts with it, and removes it if the data do not
+    # support it.
     in_first_model = False
     holds_on_another_day = True     # whether it is expected in other recordings of the drive
-    # Whether a sample's value depends on those before: then it has `step`, `start` and `memory`.
+    # Whether a sample's value depends on earlier ones: then it has `step`, `start` and `memory`.
     has_memory = False
-    not_fed_back = ''   # why the compensator must not apply it; empty where it may
-    weight = False      # whether it holds the limb up, which the robot's controller may do already
+    not_fed_back = ''   # why the compensator must not apply it; empty if it may
+    weight = False      # whether it supports the limb, which the robot's controller may already do
     gives_load = False  # whether it loads the teeth by a torque that depends on position
-    # Whether its constants hold the load that the other effects of the model put on the gear.
+    # Whether its constants contain the load of the other effects on the gear.
     uses_inner_load = False
-    # Signals beyond whose recorded range the effect is constant, since no law extrapolates it; and
-    # the share of that range by which it is continued on either side before.
+    # Signals whose range limits the effect, since it cannot be extrapolated: it is continued beyond
+    # the recorded range by this share of it on either side, and is constant from there on.
     range_margins: dict[str, float] = {}
     Constants: Any
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
-        # Compiled code reads constants by name too, and finds the type again by this path.
+        # Compiled code also reads constants by name, and finds the type by this path.
         cls.Constants = namedtuple('Constants', tuple(cls.constants))  # type: ignore[misc]
         cls.Constants.__module__ = cls.__module__
         cls.Constants.__qualname__ = f'{cls.__qualname__}.Constants'
@@ -115,10 +114,10 @@ class Effect(ABC):
     @staticmethod
     @abstractmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
-        """Return the columns, of the shape of the signals: the formula, written once.
+        """Return the columns, of the shape of the signals.
 
-        Only arithmetic, `abs` and numpy's functions of one element: arrays, single numbers and
-        compiled code all run it. `c` has the constants by name.
+        Use only arithmetic, `abs` and numpy's elementwise functions, since it is run with arrays,
+        with single numbers and in compiled code. `c` has the constants by name.
         """
 
     @classmethod
@@ -149,22 +148,22 @@ class Effect(ABC):
 
     @classmethod
     def insufficient_data(cls, coverage: Coverage) -> str:
-        """Return why recordings with this coverage cannot show the effect; empty where they can.
+        """Return why recordings with this coverage cannot show the effect; empty if they can.
 
-        The reason, a sentence, is a warning of refinement, which does not try the effect then.
+        Refinement then does not try the effect, and reports the reason, a sentence, as a warning.
         """
         return ''
 
     @classmethod
     def load_share(cls, coefficients: Sequence[float], constants: dict[str, float]
                    ) -> dict[str, float]:
-        """Return its share of the load on the teeth, by the constants of `InnerLoadFriction`."""
+        """Return its share of the load on the teeth, as constants of `InnerLoadFriction`."""
         return {}
 
     @classmethod
     def with_loads(cls, constants: dict[str, Any],
                    shares: Iterable[dict[str, float]]) -> dict[str, Any]:
-        """Return the constants with the loads of other effects, where it `uses_inner_load`."""
+        """Return the constants with the loads of other effects, if it `uses_inner_load`."""
         return constants
 
     @classmethod
@@ -176,8 +175,8 @@ class Effect(ABC):
     def step(state: float, dt: float, dq: float, velocity: float, c: Any) -> float:
         """Return the state one sample later, for effects with `has_memory`.
 
-        `dt` and `dq` are time and position since the sample before, s and rad; `velocity` is that
-        of now, rad/s; `c` has the constants by name.
+        `dt` and `dq` are the changes of time and position since the previous sample, s and rad;
+        `velocity` is the present one, rad/s; `c` has the constants by name.
         """
         return state
 
@@ -188,7 +187,7 @@ class Effect(ABC):
 
     @classmethod
     def memory(cls, samples: Samples, sign: Any, c: Any) -> Any:
-        """Return the state at every sample, shape (N,): `step` from the start of each segment."""
+        """Return the state at every sample, shape (N,), by `step` within each segment."""
         if not cls.has_memory:
             return 0.0
         begins, start = segment_starts(samples), cls.start(sign + np.zeros(len(samples)), c)
@@ -200,7 +199,7 @@ class Effect(ABC):
         return states
 
     def live(self) -> LiveTerm | None:
-        """Return a fresh `LiveTerm` for the compensator, or None where it is not fed back."""
+        """Return a new `LiveTerm` for the compensator, or None if it is not fed back."""
         return None if self.not_fed_back else LiveTerm(self)
 
     def dahl_friction(self) -> tuple[float, float] | None:
@@ -211,7 +210,7 @@ class Effect(ABC):
         return None
 
     def describe(self) -> str:
-        """Return the effect in words, one sentence."""
+        """Return a description of the effect, one sentence."""
         return self.summary.format(**self._symbols()) or f'{self.name} ({self.variable})'
 
     def formula(self) -> str:
@@ -265,8 +264,8 @@ _latest_sign: tuple[Any, float, Any] = (None, 0.0, None)
 def friction_sign(velocity: np.ndarray, transition: float) -> np.ndarray:
     """Return the sign of friction, which passes through zero smoothly as Eq. 6 does, shape (N,).
 
-    The latest is kept: a search asks for it hundreds of times with the same velocities and
-    transition, and the hyperbolic tangent costs more than most effects.
+    The latest result is cached: a search needs it hundreds of times with the same velocities and
+    transition, and the hyperbolic tangent takes longer than most effects.
     """
     global _latest_sign
     latest = _latest_sign
@@ -289,8 +288,8 @@ def geometric(lowest: float, highest: float, count: int) -> list[float]:
     return [float(value) for value in np.geomspace(lowest, highest, count)]
 
 
-# Percentage of the samples below the low edge and above the high one: a few outlying values are
-# sensor errors, not a range that was moved through.
+# Percentage of the samples below the low edge and above the high one, since a few outliers are
+# sensor errors and do not belong to the range.
 _TAIL = 0.1
 
 
@@ -313,7 +312,7 @@ def checked_range(ranges: Any, range_margins: Collection[str]) -> dict[str, tupl
 
 
 def with_range(effect: Effect, samples: Samples) -> Effect:
-    """Return an effect that is valid in the range of these samples, with `range_margins`."""
+    """Return the effect with a valid range: that of these samples, plus `range_margins`."""
     if not effect.range_margins:
         return effect
     ranges = {}
@@ -329,7 +328,7 @@ def with_range(effect: Effect, samples: Samples) -> Effect:
 
 
 def inside(samples: Samples, ranges: dict[str, tuple[float, float]]) -> Samples:
-    """Return samples whose signals stay at the edge of a range where they are beyond it."""
+    """Return samples with signals limited to ranges."""
     known = {name: np.clip(getattr(samples, name), *ends) for name, ends in ranges.items()
              if getattr(samples, name) is not None}
     return samples.with_(**known) if known else samples

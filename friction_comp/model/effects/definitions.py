@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Signals, coverage of recordings and search ranges, by which effects are defined."""
+"""Signals, coverage of recordings and search ranges, which define effects."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ VARIABLES = (
     'other joints')
 
 RESISTS, CARRIES, NEITHER = 'resists', 'carries', 'neither'
-"""What an effect does to the joint: it dissipates energy, as friction does; it is a torque that is
-independent of the direction, as gravity is; or it is no torque."""
+"""Roles of an effect: it dissipates energy, as friction; it is a torque that does not depend on the
+direction of motion, as gravity; or it is not a torque."""
 
 
 class Signals(NamedTuple):
@@ -29,8 +29,8 @@ class Signals(NamedTuple):
     temperature: Any = 0.0    # degrees Celsius
     sign: Any = 0.0           # sign of friction, -1..1, which passes through zero smoothly
     memory: Any = 0.0         # state of an effect that has one
-    rigid_body: Any = 0.0     # torque that the links of the whole arm ask of the joint, N·m
-    coupling: Any = 0.0       # current that other joints ask of the joint's motor, A
+    rigid_body: Any = 0.0     # torque that the joint supplies for the links of the arm, N·m
+    coupling: Any = 0.0       # current that the motor needs because of other joints, A
 
 
 @dataclass(frozen=True)
@@ -80,9 +80,9 @@ class ResidualView:
 class SearchRange:
     """How a constant is searched around an initial value."""
 
-    # Half width of the bracket: a factor, or a number of units where there is a unit.
+    # Half width of the bracket: a factor, or a number of units if `unit` is given.
     width: float
-    # Size of one unit, for constants searched on a linear scale; the scale is logarithmic without.
+    # Size of one unit, for constants searched on a linear scale; without it, it is logarithmic.
     unit: Callable[[Coverage, dict[str, float]], float] | None = None
     # Lowest and highest value; beyond them the effect is another one.
     limits: Callable[[Coverage, dict[str, float]], tuple[float, float]] | None = None
@@ -102,5 +102,5 @@ def too_coarse(coverage: Coverage) -> str:
     if coverage.distinct_positions >= _COARSE:
         return ''
     return (f'Position is coarse: {coverage.distinct_positions:.0f} distinct values. Lag, '
-            'presliding and what else happens within a few steps of it cannot be seen, and '
+            'presliding and other effects within a few steps of it cannot be seen, and '
             'acceleration is uncertain.')

@@ -32,7 +32,7 @@ def dahl_step(state: float, dt: float, dq: float, velocity: float, c: Any) -> fl
     if dq == 0.0:
         return state
     sign = 1.0 if dq > 0.0 else -1.0
-    # What is missing to the end of the reversal, of 2.
+    # Remaining part of the reversal, 0..2.
     remaining = 1.0 - sign * state
     if remaining <= 0.0:
         return sign
@@ -56,7 +56,7 @@ def _dahl_states(position: np.ndarray, is_start: np.ndarray, start: np.ndarray,
 
 
 class _FadingAtRest(LiveTerm):
-    """A term that is fed back in motion only: at rest it would move an untouched joint."""
+    """A term that is fed back only in motion: at rest it would move an untouched joint."""
 
     def update(self, time: float, position: float, velocity: float, *signals: Any,
                **named: Any) -> float:
@@ -77,7 +77,8 @@ class Hysteresis(Effect):
     """
 
     name = 'hysteresis'
-    coefficient_names = (('friction that turns round', 'A'), ('friction while it turns round', 'A'))
+    coefficient_names = (
+        ('friction that reverses', 'A'), ('friction during the reversal', 'A'))
     variable = 'history'
     # Presliding reverses over resolved steps, and well within the range; beyond these exponents it
     # reverses at once, or never.
@@ -88,7 +89,7 @@ class Hysteresis(Effect):
         'exponent': SearchRange(1.5, limits=lambda *_: (0.3, 3.0)), 'transition': None}
     signs = (1,)
     has_memory = True
-    summary = ('Hysteresis: {A:.3g} A of friction turn round over {distance:.3g} rad after a '
+    summary = ('Hysteresis: {A:.3g} A of friction reverse over {distance:.3g} rad after a '
                'reversal')
     equation = '{A:+.4g}·z {B:+.4g}·dz/dt, dz/dq = (1 - z·sgn(v))^{exponent:.3g}/{distance:.3g}'
 
@@ -123,8 +124,8 @@ class Hysteresis(Effect):
     @classmethod
     def insufficient_data(cls, coverage: Coverage) -> str:
         if coverage.reversals < 3:
-            return (f'The direction of motion changed {coverage.reversals:.0f} times: what happens '
-                    'at reversals cannot be seen.')
+            return (f'The direction of motion changed {coverage.reversals:.0f} times: effects of '
+                    'reversals cannot be seen.')
         return too_coarse(coverage)
 
     def live(self) -> LiveTerm:
@@ -261,7 +262,7 @@ class Temperature(Effect):
 
 
 class OffsetDrift(Effect):
-    """``A·exp(-t/τ)``: a current that drifts whatever the direction, t as in `WarmUp`."""
+    """``A·exp(-t/τ)``: a drifting current independent of the direction, t as in `WarmUp`."""
 
     name = 'offset_drift'
     coefficient_names: tuple[tuple[str, str], ...] = (('offset at the start', 'A'),)
@@ -270,7 +271,7 @@ class OffsetDrift(Effect):
     holds_on_another_day = False
     not_fed_back = ('a drifting offset of the current sensor is no torque; fed back it could push '
                     'an untouched joint')
-    # Slower than this is a straight line in time; faster, a matter of a few movements.
+    # Slower, it is a straight line in time; faster, it covers only a few movements.
     constants: dict[str, SearchRange | None] = {'time_constant': SearchRange(
         1.7, limits=lambda coverage, _: (0.02 * coverage.duration, 5.0 * coverage.duration))}
     summary = 'Offset drift: {A:+.3g} A at the start, fading with {time_constant:.3g} s'
@@ -291,7 +292,7 @@ class OffsetDrift(Effect):
 
     @classmethod
     def determines_offset(cls, coverage: Coverage) -> bool:
-        """A constant says where the drift leads to."""
+        """The offset is the value towards which the current drifts."""
         return True
 
     @staticmethod
@@ -302,8 +303,8 @@ class OffsetDrift(Effect):
 class WarmUp(OffsetDrift):
     """``(A·s + B·v + C·s²)·exp(-t/τ)``, s = tanh(v/v_t), t from the start of each recording.
 
-    The last term is there because friction that differs between the directions (Eq. 6 has two
-    plateaus) also changes differently.
+    C is for friction that differs between the directions (Eq. 6 has two plateaus) and also changes
+    differently.
     """
 
     name = 'warm_up'
@@ -311,8 +312,8 @@ class WarmUp(OffsetDrift):
                          ('viscous friction at the start', 'A·s/rad'),
                          ('offset at the start', 'A'))
     role = Effect.role
-    not_fed_back = ('how warm the motor is when the compensator starts is not known; fed back it '
-                    'would over-compensate a drive that is warm already')
+    not_fed_back = ('the temperature of the motor when the compensator starts is not known; fed '
+                    'back it would over-compensate a drive that is already warm')
     constants = {**OffsetDrift.constants, 'transition': None}
     summary = ('Warm-up: {A:+.3g} A of Coulomb and {B:+.3g} A per rad/s of viscous friction at the '
                'start, fading with {time_constant:.3g} s')

@@ -13,14 +13,14 @@ if TYPE_CHECKING:
     from friction_comp.model.effects.base import Effect
 
 SHARPEST_LIVE = 0.01
-"""Velocity in rad/s over which what is fed back changes its sign at the soonest: a recording may
-show a thousandth, but then every encoder count would switch the whole term."""
+"""Smallest velocity in rad/s over which a term that is fed back changes sign. A recording may show
+a thousandth, but then every encoder count would switch the whole term."""
 
 
 class LiveTerm:
     """An effect as the compensator evaluates it, one sample at a time.
 
-    With `has_memory`, evaluation changes it, so that it cannot be evaluated at other positions.
+    With `has_memory`, evaluation changes its state, so it cannot be evaluated at other positions.
     """
 
     def __init__(self, effect: Effect) -> None:

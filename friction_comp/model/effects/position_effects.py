@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What repeats over position, or stands at one: cogging, ripple of friction, worn teeth."""
+"""Effects that repeat over position or occur at one: cogging, friction ripple, worn teeth."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ FEWEST_PERIODS = 1.5
 def highest_frequency(velocity: np.ndarray, sample_time: float, resolution: float) -> float:
     """Return the highest spatial frequency in rad/rad that a recording can show.
 
-    Motion at the slowest quarter of the speeds, rad/s, takes three samples, each `sample_time` s,
-    for a period, and a period four steps of the recorded position, rad; 0 where it has none.
+    A period must take at least three samples of `sample_time` s at the slowest quarter of the
+    speeds, and cover at least four position steps of `resolution` rad (0 if there are none).
     """
     slow = float(np.percentile(np.abs(velocity), 25))
     highest = 2.0 * math.pi / max(3.0 * slow * sample_time, 1e-12)
@@ -42,8 +42,8 @@ def position_spectrum(position: np.ndarray, signal: np.ndarray, amplitude: np.nd
                       ) -> tuple[np.ndarray, np.ndarray]:
     """Return spatial frequencies in rad/rad, and the sum of squares that each would explain, (M,).
 
-    The signal, shape (N,), is modelled as amplitude · (a·cos(kq) + b·sin(kq)), for k up to the
-    highest, rad/rad (periods a turn), and at least so many periods over the range of position.
+    The signal, shape (N,), is modelled as amplitude · (a·cos(kq) + b·sin(kq)) for k from `periods`
+    over the range of position to `highest`, rad/rad (periods per turn).
     """
     span = float(np.ptp(position))
     energy = float(amplitude @ amplitude)
@@ -61,7 +61,7 @@ def position_spectrum(position: np.ndarray, signal: np.ndarray, amplitude: np.nd
 
 
 def peaks(k: np.ndarray, power: np.ndarray, count: int, separation: float) -> list[float]:
-    """Return the frequencies of the highest peaks, apart by at least a separation."""
+    """Return the frequencies of the highest peaks with at least a separation between them."""
     highest: list[float] = []
     for index in np.argsort(power)[::-1][:2000]:
         if all(abs(k[index] - other) > separation for other in highest):
@@ -86,14 +86,14 @@ class Cogging(Effect):
     max_count = 4
     coefficient_names = (('part with the cosine of the phase', 'A'),
                          ('part with the sine of the phase', 'A'))
-    # With fewer periods over the range it is no ripple.
+    # With fewer periods over the range it is not a ripple.
     constants: dict[str, SearchRange | None] = {
         'frequency': SearchRange(
             1.0, unit=lambda coverage, _: math.pi / max(coverage.span, 1e-12),
             limits=lambda coverage, _: (2.0 * math.pi * FEWEST_PERIODS / max(coverage.span, 1e-9),
                                         math.inf)),
         'growth': None, 'speed': None, 'transition': None}
-    # Its amplitude at the speeds that were seen; over position it repeats.
+    # The amplitude holds at recorded speeds; over position the ripple repeats.
     range_margins = {'velocity': 0.25}
     _word = 'Cogging'
 
@@ -159,15 +159,15 @@ class FrictionRipple(Cogging):
 class Bump(Effect):
     """``A·s·exp(-|q - q0|^p/(2·w^p))`` with s = tanh(v/v_t), or s = 1 where `directional` is 0.
 
-    A local bump, as a worn or broken tooth makes. p = 2 is a bell; a larger exponent has a flatter
-    top.
+    A local bump, as caused by a worn or broken tooth. p = 2 gives a bell; larger exponents give a
+    flatter top.
     """
 
     name = 'bump'
     coefficient_names = (('height', 'A'),)
     variable = 'position'
     max_count = 3
-    # In the range, and narrower than it; with a larger exponent it is a step up and down.
+    # Within the range, and narrower; with a larger exponent it would be a step up and down.
     constants = {
         'position': SearchRange(0.5, unit=lambda _, constants: constants['width'],
                                 limits=lambda coverage, _: (coverage.lowest, coverage.highest)),

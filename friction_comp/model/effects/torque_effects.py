@@ -1,9 +1,9 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Torques of the limb, and friction that they cause by pressing the teeth together.
+"""Torques on the joint, and friction that they cause by pressing the teeth together.
 
-Weight, springs, inertia, the arm and a measured load, which do not depend on the direction; and
-load-dependent friction.
+Weight, springs, inertia, the arm and a measured load, which do not depend on the direction of
+motion; and load-dependent friction.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class Gravity(Effect):
 
 
 class Spring(Effect):
-    """``A·(q - q0)``, independent of the direction of motion, as a spring or a cable makes."""
+    """``A·(q - q0)``, independent of the direction of motion, as of a spring or a cable."""
 
     name = 'spring'
     coefficient_names = (('stiffness', 'A/rad'),)
@@ -75,7 +75,7 @@ class Spring(Effect):
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        """Return one rest position q0: the offset of Eq. 6 makes up for any other."""
+        """Return one rest position q0: the offset of Eq. 6 accounts for any other."""
         return [{'position': 0.5 * (coverage.lowest + coverage.highest)}]
 
     @staticmethod
@@ -84,7 +84,7 @@ class Spring(Effect):
 
     @classmethod
     def determines_offset(cls, coverage: Coverage) -> bool:
-        """A constant says where the spring is slack."""
+        """The offset determines where the spring is slack."""
         return True
 
     @classmethod
@@ -107,7 +107,7 @@ class Inertia(Effect):
     signs = (1,)
     in_first_model = True
     not_fed_back = (
-        'acceleration from the encoder comes too late and too noisy: fed back it would lower the '
+        'acceleration from the encoder is too late and too noisy: fed back it would lower the '
         'apparent inertia and can destabilise the joint')
     summary = 'Inertia: {A:.4g} A per rad/s²'
     equation = '{A:+.4g}·dv/dt'
@@ -125,8 +125,8 @@ class Inertia(Effect):
 class RigidBody(Effect):
     """``k·τ(q, dq/dt, d²q/dt²)``: weight and inertia of all links, from a URDF.
 
-    The torque τ in N·m is that of the model's arm; k is the joint's current per torque. Fed back is
-    the weight alone: accelerations from encoders come too late and too noisy.
+    The torque τ in N·m is that of the model's arm; k is the joint's current per torque. Only the
+    weight is fed back: accelerations from encoders are too late and too noisy.
     """
 
     name = 'rigid_body'
@@ -136,8 +136,8 @@ class RigidBody(Effect):
     needs = ('rigid_body',)
     signs = (1,)
     in_first_model = weight = True
-    summary = ('Weight and inertia of the whole arm: {A:.4g} A per N·m that its links ask of the '
-               'joint')
+    summary = ('Weight and inertia of the whole arm: {A:.4g} A per N·m of torque that its links '
+               'need at the joint')
     equation = '{A:+.4g}·τ_links'
 
     @staticmethod
@@ -154,8 +154,8 @@ class OtherJoints(Effect):
     needs = ('coupling',)
     signs = (1,)
     weight = True
-    summary = ('Other joints: weight and inertia that hang from this joint through them, as a sum '
-               'of terms found in the recording, times {A:.4g}')
+    summary = ('Other joints: weight and inertia that act on this joint through them, as a sum of '
+               'terms found in the recording, times {A:.4g}')
     equation = '{A:+.4g}·i_other_joints'
 
     @staticmethod
@@ -200,7 +200,7 @@ class LoadFriction(Effect):
     needs = ('load',)
     signs = (1,)
     range_margins = {'load': 0.25}
-    # With a lower power it is Coulomb friction once more.
+    # With a lower power it would be Coulomb friction.
     constants = {'exponent': SearchRange(1.6, limits=lambda *_: (0.3, 3.0)), 'transition': None}
     summary = ('Load-dependent friction: {A:+.4g} A at 1 N·m of load, growing with its power '
                '{exponent:.3g}')
@@ -219,14 +219,14 @@ class LoadFriction(Effect):
 class CarriedLoadFriction(LoadFriction):
     """``A·tanh(v/v_t)·|τ|^p``: friction that grows with the links' torque on the teeth.
 
-    The same as friction that grows with a measured load, where the load is known of the model.
+    As `LoadFriction`, with the load computed by the model instead of measured.
     """
 
     name = 'carried_load_friction'
     needs = ('rigid_body',)
     range_margins = {}
     constants = {'exponent': SearchRange(1.6, limits=lambda *_: (0.5, 3.0)), 'transition': None}
-    summary = ('Load-dependent friction: {A:+.4g} A at 1 N·m that the links ask of the joint, '
+    summary = ('Load-dependent friction: {A:+.4g} A at 1 N·m that the links need at the joint, '
                'growing with its power {exponent:.3g}')
     equation = '{A:+.4g}·tanh(v/{transition:.3g})·|τ_links|^{exponent:.3g}'
 
@@ -245,11 +245,11 @@ def _speed_of_fading(coverage: Coverage, constants: dict[str, float]) -> tuple[f
 class InnerLoadFriction(Effect):
     """``A·tanh(v/v_t)·|L|^p``, fading with speed where `fading` is 1: load-dependent friction.
 
-    L is the current that the other effects of the model carry: gravity, springs, inertia. Its
-    constants say that load once more, so that the effect needs no other one to be evaluated; a fit
-    keeps them those of the model. p = 1 and 2 are the linear and the quadratic load dependence, and
+    L is the current of the other effects of the model that carry a load: gravity, springs, inertia.
+    The constants repeat that load, so that the effect can be evaluated alone; a fit keeps them
+    equal to those of the model. p = 1 and 2 are the linear and the quadratic load dependence, and
     ``fading`` the Stribeck one, exp(-|v|/v_s), of Duclusaud et al. 2025 (BAM, models M3 to M6).
-    Live, where accelerations come too late, the load is that of rest.
+    Live, the load is that at rest, since accelerations are too late.
     """
 
     name = 'inner_load_friction'
@@ -275,7 +275,7 @@ class InnerLoadFriction(Effect):
     @classmethod
     def with_loads(cls, constants: dict[str, float],
                    shares: Iterable[dict[str, float]]) -> dict[str, float]:
-        """Return the constants with the load of others in them: the sum of their shares."""
+        """Return the constants with the load of other effects: the sum of their shares."""
         total = dict.fromkeys(_LOADS, 0.0)
         for share in shares:
             for name, value in share.items():

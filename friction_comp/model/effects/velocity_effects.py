@@ -26,7 +26,7 @@ class Stribeck(Effect):
     name = 'stribeck'
     coefficient_names = (('height at standstill', 'A'),)
     variable = 'velocity'
-    # Fading as slowly as the top speed it is curved viscous friction; at rest, it is not seen.
+    # Near the top speed it would be curved viscous friction; near standstill it cannot be seen.
     constants = {'velocity': SearchRange(1.6, limits=lambda coverage, _: (
         0.5 * coverage.slowest, 0.7 * coverage.speed)), 'exponent': None, 'transition': None}
     equation = '{A:+.4g}·tanh(v/{transition:.3g})·exp(-(|v|/{velocity:.3g})^{exponent:g})'
@@ -62,15 +62,15 @@ class ViscousShape(Effect):
 
     The straight line nearest to u^p between standstill and v_ref is subtracted, so that the linear
     term of the sigmoid does not change. Beyond the recorded speeds the effect is constant, and
-    friction continues along that line. Without the subtraction, the linear term would be fitted
-    against the power, and could by itself be many times too steep.
+    friction continues linearly. Without the subtraction, power and linear term would partly cancel,
+    and the linear term could be many times too steep.
     """
 
     name = 'viscous_shape'
     coefficient_names = (('size at the reference speed', 'A'),)
     variable = 'velocity'
     range_margins = {'velocity': 0.25}
-    # Below a fifth it is Coulomb friction once more, above three and a half a few fast samples.
+    # Below a fifth it resembles Coulomb friction; above 3.5, a few fast samples determine it.
     constants = {'exponent': SearchRange(1.3, limits=lambda *_: (0.2, 3.5)), 'reference': None,
                  'transition': None}
 
@@ -116,10 +116,10 @@ class ViscousShape(Effect):
 class DirectionAsymmetry(Effect):
     """``A·h + B·|v|``: half the difference between the positive and the negative direction.
 
-    A is what differs at low speed, B what differs per speed. Where `offset` is 1, h is 1: a
-    constant current that is there at rest as well. Where it is 0, h = tanh²(v/v_t): Coulomb
-    friction that differs between the directions of motion. The sigmoid of Eq. 6 can hold A
-    itself; refinement moves it here where it is worth a name.
+    A is the difference at low speed, B the difference per speed. If `offset` is 1, h is 1: a
+    constant current, also at rest. If it is 0, h = tanh²(v/v_t): Coulomb friction that differs
+    between the directions of motion. The sigmoid of Eq. 6 can represent A itself; refinement uses
+    this effect instead if it is worth naming.
     """
 
     name = 'direction_asymmetry'
@@ -148,7 +148,7 @@ class DirectionAsymmetry(Effect):
         return True
 
     def live(self) -> LiveTerm:
-        """At standstill it is zero, for breakaway has its own two values there."""
+        """Return a term that is zero at rest, where breakaway has its own two values."""
         return LiveTerm(DirectionAsymmetry({**self.parameters, 'offset': 0.0}))
 
     def describe(self) -> str:
