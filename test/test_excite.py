@@ -32,6 +32,7 @@ from friction_comp.excitation.separation import (
     pairs_of,
     separations,
 )
+from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 
@@ -128,6 +129,14 @@ def test_effort_is_kept_by_the_model_or_refused(plan):
         plan_joint(slow, pairs, 20.0, 1)
     with pytest.raises(InputError, match='effort limit of 1 N·m'):
         plan_joint(JointLimits('elbow', -1.2, 1.0, 1.5, 6.0, 1.0), pairs, 20.0, 1, model)
+
+
+def test_the_effort_of_a_model_refined_beside_a_torque_sensor_is_that_without_a_person(plan):
+    model = FrictionModel(drive=Drive(0.1, 100.0, 4000), joint='elbow',
+                          sigmoid=Sigmoid(0.2, -0.2, 400.0, viscous=0.5))
+    effort = peak_torque(model, plan.samples(500.0))
+    model.effects = [EFFECTS['load_torque']({'coefficients': [-0.1]})]
+    assert peak_torque(model, plan.samples(500.0)) == pytest.approx(effort)
 
 
 def test_the_trajectory_is_the_message(plan):

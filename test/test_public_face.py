@@ -60,6 +60,7 @@ for name in {[*NODES, *TOOLS]}:
     with contextlib.redirect_stdout(shown), contextlib.suppress(SystemExit):
         main([name, '--help'])
     assert shown.getvalue().startswith('usage: python3 -m friction_comp ' + name), name
+    assert '``' not in shown.getvalue(), name
 for name in {[*TOOLS]}:
     with contextlib.redirect_stderr(shown), contextlib.suppress(SystemExit):
         main([name, '--no-such-argument'])

@@ -228,8 +228,9 @@ def plan_joint(limits: JointLimits, pairs: Sequence[Pair], seconds: float, seed:
 
 
 def peak_torque(model: FrictionModel, samples: Samples) -> float:
-    """Return the largest joint torque of a motion, predicted by a model, N·m."""
-    return float(np.max(np.abs(model.predict(samples)))) * model.drive.torque_per_current
+    """Return the largest joint torque of a motion that no person loads, by a model, N·m."""
+    unloaded = samples.with_(load=np.zeros(len(samples)))
+    return float(np.max(np.abs(model.predict(unloaded)))) * model.drive.torque_per_current
 
 
 def staircase(limits: JointLimits, seconds: float, rate: float) -> Samples:

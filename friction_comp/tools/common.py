@@ -16,6 +16,7 @@ import itertools
 import json
 import os
 from pathlib import Path
+import re
 import shlex
 import shutil
 import sys
@@ -40,9 +41,13 @@ class Arguments(argparse.ArgumentParser):
 
     ROS arguments (after ``--ros-args``) are accepted but not parsed, so that a tool can be started
     with `ros2 run` or from a launch file.
+
+    The description is the docstring of the tool's module, shown without its name and markup.
     """
 
     def __init__(self, name: str, description: str, examples: Sequence[str] = ()) -> None:
+        description = re.sub(r'^The tool ``\w+``: (\w)', lambda match: match[1].upper(),
+                             description).replace('``', '')
         lines = [f'  python3 -m friction_comp {name} {example}'.rstrip() for example in examples]
         super().__init__(
             prog=f'python3 -m friction_comp {name}', description=description,
@@ -82,7 +87,7 @@ class Arguments(argparse.ArgumentParser):
             'guessed from their names by default')
         self.add_argument(
             '--unit', metavar='SIGNAL=UNIT,…',
-            help="units of a table's columns if they are not SI, for instance "
+            help="units of a table's columns that are not SI, for instance "
             'time=ms,position=deg,effort=A, or position=counts/4096' + unit_help)
         return self
 
@@ -99,8 +104,8 @@ class Arguments(argparse.ArgumentParser):
         """Add --jobs, None by default."""
         self.add_argument(
             '--jobs', metavar='N', type=whole_number(),
-            help='number of processes, one recording each (by default, if that saves time, as '
-            'many as there are processors)')
+            help='number of processes, one recording each; by default as many as there are '
+            'processors if that saves time, else 1')
         return self
 
     def add_json(self) -> Arguments:

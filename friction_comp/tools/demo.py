@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The tool ``demo``: the whole loop over ROS 2 on this machine, in simulated time.
+"""The tool ``demo``: runs the whole loop over ROS 2 on this machine, in simulated time.
 
 Identify, compensate, evaluate, refine, load the refined model, compare.
 """
@@ -40,7 +40,7 @@ def main(argv: list[str] | None = None) -> int:
                         help='; '.join(f'{name}: {words}' for name, words in SCENES.items())
                         + ' (%(default)s)')
     parser.add_argument('--watch', action='store_true',
-                        help='with a live page on localhost (needs Bokeh)')
+                        help='also serve a live page on localhost (needs Bokeh)')
     arguments = parser.parse(argv)
     check_folder(arguments.output)
     if arguments.scene == 'improve':

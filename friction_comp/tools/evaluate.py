@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The tool ``evaluate``: the torque that a person needed in recorded movements."""
+"""The tool ``evaluate``: computes the torque that a person needed in recorded movements."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def main(argv: list[str] | None = None) -> int:
     ).add_recordings().add_output().add_jobs().add_json()
     parser.add_argument(
         '--model', metavar='FILE', type=Path,
-        help='model file; shows the missing current, also without a torque sensor')
+        help='model file, to show the missing current, also without a torque sensor')
     arguments = parser.parse(argv)
     from friction_comp.evaluation.sessions import evaluate_pieces, pieces_of
     from friction_comp.model.friction_model import FrictionModel

@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tool ``excite``: plans a motion within limits that distinguishes effects of a drive.
 
-Writes trajectory.yaml, a trajectory_msgs/JointTrajectory, report.html that shows what the motion
-covers, and report.json. The robot must stand at the first point before it is played.
+It writes trajectory.yaml (a trajectory_msgs/JointTrajectory), report.html (what the motion covers)
+and report.json. `play` first moves the robot to the first point; for any other player it must stand
+there.
 """
 
 from __future__ import annotations
@@ -43,13 +44,13 @@ def main(argv: list[str] | None = None) -> int:
                         'all joints')
     add_limits(parser)
     parser.add_argument('--effort', metavar='N·M', type=positive,
-                        help='with --position and --model')
+                        help='limit of effort, with --position and --model')
     parser.add_argument('--model', metavar='FILE', type=Path,
-                        help='model file of one joint, to keep the effort limit')
+                        help='model file of one joint, to keep the limit of effort')
     asked = parser.add_mutually_exclusive_group()
-    asked.add_argument('--effects', metavar='NAME,…', help='effects to distinguish')
+    asked.add_argument('--effects', metavar='NAME,…', help='effects to distinguish, two or more')
     asked.add_argument('--ambiguous', metavar='FILE', type=Path,
-                       help='report.json of refine: effects that it could not distinguish')
+                       help='report.json of refine: distinguish the effects that it could not')
     parser.add_argument('--seconds', metavar='S', type=positive, default=60.0, help='duration (60)')
     parser.add_argument('--rate', metavar='HZ', type=positive, default=50.0,
                         help='points of the trajectory per second (50)')
@@ -109,13 +110,15 @@ def add_limits(parser: Arguments) -> None:
     """Add the arguments that say what joints may do."""
     source = parser.add_mutually_exclusive_group(required=True)
     source.add_argument('--position', metavar=('LOW', 'HIGH'), type=float, nargs=2,
-                        help='limits of position, rad, of one joint')
+                        help='limits of position of one joint, rad')
     source.add_argument('--limits', metavar='FILE', type=Path,
-                        help="limits as in MoveIt's joint_limits.yaml")
-    source.add_argument('--urdf', metavar='FILE', type=Path, help='limits of a URDF')
-    parser.add_argument('--velocity', metavar='RAD/S', type=positive, help='with --position')
+                        help="file with limits, as MoveIt's joint_limits.yaml")
+    source.add_argument('--urdf', metavar='FILE', type=Path,
+                        help='URDF with the limits of the joints')
+    parser.add_argument('--velocity', metavar='RAD/S', type=positive,
+                        help='limit of velocity, with --position')
     parser.add_argument('--acceleration', metavar='RAD/S²', type=positive,
-                        help='with --position or --urdf')
+                        help='limit of acceleration, with --position or --urdf')
 
 
 def limits_of(arguments: Namespace) -> list[JointLimits]:

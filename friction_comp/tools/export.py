@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tool ``export``: writes a model's friction in a form that simulators read.
 
-Simulators know Coulomb and viscous friction, an inertia and a spring of a joint. The error of that
-simplified form is computed, printed and written into the file.
+Simulators support Coulomb and viscous friction, an inertia and a spring of a joint. The tool
+computes the error of that simplified form, prints it and writes it into the file.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def main(argv: list[str] | None = None) -> int:
                         'default that of the model, else "joint"')
     parser.add_argument('--top-speed', metavar='RAD/S', type=positive,
                         help='speed up to which the form is fitted; by default the largest that '
-                        'identification measured, else 1')
+                        'identification measured, or 1 without one')
     parser.add_argument('--load', metavar='N·M', type=positive, default=10.0,
                         help='largest load of the table, if friction depends on it (10)')
     parser.add_output_file('the file to write')

@@ -1,8 +1,8 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The tool ``history``: a drive's friction over all recordings kept next to its model file.
+"""The tool ``history``: shows a drive's friction over all recordings kept with its model file.
 
-``refine --history`` keeps averages of them in MODEL.history.npz, about 200 kB per recording.
+``refine --history`` keeps averages of the recordings in MODEL.history.npz, about 200 kB each.
 """
 
 from __future__ import annotations

@@ -53,10 +53,10 @@ def main(argv: list[str] | None = None) -> int:
                         help='the joint to move; that of --simulate by default')
     add_limits(parser)
     parser.add_argument('--model', metavar='FILE', type=Path,
-                        help='model to start from, and the drive; without it the sigmoid of the '
-                        'note is fitted, and --torque-constant and --gear-ratio are needed')
+                        help='model to start from, with the drive; without it, the sigmoid of Eq. '
+                        '6 is fitted, and --torque-constant and --gear-ratio are needed')
     parser.add_argument('--recorded', metavar='RECORDING', type=Path, nargs='+', default=[],
-                        help='earlier recordings')
+                        help='earlier recordings of this joint, to start from')
     parser.add_argument('--seconds', metavar='S', type=positive, default=30.0,
                         help='duration of motion in each round (30)')
     parser.add_argument('--budget', metavar='S', type=positive, default=300.0,

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The tool ``play``: moves joints along a trajectory, such as `excite` plans.
+"""The tool ``play``: moves joints along a trajectory, such as one that `excite` planned.
 
 Without --controller the node `identification` moves the joints, one after another, by motor
 currents and under its supervision. With it, a robot's own trajectory controller moves all of them.

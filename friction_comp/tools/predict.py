@@ -1,9 +1,9 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The tool ``predict``: the current that a model expects for a recording.
+"""The tool ``predict``: writes the current that a model predicts, next to the measured one.
 
-It is written next to the measured current: that of the motor and, if the load was recorded, the
-person's share, unless the model has an effect of the load.
+The measured current is that of the motor. If the load was recorded, the current that corresponds
+to it is added, unless the model has an effect of the load.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ def main(argv: list[str] | None = None) -> int:
                         help='model file that refine or identification wrote')
     parser.add_output_file('CSV file with the columns time, measured, predicted')
     parser.add_argument('--with-time-effects', action='store_true',
-                        help='also apply effects of time since the start: for the recording that '
-                             'was refined, or one that began as cold')
+                        help='also apply effects of the time since the start: for the recording '
+                             'that was refined, or one that began just as cold')
     arguments = parser.parse(argv)
     import numpy as np
 

@@ -28,14 +28,15 @@ def main(argv: list[str] | None = None) -> int:
         'examples/elbow --each --model config/armin_configuration_2.yaml --output output/each',
         'examples/elbow --model output/refined/model.yaml --history --output output/next')
     ).add_recordings(unit_help=(
-        '. A unit alone, such as A or V, is that of the figures in the report; by default A where '
-        'a torque constant, a gear ratio or a model is given (1 and 1 say that effort holds '
-        'current), else N·m, which is what effort holds by the message')).add_drive(
+        '. A unit alone, such as A or V, is the unit of the figures in the report. The default is '
+        'A with a torque constant, a gear ratio or a model, else N·m, the unit of effort in '
+        'joint_states. If effort contains current, give 1 for both constants')).add_drive(
     ).add_output().add_jobs().add_json()
     parser.add_argument('--model', metavar='FILE', type=Path,
-                        help="model to start from; without it the note's sigmoid is fitted first")
+                        help='model to start from; without it, the sigmoid of Eq. 6 (Coulomb and '
+                        'viscous friction) is fitted first')
     parser.add_argument('--urdf', metavar='FILE', type=Path,
-                        help='description of the arm: fit its links, and refine all joints (needs '
+                        help='URDF of the arm: fit its links, and refine all joints (needs '
                         'Pinocchio)')
     parser.add_argument('--each', action='store_true',
                         help='refine each joint of each recording separately, with one page for '

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tool ``reproduce``: repeats the technical note's experiments on simulated joints.
 
-It prints the note's results beside those of the simulation.
+It prints the results of the simulation next to those of the note.
 """
 
 from __future__ import annotations

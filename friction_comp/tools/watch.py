@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tool ``watch``: shows a running system or a recording as a live page.
 
-Torque, current, velocity, direction and residual of each joint, with state and faults. The page
-publishes nothing, and is served on this machine only.
+The page shows torque, current, velocity, direction and residual of each joint, with state and
+faults. It publishes nothing, and is served on this machine only.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument('--joint', metavar='NAME', nargs='+', default=[],
                         help='joints to show; all by default')
     parser.add_argument('--port', type=whole_number(0), default=5006,
-                        help='on localhost; 0 chooses a free one (%(default)s)')
+                        help='port on localhost; 0 chooses a free one (%(default)s)')
     arguments = parser.parse(given)
     try:
         from bokeh.server.server import Server
