@@ -10,7 +10,8 @@ import pytest
 from rosbags.rosbag2 import CompressionFormat, StoragePlugin, Writer
 from rosbags.typesys import get_typestore, Stores
 
-from friction_comp.recordings import cdr
+from friction_comp.recordings import cdr, RecordingWriter, write_samples
+from friction_comp.recordings.storage import Storage
 from friction_comp.samples import Samples
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -90,3 +91,31 @@ def write_states(recording, numbers):
         recording.write('joint_states', KIND, stamp, bytes(STORE.serialize_cdr(message, KIND)))
         if k % BATCH == BATCH - 1:
             recording.flush(wait=True)
+
+
+def record_with_diagnostics(path, samples, changes, change=lambda message: None):
+    """Write samples with what a compensator says of itself once a second."""
+    draft = path.with_name(f'{path.name}_draft')
+    write_samples(draft, samples)
+    kind = 'diagnostic_msgs/msg/DiagnosticArray'
+    types = STORE.types
+    with RecordingWriter(path) as recording:
+        said = 0
+        for topic, name, when, payload in Storage(draft).messages(
+                lambda *_: True):
+            recording.write(topic, name, when, payload)
+            second = when // 1_000_000_000
+            active = [pair for since, pair in changes if second - 1 >= since]
+            if second > said and active:
+                said = second
+                law, model = active[-1]
+                items = [types['diagnostic_msgs/msg/KeyValue'](key, value) for key, value in (
+                    ('state', 'active'), ('law', law), ('model_files', f"['{model}']"))]
+                status = types['diagnostic_msgs/msg/DiagnosticStatus'](
+                    0, 'arm/compensator: compensation', 'compensating', '', items)
+                header = types['std_msgs/msg/Header'](
+                    types['builtin_interfaces/msg/Time'](second, 0), '')
+                message = types[kind](header, [status])
+                change(message)
+                recording.write('/diagnostics', kind, when, bytes(STORE.serialize_cdr(
+                    message, kind)))

@@ -9,7 +9,7 @@ import json
 
 import numpy as np
 import pytest
-from rosbags.typesys import get_typestore, Stores
+from recording_maker import record_with_diagnostics, STORE
 from test_evaluate import PERIOD, REST, trial as made_trial
 
 from friction_comp.__main__ import run
@@ -22,15 +22,12 @@ from friction_comp.evaluation.sessions import evaluate_recordings
 from friction_comp.recordings import (
     read_recording_with_info,
     RecordingInfo,
-    RecordingWriter,
     write_samples,
 )
 from friction_comp.recordings.activity import Activity
 from friction_comp.recordings.reader import stream_recording_with_info
-from friction_comp.recordings.storage import Storage
 from friction_comp.reports.evaluation_words import summary, verdict
 
-STORE = get_typestore(Stores.ROS2_JAZZY)
 # Fifty a second are enough for what is not about figures to a per mil.
 STEP = 2e-2
 trial = partial(made_trial, step=STEP)
@@ -316,33 +313,6 @@ def test_curves_go_when_they_are_summed_up(tmp_path):
     evaluation, = evaluate_recordings([tmp_path / 'r'])
     assert not any(r.curves for r in evaluation.repetitions)
     assert all(np.isfinite(c.torque).all() for c in evaluation.conditions)
-
-
-def record_with_diagnostics(path, samples, changes, change=lambda message: None):
-    """Write samples with what a compensator says of itself once a second."""
-    write_samples(path.parent / 'draft', samples)
-    kind = 'diagnostic_msgs/msg/DiagnosticArray'
-    types = STORE.types
-    with RecordingWriter(path) as recording:
-        said = 0
-        for topic, name, when, payload in Storage(path.parent / 'draft').messages(
-                lambda *_: True):
-            recording.write(topic, name, when, payload)
-            second = when // 1_000_000_000
-            active = [pair for since, pair in changes if second - 1 >= since]
-            if second > said and active:
-                said = second
-                law, model = active[-1]
-                items = [types['diagnostic_msgs/msg/KeyValue'](key, value) for key, value in (
-                    ('state', 'active'), ('law', law), ('model_files', f"['{model}']"))]
-                status = types['diagnostic_msgs/msg/DiagnosticStatus'](
-                    0, 'arm/compensator: compensation', 'compensating', '', items)
-                header = types['std_msgs/msg/Header'](
-                    types['builtin_interfaces/msg/Time'](second, 0), '')
-                message = types[kind](header, [status])
-                change(message)
-                recording.write('/diagnostics', kind, when, bytes(STORE.serialize_cdr(
-                    message, kind)))
 
 
 def test_what_the_compensator_said_decides_the_condition(tmp_path):

@@ -10,17 +10,22 @@ import sys
 
 import numpy as np
 import pytest
-from recording_maker import DATA, needs_data
+from recording_maker import DATA, needs_data, record_with_diagnostics
 from scipy.signal import butter, sosfiltfilt
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.recordings import read_recording, write_samples
+from friction_comp.recordings import (
+    read_recording,
+    read_recording_with_info,
+    write_samples,
+)
 from friction_comp.refinement import refine
 from friction_comp.samples import Samples
 from friction_comp.tools.predict import main as run_predict
+from friction_comp.tools.recorded_drive import showing_friction
 from friction_comp.tools.refine import main as run_refine
 from simulated_recordings.drives import excitation_for, random_drive, record
 
@@ -160,6 +165,28 @@ def test_bad_input_is_named_and_nothing_is_left(folder, tmp_path):
         run_predict([str(folder / 'score'), '--model', str(tmp_path / 'none.yaml'),
                      '--output', str(tmp_path / 'x.csv')])
     assert not (tmp_path / 'x.csv').exists()
+
+
+@pytest.mark.parametrize('load', [None, 0.5])
+def test_without_the_load_only_what_no_law_drove_shows_friction(drive, tmp_path, load):
+    samples = record(drive, 3, excitation_for((), duration=10.0, rate=RATE))[0].samples
+    samples = samples.with_(joint='elbow', time=samples.time - samples.time[0] + 1.0,
+                            load=load and np.full(len(samples.time), load))
+    for name, changes in (('half', [(0, ('none', '')), (5, ('continuous', 'elbow.yaml'))]),
+                          ('whole', [(0, ('continuous', 'elbow.yaml'))])):
+        record_with_diagnostics(tmp_path / name, samples, changes)
+    half, whole = (read_recording_with_info(tmp_path / name) for name in ('half', 'whole'))
+    if load:
+        assert showing_friction(whole) == whole
+        return
+    (kept, info), = showing_friction(half + whole)
+    assert 3.0 < kept.time[-1] < 6.0
+    assert 'does not show the friction' in info.notes[-1]
+    with pytest.raises(InputError, match='whole: .*Record the load'):
+        showing_friction(whole)
+    with pytest.raises(InputError, match='Record the load'):
+        run_refine([str(tmp_path / 'whole'), '--output', str(tmp_path / 'out')])
+    assert not (tmp_path / 'out').exists()
 
 
 def test_a_joint_that_stands_still_cannot_be_refined(drive):

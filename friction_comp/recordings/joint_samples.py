@@ -49,6 +49,23 @@ class RecordingInfo:
                              f'{other.joint!r}: name one with --joint')
 
 
+def without_compensation(samples: Samples, info: RecordingInfo) -> Samples:
+    """Return the samples during which no compensation law drove the motor; note what is left out.
+
+    Under a law the current follows its model: without the load, it says nothing about friction.
+    """
+    begins = [begin for begin, _ in info.activity]
+    active = np.array([False, *(activity.state == 'active' and activity.law not in ('', 'none')
+                                for _, activity in info.activity)])
+    compensated = active[np.searchsorted(begins, samples.time, 'right')]
+    if not compensated.any():
+        return samples
+    info.notes.append(
+        f'{100.0 * compensated.mean():.0f} % of the samples left out: a compensation law drove the '
+        'motor, and without the load its current does not show the friction')
+    return samples.take(~compensated)
+
+
 def to_samples(scan: Scan, joint: str | None,
                torque_per_current: float) -> tuple[Samples, RecordingInfo]:
     """Interpolate one joint's signals to the times of its joint states.

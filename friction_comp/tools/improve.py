@@ -27,7 +27,7 @@ from friction_comp.tools.common import (
 )
 from friction_comp.tools.excite import add_limits, limits_of
 from friction_comp.tools.processes import IN_LOCKSTEP, Nodes, plant_parameters
-from friction_comp.tools.recorded_drive import drive_of
+from friction_comp.tools.recorded_drive import drive_of, showing_friction
 from friction_comp.tools.ros_domain import private_domain
 
 if TYPE_CHECKING:
@@ -84,10 +84,11 @@ def main(argv: list[str] | None = None) -> int:
     model = FrictionModel.load(arguments.model, limits.joint) if arguments.model else None
     drive = simulated.drive if simulated and not model else drive_of(arguments, model)
     from friction_comp.excitation.improve import improve, Schedule
-    from friction_comp.recordings import read_recording
+    from friction_comp.recordings import read_recording_with_info
 
-    recorded = read_recording(arguments.recorded, limits.joint, drive.torque_constant,
-                              drive.gear_ratio) if arguments.recorded else []
+    recorded = [samples for samples, _ in showing_friction(read_recording_with_info(
+        arguments.recorded, limits.joint, drive.torque_constant, drive.gear_ratio))
+    ] if arguments.recorded else []
     names = [str(path) for path in arguments.recorded]
     with _system(arguments, limits.joint) as (ros, nodes), progress('improves') as show:
         improvement = improve(

@@ -102,10 +102,11 @@ def refine_recordings(arguments: Namespace, paths: Sequence[Path], joint: str | 
         paths, joint, drive.torque_constant, drive.gear_ratio,
         progress=lambda share: show(0.2 * share, 'reading'), layout=layout_of(arguments))
     unit = unit_of(arguments, model, [info for _, info in recordings])
-    recorded = [samples for samples, _ in recordings]
+    usable = showing_friction(recordings)
+    recorded = [samples for samples, _ in usable]
     drive, limit = with_current_limit(arguments, drive, recorded)
     if history is not None:
-        for samples, info in recordings:
+        for samples, info in usable:
             history.add(samples, info)
         recorded = history.samples()
     with errors_name(f'{paths[0]}: {joint}' if joint else paths[0]):
@@ -117,6 +118,27 @@ def refine_recordings(arguments: Namespace, paths: Sequence[Path], joint: str | 
     result.model.notes = {**result.model.notes, 'refined_from': [str(path) for path in paths],
                           'unit': unit, **limit}
     return result, history
+
+
+def showing_friction(recordings: Sequence[tuple[Samples, RecordingInfo]]
+                     ) -> list[tuple[Samples, RecordingInfo]]:
+    """Return what of a joint's recordings shows its friction; raises InputError if nothing does.
+
+    Where the load was not recorded in all of them, those parts do in which no compensation law
+    drove the motor.
+    """
+    from friction_comp.recordings.joint_samples import without_compensation
+
+    if all(samples.load is not None for samples, _ in recordings):
+        return list(recordings)
+    usable = [(without_compensation(samples, info), info) for samples, info in recordings]
+    usable = [(samples, info) for samples, info in usable if len(samples.time)]
+    if not usable:
+        raise InputError(
+            f'{recordings[0][1].path}: a compensation law drove the motor, so the current shows '
+            'its model and not the friction. Record the load (topic interaction_wrench), or move '
+            'the joint by its motor without the compensator')
+    return usable
 
 
 def folder_name(joint: str) -> str:

@@ -15,6 +15,7 @@ from friction_comp.tools.recorded_drive import (
     folder_name,
     layout_of,
     print_summary,
+    showing_friction,
     with_current_limit,
 )
 
@@ -38,7 +39,7 @@ def refine_whole_arm(arguments: Namespace) -> int:
     names = [str(path) for path in arguments.recordings]
     with progress('reading') as report:
         recorded = {
-            name: [samples for samples, _ in parts] for name, parts in read_arm(
+            name: [samples for samples, _ in showing_friction(parts)] for name, parts in read_arm(
                 arguments.recordings,
                 lambda name: drive_of(arguments, models.get(name)).torque_per_current,
                 lambda share: report(0.1 * share), layout_of(arguments)).items()}
