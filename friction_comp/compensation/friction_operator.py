@@ -20,7 +20,7 @@ from friction_comp.compensation.guards import in_doubt, soft_end
 from friction_comp.compensation.records import FREE, HELD, LEADING
 from friction_comp.compiling import njit
 
-TAKEN_TIME = 0.5
+TAKEN_TIME = 0.1
 """s in which trust falls from one to zero above the identified speeds."""
 MOST_CHANGES, CHANGE_TIME = 2.5, 1.0
 """Number of changes of the announced direction above which it is ignored, and s after which one
