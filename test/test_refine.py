@@ -88,7 +88,7 @@ def test_the_page_needs_nothing_from_elsewhere(folder):
 def test_the_page_says_what_each_number_is_and_where_it_is_from(folder):
     page = (folder / 'out' / 'report.html').read_text()
     for words in ('Coulomb friction', 'viscous friction', 'part with the cosine of the phase',
-                  'A·s/rad', 'The largest remaining wave has', 'friction_comp refine',
+                  'A·s/rad', 'The largest remaining ripple has', 'friction_comp refine',
                   'Recordings: '):
         assert words in page
     assert 'coefficient 1' not in page
