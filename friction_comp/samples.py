@@ -233,7 +233,7 @@ class Samples:
             try:
                 arrays[name] = np.asarray(value, dtype=float)
             except (TypeError, ValueError):
-                raise InputError(f'samples.{name} does not hold numbers') from None
+                raise InputError(f'samples.{name} does not contain numbers') from None
             if arrays[name].shape != arrays['time'].shape or arrays[name].ndim != 1:
                 raise InputError(f'samples.{name} has shape {arrays[name].shape}, but time has '
                                  f'{arrays["time"].shape}; one axis is wanted')
@@ -292,7 +292,7 @@ class Samples:
             try:
                 signals[signal] = column.factor * np.asarray(frame[column.name], dtype=float)
             except (TypeError, ValueError):
-                raise InputError(f'data frame: column {column.name!r} does not hold numbers'
+                raise InputError(f'data frame: column {column.name!r} does not contain numbers'
                                  ) from None
         if use.effort_is_current:
             signals['current'] = signals.pop('effort')

@@ -227,7 +227,7 @@ def test_arrays_and_frames_are_samples():
         Samples.from_arrays(one.time, one.position)
     with pytest.raises(InputError, match=r'shape \(1999,\)'):
         Samples.from_arrays(one.time, one.position[1:], current=one.current)
-    with pytest.raises(InputError, match='does not hold numbers'):
+    with pytest.raises(InputError, match='does not contain numbers'):
         Samples.from_frame(frame, Layout({'position': 'remark'}))
 
 
