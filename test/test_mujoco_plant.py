@@ -102,8 +102,8 @@ def test_the_same_seed_gives_the_same_numbers():
 @pytest.mark.parametrize('make, words', [
     (lambda room: MujocoPlant(room / 'missing.xml', ['a'], [drive(1)]), 'there is no such file'),
     (lambda room: MujocoPlant(ARM, ['knee'], [drive(1)]), "no joint 'knee'; it has turn"),
-    (lambda room: MujocoPlant(ARM, ['turn'], [drive(1), drive(2)]), 'one model a joint'),
-    (lambda room: MujocoPlant(ARM, ['turn'], [drive(1, gear='clamp')]), 'moves the links itself'),
+    (lambda room: MujocoPlant(ARM, ['turn'], [drive(1), drive(2)]), 'one model per joint'),
+    (lambda room: MujocoPlant(ARM, ['turn'], [drive(1, gear='clamp')]), 'simulates the links'),
     (lambda room: MujocoPlant(room / 'bad.xml', ['turn'], [drive(1)]), 'MuJoCo cannot read it')])
 def test_wrong_input_is_named(make, words, tmp_path):
     (tmp_path / 'bad.xml').write_text('<mujoco><nonsense/></mujoco>', encoding='utf-8')
