@@ -56,7 +56,7 @@ def test_the_drives_of_the_note_pass(tmp_path, number):
     (replaced('current_limit: 3.0', 'current_limit: 3:00'), r"'3:00'"),
     (replaced('current_limit: 3.0', 'current_limit: 3_000'), r"'3_000'"),
     (replaced('current_limit: 3.0', 'curent_limit: 3.0'), r'curent_limit'),
-    (replaced('gear_ratio: 100.0', 'gear_ratio: 100.0\n  gear_ratio: 50.0'), r'comes twice'),
+    (replaced('gear_ratio: 100.0', 'gear_ratio: 100.0\n  gear_ratio: 50.0'), r'occurs twice'),
     (replaced('mean: 0.0995,', 'mean: 0.0995, maen: 1.0,'), r'maen'),
     (replaced('version: 1', 'version: 1\njoint: wrist'), r"'wrist'"),
     (replaced('version: 1', 'version: 1\njoint: &a elbow\nnotes: {x: *a}'), r'not allowed'),
@@ -97,8 +97,8 @@ def test_what_is_no_file_to_read_is_refused_at_once(tmp_path):
     deep = tmp_path / 'deep.yaml'
     deep.write_text('a: &a [1]\n' + ''.join(
         f'{b}: &{b} [{", ".join([f"*{a}"] * 9)}]\n' for a, b in zip('abcdef', 'bcdefg')))
-    for path, words in ((pipe, 'no ordinary file'), (long, 'more than'), (deep, 'not allowed'),
-                        (tmp_path, 'directory'), (Path('/dev/zero'), 'no ordinary file')):
+    for path, words in ((pipe, 'not a regular file'), (long, 'more than'), (deep, 'not allowed'),
+                        (tmp_path, 'directory'), (Path('/dev/zero'), 'not a regular file')):
         with pytest.raises(InputError, match=words):
             read_yaml(path)
 

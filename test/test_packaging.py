@@ -193,7 +193,7 @@ def test_a_missing_ros_is_told_in_one_line(monkeypatch, capsys):
     monkeypatch.setattr(entry.importlib, 'import_module', absent)
     assert entry.main(['plant']) == 1
     assert capsys.readouterr().err.startswith(
-        'plant: ROS 2 is missing, or not whole: no module rclpy')
+        'plant: ROS 2 is missing or incomplete: no module rclpy')
 
 
 def test_an_environment_with_ros_wheels_names_itself(monkeypatch, tmp_path):

@@ -140,7 +140,7 @@ def test_what_can_be_written_is_not_refused_and_not_made_by_looking(tmp_path):
     check_folder(tmp_path / 'new' / 'folder')
     check_file(tmp_path / 'new' / 'file.csv')
     check_file('/dev/null')
-    with pytest.raises(InputError, match='is a folder, a file is wanted'):
+    with pytest.raises(InputError, match='is a folder, not a file'):
         check_file(tmp_path)
     assert list(tmp_path.iterdir()) == []
 
