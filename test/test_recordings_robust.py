@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings that cannot be used get a plain word; what is written is whole or not there."""
+"""Unusable recordings give a clear message; written recordings are complete or absent."""
 
 from hypothesis import given, strategies as st
 import numpy as np

@@ -110,7 +110,7 @@ def test_predict_writes_a_row_for_every_joint_state(folder, drive):
     assert np.sqrt(np.mean(error ** 2)) < 1.3 * drive.noise_floor
 
 
-def test_what_a_person_gives_counts_as_measured(drive, tmp_path, capsys):
+def test_the_measured_torque_of_a_person_is_added_to_the_motors(drive, tmp_path, capsys):
     """The person carries a third of the friction: the model is not wrong by that third."""
     model = FrictionModel(drive.model.drive, drive.model.sigmoid)
     time = np.arange(0.0, 8.0, 0.004)
@@ -136,7 +136,7 @@ def test_what_a_person_gives_counts_as_measured(drive, tmp_path, capsys):
 
 
 @pytest.mark.slow
-def test_a_model_to_start_from_is_what_before_means(folder, drive, tmp_path, monkeypatch):
+def test_before_is_the_error_of_the_given_model(folder, drive, tmp_path, monkeypatch):
     # Its page is that of the fixture, with the drawings alone.
     monkeypatch.setitem(sys.modules, 'bokeh', None)
     drive.model.save(tmp_path / 'declared.yaml')

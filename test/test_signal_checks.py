@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Signals that contradict each other are named by what is wrong; true ones never are."""
+"""Signals that contradict each other are reported with the cause, valid ones never."""
 
 import math
 
@@ -72,7 +72,7 @@ def test_a_running_check_needs_its_number_of_blocks_and_forgives_when_the_joint_
     assert not any(faults[:500])
     assert 'deg/s' not in faults[-1]
     assert 'velocity is 70 times' in faults[-1]
-    # Standing still tells nothing, so it stays; moving as it should, it goes.
+    # The fault remains while the joint is at rest, and is cleared by correct motion.
     for k in range(1000, 2000):
         check.take(1e-3 * k, 0.5, 0.0)
     assert check.fault
