@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Decodes many CDR messages of one type at once.
 
-A recording holds up to millions of messages, usually with the same layout (joint names and array
+A recording has up to millions of messages, usually with the same layout (joint names and array
 lengths). The layout is determined from one message; all messages with the same length, counts and
 strings are then decoded together with numpy. Messages with other layouts form further groups.
 """

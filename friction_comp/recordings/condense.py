@@ -131,7 +131,7 @@ def _read(averaging: Averaging, path: Path, stretches: Iterator[tuple[Samples, R
             parts.append(kept)
         notes += [note for note in info.notes if note not in notes]
     if not parts:
-        raise InputError(f'{path}: holds too little of joint {info.joint!r}')
+        raise InputError(f'{path}: has too few samples of joint {info.joint!r}')
     info.stamps = info.rows = None
     info.notes = notes
     return Samples.concatenate(parts), info

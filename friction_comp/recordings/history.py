@@ -40,7 +40,7 @@ class RecordedAverages:
 
     name: str       # of the file or folder
     start: float    # stamp of its first sample, s
-    day: str        # ISO date of the recording, or of its addition where stamps hold no date
+    day: str        # ISO date of the recording, or of its addition if stamps have no date
     samples: Samples
 
 

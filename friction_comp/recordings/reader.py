@@ -117,7 +117,7 @@ def read_arm(paths: AnyPath | Sequence[AnyPath],
     Raises
     ------
     InputError
-        If a recording cannot be used, or recordings hold different joints.
+        If a recording cannot be used, or recordings have different joints.
     """
     result: dict[str, list[tuple[Samples, RecordingInfo]]] = {}
     for index, scan in enumerate(_scan_all(paths, progress, None, layout)):

@@ -163,7 +163,7 @@ class TimeBase:
         return float(receive + ahead) * 1e-9
 
     def hold(self, track: Track, values: np.ndarray, before: float = 0.0) -> np.ndarray:
-        """Return the latest value at each joint state; `before` until there is one."""
+        """Return the latest value at each joint state (zero-order hold); `before` if none yet."""
         times, other_times, values = self._finite_values(track, values)
         index = np.searchsorted(other_times, times, side='right') - 1
         held: np.ndarray = np.where(
@@ -224,13 +224,13 @@ def _direction(scan: Scan, joint: str, joints: list[str], order: list[list[str]]
         directions.append((stamped[0], np.sign(stamped[1][:, 1])))
     if not directions:
         return None
-    held, ages = [], []
+    latest, ages = [], []
     for track, values in directions:
         # The topics may have different clocks, so ages are compared instead of times.
         state_times, times = base.pair(track)
-        held.append(base.hold(track, values))
+        latest.append(base.hold(track, values))
         ages.append(state_times - base.hold(track, times.astype(float), before=-1.0))
-    return np.where(np.argmin(ages, axis=0) == 0, held[0], held[-1]).astype(int)
+    return np.where(np.argmin(ages, axis=0) == 0, latest[0], latest[-1]).astype(int)
 
 
 def _find_joint(tracks: list[Track], joint: str, joints: list[str],

@@ -49,10 +49,10 @@ _TABLES = (
 _EXPLANATIONS = {
     'peak_torque': (
         'The peak is the largest torque from the beginning of the movement until it slows down, or '
-        'until the joint starts moving where that is later. A lower bound (>) is given where the '
-        'joint did not move in some repetitions. RMS is over the movement without standstill. The '
-        'torque at constant velocity is positive where the person pushes the joint, and negative '
-        'where the joint pulls the person.'),
+        'until the joint starts moving if that is later. A lower bound (>) is given if the joint '
+        'did not move in some repetitions. RMS is over the movement without standstill. The torque '
+        'at constant velocity is positive if the person pushes the joint, and negative if the '
+        'joint pulls the person.'),
     'residual_current': (
         'The residual current is the RMS difference between the current that the model predicts '
         'for the movement and the commanded current. It is only as accurate as the model.'),
@@ -131,11 +131,11 @@ def scenes_of(evaluation: Evaluation) -> list[MovingScene]:
     pair = evaluation.pair()
     if pair is None:
         return []
-    known = {(c.compensation, c.movement): c for c in evaluation.conditions
-             if np.isfinite(c.torque).any()}
-    both = [[known[condition, movement] for condition in pair]
+    measured = {(c.compensation, c.movement): c for c in evaluation.conditions
+                if np.isfinite(c.torque).any()}
+    both = [[measured[condition, movement] for condition in pair]
             for movement in ('positive', 'negative')
-            if all((condition, movement) in known for condition in pair)]
+            if all((condition, movement) in measured for condition in pair)]
     largest = max(both, key=lambda conditions: max(c.peak_torque for c in conditions), default=[])
     return [MovingScene(title, c.time, c.position, c.torque, colour) for title, c, colour
             in zip(plain_names(pair), largest, ('grey', 'blue'))]
@@ -187,7 +187,7 @@ def _add_conditions(report: Report, evaluation: Evaluation) -> None:
             'movements in the positive (+) and negative (\u2212) direction.')
         counts = []
     known = {name for c in evaluation.conditions for name in c.figures}
-    report.text(' '.join(words for name, words in _EXPLANATIONS.items() if name in known)
+    report.text(' '.join(text for name, text in _EXPLANATIONS.items() if name in known)
                 + ' A false start is a repetition in which the joint started during the standstill'
                 + (' without being pushed; in brackets, the 95 % interval of their share.'
                    if evaluation.measured else

@@ -108,8 +108,8 @@ def closed_loops(
     columns = np.array([SIGNALS.index(name) for name in logged], dtype=np.int64)
     log = np.zeros((runs, -(-length // every) if every else 0, len(columns)))
     extremes, own = np.zeros((runs, 2)), np.zeros(runs, STATE)
-    held = length if released is None else int(released)
+    release = length if released is None else int(released)
     _run_all(np.ascontiguousarray(parameters), random.copy(), laws.copy(), own, movements, chosen,
-             added, float(speed), held, float(sample_time), int(every), columns, log, extremes,
+             added, float(speed), release, float(sample_time), int(every), columns, log, extremes,
              np.zeros(runs, JOINT_STATE), np.zeros(runs, MEASURED))
     return {name: log[:, :, c] for c, name in enumerate(logged)}, extremes, own

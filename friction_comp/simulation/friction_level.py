@@ -27,7 +27,7 @@ LEAST_LEVEL = 0.05
 
 @njit(cache=True)
 def draw_levels(p: Record, s: Record, random: np.ndarray) -> None:
-    """Draw the breakaway levels that hold until the joint sticks again."""
+    """Draw the breakaway levels that are valid until the joint sticks again."""
     scatter = min(4.0, max(-4.0, normal(random)))
     s.level_positive = max(0.1 * p.break_positive, p.break_positive + p.std_positive * scatter)
     scatter = min(4.0, max(-4.0, normal(random)))
