@@ -28,11 +28,11 @@ from friction_comp.samples import Samples
 LIMIT = 400_000
 # Lowest rate of averages, Hz: averages over a longer time hide friction at a reversal.
 _SLOWEST_RATE = 100.0
-# Length of a recording that is read at once, and of a piece that is kept or omitted as a whole, s.
+# Length of a stretch that is read at once, and of a piece that is kept or omitted, s.
 _STRETCH, _PIECE = 60.0, 10.0
 # Length that is read to estimate the number of samples, s.
 _PROBE = 600.0
-# Golden ratio: its multiples modulo 1 are spread evenly and never repeat, which selects pieces.
+# Golden ratio: its multiples modulo 1, which are spread evenly, select pieces.
 _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 # Smallest size of a sample in a file, bytes.
 _LEAST_SAMPLE_SIZE = 10
@@ -100,8 +100,7 @@ def _choose_averaging(recordings: Sequence[Path], joint: str | None, layout: Lay
                       limit: int) -> Averaging:
     """Return the averaging that leaves about `limit` samples of all recordings.
 
-    The number of samples is estimated from the beginning of the largest recording and the sizes of
-    all.
+    Their number is estimated from the beginning of the largest recording and the sizes of all.
     """
     sizes = [size_of(path) for path in recordings]
     if sum(sizes) < _LEAST_SAMPLE_SIZE * limit:

@@ -24,10 +24,9 @@ _RATE = 50.0  # of the drawn curves, Hz
 
 def excitation_report(plans: Sequence[JointPlan],
                       others: Sequence[Mapping[str, Mapping[Pair, float]]]) -> Report:
-    """Return the report of planned motions, one plan per joint.
+    """Return the report of planned motions.
 
-    `others` has for each plan the separation of effects by other motions of the same length, by
-    the name of the motion.
+    `others` has for each plan the separation by other motions of the same length, by name.
     """
     seconds = plans[0].seconds
     report = Report('Planned motion', f'{len(plans)} joint{"s" * (len(plans) > 1)}, {seconds:g} s')

@@ -6,8 +6,8 @@
 
 with f̂ of Eq. 6 and its plateau P, the breakaway level g_b, which is drawn again whenever the joint
 comes to stick, and ``g0 = min(mean g_b, P)``. The note's sigmoid passes through zero near
-standstill, but true friction does not: it starts at the breakaway level and follows the sigmoid
-with the note's coefficients (Eq. 11) beyond the Stribeck transition.
+standstill, but true friction starts at the breakaway level, and follows the sigmoid with the note's
+coefficients (Eq. 11) only beyond the transition.
 """
 
 from __future__ import annotations
