@@ -1,13 +1,13 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Makes the small recordings in this folder, on which the tools can be tried at once.
+"""Makes the small recordings in this folder, with which the tools can be tried.
 
     python3 examples/make_examples.py
 
-in an environment with ROS 2 and Pinocchio. The recordings in `elbow/` are of the nodes as they run:
-a simulated elbow that hides friction ripple and gravity, a person who moves it, and the compensator
-with the drive's model, once without and once with the direction announced. The one in `arm/` is
-computed: three joints whose links have other masses than `arm.urdf` says.
+It needs ROS 2 and Pinocchio. The recordings in `elbow/` are of running nodes: a simulated elbow
+with undeclared friction ripple and gravity, a person who moves it, and the compensator with the
+drive's model, once without and once with the direction announced. The recording in `arm/` is
+computed: three joints whose links have other masses than in `arm.urdf`.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ ROOT = Path(__file__).resolve().parent.parent
 HERE = ROOT / 'examples'
 DRIVE = Path('config', 'armin_configuration_2.yaml')
 HIDDEN = ROOT / 'config' / 'undeclared_example.yaml'
-# s; slower than a real driver, for the sake of small files.
+# s; longer than that of a real driver, so that files are small.
 SAMPLE_TIME = 5e-3
 MOVEMENT = {'amplitude': 0.7, 'speed': 0.5, 'acceleration_time': 0.5, 'standstill': 1.5,
             'announcement': 1.0, 'repetitions': 2}
-# Of simulated time: the plant's first state has this stamp, ns.
+# Stamp of the plant's first state in simulated time, ns.
 FIRST = 1_000_000_000
-# What the arm's encoders and current sensors resolve: rad, A.
+# Resolution of the arm's encoders, rad, and current sensors, A.
 RESOLUTION = {'position': 1e-5, 'current': 5e-3}
 
 
@@ -53,9 +53,9 @@ def record_elbow(folder: Path) -> None:
 
 
 def compress(source: Path, target: Path) -> None:
-    """Compress a recording's one file, receive times as `ros2 bag record --use-sim-time` has them.
+    """Compress a recording's only file, with receive times as of `ros2 bag record --use-sim-time`.
 
-    Those of the real machine take room: no two of them are alike.
+    Real receive times, which are irregular, would compress badly.
     """
     from rosbags.rosbag2 import Reader
     import zstandard

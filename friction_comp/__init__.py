@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Identification and compensation of friction in geared robot drives.
 
-A drive's current is modelled as a sum of effects that predicts, explains and compensates. The
-public names are imported when they are first used::
+A drive's current is modelled as a sum of effects, for prediction, explanation and compensation.
+Public names are imported when they are first used::
 
     from friction_comp import FrictionModel, read_recording, refine
 
-docs/architecture.md describes the packages.
+docs/architecture.md describes the subpackages.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> object:
-    """Import a public name when it is first asked for (PEP 562)."""
+    """Import a public name when it is first used (PEP 562)."""
     if name not in _HOMES:
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
     value = getattr(importlib.import_module(_HOMES[name]), name)
@@ -60,5 +60,5 @@ def __getattr__(name: str) -> object:
 
 
 def __dir__() -> list[str]:
-    """List the public names beside what is there already."""
+    """List the public names together with those already defined."""
     return sorted({*globals(), *__all__})

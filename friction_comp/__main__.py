@@ -70,8 +70,8 @@ NODE_USAGE = """usage: python3 -m friction_comp {name} [--help] [--ros-args ...]
 Parameters, remappings and names are given after --ros-args, for instance
 --ros-args -p NAME:=VALUE -r FROM:=TO."""
 
-# Which module of ROS 2 is reported missing depends on the order of imports.
-_OF_ROS = re.compile(r'rclpy|\w+_(msgs|srvs|interfaces)')
+# Modules of ROS 2: which of them is reported missing depends on the order of imports.
+_ROS_MODULE = re.compile(r'rclpy|\w+_(msgs|srvs|interfaces)')
 
 
 def run(name: str, argv: list[str] | None = None) -> int:
@@ -85,29 +85,28 @@ def run(name: str, argv: list[str] | None = None) -> int:
     """
     argv = sys.argv[1:] if argv is None else argv
     room = 'nodes' if name in NODES else 'tools'
-    own = itertools.takewhile(lambda word: word != '--ros-args', argv)
-    if name in NODES and {'-h', '--help'} & set(own):
-        # Handled here, since importing ROS 2 alone takes a second.
+    before_ros_args = itertools.takewhile(lambda word: word != '--ros-args', argv)
+    if name in NODES and {'-h', '--help'} & set(before_ros_args):
+        # Handled here, since importing ROS 2 takes a second.
         print(NODE_USAGE.format(name=name, text=NODES[name]))
         return 0
-    # Matrices are small here: the threads of linear algebra libraries mostly wait for each other,
-    # and take up to twenty times the processor time where other processes run.
+    # Matrices are small here: threads of linear algebra libraries would mostly wait for each other,
+    # and take up to twenty times the processor time if other processes run.
     for library in ('OMP', 'OPENBLAS', 'MKL'):
         os.environ.setdefault(f'{library}_NUM_THREADS', '1')
     if name in NODES or name in ('demo', 'doctor', 'play', 'improve'):
         add_environment_to_ament_path()
     if name == 'compensator':
-        # So that it answers soon after its start: the law runs in plain Python until it is
-        # compiled.
+        # It responds soon after its start: the law runs in plain Python until it is compiled.
         defer_compilation()
     if name in NODES and threading.current_thread() is threading.main_thread():
-        # Until the node handles signals itself, there is nothing to clean up.
+        # Until the node installs its own handlers, there is nothing to clean up.
         signal.signal(signal.SIGINT, _leave)
     elif signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _interrupt)
     with tolerant_output():
         try:
-            # Imported late, so that a tool that needs no ROS 2 runs without it.
+            # Imported only now, so that tools that do not need ROS 2 run without it.
             module = importlib.import_module(f'friction_comp.{room}.{name}')
             return module.main(argv) or 0
         except InputError as error:
@@ -115,11 +114,11 @@ def run(name: str, argv: list[str] | None = None) -> int:
             return 2
         except ModuleNotFoundError as error:
             missing = (error.name or '').partition('.')[0]
-            if not _OF_ROS.fullmatch(missing):
+            if not _ROS_MODULE.fullmatch(missing):
                 raise
-            print(f'{name}: ROS 2 is missing, or not whole: no module {missing}. Source a ROS 2 '
-                  'workspace that holds friction_comp, or use the environment that `make setup` '
-                  'makes', file=sys.stderr)
+            print(f'{name}: ROS 2 is missing or incomplete: no module {missing}. Source a ROS 2 '
+                  'workspace that contains friction_comp, or use the environment that `make setup` '
+                  'creates', file=sys.stderr)
             return 1
         except KeyboardInterrupt:
             return 130
@@ -137,7 +136,7 @@ def _interrupt(*_: object) -> NoReturn:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the node or tool that the first argument names, with the others; return the exit code."""
+    """Run the node or tool named by the first argument with the others; return the exit code."""
     argv = sys.argv[1:] if argv is None else argv
     first = argv[0] if argv else None
     if first in NODES or first in TOOLS:

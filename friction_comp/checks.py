@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Checks numbers and sections of files, with uniform error messages."""
+"""Checks numbers and sections of input files, with uniform error messages."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def check_whole_number(value: Any, name: str, *, least: float = -math.inf,
 
 
 def _requirement(kind: str, above: float, least: float, most: float) -> str:
-    """Return the bounds in words, such as 'positive finite number'."""
+    """Return kind and bounds as text, such as 'positive finite number'."""
     if above == 0.0 and most == math.inf:
         return f'positive {kind}'
     above_words = f' above {above:g}' if above > -math.inf else ''
@@ -70,7 +70,7 @@ def check_document(value: Any, kind: str, format_name: str, version: int,
                    known: Collection[str] | None = None) -> dict[str, Any]:
     """Return the content of a file after a check of its entries `format` and `version`.
 
-    `kind` is what error messages call such a file. Raises InputError if it has another format or
+    `kind` names such a file in error messages. Raises InputError if it has another format or
     version, or entries that are not in `known`, if given.
     """
     if not isinstance(value, dict) or value.get('format') != format_name:

@@ -1,10 +1,10 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Finds out which column of a table holds which signal, and in which unit.
+"""Assigns signals and units to the columns of a table.
 
-Each column that is used has a signal, a joint and a factor to SI units. The user's layout takes
-precedence, then the unit in the column's name (``q [deg]``), then common names. Notes tell what was
-guessed.
+Each column that is used gets a signal, a joint and a factor to SI units: from the user's layout
+first, then from the column's name, by common names of signals and a unit as in ``q [deg]``. Notes
+list what was guessed.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 
 from friction_comp.errors import InputError
 
-# Files that hold a table.
+# Suffixes of table files.
 TABLES = ('.csv', '.csv.gz', '.tsv', '.parquet', '.npz')
 
 # Signal to its common column names, without joint and unit. `current` is an effort in A.
@@ -68,11 +68,11 @@ class Layout:
     ----------
     columns : dict of str to str
         Signal to column; signals are time, position, velocity, effort, current, command,
-        direction, load, temperature, reference_position and reference_velocity. What is not named
-        is guessed.
+        direction, load, temperature, reference_position and reference_velocity. Columns of other
+        signals are guessed.
     units : dict of str to str
-        Signal to unit, such as ``{'position': 'deg', 'time': 'ms'}``; ``counts/4096`` are encoder
-        counts of 4096 to a turn. SI units where none is named.
+        Signal to unit, such as ``{'position': 'deg', 'time': 'ms'}``; ``counts/4096`` means encoder
+        counts, 4096 per turn. The default is SI units.
 
     Raises
     ------
@@ -86,11 +86,11 @@ class Layout:
     def __post_init__(self) -> None:
         for signal in (*self.columns, *self.units):
             if signal not in _NAMES:
-                raise InputError(f'there is no signal {signal!r}; a column may hold '
+                raise InputError(f'there is no signal {signal!r}; signals are '
                                  f'{", ".join(SIGNALS)}')
         if 'effort' in self.columns and 'current' in self.columns:
-            raise InputError('columns name both effort and current: one of them is the measured '
-                             'current')
+            raise InputError('columns name both effort and current: name only one of them, the '
+                             'measured one')
         for signal, unit in self.units.items():
             if signal != 'effort':
                 unit_factor(signal, unit)
@@ -98,7 +98,7 @@ class Layout:
 
 @dataclass(frozen=True)
 class Column:
-    """One column that is used: its name, the signal and joint it holds, and its factor to SI."""
+    """A used column: its name, signal, joint and unit, and the factor to SI units."""
 
     name: str
     signal: str
@@ -109,10 +109,10 @@ class Column:
 
 @dataclass
 class Assignment:
-    """The columns of a table that are used."""
+    """The used columns of a table."""
 
     columns: list[Column]
-    effort_is_current: bool     # in A already
+    effort_is_current: bool     # whether efforts are in A
     notes: list[str]            # what was guessed
 
     @property
@@ -122,11 +122,11 @@ class Assignment:
 
     @property
     def joints(self) -> list[str]:
-        """The joints, '' for one without a name."""
+        """Names of the joints; a single joint without a name is ''."""
         return list(dict.fromkeys(c.joint for c in self.columns if c.signal == 'position'))
 
     def of(self, signal: str, joint: str) -> Column | None:
-        """Return the column of a signal, or None."""
+        """Return the column of a joint's signal, or None."""
         return next((column for column in self.columns if column.signal == signal
                      and column.joint in (joint, '')), None)
 
@@ -143,16 +143,16 @@ def unit_factor(signal: str, unit: str) -> float:
     if counts and f'rad{counts[2] or ""}' in known and float(counts[1]) > 0:
         return _TURN / float(counts[1])
     if signal == 'effort':
-        # For volts, or per cent of a servo's range, values stay in the unit of the recording.
+        # In other units, such as volts or per cent of a servo's range, values stay as they are.
         return 1.0
     listed = ', '.join(known) or 'none'
-    more = ', counts/N (N to a turn)' if 'rad' in known else ', counts/N/s' if 'rad/s' in known \
+    more = ', counts/N (N per turn)' if 'rad' in known else ', counts/N/s' if 'rad/s' in known \
         else ''
-    raise InputError(f'{signal} cannot be in {unit!r}; units of it are {listed}{more}')
+    raise InputError(f'{signal} cannot be in {unit!r}; its units are {listed}{more}')
 
 
 def read_pairs(text: str, what: str) -> dict[str, str]:
-    """Parse ``a=b,c=d`` into a dictionary; raises InputError if it has another form."""
+    """Parse ``a=b,c=d`` into a dictionary; raises InputError if the form is invalid."""
     pairs: dict[str, str] = {}
     for part in text.split(','):
         name, sign, value = (piece.strip() for piece in part.partition('='))
@@ -194,7 +194,7 @@ def assign(names: Sequence[str], layout: Layout | None, where: str) -> Assignmen
     if guessed:
         notes.append('columns guessed from their names: ' + ', '.join(
             f'{_full_name(column)}={column.name}{f" in {column.unit}" if column.unit else ""}'
-            for column in guessed) + ' (--columns and --unit say otherwise)')
+            for column in guessed) + ' (override with --columns and --unit)')
     measured = [column for column in used if column.signal in ('effort', 'current')]
     in_ampere = {column.signal == 'current' or column.unit in _CURRENTS for column in measured}
     if len(in_ampere) > 1:
@@ -210,21 +210,21 @@ def _full_name(column: Column) -> str:
 
 
 def _is_duplicate(column: Column, used: Iterable[Column]) -> bool:
-    """Return whether a joint's signal is in use already, effort and current being one signal."""
-    alike = ('effort', 'current') if column.signal in ('effort', 'current') else (column.signal,)
-    return any(other.signal in alike and other.joint == column.joint for other in used)
+    """Return whether a joint's signal is used already; effort and current count as the same."""
+    same = ('effort', 'current') if column.signal in ('effort', 'current') else (column.signal,)
+    return any(other.signal in same and other.joint == column.joint for other in used)
 
 
 def _column(name: str, signal: str, joint: str, layout: Layout) -> Column:
     unit = layout.units.get(signal) or _unit_in_name(name, signal)
     if unit or signal == 'effort':
         return Column(name, signal, joint, unit, unit_factor(signal, unit) if unit else 1.0)
-    # The SI unit comes first.
+    # The first unit of each signal is that of SI.
     return Column(name, signal, joint, next(iter(_UNITS[signal]), ''), 1.0)
 
 
 def _unit_in_name(name: str, signal: str) -> str:
-    """Return the unit in a column's name, '' if it has none that is known for the signal."""
+    """Return the unit in a column's name, '' if there is none that the signal can have."""
     match = _BRACKET.search(name) or _LAST.search(name)
     unit = match[1].strip() if match else ''
     if unit and signal in ('velocity', 'reference_velocity') and f'{unit}/s' in _SPEEDS:
@@ -236,14 +236,14 @@ def _guesses(names: Sequence[str], layout: Layout) -> list[Column]:
     """Return the columns with common names, in the order of `SIGNALS`."""
     columns = [_column(name, signal, joint, layout) for name in names
                for signal, joint in [_signal_and_joint(name)] if signal]
-    # `effort` is preferred to `current` if a table has both.
+    # If a table has both `effort` and `current`, the former comes first and is used.
     columns.sort(key=lambda column: SIGNALS.index(column.signal))
     joints = {column.joint for column in columns if column.signal == 'position'}
     return [column for column in columns if column.joint in (*joints, '')]
 
 
 def _signal_and_joint(name: str) -> tuple[str, str]:
-    """Return the signal and the joint of a column by its name; '' if it has none."""
+    """Return signal and joint according to a column's name, each '' if there is none."""
     bare = _BRACKET.sub('', name.strip())
     for text in (bare, _LAST.sub('', bare)):
         whole = text.lower().strip().replace(' ', '_').replace('-', '_')

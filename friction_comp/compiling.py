@@ -1,11 +1,11 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Compiles functions with numba: at once, or later while plain Python does their work.
+"""Compiles functions with numba, at once or later while they run in plain Python.
 
 Importing numba and loading compiled code takes most of the start-up time of a node, and compiling
 without a cache takes many seconds. A process that must start fast calls `defer_compilation` before
-it imports compiled functions: its kernels are then plain Python until `compile_deferred`, in
-another thread, has compiled them for the argument types they were called with. Each kernel is
+it imports compiled functions. These kernels then run in plain Python until `compile_deferred`, in
+another thread, has compiled them for the argument types of their first call. Each kernel is
 replaced between two calls, and returns the same numbers before and after, except for the last bit
 of an exponential.
 """
@@ -40,7 +40,7 @@ def defer_compilation() -> None:
 
 
 def njit(*, cache: bool = False) -> Callable[[F], F]:
-    """Return numba's decorator of that name or, after `defer_compilation`, one for a `Kernel`."""
+    """Return ``numba.njit`` or, after `defer_compilation`, a decorator that makes a `Kernel`."""
     if _deferred is None:
         import numba
         return numba.njit(cache=cache)
@@ -50,13 +50,13 @@ def njit(*, cache: bool = False) -> Callable[[F], F]:
 def import_numba() -> None:
     """Import numba in half of the time, for a process of this package.
 
-    Numba imports scipy only to detect BLAS, and coverage if it is installed. No kernel of this
-    package multiplies matrices, but kernels of other packages may, so that this is called only by
-    the package's own programs. Another thread must not import scipy meanwhile: the law, which runs
-    in parallel, does not need it (`test_compiling`).
+    Numba imports scipy only to detect BLAS, and coverage if it is installed; both are skipped. No
+    kernel of this package multiplies matrices, but those of other packages may, so only the
+    package's own programs call this. No other thread may import scipy meanwhile: the law, which
+    runs in parallel, does not (`test_compiling`).
     """
     skipped = [name for name in _SKIPPED_MODULES if name not in sys.modules]
-    # For Python's importer, None marks a module that is known to be missing.
+    # For Python's importer, None marks a module as missing.
     sys.modules.update(dict.fromkeys(skipped))  # type: ignore[arg-type]
     try:
         import numba.np.arraymath  # noqa: F401
@@ -75,16 +75,16 @@ def compiling() -> bool:
 
 
 def compile_deferred() -> int:
-    """Compile the kernels that started as plain Python, for the arguments they were called with.
+    """Compile the kernels that started as plain Python, for the arguments of their first call.
 
-    Call it in another thread than the one that runs the kernels. Returns the number of kernels
-    replaced.
+    Must be called in a thread other than the one that runs the kernels. Returns the number of
+    kernels replaced.
     """
     global _plain, _compiling
     if not _deferred or not _plain:
         return 0
     _compiling = True
-    # Garbage collection stops all threads, for longer the more was imported.
+    # Garbage collection stops all threads, and takes longer the more was imported.
     gc.disable()
     try:
         import_numba()
@@ -145,12 +145,12 @@ class Kernel:
 
     @property
     def _numba_type_(self) -> Any:
-        # What compiled callers of this function see.
+        # The type of this function for numba when it compiles a caller.
         from numba import types
         return types.Dispatcher(self.dispatcher)
 
     def compile(self) -> bool:
-        """Compile it for the types of its first arguments; return False if it was not called."""
+        """Compile for the types of the first call's arguments; return False if there was none."""
         if self._first_args is None:
             return False
         from numba import typeof

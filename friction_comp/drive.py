@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""A geared drive: its constants from current to torque and from counts to angle."""
+"""A geared drive: the constants that convert current to torque and encoder counts to angle."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Drive:
     gear_ratio : float
         n, motor turns per joint turn.
     encoder_counts : int, optional
-        Counts of the motor encoder per motor turn; None where unknown.
+        Counts of the motor encoder per motor turn; None if unknown.
     current_limit : float
         Largest motor current in A that may ever be commanded.
 
@@ -48,7 +48,7 @@ class Drive:
 
     @property
     def position_resolution(self) -> float | None:
-        """Joint angle of one encoder count in rad; None where the encoder is unknown."""
+        """Joint angle of one encoder count in rad; None if the encoder is unknown."""
         if self.encoder_counts is None:
             return None
         return 2.0 * math.pi / (self.encoder_counts * self.gear_ratio)

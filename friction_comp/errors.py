@@ -11,14 +11,14 @@ from contextlib import contextmanager
 class InputError(ValueError):
     """Input that cannot be used: a file, an argument, a message or a parameter.
 
-    The text is one line that names the thing and the reason. Command-line tools print it to
-    standard error and exit with status 2; nodes refuse the parameter, goal or message.
+    The message is one line that names the input and the reason. Command-line tools print it to
+    standard error and exit with status 2; nodes reject the parameter, goal or message.
     """
 
 
 @contextmanager
 def errors_name(thing: object) -> Iterator[None]:
-    """Prefix the text of an InputError with the origin of the input, usually a path."""
+    """Prefix the message of an InputError with the origin of the input, usually a path."""
     try:
         yield
     except InputError as error:
@@ -26,5 +26,5 @@ def errors_name(thing: object) -> Iterator[None]:
 
 
 def one_line(error: BaseException) -> str:
-    """Return an error's text in one line; its type where it has none."""
+    """Return an error's message in one line, or its type if it has none."""
     return ' '.join(str(error).split()) or type(error).__name__

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reads files with errors that name them, and writes files atomically."""
+"""Reads YAML files with error messages that name them, and writes files atomically."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from friction_comp.errors import InputError, one_line
 
 
 class _PlainLoader(yaml.SafeLoader):
-    """Reads YAML 1.2's plain values, without duplicate keys and references.
+    """Reads the plain values of YAML 1.2, and rejects duplicate keys and references.
 
-    YAML 1.1 reads 3:00 as 180, 3_000 as 3000, 010 as 8 and 'no' as false, silently keeps the last
-    of two equal keys, and a few lines that refer to each other can fill the memory.
+    PyYAML's own loader (YAML 1.1) reads 3:00 as 180, 3_000 as 3000, 010 as 8 and 'no' as false. It
+    silently keeps the last of two equal keys, and a few references can expand to fill the memory.
     """
 
     yaml_implicit_resolvers = {}
@@ -39,13 +39,13 @@ class _PlainLoader(yaml.SafeLoader):
         for key, _ in node.value:
             word = key.value if isinstance(key, yaml.ScalarNode) else None
             if word in seen:
-                raise yaml.YAMLError(f'line {key.start_mark.line + 1}: {word!r} comes twice')
+                raise yaml.YAMLError(f'line {key.start_mark.line + 1}: {word!r} occurs twice')
             seen.add(word)
         return super().construct_mapping(node, deep)
 
 
 class _QuotingDumper(yaml.SafeDumper):
-    """Quotes strings that either version of YAML would read as a number: 3:00 as well as 0E0."""
+    """Quotes strings that any version of YAML would read as a number, such as 3:00 and 0E0."""
 
 
 def _whole_number(loader: Any, node: Any) -> int:
@@ -70,25 +70,25 @@ for _tag, _pattern, _first in (
 _PlainLoader.add_constructor('tag:yaml.org,2002:int', _whole_number)
 _PlainLoader.add_constructor('tag:yaml.org,2002:float', _number)
 
-# Bytes that a YAML document may have; the largest model files have a tenth of it.
+# Largest size of a YAML document, bytes; the largest model files have a tenth of it.
 _LARGEST = 1_000_000
 
 
 def read_yaml(path: str | Path) -> Any:
     """Return the content of a YAML file; see `_PlainLoader`.
 
-    Raises InputError if it cannot be read, is not an ordinary file, is too large or not valid.
+    Raises InputError if it cannot be read, is not a regular file, is too large or not valid.
     """
     path = Path(path)
     try:
-        # Do not wait for the other end of a pipe, which may never come.
+        # Do not wait for a writer if it is a pipe: there may never be one.
         handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
         with os.fdopen(handle, 'rb') as stream:
             kind = os.fstat(handle)
             if stat.S_ISDIR(kind.st_mode):
                 raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
             if not stat.S_ISREG(kind.st_mode):
-                raise InputError(f'{path}: no ordinary file')
+                raise InputError(f'{path}: not a regular file')
             data = stream.read(_LARGEST + 1)
     except OSError as error:
         raise InputError(f'{path}: {error.strerror or error}') from None
@@ -120,7 +120,7 @@ def write_atomically(path: str | Path, content: str | bytes, sync: bool = True) 
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.exists() and not path.is_file():
-            # Do not wait for the other end of a pipe, which may never come, but for a slow reader.
+            # Do not wait until a pipe has a reader, but then wait for a slow one.
             handle = os.open(path, os.O_WRONLY | os.O_NONBLOCK | os.O_CLOEXEC)
             os.set_blocking(handle, True)
             with os.fdopen(handle, 'wb') as stream:
@@ -141,7 +141,7 @@ def write_atomically(path: str | Path, content: str | bytes, sync: bool = True) 
 
 
 def to_yaml(document: Any) -> str:
-    """Return plain values as a YAML document; rows of numbers stay on one line."""
+    """Return plain values as a YAML document, with rows of numbers on one line."""
     return str(yaml.dump(document, Dumper=_QuotingDumper, sort_keys=False, allow_unicode=True,
                          width=96, default_flow_style=None))
 
@@ -161,7 +161,7 @@ def plain(value: Any, not_finite: float | None = math.nan) -> Any:
     if isinstance(value, (list, tuple)):
         return [plain(item, not_finite) for item in value]
     if hasattr(value, 'tolist'):
-        # An array or scalar of numpy, which need not be imported for that.
+        # A numpy array or scalar, recognised without importing numpy.
         return plain(value.tolist(), not_finite)
     if isinstance(value, os.PathLike):
         return str(value)
@@ -177,7 +177,7 @@ def check_folder(path: str | Path) -> None:
         while not folder.exists() and folder != folder.parent:
             folder = folder.parent
         if not folder.is_dir():
-            raise InputError(f'{path}: cannot be written to: {folder} is no folder')
+            raise InputError(f'{path}: cannot be written to: {folder} is not a folder')
         # Permissions are not sufficient: a file system may be full or read-only.
         with tempfile.TemporaryFile(dir=folder):
             pass
@@ -190,7 +190,7 @@ def check_file(path: str | Path) -> None:
     path = Path(path)
     try:
         if path.is_dir():
-            raise InputError(f'{path}: is a folder, a file is wanted')
+            raise InputError(f'{path}: is a folder, not a file')
         if path.exists() and not path.is_file():
             return
     except OSError as error:

@@ -15,8 +15,8 @@ def package_file(*parts: str) -> Path:
     """Return the path of a file or folder of the package.
 
     `parts` is its path below ``share/friction_comp``, such as ``'config',
-    'armin_configuration_1.yaml'``. Searched are the source tree, if the package runs from one, all
-    sourced workspaces and the Python environment. Raises InputError if there is no such file.
+    'armin_configuration_1.yaml'``. It is searched in the source tree, if the package runs from one,
+    in all sourced workspaces and in the Python environment. Raises InputError if it is missing.
     """
     root = Path(__file__).resolve().parent.parent
     folders = [root] if (root / 'package.xml').is_file() else []
@@ -32,15 +32,16 @@ def middlewares() -> list[str]:
     """Return the names of the middlewares that ROS 2 finds on this machine."""
     installed = {path.name for prefix in (*_ament_prefixes(), sys.prefix) for path in Path(
         prefix, 'share', 'ament_index', 'resource_index', 'rmw_typesupport').glob('rmw_*')}
-    # Variables that select another implementation at run time.
+    # This one only selects another at run time.
     return sorted(installed - {'rmw_implementation'})
 
 
 def add_environment_to_ament_path() -> None:
     """Add this Python environment to AMENT_PREFIX_PATH, where ROS 2 looks for packages.
 
-    A sourced workspace does so itself; a virtual environment with ROS 2 wheels does not. It is
-    added last, so that sourced workspaces keep their precedence. Call it before ROS 2 is imported.
+    Sourcing a workspace does this; activating a virtual environment with ROS 2 wheels does not. The
+    environment is added last, so that sourced workspaces take precedence. Must be called before
+    ROS 2 is imported.
     """
     if not Path(sys.prefix, 'share', 'ament_index').is_dir():
         return

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Runs work in child processes that end with their parent, on one item or on many."""
+"""Runs work on one or many items in child processes that end with their parent."""
 
 from __future__ import annotations
 
@@ -27,14 +27,15 @@ U = TypeVar('U')
 
 @dataclass(frozen=True)
 class Failure:
-    """The reason why there is no result, in one line."""
+    """Stands for a missing result; `reason` is one line."""
 
     reason: str
 
 
 Outcomes = Generator[tuple[int, 'U | Failure'], None, None]
 Runner = Callable[[Callable[[Any], Any], Sequence[Any]], Iterator[tuple[int, Any]]]
-"""Does work on each item; yields index and outcome of each as soon as it is finished."""
+"""Type of a function that does work on items, and yields the index and outcome of each when it is
+finished."""
 
 
 def attempt(work: Callable[[T], U], item: T) -> U | Failure:
@@ -44,16 +45,16 @@ def attempt(work: Callable[[T], U], item: T) -> U | Failure:
     except InputError as error:
         return Failure(one_line(error))
     except Exception as error:
-        # An error in the program on one recording of a thousand must not lose the others.
+        # A bug that affects one recording of a thousand must not lose the results of the others.
         return Failure(f'{item}: {type(error).__name__}: {one_line(error)}')
 
 
 def run_each(work: Callable[[T], U], items: Sequence[T], jobs: int = 1) -> Outcomes[U]:
-    """Do work on each of several items; yield the index of each and its outcome, or a `Failure`.
+    """Do work on each item; yield the index of each with its result or a `Failure`.
 
-    With several jobs, work and items are pickled and processed in this number of processes. If a
-    process is killed, for instance for lack of memory, its item fails and the process is replaced.
-    An error on the only item is raised.
+    With several `jobs`, work and items are pickled and processed in so many processes. If a process
+    is killed, for instance for lack of memory, its item fails and the process is replaced. If there
+    is only one item, its errors are raised.
     """
     if len(items) == 1:
         yield 0, work(items[0])
@@ -83,7 +84,7 @@ def _in_processes(work: Callable[[T], U], items: Sequence[T], jobs: int) -> Outc
                 try:
                     outcome = future.result()
                 except BrokenProcessPool:
-                    outcome = Failure(f'{items[index]}: the process that had it was killed '
+                    outcome = Failure(f'{items[index]}: the process working on it was killed '
                                       '(out of memory?)')
                     process = stack.enter_context(child_process())
                 begin_next(process)
@@ -92,7 +93,7 @@ def _in_processes(work: Callable[[T], U], items: Sequence[T], jobs: int) -> Outc
 
 @contextmanager
 def interrupts_deferred() -> Iterator[None]:
-    """Defer interrupts and requests to terminate until the end of the block."""
+    """Defer SIGINT and SIGTERM until the end of the block."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -117,9 +118,9 @@ def child_process() -> Iterator[ProcessPoolExecutor]:
     # Close the pipe before the pool, which waits for work that has begun.
     with ProcessPoolExecutor(max_workers=1, mp_context=context, initializer=_end_with_parent,
                              initargs=(child_end,)) as pool, parent_end:
-        # An interrupt while the process starts would leave it half-initialised: it is blocked
-        # there, and deferred here, where another thread may receive it. Python's resource tracker
-        # would unblock it when it starts, so it is started before.
+        # An interrupt while the process starts would leave it half-initialised. It is blocked for
+        # the child, and deferred in this process, where another thread may receive it. Python's
+        # resource tracker would unblock it when it starts, so it is started before.
         resource_tracker.ensure_running()
         with interrupts_deferred():
             signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
@@ -131,11 +132,11 @@ def child_process() -> Iterator[ProcessPoolExecutor]:
 
 
 def _end_with_parent(child_end: Connection) -> None:
-    """End this process when the other end of a pipe is closed, also when its process was killed.
+    """End this process when the parent closes its end of a pipe or is killed.
 
-    The work may take long, and there is no process left to receive the result.
+    Otherwise it might work on for long, with no process left to receive the result.
     """
-    # An interrupt from the keyboard reaches both processes; the pipe tells the child when to end.
+    # Ctrl-C reaches both processes; the child waits until the parent closes the pipe.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def end() -> None:

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Measured data of one joint, and of joints recorded together."""
+"""Measured signals of one joint, and the motion of joints recorded together."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _SIGNALS = ('time', 'position', 'current', *_OPTIONAL)
 
 @dataclass(frozen=True)
 class JointStates:
-    """Motion of all J joints that were recorded together, on the time base of one of them."""
+    """Motion of J joints that were recorded together, on the time base of one of them."""
 
     joints: tuple[str, ...]
     position: np.ndarray                    # (N, J), rad
@@ -41,7 +41,7 @@ class JointStates:
                                  f'{np.shape(value)}')
 
     def take(self, index: slice | np.ndarray) -> JointStates:
-        """Return what a slice, mask or index array selects of the samples."""
+        """Return the samples that a slice, mask or index array selects."""
         return self._change(lambda values: values[index])
 
     def of(self, joints: Sequence[str]) -> JointStates:
@@ -49,7 +49,7 @@ class JointStates:
         for name in joints:
             if name not in self.joints:
                 raise InputError(f'the motion of joint {name!r} is needed, but only that of '
-                                 f'{", ".join(map(repr, self.joints))} is recorded')
+                                 f'{", ".join(map(repr, self.joints))} was recorded')
         columns = [self.joints.index(name) for name in joints]
         return self._change(lambda values: values[:, columns], joints)
 
@@ -61,7 +61,7 @@ class JointStates:
 
     @staticmethod
     def concatenate(parts: Sequence[JointStates]) -> JointStates:
-        """Concatenate parts; joints and velocity that are not in all of them are dropped."""
+        """Concatenate parts; drop joints and velocities that are not in all of them."""
         joints = [name for name in parts[0].joints if all(name in part.joints for part in parts)]
         parts = [part.of(joints) for part in parts]
         speeds = [part.velocity for part in parts if part.velocity is not None]
@@ -95,13 +95,13 @@ class Samples:
     reference_position, reference_velocity : ndarray, optional
         The movement shown to the person, rad and rad/s.
     rigid_body : ndarray, optional
-        Torque of the joint in N·m that carries and moves the links of the arm.
+        Joint torque in N·m that carries and accelerates the links of the arm.
     coupling : ndarray, optional
-        Current in A due to the motion of other joints, of an arm without a URDF.
+        Current in A due to the motion of other joints, for an arm without a URDF.
     arm : JointStates, optional
-        Motion of all joints that were recorded beside this one.
+        Motion of all joints that were recorded together, including this one.
     recording : ndarray of int, optional
-        Number of the recording each sample is from; zeros when omitted.
+        Number of the recording that each sample is from; zeros when omitted.
     joint : str
         Name of the joint.
 
@@ -125,7 +125,7 @@ class Samples:
     rigid_body: np.ndarray | None = None
     coupling: np.ndarray | None = None
     arm: JointStates | None = None
-    recording: np.ndarray = None  # type: ignore[assignment] # zeros once it is made
+    recording: np.ndarray = None  # type: ignore[assignment] # set in __post_init__
     joint: str = ''
 
     def __post_init__(self) -> None:
@@ -140,7 +140,7 @@ class Samples:
                 raise InputError(
                     f'samples.{name} has shape {np.shape(value)}, but time has {size}')
         if self.arm is not None and len(self.arm.position) != size[0]:
-            raise InputError(f'samples.arm holds {len(self.arm.position)} samples, but time has '
+            raise InputError(f'samples.arm has {len(self.arm.position)} samples, but time has '
                              f'{size[0]}')
 
     def __len__(self) -> int:
@@ -184,12 +184,12 @@ class Samples:
     def from_arrays(time: Any, position: Any, effort: Any = None, current: Any = None,
                     velocity: Any = None, torque_constant: float = 1.0, gear_ratio: float = 1.0,
                     joint: str = '', **signals: Any) -> Samples:
-        """Make samples of arrays, lists or columns of a data frame.
+        """Create samples from arrays, lists or columns of a data frame.
 
         Parameters
         ----------
         time : array_like, shape (N,)
-            s; rows are sorted by it, and of equal times the first is kept.
+            Time in s. Rows are sorted by it; of rows with equal times, the first is kept.
         position : array_like, shape (N,)
             rad.
         effort : array_like, shape (N,), optional
@@ -197,7 +197,7 @@ class Samples:
         current : array_like, shape (N,), optional
             Motor current in A, instead of `effort`.
         velocity : array_like, shape (N,), optional
-            rad/s; computed from the position where it is left out.
+            rad/s; computed from the position when omitted.
         torque_constant, gear_ratio : float
             k_t in N·m/A and n.
         joint : str
@@ -207,8 +207,8 @@ class Samples:
         Raises
         ------
         InputError
-            If arrays differ in length, hold no number, or neither or both of `effort` and
-            `current` are given. Rows that lack time, position, current or velocity are left out.
+            If arrays differ in length or do not contain numbers, or not exactly one of `effort` and
+            `current` is given. Rows without finite time, position, current or velocity are dropped.
 
         Examples
         --------
@@ -218,7 +218,7 @@ class Samples:
         3
         """
         if (effort is None) == (current is None):
-            raise InputError('samples need either effort or current')
+            raise InputError('samples need either effort or current, and not both')
         for name, value in (('torque constant', torque_constant), ('gear ratio', gear_ratio)):
             check_number(value, name, above=0.0)
         given = {'time': time, 'position': position, 'velocity': velocity,
@@ -233,16 +233,16 @@ class Samples:
             try:
                 arrays[name] = np.asarray(value, dtype=float)
             except (TypeError, ValueError):
-                raise InputError(f'samples.{name} does not hold numbers') from None
+                raise InputError(f'samples.{name} does not contain numbers') from None
             if arrays[name].shape != arrays['time'].shape or arrays[name].ndim != 1:
                 raise InputError(f'samples.{name} has shape {arrays[name].shape}, but time has '
-                                 f'{arrays["time"].shape}; one axis is wanted')
+                                 f'{arrays["time"].shape}; both must have one axis')
         if effort is not None:
             arrays['current'] = arrays['current'] / (torque_constant * gear_ratio)
         needed = [name for name in ('time', 'position', 'current', 'velocity') if name in arrays]
         rows = np.nonzero(np.all([np.isfinite(arrays[name]) for name in needed], axis=0))[0]
         if not len(rows):
-            raise InputError(f'samples hold no row with {", ".join(needed)}')
+            raise InputError(f'samples have no row with finite {", ".join(needed)}')
         _, first = np.unique(arrays['time'][rows], return_index=True)
         rows = rows[first]
         chosen: dict[str, Any] = {name: values[rows] for name, values in arrays.items()}
@@ -252,7 +252,7 @@ class Samples:
     def from_frame(frame: Any, layout: Layout | None = None, torque_constant: float = 1.0,
                    gear_ratio: float = 1.0, joint: str | None = None,
                    notes: list[str] | None = None) -> Samples:
-        """Make samples of a pandas (or polars) data frame, or of a dictionary of arrays.
+        """Create samples from a pandas or polars data frame, or a dictionary of arrays.
 
         Parameters
         ----------
@@ -260,11 +260,11 @@ class Samples:
         layout : Layout, optional
             Columns and units of signals; others are guessed from the names of the columns.
         torque_constant, gear_ratio : float
-            k_t in N·m/A and n, where the frame holds an effort in N·m.
+            k_t in N·m/A and n, for a frame with an effort in N·m.
         joint : str, optional
-            Required if the frame has several.
+            Required if the frame has several joints.
         notes : list of str, optional
-            The guesses are appended.
+            Notes on what was guessed are appended.
 
         Examples
         --------
@@ -292,7 +292,7 @@ class Samples:
             try:
                 signals[signal] = column.factor * np.asarray(frame[column.name], dtype=float)
             except (TypeError, ValueError):
-                raise InputError(f'data frame: column {column.name!r} does not hold numbers'
+                raise InputError(f'data frame: column {column.name!r} does not contain numbers'
                                  ) from None
         if use.effort_is_current:
             signals['current'] = signals.pop('effort')
@@ -308,7 +308,7 @@ class Samples:
 
     @cached_property
     def position_step(self) -> float:
-        """Smallest change of position in rad, that of the encoder; 0 if it never moves."""
+        """Smallest change of position in rad, usually one encoder count; 0 without motion."""
         steps = np.abs(np.diff(self.position))
         steps = steps[steps > 0.0]
         return float(np.min(steps)) if steps.size else 0.0
@@ -320,8 +320,8 @@ class Samples:
     def segments(self, largest_gap: float = 5.0) -> list[slice]:
         """Return slices of samples without gaps.
 
-        A new segment begins after a time step longer than `largest_gap` median steps, after a step
-        backwards, and at the start of another recording.
+        A new segment begins after a time step longer than `largest_gap` median steps, where time
+        decreases, and at the start of another recording.
         """
         if largest_gap not in self._segments:
             step = np.diff(self.time)
@@ -340,7 +340,7 @@ class Samples:
         """
         parts = list(parts)
         if not parts:
-            raise InputError('no samples to join')
+            raise InputError('no samples to concatenate')
         signals: dict[str, Any] = {}
         for name in _SIGNALS:
             values = [getattr(part, name) for part in parts]

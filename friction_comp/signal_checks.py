@@ -7,8 +7,8 @@ measured current with the commanded one. The result of either comparison is a ra
 agree, negative if a sign is wrong, and otherwise a value that often identifies a wrong unit.
 
 The functions take arrays, as recordings contain them. `VelocityCheck` and `CurrentCheck` apply them
-to recent samples of a running system. The caller decides how far a ratio may be from one: a factor
-of two for a drive that is about to be moved, a fifth for a person who looks for mistakes.
+to recent samples of a running system. The caller decides how far a ratio may be from one, for
+instance by a factor of two before a drive is moved, or by a fifth in a diagnosis.
 """
 
 from __future__ import annotations
@@ -33,42 +33,41 @@ four hours is 1e5 rad, the fastest motors turn at 1e4 rad/s, the shaft of a wind
 1e7 N·m."""
 
 BLOCK = 0.1
-"""s over which velocity is integrated and compared with the change of position."""
+"""Duration over which velocity is integrated and compared with the change of position, s."""
 
 # A block is not used if the joint moved less than this, rad and encoder counts.
 _SHORT, _FEW_COUNTS = 2e-3, 50.0
-# A position that changes by fewer counts while the velocity predicts more is stuck.
+# A position that changes by at most so many counts while the velocity predicts more is stuck.
 _STILL_COUNTS = 2.5
-# s by which a drive's filter may delay the velocity: the integral then differs by the change of
-# speed times this delay.
+# Time by which a drive's filter may delay the velocity, s: the integral then differs by the change
+# of velocity times this delay.
 _VELOCITY_LAG = 0.02
 # Time steps above this in s, and above this multiple of the usual one, are gaps, over which nothing
 # is integrated.
 _GAP, _GAP_STEPS = 0.02, 3.0
 
-# s over which currents are smoothed before they are compared: longer than the lag of any drive.
-# Longer delays come from the connection between drive and controller.
+# Time constant with which currents are smoothed before they are compared, s: longer than the lag of
+# any drive. Longer delays are due to the connection between drive and controller.
 _SMOOTHING = 0.05
 LATEST = 0.3
 """Largest delay of the measured current that is considered, s: a busy machine takes a tenth of a
 second or two to transfer a command. Current after a longer delay counts as no response."""
 
-# s of measured current that are compared.
+# Duration of measured current that is compared, s.
 _MEMORY = 0.5
-# s between the delays that are compared.
+# Step between the delays that are compared, s.
 _GRID = 0.005
-# A delay is accepted if it raises the correlation by this much: for a constant current all delays
-# are equally good.
-_CLEARLY = 0.005
-# Smallest share of the commanded current's oscillation that must remain after smoothing, RMS.
+# A delay must raise the correlation by this much: for a constant current all delays fit equally.
+_CLEARLY_BETTER = 0.005
+# Share of the commanded current's oscillation that must remain after smoothing, RMS.
 _LEAST_REMAINING = 0.2
-# A ratio within this share of that of a unit is reported with the unit's name.
-_NAMED = 0.1
+# Relative difference up to which a ratio is reported as that of a known unit.
+_UNIT_TOLERANCE = 0.1
 
 _VELOCITY_UNITS = {
     math.degrees(1.0): 'velocity is in deg/s, not rad/s',
-    30.0 / math.pi: 'velocity is in turns a minute, not rad/s',
-    0.5 / math.pi: 'velocity is in turns a second, not rad/s',
+    30.0 / math.pi: 'velocity is in turns per minute, not rad/s',
+    0.5 / math.pi: 'velocity is in turns per second, not rad/s',
     1000.0: 'velocity is in mrad/s or position in 1000 rad',
     math.radians(1.0): 'position is in degrees, not rad',
     2.0 * math.pi: 'position is in turns, not rad',
@@ -77,27 +76,27 @@ _VELOCITY_UNITS = {
 
 
 def beyond(signal: str, values: np.ndarray) -> np.ndarray:
-    """Return which values of a signal in `LIMITS` are impossible, shape of `values`; NaN is not."""
+    """Return whether each value of a signal exceeds its limit in `LIMITS`; False for NaN."""
     with np.errstate(invalid='ignore'):
         return np.asarray(np.abs(values) > LIMITS[signal][0])
 
 
 def _name_unit(ratio: float, units: Mapping[float, str]) -> str:
-    """Return the text of the unit whose factor is a ratio's magnitude; '' if there is none."""
+    """Return the text for the unit whose factor matches a ratio; '' if there is none."""
     nearest = min(units, key=lambda unit: abs(math.log(unit / max(abs(ratio), 1e-300))))
-    return units[nearest] if abs(abs(ratio) / nearest - 1.0) < _NAMED else ''
+    return units[nearest] if abs(abs(ratio) / nearest - 1.0) < _UNIT_TOLERANCE else ''
 
 
-# Velocity against position.
+# Velocity compared with position.
 
 def velocity_ratios(time: np.ndarray, position: np.ndarray, velocity: np.ndarray,
                     resolution: float = 0.0) -> np.ndarray:
-    """Return integrated velocity over change of position, block by block, shape (K,).
+    """Return the ratio of integrated velocity to change of position in each block, shape (K,).
 
-    Signals have shape (N,), in s, rad and rad/s; samples that are not finite are left out, and so
-    are blocks with gaps. `resolution` is that of the encoder, rad, where it is known. There is one
-    ratio for each block of `BLOCK` s in which the joint moved: infinite if the position is
-    constant, 0 if the velocity is zero, and 1 if a delayed velocity explains the difference.
+    Signals have shape (N,), in s, rad and rad/s; samples that are not finite and blocks with gaps
+    are omitted. `resolution` is that of the encoder, rad, if known. There is one ratio for each
+    block of `BLOCK` s in which the joint moved: infinite if the position is constant, 0 if the
+    velocity is zero, and 1 if a delayed velocity explains the difference.
     """
     good = np.isfinite(time) & np.isfinite(position) & np.isfinite(velocity)
     time, position, velocity = time[good], position[good], velocity[good]
@@ -126,9 +125,9 @@ def velocity_ratios(time: np.ndarray, position: np.ndarray, velocity: np.ndarray
 
 
 def velocity_fault(ratios: np.ndarray, factor: float) -> str:
-    """Return how velocity contradicts position, as text; '' if it does not.
+    """Return a description of how velocity contradicts position; '' if it does not.
 
-    The median of `velocity_ratios` must be between 1 / `factor` and `factor`.
+    It does not if the median of `velocity_ratios` is between 1 / `factor` and `factor`.
     """
     if not len(ratios):
         return ''
@@ -139,10 +138,10 @@ def velocity_fault(ratios: np.ndarray, factor: float) -> str:
         return 'the position stands still while the velocity is not zero: the encoder is stuck'
     if abs(ratio) < 1e-9:
         return 'the position moves while the velocity stays zero: it is not measured, or stuck'
-    words = f'velocity is {ratio:.3g} times the rate of position: '
+    text = f'velocity is {ratio:.3g} times the rate of position: '
     if 1.0 / factor < -ratio < factor:
-        return words + 'one of the two has the wrong sign'
-    return words + (_name_unit(ratio, _VELOCITY_UNITS) or 'they differ in unit, or one of them is '
+        return text + 'one of the two has the wrong sign'
+    return text + (_name_unit(ratio, _VELOCITY_UNITS) or 'they differ in unit, or one of them is '
                     'wrong') + (', and one has the wrong sign' if ratio < 0.0 else '')
 
 
@@ -151,8 +150,8 @@ class VelocityCheck:
 
     The median ratio of the latest `blocks` of motion must be between 1 / `factor` and `factor`;
     `resolution` is that of the encoder, rad, if known. With `zeros`, a velocity that has always
-    been zero is accepted: some drivers do not measure it. `fault` is the result as text, empty if
-    there is no contradiction; it changes only while the joint moves.
+    been zero is accepted, since some drivers do not measure it. `fault` describes a contradiction,
+    '' if there is none; it changes only while the joint moves.
     """
 
     def __init__(self, factor: float, blocks: int = 1, resolution: float = 0.0,
@@ -179,7 +178,7 @@ class VelocityCheck:
         return time - self._samples[0][0] >= BLOCK
 
     def judge(self) -> None:
-        """Update `fault` by the samples since the last call, which takes a tenth of a ms."""
+        """Update `fault` with the samples since the last call; takes about 0.1 ms."""
         samples = np.array(self._samples)
         self._samples[:] = self._samples[-1:]
         self._moved = self._moved or bool(samples[:, 2].any())
@@ -190,55 +189,56 @@ class VelocityCheck:
                 self.fault = velocity_fault(np.array(self._ratios), self._factor)
 
 
-# Measured against commanded current.
+# Measured compared with commanded current.
 
 class Answer(NamedTuple):
     """How the measured current follows the commanded one."""
 
-    gain: float             # measured over commanded current
-    likeness: float         # their correlation about zero
+    gain: float             # ratio of measured to commanded current
+    correlation: float      # of both, without subtracting the means
     error: float = 0.0      # standard error of the gain
     delay: float = 0.0      # s by which the measured current is late
-    # Root mean square in A of the commanded current that is older than `LATEST`.
-    earliest: float = math.inf
+    # RMS in A of the commanded current that has had at least `LATEST` to show a response.
+    old_command: float = math.inf
 
 
 def current_answer(command: np.ndarray, measured: np.ndarray) -> Answer:
-    """Return how the measured current follows the commanded one without delay; finite, A, (N,)."""
+    """Return how the measured current follows the command without delay; finite, A, (N,)."""
     power, product = float(command @ command), float(command @ measured)
-    likeness = product / math.sqrt(max(power * float(measured @ measured), 1e-300))
+    correlation = product / math.sqrt(max(power * float(measured @ measured), 1e-300))
     gain = product / max(power, 1e-300)
-    return Answer(gain, likeness, _error(gain, likeness, max(len(command) - 1, 1)))
+    return Answer(gain, correlation, _error(gain, correlation, max(len(command) - 1, 1)))
 
 
 def late_answer(time: np.ndarray, command: np.ndarray, measured: np.ndarray) -> Answer:
-    """Return how the measured current follows the commanded one with a delay, in the last 0.8 s.
+    """Return how the measured current follows the commanded one, with the delay that fits best.
 
-    Both are smoothed with the same filter, A, shape (N,); time is in s.
+    The last 0.8 s are used. Both currents were smoothed with the same filter; A, shape (N,). Time
+    is in s.
     """
     back = np.arange(round(_MEMORY / _GRID)) * _GRID
     recent = np.interp(time[-1] - back, time, measured, left=0.0)
     delays = np.arange(round(LATEST / _GRID) + 1) * _GRID
-    # The command, delayed by each of the delays.
+    # The command, delayed by each delay: one row per delay.
     delayed = np.interp(time[-1] - back - delays[:, None], time, command, left=0.0)
     power, product = np.sum(delayed ** 2, axis=1), delayed @ recent
-    correlation = product / np.sqrt(np.maximum(power * (recent @ recent), 1e-300))
-    size = np.abs(correlation)
-    index = int(np.argmax(size)) if size.max() > size[0] + _CLEARLY else 0
+    correlations = product / np.sqrt(np.maximum(power * (recent @ recent), 1e-300))
+    size = np.abs(correlations)
+    index = int(np.argmax(size)) if size.max() > size[0] + _CLEARLY_BETTER else 0
     gain = float(product[index] / max(power[index], 1e-300))
-    likeness = float(correlation[index])
-    # Values smoothed over a time are independent after twice that time.
-    return Answer(gain, likeness, _error(gain, likeness, _MEMORY / (2.0 * _SMOOTHING)),
+    correlation = float(correlations[index])
+    # Smoothed values are independent after twice the time constant.
+    return Answer(gain, correlation, _error(gain, correlation, _MEMORY / (2.0 * _SMOOTHING)),
                   float(delays[index]), float(np.sqrt(power[-1] / len(back))))
 
 
-def _error(gain: float, likeness: float, count: float) -> float:
-    """Return the standard error of a gain, by the correlation of `count` independent values."""
-    return abs(gain) * math.sqrt(max(1.0 / max(likeness ** 2, 1e-12) - 1.0, 0.0) / count)
+def _error(gain: float, correlation: float, count: float) -> float:
+    """Return the standard error of a gain, from the correlation of `count` independent values."""
+    return abs(gain) * math.sqrt(max(1.0 / max(correlation ** 2, 1e-12) - 1.0, 0.0) / count)
 
 
 def current_fault(gain: float, drive: Drive) -> str:
-    """Return why a current, computed from effort, may be `gain` times the commanded one."""
+    """Return why the current computed from effort may be `gain` times the commanded one."""
     if abs(gain) < 1e-6:
         return 'effort is not measured'
     faults = ['effort has the wrong sign'] if gain < 0.0 else []
@@ -259,18 +259,18 @@ def current_fault(gain: float, drive: Drive) -> str:
 class CurrentCheck:
     """Compares the measured current with the commanded one, sample by sample.
 
-    Both are smoothed with the same filter. The measured current without a command is the sensor's
-    offset. `commanded` is the commanded current in A, smoothed.
+    Both are smoothed with the same filter. The mean measured current while the command is zero is
+    the sensor's offset. `commanded` is the smoothed commanded current in A.
     """
 
     def __init__(self) -> None:
         self.commanded = self._measured = 0.0
-        # Mean of the measured current without command, the sensor's offset, and its sample count.
-        self._zero, self._zeros = 0.0, 0
-        # Integrals over time, exponentially weighted and total: of the squared commanded current,
-        # of its product with the measured one, and of one.
+        # The sensor's offset, and the number of samples in this mean.
+        self._offset, self._offset_count = 0.0, 0
+        # Integrals over time, with exponential forgetting and in total: of the squared commanded
+        # current, of its product with the measured current, and of 1.
         self._recent, self._all = [0.0] * 3, [0.0] * 3
-        # The same, weighted, of the square of what smoothing removes from the commanded current.
+        # Integral, with forgetting, of the squared part that smoothing removes from the command.
         self._removed = 0.0
         # Time and smoothed currents, as far back as `answer` needs them.
         self._past: deque[tuple[float, float, float]] = deque()
@@ -278,11 +278,11 @@ class CurrentCheck:
     def take(self, time: float, step: float, command: float, measured: float) -> None:
         """Add a sample: s, s since the last one, A, A."""
         if command == 0.0 and self.commanded == 0.0:
-            self._zeros += 1
-            self._zero += (measured - self._zero) / self._zeros
+            self._offset_count += 1
+            self._offset += (measured - self._offset) / self._offset_count
         share = -math.expm1(-step / _SMOOTHING)
         self.commanded += share * (command - self.commanded)
-        self._measured += share * (measured - self._zero - self._measured)
+        self._measured += share * (measured - self._offset - self._measured)
         past = self._past
         past.append((time, self.commanded, self._measured))
         while time - past[0][0] > _MEMORY + LATEST:
@@ -294,19 +294,20 @@ class CurrentCheck:
             self._all[k] += step * value
 
     def gain(self, least: float, lately: bool = True) -> float:
-        """Return measured over commanded current, `lately` (in the last half second) or in all.
+        """Return the ratio of measured to commanded current.
 
-        NaN if there is too little data, or the commanded current is below `least`, RMS in A.
+        It is that of about the last half second if `lately`, otherwise of all samples. It is NaN if
+        there is too little data, or the commanded current is below `least`, RMS in A.
         """
         power, product, duration = self._recent if lately else self._all
         if duration < 0.3 * _MEMORY or power <= duration * least ** 2:
             return math.nan
-        # The part of an oscillating controller's current that smoothing removes is not compared,
-        # since an amplifier follows it late and incompletely.
+        # An amplifier follows fast oscillations late and incompletely: no result if smoothing
+        # removes most of the command.
         if lately and power < _LEAST_REMAINING ** 2 * self._removed:
             return math.nan
         return product / power
 
     def answer(self) -> Answer:
-        """Return how the measured current follows the commanded one with a delay."""
+        """Return how the measured current follows the commanded one, see `late_answer`."""
         return late_answer(*np.array(self._past).T)

@@ -31,7 +31,7 @@ def robust_std(values: np.ndarray, axis: int | None = None) -> Any:
 
 
 def noise_level(values: np.ndarray) -> float:
-    """Return the standard deviation of white noise that is added to a slow signal, shape (N,)."""
+    """Return the standard deviation of white noise on a slow signal, shape (N,)."""
     # The median step between neighbours is 0.954 standard deviations.
     return float(np.median(np.abs(np.diff(values)))) / 0.954
 
@@ -39,8 +39,8 @@ def noise_level(values: np.ndarray) -> float:
 def quantile_edges(values: np.ndarray, count: int, tails: Sequence[float] = ()) -> np.ndarray:
     """Return the inner edges of `count` ranges with equal numbers of values, ascending.
 
-    There are further edges at the quantiles `tails` and 1 - `tails`. Where many values are equal,
-    there are fewer edges, since none is repeated.
+    There are further edges at the quantiles `tails` and 1 - `tails`. If many values are equal,
+    there are fewer edges, since equal edges are merged.
     """
     ends = np.array(tails, dtype=float)
     shares = np.concatenate((ends, np.linspace(0, 1, count + 1)[1:-1], 1.0 - ends))

@@ -3,7 +3,7 @@
 """Standard output and error streams that never stop a tool.
 
 The results of a tool are in files; its printed output is additional. If a pipe is closed (``|
-head``) or a terminal lacks some characters, only text is lost.
+head``) or a terminal lacks some characters, only printed text is lost.
 """
 
 from __future__ import annotations

@@ -13,8 +13,8 @@ TOPICS = {
     'interaction_wrench': 'geometry_msgs/msg/WrenchStamped',
     'motor_temperature': 'sensor_msgs/msg/Temperature',
 }
-"""Relative name to message type. A recorded topic belongs to the name that it ends with."""
+"""Relative name to message type. In recordings, topics are found by the ending of their name."""
 
 TORQUE_UNIT = 'N.m'
-"""Label of a command's second dimension where its values are N·m at the joint; plain ASCII, as not
-every reader of ROS messages takes other letters. Any other label, or none, means A."""
+"""Label of a command's second dimension if its values are in N·m at the joint. It is ASCII, since
+not every reader of ROS messages accepts other characters. Any other label, or none, means A."""

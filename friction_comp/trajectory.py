@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Motion of joints over time, and its form as a ``trajectory_msgs/JointTrajectory``."""
+"""Motion of joints over time, read from and written as ``trajectory_msgs/JointTrajectory``."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Trajectory:
         except OSError as error:
             raise InputError(f'{path}: cannot be read: {error.strerror}') from None
         except (yaml.YAMLError, UnicodeDecodeError):
-            raise InputError(f'{path}: is no YAML') from None
+            raise InputError(f'{path}: not a YAML file') from None
         try:
             names = [str(name) for name in document['joint_names']]
             points = document['points']
@@ -47,12 +47,12 @@ class Trajectory:
             states = [np.array([point[name] for point in points], dtype=float)
                       for name in _STATES]
         except (KeyError, TypeError, ValueError) as error:
-            raise InputError(f'{path}: is no JointTrajectory with positions, velocities and '
+            raise InputError(f'{path}: not a JointTrajectory with positions, velocities and '
                              f'accelerations at every point: {error}') from None
         if not names or len(time) < 2 or any(
                 state.shape != (len(time), len(names)) for state in states):
-            raise InputError(f'{path}: holds no point, or points of another number of joints than '
-                             'it names')
+            raise InputError(f'{path}: needs at least two points, each with one value for every '
+                             'named joint')
         return cls(tuple(names), time, *states)
 
     def of(self, joint: str) -> Trajectory:
@@ -83,5 +83,5 @@ class Trajectory:
 
 
 def _row(values: np.ndarray) -> str:
-    # With a point, since YAML would read a whole number as an integer.
+    # With a decimal point: YAML would read whole numbers as integers.
     return f'[{", ".join(f"{value:.7f}" for value in values)}]'

@@ -7,9 +7,9 @@ For example::
     ros2 launch friction_comp compensation.launch.py joints:="['elbow']" \
         model_files:="['elbow.yaml']" current_command:=effort_controller/commands
 
-With ``respawn:=true`` a compensator that ends is started anew; it waits until its predecessor's
-publisher has vanished, some 20 s after one that was killed. With ``autostart:=false`` it waits for
-whoever manages it: ``ros2 lifecycle set /compensator configure``, then ``activate``.
+With ``respawn:=true`` a compensator that ends is started again; it waits until the publisher of its
+predecessor has vanished, about 20 s if that was killed. With ``autostart:=false`` it waits for
+lifecycle transitions: ``ros2 lifecycle set /compensator configure``, then ``activate``.
 """
 
 from typing import List
@@ -73,13 +73,13 @@ def generate_launch_description():
             choices=['debug', 'info', 'warn', 'error', 'fatal'], description='what is logged'),
         DeclareLaunchArgument(
             'respawn', default_value='false', choices=['true', 'false'],
-            description='whether a node that ends is started anew'),
+            description='whether to start the node again when it ends'),
         *(DeclareLaunchArgument(
             topic, default_value=topic, description=f'topic to use as {topic}')
           for topic in topics),
         compensator,
         *(RegisterEventHandler(OnStateTransition(
             target_lifecycle_node=compensator, goal_state=state,
-            entities=[LogInfo(msg=f'compensator: {words}')]))
-          for state, words in (('active', 'commands the motor'), ('inactive', 'zero current'))),
+            entities=[LogInfo(msg=f'compensator: {text}')]))
+          for state, text in (('active', 'commands the motor'), ('inactive', 'zero current'))),
     ])

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Starts the identification on a real robot whose driver publishes joint states.
 
-For example, and then the goal that makes the joint move::
+For example, followed by the goal that makes the joint move::
 
     ros2 launch friction_comp identification.launch.py joints:="['elbow']" \
         model_files:="['elbow_drive.yaml']" output_folder:=models \
@@ -10,7 +10,7 @@ For example, and then the goal that makes the joint move::
     ros2 action send_goal --feedback /identify_friction \
         friction_comp_interfaces/action/IdentifyFriction "{joint: elbow}"
 
-No compensator may be active meanwhile: the goal is refused.
+While a compensator is active, goals are refused.
 """
 
 from typing import List
@@ -34,10 +34,10 @@ def generate_launch_description():
         DeclareLaunchArgument(
             'joints', description="names of the joints as a YAML list, such as ['elbow']"),
         DeclareLaunchArgument(
-            'model_files', description="one model file per joint, as a YAML list; of each only "
-            "the section 'drive' is used"),
+            'model_files', description="one model file per joint, as a YAML list; only the section "
+            "'drive' of each is used"),
         DeclareLaunchArgument(
-            'output_folder', default_value='.', description='folder that takes the model files'),
+            'output_folder', default_value='.', description='folder for the model files'),
         DeclareLaunchArgument(
             'use_sim_time', default_value='false', choices=['true', 'false'],
             description='time from /clock'),

@@ -1,10 +1,10 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Starts simulated joints in real time, and who commands them.
+"""Starts simulated joints in real time, and the node that commands them.
 
-By default that is the compensator, with the exercise and the simulated person who follows it; with
-``identify:=true`` it is the identification instead, which waits for goals. Only one of the two may
-command a motor.
+By default that is the compensator, with an exercise that the simulated person follows; with
+``identify:=true`` it is the identification, which waits for goals. Only one of the two may command
+a motor.
 """
 
 from typing import List

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Arms for tests: URDF files of random trees, and recordings of arms with other links than those.
+"""Arms for tests: URDF files of random trees, and recordings of arms with other links.
 
 Torques come from Pinocchio, or are written out by hand: never from the package.
 """

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What all tests share: the environment they run in, and the mark of those that start nodes."""
+"""Fixtures and settings that all tests share, and the mark of tests that start nodes."""
 
 import functools
 import gc
@@ -34,9 +34,9 @@ settings.load_profile('shared')
 
 
 def pytest_collection_modifyitems(items):
-    """Mark the tests of nodes, which `make check` leaves out, and begin with files that take long.
+    """Mark the tests of nodes, which `make check` leaves out, and start long files first.
 
-    Short files fill what is left when long ones are done: no worker waits for another at the end.
+    Short files then fill the remaining time, so that no worker waits for another at the end.
     """
     long = set()
     for item in items:
@@ -48,22 +48,22 @@ def pytest_collection_modifyitems(items):
 
 
 def pytest_collection_finish():
-    """Spare the garbage collector what was imported: it stays, and is half a million objects."""
+    """Exclude imported objects, half a million, from garbage collection: they stay anyway."""
     gc.freeze()
 
 
 @functools.cache
 def drawn_before():
-    """Return the drawings of this process, by titles and labels of their axes."""
+    """Return the cache of this process's drawings, by titles and labels of their axes."""
     return {}
 
 
 def drawn_once(figure):
-    """Draw a figure, or return the drawing of one with the same axes: a tenth of a second each."""
+    """Draw a figure, or return a cached one with the same axes, which saves a tenth of a second."""
     axes = tuple(words for one in figure.axes for words in (
         one.get_title(loc='left'), one.get_xlabel(), one.get_ylabel()))
     drawings = drawn_before()
-    # Without any words they may be different kinds.
+    # Without titles and labels, figures may differ.
     if axes not in drawings or not any(axes):
         drawings[axes] = figures.for_page(figure)
     return drawings[axes]
@@ -71,10 +71,10 @@ def drawn_once(figure):
 
 @pytest.fixture(scope='module', autouse=True)
 def plain_pages(request):
-    """Write pages plainly, where a module has no `LIVE_PAGES`.
+    """Simplify pages in modules without `LIVE_PAGES`, which takes an eighth of the time.
 
-    They are without Bokeh, and with figures that have no layout and are drawn once of each kind. It
-    takes an eighth of the time. Processes that a module starts write pages as users get them.
+    There is no Bokeh, and figures have no layout and are drawn once of each kind. Processes that a
+    module starts write complete pages.
     """
     with pytest.MonkeyPatch.context() as monkeypatch:
         if not getattr(request.module, 'LIVE_PAGES', False):
@@ -86,6 +86,6 @@ def plain_pages(request):
 
 @pytest.fixture
 def own_environment():
-    """Take back what a tool in this process sets: the ROS domain that it had for a while."""
+    """Restore the environment, in which a tool in this process sets its ROS domain."""
     with patch.dict(os.environ):
         yield

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The documentation's pages, and what stands in their blocks of code."""
+"""Reads the documentation's pages and the code blocks in them."""
 
 from pathlib import Path
 import re
@@ -12,7 +12,7 @@ PAGES = [path for path in (
 
 
 def blocks(language, pages=PAGES):
-    """Give the blocks of a language with page and line; indented ones belong to lists."""
+    """Yield the code blocks of a language with page and line, also those within lists."""
     for page in pages:
         text = page.read_text(encoding='utf-8')
         for match in re.finditer(r'^( *)```(\w*)\n(.*?)^\1```', text, re.DOTALL | re.MULTILINE):
@@ -23,7 +23,7 @@ def blocks(language, pages=PAGES):
 
 
 def commands(pages=PAGES):
-    """Give every command once, with the first place where it stands."""
+    """Yield every command once, with the first page and line where it occurs."""
     found = {}
     for block, place in blocks('sh', pages):
         for line in block.replace('\\\n', ' ').splitlines():

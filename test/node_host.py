@@ -1,9 +1,9 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""A process that has imported what nodes need, and forks into one for each that a test starts.
+"""A process that has imported what nodes need, and forks for each node that a test starts.
 
-Importing takes longer than most tests of nodes. What a node does from its `main` on is as in an
-interpreter of its own.
+Importing takes longer than most tests of nodes. From its `main` on, a node runs as in a separate
+interpreter.
 """
 
 import gc
@@ -31,7 +31,7 @@ def become(name, arguments, folder, output, environment):
 
 
 def main(plain):
-    # The test ends what it has started.
+    # Stop what the test has started.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if plain:
         defer_compilation()

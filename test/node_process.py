@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Nodes in processes of their own."""
+"""Runs nodes in separate processes."""
 
 import atexit
 import functools
@@ -21,7 +21,7 @@ PATIENCE = 120.0
 
 
 def ros_arguments(parameters=None, remappings=None):
-    """Return command-line arguments; values are written as YAML reads them."""
+    """Return a node's command-line arguments, with values in YAML."""
     arguments = ['--ros-args', '--log-level', 'warn']
     for name, value in (parameters or {}).items():
         if isinstance(value, bool):
@@ -45,7 +45,7 @@ class Host:
             [sys.executable, str(ROOT / 'test' / 'node_host.py'), *arguments], text=True, bufsize=1,
             env=environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         assert self._process.stdout.readline() == 'ready\n'
-        # Its input ends, and it does.
+        # It ends when its input ends.
         atexit.register(self._process.communicate)
 
     def ask(self, request):
@@ -55,13 +55,13 @@ class Host:
 
 @functools.cache
 def compiled_host():
-    """The host of all nodes but the compensator, whose kernels are compiled when they start."""
+    """Return the host of all nodes but the compensator; their kernels are compiled at start."""
     return Host()
 
 
 @functools.cache
 def plain_host():
-    """The compensator's host: it starts in plain Python, and finds compiled kernels on the disk."""
+    """Return the compensator's host: it starts in plain Python, with compiled kernels cached."""
     compiled_host()
     return Host('plain')
 
@@ -73,7 +73,7 @@ def environment(**changes):
 
 
 class Forked:
-    """A node forked by a host, with what the tests use of `subprocess.Popen`."""
+    """A node forked by a host, with those methods of `subprocess.Popen` that the tests use."""
 
     def __init__(self, host, name, arguments, folder, output, env):
         self._host, self.returncode = host, None
@@ -101,13 +101,13 @@ class Forked:
 
 
 def fork(name, arguments, folder, output, env):
-    """Start a node from the host that has imported what it needs."""
+    """Fork a node from the host for it."""
     host = plain_host() if name == 'compensator' else compiled_host()
     return Forked(host, name, arguments, folder, output, env)
 
 
 def fork_nodes_of_tools(monkeypatch):
-    """Let tools that run in this process fork their nodes, too."""
+    """Make tools that run in this process fork their nodes, too."""
     def start(nodes, name, parameters):
         log = nodes._logs / f'{name}.log'
         log.parent.mkdir(parents=True, exist_ok=True)
@@ -118,9 +118,9 @@ def fork_nodes_of_tools(monkeypatch):
 
 
 def shorten_scenes(monkeypatch, folder):
-    """Let scenes of the demo fork their nodes, exercise once, and have few states.
+    """Make scenes of the demo fork their nodes, exercise once, and use a low sample rate.
 
-    Where they hold the loop to real time while they refine beside it, it is slower still.
+    Where a scene limits simulated time to real time while it refines, the limit is lower, too.
     """
     from friction_comp.nodes.tool_client import ToolClient
     from friction_comp.tools import demo_scenes, demo_system
@@ -147,9 +147,9 @@ def shorten_scenes(monkeypatch, folder):
 
 
 class Process:
-    """A node in a process of its own; ended with the ``with`` block.
+    """A node in a separate process, which the ``with`` block ends.
 
-    With `fresh`, in an interpreter of its own, too, as it is started from a command line.
+    With `fresh`, it is a new interpreter, as started from a command line, instead of a fork.
     """
 
     def __init__(self, folder, name, parameters=None, remappings=None, arguments=(), fresh=False):

@@ -1,9 +1,9 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Effects that the package does not know, put into recordings of simulated drives.
+"""Adds effects that the package does not know to recordings of simulated drives.
 
-Each takes a `Trial` and its `SimulatedDrive` and a generator, and returns the trial with the
-effect in its current. They are written here so that the package cannot have learnt of them.
+Each function takes a `Trial`, its `SimulatedDrive` and a random generator, and returns the trial
+with the effect added to its current. They are defined here, independently of the package.
 """
 
 from dataclasses import replace
@@ -34,7 +34,7 @@ def product(trial, drive, rng):
 
 
 def moving_dead_spot(trial, drive, rng):
-    """Friction all but vanishes in a spot that wanders through the range as time goes by."""
+    """Friction almost vanishes at a spot that moves through the range over time."""
     samples = trial.samples
     _, direction = _moving(samples)
     share = (samples.time - samples.time[0]) / (samples.time[-1] - samples.time[0])
@@ -45,7 +45,7 @@ def moving_dead_spot(trial, drive, rng):
 
 
 def saturation(trial, drive, rng):
-    """The current sensor ends below what fast movements take."""
+    """The current sensor saturates below the current of fast movements."""
     samples = trial.samples
     limit = np.quantile(np.abs(trial.noise_free), rng.uniform(0.7, 0.8))
     return replace(trial, samples=samples.with_(current=np.clip(samples.current, -limit, limit)),

@@ -84,7 +84,7 @@ def states(count=50, names=('elbow',), stamp=lambda k: 1_000_000_000 + k * 1_000
 
 
 def write_states(recording, numbers):
-    """Write states of their numbers, on the disk after every `BATCH` of them."""
+    """Write numbered states, and flush to the disk after every `BATCH` of them."""
     for k in numbers:
         stamp = 1_000_000_000 + k * 1_000_000
         _, message = joint_state(stamp, ['elbow'], [1e-3 * k], [], [float(k)])

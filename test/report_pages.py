@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What msg_docs/reports.md promises of the JSON that the tools write."""
+"""Compares the JSON that the tools write with its description in msg_docs/reports.md."""
 
 from pathlib import Path
 import re
@@ -10,7 +10,7 @@ PAGE = (Path(__file__).resolve().parent.parent / 'msg_docs' / 'reports.md').read
 
 
 def promised(tool):
-    """Return the entries that the page's section on a tool names, in its tables."""
+    """Return the entries in the tables of the page's section on a tool."""
     section = re.search(rf'^## {re.escape(tool)}\n(.*?)(?=^## |\Z)', PAGE,
                         re.MULTILINE | re.DOTALL)[1]
     rows = re.findall(r'^\| (`.*)$', section, re.MULTILINE)
@@ -18,7 +18,7 @@ def promised(tool):
 
 
 def assert_documented(report, tool):
-    """Hold a report against its section of the page: its version, and each of its entries."""
+    """Compare a report's version and entries with its section of the page."""
     assert report['version'] == 1
     left = set(report) - promised(tool) - {'version'}
     assert not left, f'msg_docs/reports.md does not name {left} of {tool}'

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""A node in the test that watches nodes in processes of their own, and feeds them."""
+"""A ROS node within the tests that observes nodes in other processes, and feeds them."""
 
 from array import array
 from contextlib import contextmanager, ExitStack
@@ -48,7 +48,7 @@ os.environ['ROS_DOMAIN_ID'] = str(_SESSION.enter_context(leased_domain()))
 
 @contextmanager
 def own_domain():
-    """Keep what is started inside apart from all that was started outside."""
+    """Isolate nodes that are started in the block, in a ROS domain of their own."""
     before = os.environ['ROS_DOMAIN_ID']
     with leased_domain() as number:
         os.environ['ROS_DOMAIN_ID'] = str(number)
@@ -59,7 +59,7 @@ def own_domain():
 
 
 class Probe(Node):
-    """Publishes and hears whatever a test asks for."""
+    """A node that publishes and subscribes for a test."""
 
     def __init__(self, context, use_sim_time=False):
         overrides = [Parameter('use_sim_time', value=use_sim_time)]
@@ -68,13 +68,13 @@ class Probe(Node):
         self._executor_ = SingleThreadedExecutor(context=context)
         self._executor_.add_node(self)
         self.heard = {}
-        self.ears = {}
+        self.subscribers = {}
         self._published = {}
         self._servers = {}
 
     def listen(self, kind, topic, qos=RELIABLE):
         self.heard.setdefault(topic, [])
-        self.ears[topic] = self.create_subscription(
+        self.subscribers[topic] = self.create_subscription(
             kind, topic, self.heard[topic].append, qos)
         return self.heard[topic]
 
@@ -103,9 +103,9 @@ class Probe(Node):
         return future.result()
 
     def answered(self, send, what, each=5.0, timeout=PATIENCE):
-        """Return the answer to a request that does no harm when it is sent again.
+        """Return the response to a request that may be sent repeatedly.
 
-        A reply is lost that is sent before the two ends have found each other both ways.
+        A response is lost if it is sent before both ends have discovered each other.
         """
         end = time.monotonic() + timeout
         while time.monotonic() < end:
@@ -117,19 +117,19 @@ class Probe(Node):
         raise AssertionError(f'not within {timeout} s: {what}')
 
     def _client(self, kind, name):
-        """Return a client that has found its server; one for each service, kept."""
+        """Return a client that has found its server; there is one for each service."""
         if name not in self._servers:
             self._servers[name] = self.create_client(kind, name)
         self.until(self._servers[name].service_is_ready, f'service {name}')
         return self._servers[name]
 
     def call(self, kind, name, request):
-        """Call a service that may be called twice, and return its answer."""
+        """Call a service that may be called repeatedly, and return its response."""
         client = self._client(kind, name)
         return self.answered(lambda: client.call_async(request), f'answer of {name}')
 
     def set_parameter(self, node, name, value):
-        """Return None when the value was taken, else the reason."""
+        """Return None if the value was accepted, otherwise the reason."""
         request = SetParameters.Request(parameters=[ParameterMessage(
             name=name, value=Parameter(name, value=value).get_parameter_value())])
         result = self.call(SetParameters, f'/{node}/set_parameters', request).results[0]
@@ -200,10 +200,10 @@ def joint_state(stamp_ns, names, position, velocity=None, effort=None):
 
 
 class FakeDriver:
-    """Stands in for plant and exercise before a compensator: states and directions by hand.
+    """Replaces plant and exercise for a compensator: the test publishes states and directions.
 
-    Every new joint state is answered by one command, in order. Zeros that the commander sends of
-    its own accord are heard, too, but are no answers.
+    Every new joint state is answered by one command, in order. Zeros that the commander sends
+    without a state are received, too, but are not answers.
     """
 
     def __init__(self, probe, joints, qos=RELIABLE, prefix='', node='compensator'):
@@ -218,13 +218,13 @@ class FakeDriver:
         return self._answers_from(0)
 
     def _answers_from(self, number):
-        """Return the answers among the commands from a number on."""
+        """Return the answers among the commands from index `number` on."""
         return [message for message in self.commands[number:] if not unasked(message)]
 
     def find(self, stamp=time.time_ns, direction=None):
-        """Stream states until commands come, with a direction, until they are large.
+        """Stream states until commands come or, with a direction, until they are large.
 
-        Only then each end has found the other.
+        Only then both ends have discovered each other.
         """
         self.probe.matched(self.states)
         self.probe.matched(self.directions)
@@ -244,28 +244,28 @@ class FakeDriver:
         if self.probe.state_of(self.node) == 'active':
             assert self.probe.transition(self.node, 'deactivate')
             self.probe.until(lambda: self.commands and unasked(self.commands[-1])
-                             and not self.ears, 'a last command')
+                             and not self.commanders, 'a last command')
             assert not any(self.commands[-1].data)
-        self.probe.until(lambda: not self.ears, 'no publisher of current_command')
+        self.probe.until(lambda: not self.commanders, 'no publisher of current_command')
 
     @property
-    def ears(self):
-        """Number of commanders that are heard."""
-        return self.probe.ears[self._topic].get_publisher_count()
+    def commanders(self):
+        """Number of commanders to which this node is connected."""
+        return self.probe.subscribers[self._topic].get_publisher_count()
 
     def activate(self):
-        """Activate the node and wait until its commands can be heard."""
+        """Activate the node and wait until its commands can be received."""
         assert self.probe.transition(self.node, 'activate')
-        self.probe.until(lambda: self.ears == 1, 'a publisher of current_command')
+        self.probe.until(lambda: self.commanders == 1, 'a publisher of current_command')
 
     def begin_anew(self):
-        """Let the node begin without history; from then on each state has its answer."""
+        """Restart the node without history; from then on each state has its answer."""
         self.rest()
         self.activate()
         self.commands.clear()
 
     def restore(self):
-        """Bring the node, begun with `START`, back from wherever a test has left it."""
+        """Reset the node, which was started with `START`, whatever a test has done with it."""
         if self.probe.state_of(self.node) == 'unconfigured':
             assert self.probe.transition(self.node, 'configure')
         now = self.probe.get_parameters_of(self.node, list(CHANGED))
@@ -289,7 +289,7 @@ class FakeDriver:
 
 @contextmanager
 def compensator(folder, direction=None, **parameters):
-    """Begin a compensator of two joints, and yield what stands in for its driver."""
+    """Start a compensator of two joints, and yield the replacement of its driver."""
     with own_domain(), probe_node() as probe, Process(
             folder, 'compensator', {**START, **parameters}) as process:
         driver = FakeDriver(probe, JOINTS)
@@ -299,10 +299,10 @@ def compensator(folder, direction=None, **parameters):
 
 
 def value_of(status, key):
-    """Return what a diagnostic status says of a key, or None."""
+    """Return a diagnostic status's value of a key, or None."""
     return next((item.value for item in status.values if item.key == key), None)
 
 
 def unasked(command):
-    """Tell whether a command answers no joint state."""
+    """Return whether a command does not answer a joint state."""
     return any(part.label == UNASKED for part in command.layout.dim)

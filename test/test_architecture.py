@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The code keeps the rules that docs/architecture.md states, and the page states those it keeps."""
+"""The code keeps the rules of docs/architecture.md, and the page agrees with the code."""
 
 import ast
 from collections import Counter, defaultdict
@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / 'friction_comp'
 PAGE = (ROOT / 'docs' / 'architecture.md').read_text(encoding='utf-8')
 MODULES = sorted(PACKAGE.rglob('*.py'))
-# The package's own two doors open on everything.
+# The package's __init__ and __main__ may import everything.
 DOORS = ('__init__.py', '__main__.py')
 
 
@@ -88,18 +88,18 @@ def test_rooms_import_what_the_table_allows():
     assert strays == {}
 
 
-def test_the_table_only_looks_up():
+def test_each_room_imports_only_rooms_listed_before_it():
     above = []
     for room, names in declared().items():
         assert names <= set(above), room
         above.append(room)
 
 
-def test_no_modules_import_each_other_in_a_circle():
+def test_there_are_no_circular_imports():
     def name_of(path):
         return '.'.join(('friction_comp', *path.relative_to(PACKAGE).with_suffix('').parts))
 
-    # The package's doors hand on what others hold.
+    # __init__ and __main__ only forward what other modules define.
     files = {name_of(path): path for path in MODULES if path.name != '__init__.py'}
     TopologicalSorter({
         name: set(imported_modules(path, statements)) & set(files) - {name}

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Rigid bodies of a whole arm: the recursion, URDF files, the fit, and couplings without a URDF."""
+"""Rigid bodies of an arm: recursion, URDF files and the fit."""
 
 import sys
 
@@ -68,7 +68,7 @@ def test_the_regressor_gives_the_same_torques(pinocchio, tmp_path):
     assert torque == pytest.approx(chain.tree.torques(q, v, a), abs=1e-9)
 
 
-def test_a_tree_survives_its_document(pinocchio, tmp_path):
+def test_a_tree_survives_a_round_trip(pinocchio, tmp_path):
     rng = np.random.default_rng(3)
     text, names = random_urdf(rng, 4)
     tree = chain_of(tmp_path, text, names).tree
@@ -105,7 +105,7 @@ def test_a_broken_document_is_refused(change, words):
         Tree.from_dict(document)
 
 
-def test_any_numbers_give_possible_bodies_and_zeros_the_known_ones():
+def test_any_coordinates_give_possible_bodies_and_zeros_give_the_prior():
     rng = np.random.default_rng(1)
     known = [nearest_possible(row) for row in (
         [2.0, 0.1, 0.2, -0.1, 0.2, 0.0, 0.3, 0.0, 0.0, 0.25],
@@ -171,7 +171,7 @@ def test_with_few_data_links_stay_possible_and_near_the_urdf(pinocchio, tmp_path
 
 
 @pytest.mark.slow
-def test_declared_drives_leave_newton_metres_and_intervals_that_hold_the_truth(pinocchio, tmp_path):
+def test_with_declared_drives_the_intervals_contain_the_true_masses(pinocchio, tmp_path):
     joints, _ = simulated(50, 800)
     chain = chain_of(tmp_path, small_arm(), PLANE)
     fit = fit_arm(chain, joints, declared=np.array(SCALES))
@@ -193,7 +193,7 @@ def test_declared_drives_leave_newton_metres_and_intervals_that_hold_the_truth(p
 
 
 @pytest.mark.slow
-def test_an_arm_on_a_wall_is_seen_to_be(pinocchio, tmp_path):
+def test_an_arm_mounted_on_a_wall_is_recognised(pinocchio, tmp_path):
     mounted = small_arm((5.0, 2.2, 2.6)).replace('<robot name="small">', (
         '<robot name="small"><link name="room"/><joint name="mount" type="fixed"><parent '
         f'link="room"/><child link="base"/><origin xyz="0 0 0" rpy="0 {np.pi / 2} 0"/></joint>'))
@@ -204,7 +204,7 @@ def test_an_arm_on_a_wall_is_seen_to_be(pinocchio, tmp_path):
     assert (found.held_out < 0.05).all()
 
 
-def test_efforts_of_the_other_sign_are_named(pinocchio, tmp_path):
+def test_efforts_of_the_wrong_sign_are_reported(pinocchio, tmp_path):
     joints, _ = simulated(6, 600)
     joints = [one.with_(current=-one.current) for one in joints]
     with pytest.raises(InputError, match='sign'):
@@ -221,7 +221,7 @@ def test_joints_on_different_time_bases_are_refused(pinocchio, tmp_path):
 @pytest.mark.parametrize('recorded_name, described', [
     ('elbow_joint', 'elbow_joint'), ('elbow', 'ur10e_elbow_joint'), ('left/joint1', 'joint_1'),
     ('J1', 'j1'), ('gen3_joint_1', 'Joint1')])
-def test_names_that_differ_by_habit_are_matched(recorded_name, described):
+def test_names_that_differ_only_by_convention_are_matched(recorded_name, described):
     others = ['wrist_1_joint', 'wrist_2_joint']
     pairs, unknown = match_names([recorded_name], [described, 'shoulder', *others], 'arm.urdf')
     assert pairs == {recorded_name: described}
@@ -244,7 +244,7 @@ def test_joints_that_are_not_recorded_are_locked(pinocchio, tmp_path):
     chain = chain_of(tmp_path, small_arm(), PLANE[:2])
     assert chain.locked == ['bend']
     assert chain.tree.joints == PLANE[:2]
-    # The locked link is carried all the same.
+    # The weight of the locked link still counts.
     whole = chain_of(tmp_path, small_arm(), PLANE).tree.weight([0.2, 0.3, 0.0])
     assert chain.tree.weight([0.2, 0.3]) == pytest.approx(whole[:2])
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The arms of bench/arm_table.py obey the mechanics they claim, so that they may judge others."""
+"""The simulated arms of bench/arm_table.py obey mechanics, so they can judge other models."""
 
 import numpy as np
 import pytest
@@ -57,7 +57,7 @@ def test_velocity_and_acceleration_are_derivatives(drawn):
         step, motion = recording.time[1], recording.motion
         for value, rate in ((motion.position, motion.velocity),
                             (motion.velocity, motion.acceleration)):
-            # Where friction changes its sign, a swing's acceleration jumps within a sample
+            # Where friction changes its sign, the acceleration jumps within a sample
             off = np.abs(np.gradient(value, step, axis=0) - rate)
             assert np.median(off) < 0.01 * np.sqrt(np.mean(rate ** 2))
 

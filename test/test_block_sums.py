@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Sums over blocks say what fits to the samples would say."""
+"""Fits to sums over blocks equal fits to the samples."""
 
 from dataclasses import replace
 
@@ -40,14 +40,14 @@ def test_a_coefficient_never_has_the_sign_that_physics_rules_out(seed, blocks, c
     sums = replace(sums_of(matrix, target, block), signs=signs)
     found = sums.fit(range(columns))
     assert (found[signs > 0] >= 0.0).all()
-    # Those that are not at their bound are the least squares fit without the others.
+    # Coefficients within their bounds are the least-squares fit without the others.
     free = np.nonzero((signs == 0) | (found > 0.0))[0]
     if len(free):
         alone = np.linalg.lstsq(matrix[:, free], target, rcond=None)[0]
         assert found[free] == pytest.approx(alone, rel=1e-3, abs=1e-6)
 
 
-def test_weights_draw_blocks_as_often_as_they_say():
+def test_a_weight_counts_a_block_that_many_times():
     matrix, target, block = made(3, 5, 2)
     weights = np.array([2.0, 0.0, 1.0, 3.0, 0.0])
     drawn = np.concatenate([np.nonzero(block == k)[0] for k in (0, 0, 2, 3, 3, 3)])

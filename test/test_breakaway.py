@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Breakaway currents from ramps, and what their scatter depends on."""
+"""Breakaway currents from current ramps, and what affects their scatter."""
 
 from pathlib import Path
 
@@ -114,7 +114,7 @@ def test_presliding_creep_is_not_taken_for_motion():
     time, command, position, current, levels = known_ramps(deflection=2e-3)
     records = breakaway_currents(time, position, current, command, COUNT)
     np.testing.assert_allclose(records.current, levels, rtol=0.03)
-    # Eq. 9 to the letter would fire where the first count comes, a hundred counts early.
+    # Eq. 9 read literally would apply at the first encoder count, a hundred counts early.
     first = np.nonzero(position)[0][0]
     assert current[first] < 0.3 * records.current[0]
 
@@ -139,7 +139,7 @@ def test_ramps_cut_at_the_breakaway_are_enough():
 
 
 def test_progressive_creep_before_the_slide():
-    # A Dahl-like contact: it gives the more, the closer the current comes to the level.
+    # A Dahl-like contact: it yields more as the current approaches the level.
     time = np.arange(0.0, 6.0, 1e-3)
     current = 0.05 * time
     level = 0.1731

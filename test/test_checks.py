@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers from outside are taken or refused in one wording."""
+"""Numbers from outside are accepted or refused with uniform messages."""
 
 import math
 
@@ -23,7 +23,7 @@ def test_a_number_is_taken_exactly_when_it_is_finite_and_within_bounds(value, le
 
 
 @pytest.mark.parametrize('value', [True, None, '1', math.nan, math.inf, 0.0, [1.0], 1j])
-def test_what_is_no_positive_number(value):
+def test_numbers_that_are_not_positive_are_refused(value):
     with pytest.raises(InputError, match='^limit must be a positive finite number, not '):
         check_number(value, 'limit', above=0.0)
 
@@ -34,7 +34,7 @@ def test_numbers_of_numpy_are_numbers():
 
 
 @pytest.mark.parametrize('value', [0, 1.0, True, '1', 100_001])
-def test_what_is_no_whole_number_in_range(value):
+def test_numbers_that_are_not_whole_or_in_range_are_refused(value):
     with pytest.raises(InputError, match='^n must be a whole number from 1 to 100000, not '):
         check_whole_number(value, 'n', least=1, most=100_000)
 

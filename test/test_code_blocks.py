@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Every block of code in the documentation runs, or is read by what would run it."""
+"""Every code block of the documentation runs, or is parsed by the program that reads it."""
 
 import json
 import re
@@ -132,7 +132,7 @@ def check_node(arguments):
 def test_files_that_a_page_names_are_there(page):
     named = re.findall(r'`((?:test|bench|config|docs|launch|friction_comp)/[\w./]+)`',
                        page.read_text(encoding='utf-8'))
-    # NAME stands for what somebody adds.
+    # NAME is a placeholder for an addition.
     assert [name for name in named if 'NAME' not in name and not (ROOT / name).exists()] == []
 
 
@@ -209,7 +209,7 @@ def test_the_examples_show_what_the_tools_are_for(workplace):
     hidden, = (effect for effect in yaml.safe_load(
         (ROOT / 'config' / 'undeclared_example.yaml').read_text(encoding='utf-8'))['effects']
         if effect['name'] == 'friction_ripple')
-    # Over 40 degrees a weight is a spring.
+    # Over 40 degrees, gravity acts like a spring.
     assert {'gravity', 'spring'} & set(effects)
     assert 'load_torque' not in effects
     assert effects['friction_ripple']['parameters']['frequency'] == pytest.approx(

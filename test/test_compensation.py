@@ -34,7 +34,7 @@ def hold(law, direction, seconds=1.5, start=0.0):
     return np.array([law.update(t, [0.0], [0.0], [direction])[0] for t in times])
 
 
-def test_printed_law_by_the_book():
+def test_printed_law_equals_its_equations():
     """At standstill 0.9 of i_b in the direction d, in motion Eq. 6 alone, whatever d."""
     model = drive(2)
     law = CompensationLaw([model], law='paper')
@@ -93,7 +93,7 @@ def test_continuous_law_never_starts_an_untouched_joint(number):
     wrong = replace(model, breakaway=replace(
         model.breakaway, positive_mean=1.1 * model.breakaway.positive_mean,
         negative_mean=1.1 * model.breakaway.negative_mean))
-    # The fit of Eq. 11 is asymmetric at standstill; the continuous law must not care.
+    # The fit of Eq. 11 is asymmetric at standstill; the continuous law must not depend on it.
     direction = np.ones((2, 4000))
     direction[1] = -1.0
     direction[:, :300] = 0.0
@@ -156,7 +156,7 @@ def test_limit_and_terms():
     assert current[0] == pytest.approx(total)
 
 
-def test_position_alone_will_do():
+def test_the_law_works_without_a_measured_velocity():
     """Without velocity the position is differentiated."""
     model = drive()
     one, two = CompensationLaw([model]), CompensationLaw([model])

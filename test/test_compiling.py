@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Kernels begin as plain Python, give the numbers of compiled ones, and make way for them."""
+"""Kernels start as plain Python, agree with compiled ones, and are replaced by them."""
 
 from pathlib import Path
 import subprocess
@@ -48,7 +48,7 @@ LAW = """
 
 
 @pytest.mark.slow
-def test_the_exchange_of_plain_kernels_for_compiled_ones_is_not_seen_in_the_current():
+def test_replacing_plain_kernels_by_compiled_ones_does_not_change_the_current():
     worst, largest, exchanged, again = map(float, printed_by(LAW + """
     laws = [CompensationLaw(models, name) for name in ('continuous', 'paper', 'kinetic')]
     begun = [currents(law, 0, 1000) for law in laws]
@@ -89,7 +89,7 @@ def test_a_kernel_that_is_first_called_afterwards_is_compiled_then():
 
 
 @pytest.mark.slow
-def test_nothing_begins_in_plain_python_where_numba_is_there_already():
+def test_compilation_is_not_deferred_once_numba_is_imported():
     assert printed_by("""
     import numba
     from friction_comp import compiling

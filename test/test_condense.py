@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Long recordings are read as averages, in memory that does not grow with them."""
+"""Long recordings are read as averages, in bounded memory."""
 
 import numpy as np
 import pytest
@@ -35,7 +35,7 @@ def folder(tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_what_is_short_is_read_as_it_was_recorded(folder):
+def test_short_recordings_are_not_averaged(folder):
     (whole, _), _ = read_condensed(folder)
     same, _ = read_recording(folder)
     assert np.array_equal(whole.current, same.current)
@@ -43,7 +43,7 @@ def test_what_is_short_is_read_as_it_was_recorded(folder):
 
 
 @pytest.mark.slow
-def test_averages_are_of_the_same_samples_and_it_is_said(folder):
+def test_all_signals_are_averaged_alike_and_a_note_says_so(folder):
     found = read_condensed(folder, limit=20_000)
     assert '4 samples at a time were averaged' in found[0][1].notes[-1]
     whole, _ = read_recording(folder)
@@ -71,7 +71,7 @@ def test_a_ripple_is_found_in_averages(folder):
     found = [samples for samples, _ in read_condensed(folder, limit=10_000)]
     report = refine(found, drive=Drive(1.0, 1.0)).report
     assert [effect['name'] for effect in report['effects']] == ['cogging']
-    # The noise of averages is that much smaller.
+    # The noise of averages is smaller by this factor.
     assert report['after']['held_out_rmse'] < 1.2 * NOISE / 5 ** 0.5
 
 

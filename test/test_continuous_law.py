@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The continuous law: passive over every path, and on gears and people it was not made for."""
+"""The continuous law: passive on every path, also with gears and people other than modelled."""
 
 from dataclasses import replace
 import math
@@ -40,7 +40,7 @@ def maxwell_slip(path, shares, distances):
 @given(seed=st.integers(0, 10 ** 6), factor=st.floats(0.7, 1.1), share=st.floats(0.05, 1.0),
        longest=st.floats(1e-4, 3e-4), size=st.floats(0.2, 20.0), speed=st.floats(0.01, 0.3),
        std=st.sampled_from([None, 1e-5]))
-def test_over_closed_paths_it_gives_less_than_the_gear_takes(
+def test_over_closed_paths_the_law_gives_less_energy_than_the_gear_dissipates(
         seed, factor, share, longest, size, speed, std):
     """Random to and fro, through the encoder, friction over-estimated by a tenth at most."""
     rng = np.random.default_rng(seed)
@@ -70,7 +70,7 @@ def test_over_closed_paths_it_gives_less_than_the_gear_takes(
 @settings(max_examples=10)
 @given(seed=st.integers(0, 10 ** 6), distance=st.floats(5e-3, 3e-2), error=st.floats(0.7, 1.4),
        size=st.floats(0.1, 5.0), speed=st.floats(0.1, 0.4))
-def test_what_turns_round_slowly_is_given_no_sooner(seed, distance, error, size, speed):
+def test_slow_reversals_of_the_gear_are_not_compensated_early(seed, distance, error, size, speed):
     """Half of the gear's friction is Dahl's over a distance that the model knows to 40 %."""
     rng = np.random.default_rng(seed)
     turns = np.concatenate(([0.0], distance * size * rng.uniform(-1.0, 1.0, 8), [0.0]))
@@ -91,7 +91,7 @@ def test_what_turns_round_slowly_is_given_no_sooner(seed, distance, error, size,
 
 
 @pytest.mark.parametrize('direction, within', [(0, ALONE_TIME), (1, RISE_TIME)])
-def test_help_comes_gently_where_it_was_not_announced_and_goes_at_once(direction, within):
+def test_unannounced_help_rises_slowly_and_ends_at_once(direction, within):
     """Who breaks a joint loose has a loaded arm, which sudden help would throw."""
     law = CompensationLaw([small_model()])
     current, there, back = [], 0.3, 1.0
@@ -172,7 +172,7 @@ def test_a_joint_let_go_never_gains_speed_and_rests(gears, speed, direction):
             assert np.ptp(log['rotor'][:, -300:], axis=1).max() < 0.05 * DEGREE
 
 
-def test_friction_half_as_much_again_is_taken_back_and_said(gears):
+def test_overestimated_friction_is_noticed_and_reduced(gears):
     log, guards = let_go(gears, 1.5, 40.0, 1.0)
     fastest = log['link_speed'].max(axis=1)
     assert fastest.max() < 125.0 * DEGREE
@@ -291,13 +291,13 @@ def test_a_joint_that_turns_round_as_announced_has_its_preload_without_a_rest():
         currents.append(law.update(1e-3 * k, [position], None, [1 if k < 1000 else -1])[0])
     share = np.array(currents) / (0.9 * LEVEL)
     assert share[1150] > 0.8
-    # Led from full help one way to full help the other way: 0.2 s.
+    # From full help in one direction to full help in the other: 0.2 s.
     assert np.flatnonzero(share < -0.9)[0] <= 1200 + 220
     assert np.all(share[1420:1500] < -0.9)
 
 
 @pytest.mark.parametrize('leap', [10.0, -10.0])
-def test_a_stamp_that_leaps_does_not_stop_the_law(leap):
+def test_a_jump_of_the_stamps_does_not_stop_the_law(leap):
     """Else the current stays as it is until the clock has caught up, wherever the joint goes."""
     stamps = 100.0 + 1e-3 * np.arange(1200)
     expected = follow_with_stamps(stamps)

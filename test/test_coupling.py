@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What other joints ask of a joint, found in a recording without a URDF."""
+"""Torques due to the motion of other joints, found in recordings without a URDF."""
 
 from arm_maker import swinging, waves
 import numpy as np
@@ -87,7 +87,7 @@ def test_neighbours_and_the_weight_of_links_behind_are_tried_together():
     assert ('c', 'e') not in weights
 
 
-def test_terms_of_kinetic_energy_are_what_lagrange_asks():
+def test_kinetic_terms_agree_with_lagranges_equations():
     """By the derivatives of the energy along the motion, taken by differences."""
     rng, names, step = np.random.default_rng(5), tuple('abc'), 1e-4
     q, v, a = waves(rng, 4000, 3, step, fastest=2.0)
@@ -139,7 +139,7 @@ def test_a_broken_coupling_is_refused(change):
         Coupling.from_dict({'groups': [{**group, **change}]})
 
 
-def test_of_joints_that_hold_still_only_their_weight_is_asked():
+def test_joints_at_rest_contribute_only_their_weight():
     names, rng = tuple('abcd'), np.random.default_rng(4)
     groups = tuple(groups_for(names, 'c'))
     coupling = Coupling(groups, tuple(
@@ -150,7 +150,7 @@ def test_of_joints_that_hold_still_only_their_weight_is_asked():
 
 
 @pytest.mark.parametrize('share', [0.0, 1.0])
-def test_joints_that_move_as_one_do_not_tell_which_of_them_asks(share):
+def test_joints_that_move_together_cannot_be_told_apart(share):
     """What is held out of such motion is predicted as well, but other motion need not be."""
     rng = np.random.default_rng(5)
     q, v, a = (np.column_stack((x[:, 0], share * x[:, 0] + (1.0 - share) * x[:, 1]))

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The demo as a user starts and stops it; the processes that it runs."""
+"""The demo as a user starts and stops it, and the processes that it runs."""
 
 import json
 import os
@@ -34,7 +34,7 @@ def test_parameters_are_written_as_yaml_reads_them():
 
 
 @pytest.mark.slow
-def test_a_node_that_fails_is_told_with_its_reason(tmp_path):
+def test_a_failed_node_is_reported_with_its_reason(tmp_path):
     with Nodes(tmp_path) as nodes:
         nodes.start('plant', {'joints': ['a'], 'model_files': ['missing.yaml']})
         def run_to_the_end():
@@ -66,7 +66,7 @@ def alive(folder):
     return found
 
 
-def test_an_interrupt_while_a_process_starts_comes_after_it():
+def test_an_interrupt_while_a_process_starts_is_deferred():
     done = []
 
     def started_while_interrupted():
@@ -137,7 +137,7 @@ def test_two_joints_turn_round_with_their_directions_announced(scene, capsys):
 
 
 @pytest.mark.slow
-def test_a_drive_that_changes_is_told_refined_and_helped_without_a_restart(scene):
+def test_a_changing_drive_is_noticed_refined_and_compensated_without_a_restart(scene):
     found = scene('wear')
     assert 'no longer fits' in found['warning']
     assert 'temperature' in found['warning']

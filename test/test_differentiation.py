@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Velocity and acceleration of recorded positions, whatever their stamps."""
+"""Velocity and acceleration from recorded positions with regular and irregular stamps."""
 
 import numpy as np
 import pytest
@@ -49,7 +49,7 @@ def test_a_lost_sample_shows_neither_in_velocity_nor_in_acceleration():
 def test_samples_that_arrive_together_are_no_burst_of_acceleration():
     samples = swings(8, duration=20.0)
     stamps = samples.time.copy()
-    # Every hundredth message waits for the next one.
+    # Every hundredth message is delayed until the next one.
     stamps[100::100] = stamps[101::100] - 1e-6
     settings = {'source': 'velocity', 'bandwidth': None}
     late = differentiate(samples.with_(time=stamps), settings)

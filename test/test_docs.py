@@ -44,7 +44,7 @@ def test_every_effect_has_a_page_that_says_how_to_record_for_it(pages, tmp_path,
     assert len(list(tmp_path.glob('*.svg'))) > len(EFFECTS) / 2
 
 
-def test_what_is_said_of_the_note_follows_from_its_own_numbers():
+def test_the_page_on_the_notes_errors_agrees_with_its_numbers():
     spec = importlib.util.spec_from_file_location('note_figures', DOCS / 'note_figures.py')
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -74,5 +74,5 @@ def test_prose_fits_into_a_window_of_120_columns():
     for path in (*root.glob('*.md'), *root.glob('*/*.md')):
         blocks = re.split(r'^ *```.*$', path.read_text(encoding='utf-8'), flags=re.MULTILINE)
         for line in '\n'.join(blocks[::2]).splitlines():
-            # A row of a table and a picture's words cannot be broken.
+            # Rows of tables and alternative texts of pictures cannot be wrapped.
             assert len(line) <= 120 or re.match(r'\s*(\||!\[)', line), f'{path.name}: {line}'

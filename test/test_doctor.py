@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The doctor names what is wrong with a system, and nothing where all is well."""
+"""The doctor names the faults of a system, and reports nothing if there are none."""
 
 from dataclasses import replace
 import json
@@ -56,11 +56,11 @@ def test_a_healthy_system_has_no_problem_and_no_warning():
     assert {finding.level for finding in check_joint(healthy(), JOINT, MODEL)} == {'ok'}
 
 
-def test_gaps_and_noise_make_no_wrong_velocity():
+def test_gaps_and_noise_are_not_reported_as_wrong_velocity():
     seen = healthy()
     good = seen.states
     random = np.random.default_rng(1)
-    # The simulation of a busy machine stands still now and then, and its stamps go on.
+    # On a busy machine the simulation sometimes pauses while its stamps go on.
     stamp = good.stamp + 0.2 * (np.arange(len(good.stamp)) // 1000)
     seen.states = replace(good, stamp=stamp, received=stamp + 1e-3,
                           velocity=good.velocity + 0.5 * random.standard_normal(
@@ -160,7 +160,7 @@ def latched(seen):
     (odd_direction, 'direction', '[2]'),
     (complaint, 'compensator', 'no joint_states'),
     (latched, 'compensator: compensation', 'law (latched)')])
-def test_each_harm_is_named_with_what_to_do(harm, about, words):
+def test_each_fault_is_reported_with_a_remedy(harm, about, words):
     seen = healthy()
     harm(seen)
     found = [finding for finding in wrong(seen) if finding.about == about]

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What effects say of themselves: when they cannot be seen, and when they hold."""
+"""Effects know when data cannot show them, and the range in which they are valid."""
 
 from dataclasses import replace
 
@@ -38,12 +38,12 @@ def test_a_constant_is_kept_where_the_effect_is_what_its_name_says(name, constan
     ('hysteresis', {'reversals': 0.0}),
     ('stribeck', {'slow': 0.9}), ('temperature', {'temperature_span': 1.0}),
     ('direction_asymmetry', {'both_directions': False})])
-def test_what_cannot_be_seen_is_said_by_the_effect_itself(name, changes):
+def test_each_effect_says_if_the_data_cannot_show_it(name, changes):
     assert EFFECTS[name].insufficient_data(COVERAGE) == ''
     assert EFFECTS[name].insufficient_data(replace(COVERAGE, **changes)).endswith('.')
 
 
-def test_what_drifted_by_the_clock_is_left_out_on_another_day():
+def test_a_drift_over_time_is_not_applied_on_another_day():
     drift = EFFECTS['warm_up']({'time_constant': 30.0, 'transition': 0.02,
                                 'coefficients': [0.5, 0.0, 0.0]})
     model = FrictionModel(drive=Drive(1.0, 1.0), sigmoid=Sigmoid(0.1, -0.1, 100.0),
@@ -64,7 +64,7 @@ def a_model(name, parameters, ranges):
 SPRING = {'position': 0.0, 'coefficients': [2.0]}
 
 
-def test_beyond_what_it_was_fitted_to_a_spring_keeps_its_value_at_the_edge():
+def test_beyond_its_fitted_range_a_spring_keeps_its_value_at_the_edge():
     model = a_model('spring', SPRING, {'position': [-0.5, 0.8]})
     position = np.array([-2.0, -0.5, 0.3, 0.8, 5.0])
     still = np.zeros(5)

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What each effect does by its docstring, and what holds for all of them whatever the numbers."""
+"""Each effect obeys its docstring, and properties that all effects share for any numbers."""
 
 import math
 
@@ -29,7 +29,7 @@ COLUMNS = {
     'direction_asymmetry': 2, 'gravity': 2, 'cogging': 2, 'friction_ripple': 2, 'temperature': 3,
     'warm_up': 3, 'hysteresis': 2,
 }
-# Even or odd: what the current does when the motion is mirrored in time, at the same place.
+# Even or odd: the current if the motion is mirrored in time, at the same position.
 ODD = {'stribeck', 'viscous_shape', 'friction_ripple', 'load_friction', 'carried_load_friction',
        'inner_load_friction'}
 EVEN = {'direction_asymmetry', 'gravity', 'spring', 'cogging', 'load_torque', 'offset_drift'}
@@ -85,7 +85,7 @@ SPEEDS = np.array([-1.0, -0.3, -0.1, 0.1, 0.3, 1.0])
 
 
 @pytest.mark.parametrize('name', sorted(ODD))
-def test_friction_turns_round_with_the_direction(name):
+def test_friction_reverses_with_the_direction(name):
     forward = current_of(name, np.full(6, 0.4), SPEEDS)
     backward = current_of(name, np.full(6, 0.4), -SPEEDS)
     assert np.all(forward != 0)
@@ -93,7 +93,7 @@ def test_friction_turns_round_with_the_direction(name):
 
 
 @pytest.mark.parametrize('name', sorted(EVEN))
-def test_torques_of_place_load_and_time_do_not(name):
+def test_torques_of_position_load_and_time_do_not_reverse(name):
     forward = current_of(name, np.full(6, 0.4), SPEEDS)
     backward = current_of(name, np.full(6, 0.4), -SPEEDS)
     assert np.all(np.abs(forward) > 1e-4)
@@ -149,7 +149,7 @@ def test_beyond_the_speeds_seen_friction_bends_no_further(exponent):
     assert beyond - near == pytest.approx(alone * 2.75, rel=0.05)
 
 
-def test_a_bump_is_where_and_as_wide_as_it_is_said_to_be():
+def test_a_bump_has_the_given_position_and_width():
     place = np.array([0.3, 0.4, 0.2, 1.3])
     current = current_of('bump', place, np.full(4, 1.0))
     assert current == pytest.approx(
@@ -182,7 +182,7 @@ def test_warm_up_and_drift_fade_with_their_time(name):
     assert abs(current[-1]) < 0.01 * abs(current[0])
 
 
-def test_rest_makes_the_next_start_harder_and_motion_undoes_it():
+def test_friction_grows_with_rest_and_motion_undoes_it():
     def start_after(rest):
         still = round(rest / 0.01)
         position = np.concatenate((np.zeros(still), 0.005 * np.arange(1, 101)))
@@ -195,7 +195,7 @@ def test_rest_makes_the_next_start_harder_and_motion_undoes_it():
     assert np.all(np.diff(long) < 0)
 
 
-def test_hysteresis_remembers_the_way_and_not_the_time():
+def test_hysteresis_depends_on_the_path_and_not_on_time():
     way = np.concatenate((np.linspace(0, 0.2, 41), np.linspace(0.2, 0.15, 41)[1:]))
     speed = np.concatenate((np.full(41, 0.5), np.full(40, -0.125)))
     effect = EFFECTS['hysteresis'](defaults('hysteresis', coefficients=[0.1, 0.0]))
@@ -208,7 +208,7 @@ def test_hysteresis_remembers_the_way_and_not_the_time():
 
 @pytest.mark.parametrize(('name', 'key'), [
     (name, key) for name, effect in EFFECTS.items() for key in effect.constants])
-def test_a_constant_that_is_no_number_is_named(name, key):
+def test_a_constant_that_is_not_a_number_is_reported(name, key):
     for value in ('fast', None, True, [1.0], math.nan, math.inf):
         with pytest.raises(InputError, match=key) as caught:
             EFFECTS[name]({**defaults(name), key: value})
@@ -229,7 +229,7 @@ def test_a_width_or_speed_that_cannot_be_is_named(name, key, value):
 
 
 @pytest.mark.parametrize('name', EFFECTS)
-def test_a_wrong_number_of_coefficients_is_told(name):
+def test_a_wrong_number_of_coefficients_is_reported(name):
     samples = samples_of(np.linspace(0, 1, 20), np.ones(20))
     wrong = [0.1] * (COLUMNS.get(name, 1) + 1)
     with pytest.raises(InputError, match=f"'{name}' takes {len(wrong) - 1} coefficients"):
@@ -305,7 +305,7 @@ def test_live_and_offline_are_the_same_in_motion_on_the_same_samples(name):
     tolerance = 1e-4 * np.abs(offline).max() if name == 'hysteresis' else 1e-12
     assert np.abs(offline[fast]).max() > 1e-3
     assert live[fast] == pytest.approx(offline[fast], abs=tolerance)
-    # A reset forgets the way that the joint came.
+    # A reset clears the history of the motion.
     term.reset()
     again = [term.update(*sample) for sample in zip(
         samples.time[:100] + 8.0, samples.position, samples.velocity, samples.temperature,

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Columns of effects, the search among them, their constants, and how sure their names are."""
+"""Columns of effects, the search among them, their constants and the confidence in a result."""
 
 import numpy as np
 import pytest
@@ -75,7 +75,7 @@ def test_a_search_names_nothing_on_a_plain_drive(seed):
     assert search.forward([]) == []
 
 
-def test_what_is_not_borne_out_is_taken_away_and_what_is_stays(rippled):
+def test_only_effects_that_the_data_support_are_kept(rippled):
     terms = [Term(EFFECTS['inertia']), Term(EFFECTS['cogging'], COGGING), Term(EFFECTS['gravity'])]
     terms = rippled.add(terms)
     search = Search(rippled, [])
@@ -84,7 +84,7 @@ def test_what_is_not_borne_out_is_taken_away_and_what_is_stays(rippled):
     assert search.backward(terms) == [terms[0], terms[1]]
 
 
-def test_a_name_is_exchanged_for_one_that_predicts_better(rippled):
+def test_an_effect_is_exchanged_for_one_that_predicts_better(rippled):
     worse, better = (rippled.add([Term(EFFECTS[name], COGGING)])[0]
                      for name in ('friction_ripple', 'cogging'))
     search = Search(rippled, [worse, better])
@@ -122,7 +122,7 @@ def test_a_constant_between_the_points_of_its_grid_is_found(name, constants, sha
     assert low < constants[constant] < high
 
 
-def test_intervals_hold_what_is_true_and_tell_what_is_not_there(rippled):
+def test_intervals_contain_the_truth_and_show_absent_effects(rippled):
     terms = rippled.add([Term(EFFECTS['cogging'], COGGING), Term(EFFECTS['inertia'])])
     found = intervals(rippled, terms)
     (cosine, sine), (inertia,) = (rippled.columns_of[term] for term in terms)

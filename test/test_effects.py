@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Every effect of the library: its current, its file entry, and what is fed back of it."""
+"""Every effect of the library: its current, its file entry, and how it is fed back."""
 
 import math
 
@@ -42,7 +42,7 @@ class TestEffect:
         again = EFFECTS[name](effect.to_dict()['parameters'])
         np.testing.assert_array_equal(again.current(motion), effect.current(motion))
 
-    def test_it_says_what_it_is(self, name):
+    def test_it_has_a_description_and_a_formula(self, name):
         effect = EFFECTS[name](defaults(name))
         assert len(effect.describe()) > 10
         assert effect.formula()
@@ -80,7 +80,7 @@ def test_lag_moves_the_whole_prediction_in_time(motion):
 
 @pytest.mark.parametrize(('exponent', 'left'), [
     (0.5, (math.sqrt(2) - 0.5) ** 2), (1.0, 2 / math.e), (2.0, 1 / 1.5)])
-def test_hysteresis_turns_round_as_its_exponent_says(exponent, left):
+def test_hysteresis_reverses_as_its_exponent_says(exponent, left):
     # The solution of du/dx = -u^p for u = 1 - z, which is 2 at the reversal, at x = 1.
     c = Hysteresis.Constants(0.05, exponent, 0.02)
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Trials with known torques are evaluated to just these torques."""
+"""The evaluation of trials with known torques returns these torques."""
 
 import html
 import json
@@ -70,7 +70,7 @@ def test_movements_are_found_where_they_were_made():
     bare = find_movements(samples.with_(reference_position=None, reference_velocity=None))
     assert [m.sign for m in bare] == [1, -1, 1, -1]
     assert bare[2].begin == pytest.approx(2 * PERIOD + REST, abs=0.12)
-    # A reference without velocity is as good as one with it.
+    # A reference without velocity gives the same result.
     shown = find_movements(samples.with_(reference_velocity=None))
     assert shown[1].begin == pytest.approx(PERIOD + REST, abs=0.01)
 
@@ -102,7 +102,7 @@ def test_averages_and_deviations_over_repetitions():
     assert condition.peak_torque_std == pytest.approx(np.std([1.0, 1.2, 1.4], ddof=1), rel=1e-2)
     at = np.argmin(abs(condition.time - 0.2))
     assert condition.torque_std[at] == pytest.approx(0.2, rel=0.03)
-    # Noise goes down by averaging, which the single repetitions' peaks do not.
+    # Averaging reduces noise, but not in the peaks of single repetitions.
     noisy = by_key(evaluate([trial([1.0, 1.0] * 10, noise=0.05)]))[0, 'positive']
     assert noisy.peak_torque == pytest.approx(1.0, abs=0.06)
 
@@ -133,7 +133,7 @@ def test_a_joint_that_starts_by_itself_is_seen():
     conditions = by_key(evaluate([samples.with_(position=position)]))
     assert conditions[1, 'positive'].false_starts == 1
     assert conditions[-1, 'negative'].false_starts == 0
-    # Somebody who pushes early makes no false start.
+    # An early push is not a false start.
     load = samples.load.copy()
     load[ahead | ((samples.time > begin - 0.5) & (samples.time < begin))] += 0.5
     conditions = by_key(evaluate([samples.with_(position=position, load=load)]))
@@ -164,7 +164,7 @@ def test_recordings_without_what_is_needed():
                           position=np.zeros(len(samples)))
     with pytest.raises(InputError, match='no movement'):
         evaluate([still])
-    # A count to and fro is no movement, and neither is that of another joint's reference.
+    # An oscillation by one count is not a movement, nor is that of another joint's reference.
     dither = still.with_(position=1e-3 * (np.arange(len(samples)) // 300 % 2))
     with pytest.raises(InputError, match='no movement'):
         evaluate([dither])
@@ -243,28 +243,27 @@ def stuck_trial(set_out=None):
     return samples.with_(position=position, load=load, command=np.zeros(len(samples)))
 
 
-def test_a_push_that_is_left_from_the_movement_before_is_no_peak():
+def test_torque_left_from_the_previous_movement_is_not_a_peak():
     for condition in evaluate([stuck_trial()]).conditions:
         assert condition.stuck == 1
         assert condition.peak_time >= 0.0
-        # From 1.3 N·m left over, the negative movement takes the push to zero, and no farther.
+        # The negative movement begins with 1.3 N·m left over and lowers this to zero.
         expected = 1.3 if condition.movement == 'positive' else 0.0
         assert condition.peak_torque == pytest.approx(expected, abs=0.01)
 
 
-def test_a_joint_that_sets_out_late_took_what_was_given_until_then():
+def test_the_peak_of_a_joint_that_starts_late_includes_the_torque_before_it():
     evaluation = evaluate([stuck_trial(set_out=MOVE + 0.6)])
     for condition, repetition in zip(evaluation.conditions, evaluation.repetitions):
         assert condition.stuck == 0
         assert condition.peak_torque == pytest.approx(1.7, abs=0.03)
         assert condition.peak_time == pytest.approx(MOVE + 0.6, abs=0.02)
         assert repetition.figures['onset'] == pytest.approx(MOVE + 0.6, abs=0.05)
-        # Of how smoothly it followed what was shown there is nothing to say.
+        # Smoothness in following the reference is undefined here.
         assert 'smoothness' not in repetition.figures
 
 
-def test_a_bound_is_told_as_one_and_a_recording_without_compensation_is_one_condition(tmp_path,
-                                                                                      capsys):
+def test_a_lower_bound_is_marked_and_no_compensation_is_one_condition(tmp_path, capsys):
     moved = trial([1.6, 1.6]).with_(command=np.zeros(round((2 * PERIOD + REST) / STEP)))
     both = Samples.concatenate([moved, stuck_trial().with_(
         time=stuck_trial().time + moved.time[-1] + STEP)])

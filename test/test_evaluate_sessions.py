@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Conditions are told apart and compared, within recordings, between them and over weeks."""
+"""Conditions are distinguished and compared within recordings, between them and over weeks."""
 
 import csv
 from datetime import date, timedelta
@@ -28,7 +28,7 @@ from friction_comp.recordings.activity import Activity
 from friction_comp.recordings.reader import stream_recording_with_info
 from friction_comp.reports.evaluation_words import summary, verdict
 
-# Fifty a second are enough for what is not about figures to a per mil.
+# 50 Hz is enough for tests that need no accuracy of a per mil.
 STEP = 2e-2
 trial = partial(made_trial, step=STEP)
 
@@ -55,7 +55,7 @@ def test_laws_and_models_are_never_averaged():
              if c.movement == 'positive'}
     assert {key: round(c.peak_torque, 1) for key, c in found.items()} == {
         ('paper', 'a.yaml'): 1.0, ('continuous', 'a.yaml'): 0.5, ('continuous', 'b.yaml'): 0.3}
-    # No condition without announcement: nothing is said to be better than d = 0.
+    # Without a condition d = 0 there is no statement about an improvement over it.
     assert evaluation.peak_reduction is None
     differences = {(c.first.law, c.first.model, c.second.law, c.second.model): c
                    for c in evaluation.comparisons if c.figure == 'peak_torque'}
@@ -74,11 +74,11 @@ def test_what_changes_within_a_recording_is_told_apart():
     conditions = evaluate([samples], about=[about]).conditions
     assert {(c.compensation.law, c.movement, c.repetitions) for c in conditions} == {
         (law, way, 2) for law in ('paper', 'continuous') for way in ('positive', 'negative')}
-    # A command of zero is no compensation, whatever else was active.
+    # A command of zero counts as no compensation, whatever was active.
     off = samples.with_(command=np.where(samples.time < change, 0.0, 0.1))
     conditions = evaluate([off], about=[about]).conditions
     assert {c.compensation.law for c in conditions} == {'none', 'continuous'}
-    # Somebody else's command while the compensator was inactive is not its doing.
+    # A command while the compensator was inactive came from another node.
     other = RecordingInfo('trial', 'elbow', activity=[(0.0, Activity(0, 'inactive', '', ''))])
     assert {c.compensation.law for c in evaluate(
         [samples.with_(command=np.ones(len(samples)))], about=[other]).conditions} == {'other'}
@@ -121,7 +121,7 @@ def test_a_joint_that_stuck_took_more_than_was_given():
     kinetic = info_of(activity=[(0.0, 'kinetic', 'a.yaml')])
     evaluation = evaluate([stuck, both([0.4] * 10)], about=[kinetic, law])
     assert evaluation.is_bound
-    # Nothing is commanded to a joint that stands still, and the law was there all the same.
+    # The command to a joint at rest is zero although the law is active.
     idle = evaluate([stuck.with_(command=np.zeros(len(stuck)))], about=[kinetic])
     assert {c.compensation.law for c in idle.conditions} == {'kinetic'}
     words = summary(evaluation)
@@ -194,7 +194,7 @@ def test_without_a_torque_sensor_motion_and_current_still_speak():
     for condition in evaluation.conditions:
         assert np.isnan(condition.peak_torque)
         assert 'peak_torque' not in condition.figures
-        # It sets out when it has covered a hundredth of the way.
+        # It counts as started after a hundredth of the distance.
         assert condition.figures['onset'].mean == pytest.approx(0.25, abs=0.06)
         assert condition.figures['announcement_to_motion'].mean == pytest.approx(0.75, abs=0.06)
         assert condition.figures['rms_current'].mean == pytest.approx(0.3)
@@ -308,14 +308,14 @@ def test_averages_are_those_of_all_curves_though_none_is_kept():
     assert all_of_them.count == 2004
 
 
-def test_curves_go_when_they_are_summed_up(tmp_path):
+def test_curves_are_released_once_averaged(tmp_path):
     write_samples(tmp_path / 'r', both([1.0] * 6))
     evaluation, = evaluate_recordings([tmp_path / 'r'])
     assert not any(r.curves for r in evaluation.repetitions)
     assert all(np.isfinite(c.torque).all() for c in evaluation.conditions)
 
 
-def test_what_the_compensator_said_decides_the_condition(tmp_path):
+def test_the_compensators_diagnostics_determine_the_condition(tmp_path):
     record_with_diagnostics(tmp_path / 'r', both([1.0] * 4 + [0.4] * 4), [
         (0, ('paper', 'old.yaml')), (round(4 * PERIOD + 0.5), ('continuous', 'new.yaml'))])
     for seconds in (600.0, 8.0):
@@ -343,13 +343,13 @@ def phase(message):
 
 @pytest.mark.parametrize(('since', 'change', 'from_start'), [
     (3, lambda message: None, True), (12, lambda message: None, False), (3, phase, False)])
-def test_the_first_word_of_a_compensator_holds_for_what_was_just_before(
+def test_a_compensators_first_report_also_applies_to_the_time_just_before(
         tmp_path, since, change, from_start):
     record_with_diagnostics(
         tmp_path / 'r', both([1.0] * 4), [(since, ('continuous', 'a.yaml'))], change)
     (_, info), = read_recording_with_info([tmp_path / 'r'], 'elbow')
     assert info.activity[0][0] == pytest.approx(0.0 if from_start else since, abs=0.1)
-    # Also where a recording is read in stretches: its beginning is meant, not theirs.
+    # Also if a recording is read in stretches: what counts is its beginning, not theirs.
     for _, info in stream_recording_with_info(tmp_path / 'r', 'elbow', seconds=8.0):
         for moment, _ in info.activity[:1]:
             assert moment == pytest.approx(0.0 if from_start else since, abs=0.1)

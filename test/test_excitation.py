@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Excitation of Eq. 3-5 and 8."""
+"""Excitation signals of Eq. 3-5 and 8."""
 
 import math
 

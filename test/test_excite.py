@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""A planned motion keeps its limits, repeats with its seed, and tells effects apart."""
+"""A planned motion keeps its limits, is reproducible, and distinguishes effects."""
 
 from contextlib import contextmanager
 import json
@@ -117,7 +117,7 @@ def test_separation_sees_what_cannot_be_told_apart():
 
 @pytest.mark.slow
 @short_search()
-def test_effort_is_kept_by_the_model_or_refused(plan):
+def test_a_plan_keeps_to_the_effort_limit_or_is_refused(plan):
     model = FrictionModel(drive=Drive(0.1, 100.0, 4000), joint='elbow',
                           sigmoid=Sigmoid(0.2, -0.2, 400.0, viscous=0.5))
     pairs = pairs_of(['stribeck', 'viscous_shape'])

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Exercises from YAML: where each joint is, and which way it is announced to go."""
+"""Exercises from YAML: the position and the announced direction of each joint."""
 
 import copy
 
@@ -41,7 +41,7 @@ def test_velocity_is_the_change_of_position_and_never_against_the_announced_dire
     time, position, velocity, direction = sampled(load_exercise(EXAMPLE))
     np.testing.assert_allclose(np.gradient(position, time, axis=0), velocity, atol=0.02)
     assert (velocity * direction > -1e-9).all()
-    # Whatever begins from rest was announced a second before.
+    # Movements from rest are announced a second before.
     for joint in range(2):
         moving = np.abs(velocity[:, joint]) > 1e-6
         starts = np.nonzero(moving[1:] & ~moving[:-1])[0] + 1
@@ -63,7 +63,7 @@ def test_a_node_with_more_joints_holds_the_others():
 
 @given(st.lists(st.tuples(st.floats(-90, 90), st.floats(0.3, 5.0), st.booleans()),
                 min_size=1, max_size=8), st.floats(0.0, 3.0))
-def test_any_way_is_announced_only_in_the_way_it_goes(points, announcement):
+def test_any_movement_is_announced_only_in_its_own_direction(points, announcement):
     steps, here = [{'hold': 1.0}], 0.0
     for angle, seconds, rest in points:
         if abs(angle - here) < 1e-3:

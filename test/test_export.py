@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Models leave for simulators, with the error that the poorer form makes."""
+"""Models are exported to simulators, with the error of the simpler model stated."""
 
 import csv
 from dataclasses import replace
@@ -34,7 +34,7 @@ def exported(tmp_path, model, form):
     return path.read_text(encoding='utf-8')
 
 
-def test_what_simulators_know_is_taken_as_it_is():
+def test_friction_that_simulators_support_is_exported_exactly():
     joint = simulator_joint(PLAIN)
     assert joint.friction == pytest.approx(0.2 * GAIN, rel=1e-6)
     assert joint.damping == pytest.approx(0.1 * GAIN, rel=1e-6)
@@ -43,7 +43,7 @@ def test_what_simulators_know_is_taken_as_it_is():
     assert joint.left_out == ['gravity: belongs to the links and what they touch']
 
 
-def test_the_error_of_the_poorer_form_is_that_of_what_it_lacks():
+def test_the_stated_export_error_is_that_of_the_missing_effect():
     ripple = EFFECTS['friction_ripple']({
         'coefficients': [0.05, 0.0], 'frequency': 24.0, 'growth': 0.0, 'speed': 1.0,
         'transition': 1e-4})

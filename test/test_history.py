@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the recordings of a drive held is kept beside its model, and shown over the months."""
+"""Averages of a drive's recordings are stored beside its model, and shown over months."""
 
 import json
 from pathlib import Path
@@ -58,7 +58,7 @@ def test_an_hour_takes_no_more_room_than_minutes():
     history = History(10.0)
     history.add(recording(1.0, seconds=3600.0), info('long', 0.0))
     assert len(history.recordings[0].samples) < 1.2 * KEPT
-    # From all over the hour.
+    # The pieces are spread over the whole hour.
     assert np.ptp(history.recordings[0].samples.time) > 3400.0
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Identification run against the simulated joints, and against everything that can go wrong."""
+"""Identification of simulated joints, and of joints with every kind of fault."""
 
 import math
 from pathlib import Path
@@ -100,7 +100,7 @@ def test_inertia_need_not_be_known(number, inertia):
         assert point.actual_speed == pytest.approx(point.speed, rel=0.05)
 
 
-def test_lag_gravity_and_noise_are_endured():
+def test_lag_gravity_and_noise_are_tolerated():
     model = note_model(1, current_noise=0.02)
     document = {'format': 'friction_comp_undeclared', 'version': 1, 'effects': [
         {'name': 'actuation_lag', 'parameters': {'lag': 0.005}},
@@ -122,7 +122,7 @@ def test_result_holds_table_fit_breakaway_and_model(quick, tmp_path):
     assert (run.progress, run.remaining) == (1.0, 0.0)
     assert run.result() is result
     assert len(result.records) == 4
-    # Twice each way in turn.
+    # Twice in each direction, alternating.
     assert result.records.direction.tolist() == [1, 1, -1, -1]
     assert len(result.coefficients) == 6
     assert np.all(result.standard_deviations > 0.001)
@@ -153,7 +153,7 @@ def test_progress_never_falls_and_the_estimate_is_fair():
     assert run.phase == 'done'
 
 
-def test_missed_and_repeated_samples_are_endured():
+def test_missed_and_repeated_samples_are_tolerated():
     model, random = note_model(1), np.random.default_rng(4)
 
     def lose(run, sample):

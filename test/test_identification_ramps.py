@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What current ramps tell: breakaway, presliding, stiffness, and whether a joint goes on."""
+"""What current ramps show: breakaway, presliding, stiffness, and whether a joint keeps moving."""
 
 import math
 
@@ -40,7 +40,7 @@ def ramp(contact, slope=0.2, stops=(), sign=1, before=-1, level=LEVEL, strengthe
         samples.append((t, sign * math.floor(x / COUNT) * COUNT, sign * current))
         for _ in range(10):
             friction = level * contact(x) + strengthening * (1.0 - math.exp(-max(v, 0.0) / 0.005))
-            # Enough damping for the rotor not to ring on its contact.
+            # With enough damping, the rotor does not oscillate on its contact.
             friction += 3.0 * math.sqrt(level / 3e-4 / RATE) * v * (1.0 - contact(x))
             v += 1e-4 * RATE * (current - friction)
             if v < 0.0:
@@ -62,7 +62,7 @@ def friction_of(recorded):
 
 @pytest.mark.parametrize('distance', [2e-4, 1e-3, 2e-3])
 @pytest.mark.parametrize('slope', [0.1, 0.3])
-def test_breakaway_is_what_the_contact_bears_however_far_it_gives(distance, slope):
+def test_breakaway_does_not_depend_on_the_presliding_distance(distance, slope):
     found = friction_of(ramp(dahl(distance), slope))
     assert found.breakaway == pytest.approx(LEVEL, rel=0.02)
     assert found.presliding(LEVEL) == pytest.approx(distance, rel=0.2)
@@ -86,13 +86,13 @@ def test_stiffness_is_the_slope_of_the_first_third():
     ramps = [friction_of(ramp(dahl(distance), slope)) for slope in (0.1, 0.15, 0.2)]
     way = -math.log(2.0 / 3.0) * distance / 3.0
     assert common_stiffness(ramps, LEVEL, COUNT) == pytest.approx(LEVEL / 3.0 / way, rel=0.2)
-    # Way of a few counts tells nothing.
+    # Motion of a few counts is not significant.
     short = [friction_of(ramp(dahl(1e-4)))]
     assert common_stiffness(short, LEVEL, COUNT) is None
 
 
 @given(st.lists(st.tuples(st.floats(0.1, 1.0), st.floats(1e-4, 1e-3)), min_size=1, max_size=6))
-def test_both_ways_of_a_contact_with_memory_make_its_distance(elements):
+def test_presliding_is_the_mean_after_slides_in_both_directions(elements):
     """Maxwell-slip elements after a slide either way: by Masing's rule the mean is the farthest."""
     share = np.array([s for s, _ in elements]) / sum(s for s, _ in elements)
     distance = np.array([d for _, d in elements])
@@ -117,7 +117,7 @@ def test_both_ways_of_a_contact_with_memory_make_its_distance(elements):
     assert combined_presliding(ways) == pytest.approx(float(distance.max()), rel=1e-3)
 
 
-def test_one_kind_of_way_is_better_than_none():
+def test_presliding_from_one_kind_of_ramp_is_used_if_there_is_no_other():
     assert combined_presliding([(False, 2e-4), (False, 4e-4), (False, 3e-4)]) == 3e-4
     assert combined_presliding([]) == 0.0
 
@@ -129,7 +129,7 @@ def loose(backlash, distance=2e-4, link=0.2):
 
 
 @pytest.mark.parametrize('backlash', [2.5e-4, 1e-3])
-def test_backlash_is_told_with_its_size_and_kept_out_of_breakaway(backlash):
+def test_backlash_is_reported_with_its_size_and_excluded_from_breakaway(backlash):
     """The longer one is crossed in a slide of the rotor alone."""
     turned, onward = loose(backlash), dahl(2e-4)
     ramps = [ramp(turned if sign != before else onward, slope=slope, sign=sign, before=before)

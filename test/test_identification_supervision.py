@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Identification of joints that are not what they seem: no model, and no current to speak of."""
+"""Identification with wrong units, broken sensors, loads and other faults."""
 
 from collections import deque
 from contextlib import suppress
@@ -43,7 +43,7 @@ class Bench:
         self.plant = Plant([self.model], seed=seed, sample_time=step, undeclared=[load])
         self.run = IdentificationRun(IdentificationGoal(**GOAL), self.model.drive)
         self.largest = self.fastest = 0.0
-        # Commands on their way to the drive.
+        # Commands that have not yet reached the drive.
         self.waiting = deque([0.0] * late)
 
     def finish(self, longest=400.0):
@@ -136,7 +136,7 @@ def test_a_stop_in_the_way_ends_the_run():
 
 
 @pytest.mark.slow
-def test_a_steady_load_is_told():
+def test_a_steady_load_is_reported():
     result = Bench(torque=lambda run, state: 0.3).finish()
     assert any('leant' in text for text in result.warnings)
     assert Bench().finish().warnings == []
@@ -188,7 +188,7 @@ def test_a_filtered_velocity_and_a_delay_are_no_faults(alter):
     np.testing.assert_allclose(result.currents, truth, rtol=0.03)
 
 
-def test_a_rotor_that_trembles_by_many_counts_stands():
+def test_a_rotor_that_trembles_by_many_counts_is_at_rest():
     bench = Bench(trembling(2e-6), step=0.5 * STEP)
     drive = Drive(bench.model.drive.torque_constant, bench.model.drive.gear_ratio, 2 ** 20,
                   bench.model.drive.current_limit)
@@ -202,7 +202,7 @@ def test_a_rotor_that_trembles_by_many_counts_stands():
 @pytest.mark.parametrize('factor', [
     side * factor for side in (1, -1)
     for factor in (0.01, 0.4, 3.0, 100.0, 10_000.0)] + [-1.0])
-def test_the_first_push_tells_any_factor_and_sign_of_effort(factor, noise):
+def test_the_first_push_reveals_any_factor_and_sign_of_effort(factor, noise):
     """Noise is scaled as well; the velocity may not be measured at all."""
     random, farthest = np.random.default_rng(5), [0.0]
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The loop that asks for its own data: from nothing to a model that predicts unseen motion."""
+"""The loop that plans its own motion: from no data to a model that predicts new motion."""
 
 from contextlib import contextmanager
 import functools
@@ -56,7 +56,7 @@ def test_two_hidden_effects_are_found_and_the_model_is_trusted(improved):
     assert result.verdict == 'trust'
     assert set(result.rounds[-1].effects) - {'inertia'} == {'bump', 'gravity'}
     assert result.rounds[-1].held_out_rmse < 1.3 * drive.noise_floor
-    # What the verdict promises: motion that nobody has planned for is predicted as well.
+    # As the verdict promises, motion that was not planned is predicted as accurately.
     with searched(4):
         other = plan_joint(LIMITS, [('gravity', 'spring')], 20.0, 77)
     assert prediction_error(result.result.model, PlayedDrive(drive, 5)(other)) < (
@@ -134,7 +134,7 @@ def test_one_command_goes_from_nothing_to_a_tested_model(
         tmp_path, monkeypatch, own_environment, short_search):
     pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
     fork_nodes_of_tools(monkeypatch)
-    # As few states a second as a plant may have.
+    # The lowest sample rate that a plant allows.
     monkeypatch.setattr('friction_comp.tools.improve.plant_parameters', functools.partial(
         plant_parameters, sample_time=1e-2))
     output = tmp_path / 'improved'

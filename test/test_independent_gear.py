@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The gears of bench/independent_gear obey the physics they claim, so their verdicts count."""
+"""The gears of bench/independent_gear obey physics, so that they can judge the law."""
 
 from dataclasses import replace
 import functools
@@ -99,7 +99,7 @@ def test_sliding_takes_the_steady_friction_of_its_direction(asymmetry, side):
 
 
 @pytest.mark.parametrize('kind', FRICTIONS)
-def test_friction_takes_energy_whatever_happens(kind):
+def test_friction_always_dissipates_energy(kind):
     # free of motor and person, what the joint had is what friction and dampers took
     gears = plain_gears()
     gears = gears[gears['friction'] == FRICTIONS[kind]]
@@ -117,7 +117,7 @@ def test_friction_takes_energy_whatever_happens(kind):
     assert np.all(work[-1] > 0.0)
 
 
-def test_energy_of_a_frictionless_joint_goes_nowhere():
+def test_a_frictionless_joint_conserves_energy():
     gears = frictionless(plain_gears())
     gears['damping'] = 0.0
     plant = Plant(gears, nobody(len(gears)), EVEN)
@@ -165,7 +165,7 @@ def test_a_joint_that_slid_holds_again_both_ways_and_finds_another_breakaway():
         assert np.all(np.ptp(x, axis=0) < 0.2 * gears['presliding'] + 2e-5)
 
 
-def test_halving_the_step_changes_little():
+def test_halving_the_integration_step_changes_little():
     gears = plain_gears()
     size = level(gears)
     travel = []
@@ -203,7 +203,7 @@ def test_a_joint_left_alone_stays_and_a_firm_person_is_stable():
 
 
 @pytest.mark.parametrize('name', ['independent_gear', 'mujoco_gear'])
-def test_who_holds_a_joint_from_the_beginning_takes_it_where_it_is(name):
+def test_a_person_who_holds_a_joint_takes_hold_at_its_initial_position(name):
     """Else persons would pull joints, and let go of those that they are to push, before time."""
     if name == 'mujoco_gear':
         pytest.importorskip('mujoco', reason='MuJoCo is not in this environment')
@@ -219,7 +219,7 @@ def test_who_holds_a_joint_from_the_beginning_takes_it_where_it_is(name):
     assert not plant.states['let_go'].any()
 
 
-def test_draws_are_the_same_again_and_halves_differ():
+def test_draws_are_reproducible_and_differ_between_the_halves():
     first, again, other = (make_bank(world, ['lugre'], 3, seed, 4) for seed in (EVEN, EVEN, ODD))
     assert np.array_equal(first.gears, again.gears)
     assert first.documents == again.documents
@@ -236,7 +236,7 @@ def quickly_identified(kind, seed):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(('kind', 'seed'), [('maxwell_slip', 27), ('lugre', 25), ('dahl', 23)])
-def test_identification_finds_what_a_gear_with_presliding_bears(kind, seed):
+def test_identification_finds_the_breakaway_of_a_gear_with_presliding(kind, seed):
     """The motion before the slide, a millimetre or more at the rim, is not taken for the slide."""
     for row in quickly_identified(kind, seed):
         # The floor for the presliding distance is not met yet: it is known to a third.
@@ -249,7 +249,7 @@ def test_a_link_much_heavier_than_its_rotor_does_not_rattle_through_identificati
     assert rows['identification: kinetic off, worst'].value < 3.0, rows
 
 
-def test_the_first_curve_is_the_one_that_was_drawn():
+def test_the_initial_presliding_curve_has_the_drawn_parameters():
     gears = plain_gears()
     gears['link_coulomb'] = 0.0
     for gear in gears[gears['friction'] == FRICTIONS['lugre']]:

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the continuous law withholds, leads and gives back, along prescribed motion."""
+"""Where the continuous law withholds, leads and restores compensation on prescribed motion."""
 
 from dataclasses import replace
 import importlib
@@ -115,7 +115,7 @@ def test_announcements_that_flicker_are_not_believed(period):
         direction = 1 if (1e-3 * k) % period < 0.5 * period else -1
         currents.append(law.update(1e-3 * k, [0.0], None, [direction])[0])
     np.testing.assert_allclose(currents[1500:], 0.0, atol=1e-3 * LEVEL)
-    # One that stays is believed again.
+    # A publisher that stays is accepted again.
     for k in range(6000, 9000):
         current = law.update(1e-3 * k, [0.0], None, [1])[0]
     assert current == pytest.approx(0.9 * LEVEL, rel=1e-2)
@@ -133,7 +133,7 @@ def slip(law, places, after=150):
     return drive_along(law, 1e-3 + np.asarray(places), begin=500 + len(preloading))
 
 
-def test_what_a_slip_took_does_not_come_back_by_creep():
+def test_preload_lost_by_a_slip_is_not_regained_by_creeping():
     """It slips, stops farther on, and creeps by half of what the operator needs to turn over."""
     law = CompensationLaw([small_model()])
     rest = np.zeros(600)
@@ -166,7 +166,7 @@ def test_a_motor_that_moves_through_known_backlash_has_not_slipped(backlash):
         assert current[-1] == pytest.approx(0.9 * LEVEL, rel=1e-3)
 
 
-def test_who_pushes_on_gets_back_what_a_slip_had_taken():
+def test_a_person_who_keeps_pushing_regains_the_preload_lost_by_a_slip():
     law = CompensationLaw([small_model()])
     time = np.arange(250) * 1e-3
     current = slip(law, 0.03 * time + 0.5 * 0.8 * time ** 2)
@@ -186,7 +186,7 @@ def test_a_drive_that_slips_early_gets_less_from_then_on(after):
     assert law.guards['taken back'][0] > 0.15
 
 
-def test_who_pushes_on_before_the_preload_is_there_loses_nothing_for_long():
+def test_pushing_before_the_preload_is_reached_costs_little_of_it():
     law = CompensationLaw([small_model()])
     time = np.arange(400) * 1e-3
     current = slip(law, 0.03 * time + 0.5 * 0.8 * time ** 2, after=85)

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Many recordings at once: one that fails costs only itself, and processes change no result."""
+"""Many recordings: one that fails costs only itself, and processes do not change results."""
 
 import json
 import os
@@ -92,7 +92,7 @@ def test_many_processes_are_for_many_models(folder, tmp_path, capsys):
     assert '--each' in capsys.readouterr().err
 
 
-def test_the_order_in_which_recordings_end_does_not_matter(tmp_path):
+def test_the_order_in_which_recordings_finish_does_not_matter(tmp_path):
     pieces, failures = pieces_of([trials(tmp_path, 3)])
 
     def backwards(work, things):
@@ -103,7 +103,7 @@ def test_the_order_in_which_recordings_end_does_not_matter(tmp_path):
     assert plain.as_dict() == other.as_dict()
 
 
-def test_a_mistake_in_the_program_costs_one_of_many_and_is_seen_with_one():
+def test_a_bug_costs_one_item_of_many_and_is_raised_for_a_single_one():
     assert list(run_each(lambda x: 1 / x, [1, 0])) == [
         (0, 1.0), (1, Failure('0: ZeroDivisionError: division by zero'))]
     with pytest.raises(ZeroDivisionError):
@@ -111,10 +111,10 @@ def test_a_mistake_in_the_program_costs_one_of_many_and_is_seen_with_one():
 
 
 @pytest.mark.slow
-def test_a_process_that_is_killed_costs_what_it_had():
+def test_a_killed_process_costs_only_its_item():
     found = {}
     for number, outcome in run_each(work_that_may_die, list(range(6)), jobs=2):
-        # What its process has done, but nobody fetched before it dies, is not lost either.
+        # Results that were not yet fetched when a process died are not lost either.
         time.sleep(0.0 if found else 1.0)
         found[number] = outcome
     assert sorted(found) == list(range(6))
@@ -142,7 +142,7 @@ def test_processes_are_started_only_where_they_save_time(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_processes_evaluate_what_one_does(tmp_path):
+def test_several_processes_evaluate_as_one_does(tmp_path):
     room = trials(tmp_path / 'r', 2)
     for jobs in ('1', '2'):
         assert run('evaluate', [str(room), '--output', str(tmp_path / jobs), '--jobs', jobs]) == 0

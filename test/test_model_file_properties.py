@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Model files of any content: what is predicted stays the same, and what is hostile is refused."""
+"""Any model predicts the same after a round trip through its file; invalid files are refused."""
 
 import os
 from pathlib import Path
@@ -215,7 +215,7 @@ def test_the_old_file_survives_a_write_that_fails(tmp_path, monkeypatch):
         with pytest.raises(InputError, match=r'model\.yaml.*No space left'):
             model.save(path)
     assert path.read_bytes() == old
-    # What YAML cannot write fails before the file is touched.
+    # Values that YAML cannot represent fail before the file is opened.
     model.notes = {'odd': object()}
     with pytest.raises(yaml.YAMLError):
         model.save(path)

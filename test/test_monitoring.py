@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The monitoring of the residual: silent where the model fits, and right about why where not."""
+"""The monitoring is silent if the model fits, and otherwise names the cause."""
 
 from dataclasses import replace
 
@@ -69,7 +69,7 @@ def test_what_a_person_carries_counts_as_friction_where_the_load_is_measured():
     (700.0, lambda t, q, heat, v: np.where(t > 600.0, 1.6, 1.0), 'time'),
     (120.0, lambda t, q, heat, v: 1.0 + 0.6 * np.sin(4.0 * q), 'position'),
     (120.0, lambda t, q, heat, v: 1.0 + 0.8 * np.abs(v), 'speed')])
-def test_says_what_the_residual_goes_with(seconds, change, name):
+def test_names_the_variable_on_which_the_residual_depends(seconds, change, name):
     *_, (_, verdict) = watched(rows(seconds, change))
     assert not verdict.fits
     assert verdict.explained_by
@@ -83,7 +83,7 @@ def test_friction_that_is_higher_throughout_is_named_as_that_and_nothing_else():
     assert not verdict.explained_by
 
 
-def test_a_worn_joint_is_told_within_a_minute_of_motion():
+def test_a_worn_joint_is_reported_within_a_minute_of_motion():
     told = [time for time, verdict in watched(
         rows(300.0, lambda t, q, heat, v: np.where(t > 120.0, 1.5, 1.0)), batch=50)
         if not verdict.fits]
@@ -99,8 +99,8 @@ def test_inertia_that_the_model_lacks_is_no_change_of_friction():
     assert verdict.fits
 
 
-def test_what_is_differentiated_is_not_missing():
-    # Of a model that counts on the acceleration, too, a misfit is told.
+def test_a_computed_acceleration_does_not_count_as_missing():
+    # A misfit is also reported for a model that needs the acceleration.
     model = replace(MODEL, effects=[EFFECTS['inertia']({'coefficients': [0.02]})])
     *_, (_, verdict) = watched(rows(60.0), model=model)
     assert verdict.known
@@ -119,15 +119,15 @@ def test_a_signal_that_the_model_needs_and_nobody_measures_is_said():
     assert not residual.verdict().known
 
 
-# Of 30 numbers chance explains a third now and then.
+# With 30 values, chance sometimes explains a third.
 @given(st.integers(0, 2**31), st.integers(100, 3000))
-def test_a_variable_that_has_nothing_to_do_with_it_explains_nearly_nothing(seed, size):
+def test_an_unrelated_variable_explains_almost_nothing(seed, size):
     rng = np.random.default_rng(seed)
     assert _explained(rng.standard_normal(size), rng.standard_normal(size)) < 0.3
 
 
 @given(st.lists(st.integers(1, 400), min_size=1, max_size=12), st.integers(0, 1000))
-def test_how_measurements_are_dealt_out_makes_no_difference(sizes, seed):
+def test_the_verdict_does_not_depend_on_how_samples_are_grouped(sizes, seed):
     data = rows(40.0, lambda t, q, heat, v: 1.2, seed=seed)
     whole, parts = LiveResidual(MODEL), LiveResidual(MODEL)
     whole.take(data)

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Model files with slips of the pen: refused with the reason, and good ones taken."""
+"""Model files with typing errors are refused with the reason; valid ones are accepted."""
 
 import os
 from pathlib import Path
@@ -56,7 +56,7 @@ def test_the_drives_of_the_note_pass(tmp_path, number):
     (replaced('current_limit: 3.0', 'current_limit: 3:00'), r"'3:00'"),
     (replaced('current_limit: 3.0', 'current_limit: 3_000'), r"'3_000'"),
     (replaced('current_limit: 3.0', 'curent_limit: 3.0'), r'curent_limit'),
-    (replaced('gear_ratio: 100.0', 'gear_ratio: 100.0\n  gear_ratio: 50.0'), r'comes twice'),
+    (replaced('gear_ratio: 100.0', 'gear_ratio: 100.0\n  gear_ratio: 50.0'), r'occurs twice'),
     (replaced('mean: 0.0995,', 'mean: 0.0995, maen: 1.0,'), r'maen'),
     (replaced('version: 1', 'version: 1\njoint: wrist'), r"'wrist'"),
     (replaced('version: 1', 'version: 1\njoint: &a elbow\nnotes: {x: *a}'), r'not allowed'),
@@ -69,7 +69,7 @@ def test_the_drives_of_the_note_pass(tmp_path, number):
      r'beside sliding friction'),
     (with_effect('ghost', coefficients=[0.02]), r'ghost'),
 ])
-def test_slips_of_the_pen_are_refused_with_the_reason(tmp_path, text, words):
+def test_typing_errors_are_refused_with_the_reason(tmp_path, text, words):
     with pytest.raises(InputError, match=words) as caught:
         for_motor(tmp_path, text)
     assert '\n' not in str(caught.value)
@@ -97,8 +97,8 @@ def test_what_is_no_file_to_read_is_refused_at_once(tmp_path):
     deep = tmp_path / 'deep.yaml'
     deep.write_text('a: &a [1]\n' + ''.join(
         f'{b}: &{b} [{", ".join([f"*{a}"] * 9)}]\n' for a, b in zip('abcdef', 'bcdefg')))
-    for path, words in ((pipe, 'no ordinary file'), (long, 'more than'), (deep, 'not allowed'),
-                        (tmp_path, 'directory'), (Path('/dev/zero'), 'no ordinary file')):
+    for path, words in ((pipe, 'not a regular file'), (long, 'more than'), (deep, 'not allowed'),
+                        (tmp_path, 'directory'), (Path('/dev/zero'), 'not a regular file')):
         with pytest.raises(InputError, match=words):
             read_yaml(path)
 
@@ -107,7 +107,7 @@ def test_what_is_no_file_to_read_is_refused_at_once(tmp_path):
     ('3', 3), ('-0.5', -0.5), ('1e-3', 1e-3), ('2.', 2.0), ('.5', 0.5), ('010', 10), ('true', True),
     ('~', None), ('', None), ('no', 'no'), ('3:00', '3:00'), ('1_0', '1_0'), ('0x1F', '0x1F'),
     ('2026-01-01', '2026-01-01')])
-def test_each_word_has_one_meaning(tmp_path, text, value):
+def test_yaml_scalars_are_read_as_in_yaml_1_2(tmp_path, text, value):
     path = tmp_path / 'value.yaml'
     path.write_text(f'key: {text}\n')
     assert read_yaml(path)['key'] == value
@@ -123,7 +123,7 @@ VALUES = st.recursive(
 
 @settings(max_examples=100)
 @given(st.data())
-def test_whatever_stands_in_a_document_it_is_taken_or_refused(data):
+def test_any_document_is_either_accepted_or_refused(data):
     """Never anything but InputError; and what is taken gives finite currents."""
     document = yaml.safe_load(TEXT)
     places = [(document, key) for key in document] + [

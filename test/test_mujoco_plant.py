@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""A plant whose links MuJoCo moves: the same drives, on an arm."""
+"""The plant with links that MuJoCo simulates."""
 
 import json
 from pathlib import Path
@@ -86,7 +86,7 @@ def test_a_person_carries_the_weight_that_the_motors_do_not():
         state = plant.step(np.zeros(3), shown, np.where(k < 4000, [0.0, 0.25, 0.0], 0.0))
     weight = plant.data.qfrc_bias[1]
     assert weight > 3.0
-    # What friction holds, the person need not.
+    # The person need not hold what friction holds.
     assert abs(state.interaction_torque[1] - weight) < 2.2
 
 
@@ -102,8 +102,8 @@ def test_the_same_seed_gives_the_same_numbers():
 @pytest.mark.parametrize('make, words', [
     (lambda room: MujocoPlant(room / 'missing.xml', ['a'], [drive(1)]), 'there is no such file'),
     (lambda room: MujocoPlant(ARM, ['knee'], [drive(1)]), "no joint 'knee'; it has turn"),
-    (lambda room: MujocoPlant(ARM, ['turn'], [drive(1), drive(2)]), 'one model a joint'),
-    (lambda room: MujocoPlant(ARM, ['turn'], [drive(1, gear='clamp')]), 'moves the links itself'),
+    (lambda room: MujocoPlant(ARM, ['turn'], [drive(1), drive(2)]), 'one model per joint'),
+    (lambda room: MujocoPlant(ARM, ['turn'], [drive(1, gear='clamp')]), 'simulates the links'),
     (lambda room: MujocoPlant(room / 'bad.xml', ['turn'], [drive(1)]), 'MuJoCo cannot read it')])
 def test_wrong_input_is_named(make, words, tmp_path):
     (tmp_path / 'bad.xml').write_text('<mujoco><nonsense/></mujoco>', encoding='utf-8')

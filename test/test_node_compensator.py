@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The compensator over DDS, fed by hand."""
+"""The compensator over DDS, with joint states from the test."""
 
 import math
 import time
@@ -135,7 +135,7 @@ def test_only_proper_directions_count(driver, values, expected):
 def test_a_silent_direction_counts_as_none(driver):
     assert driver.probe.set_parameter('compensator', 'direction_timeout', 0.2) is None
     driver.announce([1, 1])
-    # The driver's clock counts, also where it is behind.
+    # The driver's clock is used even if it is behind.
     base = time.time_ns() - 100_000_000
     assert driver.ask([0.0, 0.0], ZERO, base)[0] > 0.05
     driver.announce([1, 1])
@@ -211,7 +211,7 @@ def test_a_new_model_is_taken_over_while_running(driver, room):
 
 
 def test_diagnostics_report_each_law_that_was_in_use_however_shortly(driver):
-    # A recording tells from them which law and model were in use when.
+    # From these, a recording shows when which law and model were used.
     probe = driver.probe
     probe.status_of('compensator')
     messages, laws = probe.heard['/diagnostics'], ['none', 'kinetic', 'continuous', 'none']
@@ -289,7 +289,7 @@ def test_effects_whose_signal_is_missing_are_named_with_the_reason(room):
         # A gap in the states: the law begins anew.
         expected.reset()
         for _ in range(10):
-            # By default a node hears its clock as best it can.
+            # By default a node subscribes to /clock with best effort.
             tick(61.0)
             probe.spin_for(0.02)
         move(61.0, np.nan, {'last motor_temperature is 6': True, 'load_friction': True})

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The compensator's beginning and end, and what it does when something is wrong, over DDS."""
+"""The compensator over DDS: start, end, and faults."""
 
 import signal
 import time
@@ -131,7 +131,7 @@ def test_law_and_gain_change_without_a_step(driver):
     assert last[0] > 0.02
 
 
-def test_a_late_state_changes_nothing(driver):
+def test_a_late_state_is_ignored(driver):
     driver.announce([1, 1])
     base = time.time_ns()
     before = driver.ask(ZERO, ZERO, base)
@@ -152,7 +152,7 @@ def test_states_in_pieces_are_put_together(driver):
     assert len(driver.answers) == count + 5, 'one answer a round'
 
 
-def test_a_velocity_that_is_no_number_is_none_at_all(driver):
+def test_a_velocity_of_nan_counts_as_missing(driver):
     driver.announce([1, 1])
     assert min(driver.ask(ZERO, [float('nan')] * 2)) > 0.05
 
@@ -180,7 +180,7 @@ def test_another_commander_is_a_fault_that_stays_until_it_is_reset(driver):
 
     def reset():
         return probe.call(Trigger, '/compensator/reset_faults', Trigger.Request())
-    # The first call makes the way for the one that counts.
+    # The first call establishes the connection for the measured one.
     assert reset().message == 'nothing was latched'
     end = time.monotonic() + ALONE + 1.0
     while time.monotonic() < end:
@@ -195,7 +195,7 @@ def test_another_commander_is_a_fault_that_stays_until_it_is_reset(driver):
     finally:
         probe.destroy_publisher(other)
     driver.commands.clear()
-    # It yields to another, and answers nothing, until it knows that it is alone.
+    # It sends no commands until it knows that there is no other commander.
     driver.find()
     assert not any(any(command.data) for command in driver.commands)
     assert probe.status_of('compensator', lambda s: s.message.endswith('(latched)'))

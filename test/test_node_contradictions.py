@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Inputs of the compensator that contradict each other: zero current, and diagnostics say why."""
+"""Contradicting inputs of the compensator give zero current, and diagnostics name the cause."""
 
 from array import array
 import math
@@ -61,7 +61,7 @@ def test_two_publishers_of_one_joint_are_named(driver):
         diagnostics = driver.probe.listen(DiagnosticArray, '/diagnostics')
         driver.probe.until(named, 'the names of both')
         assert told[-1] == ZERO
-    # One alone is believed after a second.
+    # A single publisher is accepted after a second.
     driver.probe.until(lambda: driver.announce([1, 1]) or driver.ask(ZERO, ZERO)[0] > 0.05,
                        'a current')
 
@@ -114,7 +114,7 @@ def test_planners_that_contradict_each_other_give_no_direction(driver):
                 for message in diagnostics for status in message.status)
         diagnostics = driver.probe.listen(DiagnosticArray, '/diagnostics')
         driver.probe.until(ignored, 'zero current')
-    # One alone is believed when the dispute is over.
+    # A single publisher is accepted when the conflict is over.
     driver.probe.until(lambda: driver.announce([1, 1]) or driver.ask(ZERO, ZERO)[0] > 0.05,
                        'a current')
 

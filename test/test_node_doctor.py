@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The doctor over DDS: a driver with its velocity the wrong way round, and a silent system."""
+"""The doctor over DDS: with a driver whose velocity is reversed, and with a silent system."""
 
 import json
 import os

@@ -39,7 +39,7 @@ from friction_comp.topics import TORQUE_UNIT
 
 ROOT = Path(__file__).resolve().parents[1]
 ARMS = sorted((ROOT / 'examples' / 'torque_controlled').glob('*.yaml'))
-# What such arms are, whatever the files say: states a second, and what `effort` holds.
+# For such arms, independently of the files: sample rate, and meaning of `effort`.
 SEMANTICS = {'franka_like': (1000, 'torque'), 'ur_like': (500, 'current')}
 pytestmark = [pytest.mark.slow, pytest.mark.processes]
 
@@ -123,7 +123,7 @@ class TorqueController(FakeDriver):
         super().__init__(probe, controller['joints'], node=node)
         rate, holds = SEMANTICS[file.stem]
         assert document['controller_manager']['ros__parameters']['update_rate'] == rate
-        # Some lost packets are not silence.
+        # A few lost packets do not count as a timeout.
         for each in ('compensator', 'identification'):
             timeout = document[f'/**/{each}']['ros__parameters']['joint_state_timeout']
             assert 10 <= rate * timeout <= 50
@@ -131,7 +131,7 @@ class TorqueController(FakeDriver):
         self.gain = model.drive.torque_per_current
         self.effort = self.gain if holds == 'torque' else 1.0
         self.plant = Plant([model], 3, None, self.step)
-        # Its own clock: a busy machine takes longer than the arm for a state.
+        # It uses its own clock: on a busy machine a state takes longer than on the arm.
         self.count, self.clock = 0, probe.talk(Clock, '/clock')
         self.in_step = False
 
@@ -210,7 +210,7 @@ def test_a_joint_of_an_arm_is_moved_by_its_torque_controller(file, tmp_path):
             arm.go_on(lambda: False)
         outcome = accepted[-1].result().get_result_async()
         while not outcome.done():
-            arm.go_on(lambda: bool(arm.commands) and arm.ears and not outcome.done())
+            arm.go_on(lambda: bool(arm.commands) and arm.commanders and not outcome.done())
         assert outcome.result().result.success, outcome.result().result.message
         assert arm.plant.state.position[0] == pytest.approx(0.2, abs=0.02)
         client.destroy()

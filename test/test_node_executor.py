@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The executor of all nodes: what comes first, what comes later, and what may change meanwhile."""
+"""The executor of all nodes: the order of messages, and changes while it runs."""
 
 import time
 
@@ -64,13 +64,13 @@ def until(executor, condition):
         executor.spin_once(0.05)
 
 
-def test_what_came_over_an_earlier_subscription_is_taken_first(room):
+def test_messages_of_earlier_subscriptions_are_processed_first(room):
     probe, node, executor = room
     for k in range(20):
         node.heard.clear()
         for topic, number in (('second', k), ('first', k), ('first', k + 1)):
             probe._published[topic].publish(Int32(data=number))
-        # All of it has arrived before the node looks.
+        # All messages have arrived before the node processes any.
         assert all(one.wait_for_all_acked(rclpy.duration.Duration(seconds=PATIENCE))
                    for one in probe._published.values())
         until(executor, lambda: len(node.heard) == 3)

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The identification action over DDS: on a simulated joint in lockstep, and fed by hand."""
+"""The identification action over DDS: in lockstep with a simulated joint, and fed by the test."""
 
 import math
 import signal
@@ -35,7 +35,7 @@ class Client:
         self.feedback = []
         self._client = ActionClient(probe, IdentifyFriction, 'identify_friction')
         probe.until(self._client.server_is_ready, 'the action server')
-        # Nobody's goal is refused; the answer shows that both ends have found each other.
+        # A goal for an unknown joint is refused; the answer shows that both ends are connected.
         nobody = IdentifyFriction.Goal(**{**GOAL, 'joint': 'nobody'})
         probe.answered(lambda: self._client.send_goal_async(nobody), 'answer to the first goal')
 
@@ -61,7 +61,7 @@ class Client:
     def heard_all(self):
         """Wait until nobody commands any more, and the last command has been taken."""
         self.probe.until(
-            lambda: not self.probe.ears['current_command'].get_publisher_count(), 'the end')
+            lambda: not self.probe.subscribers['current_command'].get_publisher_count(), 'the end')
         count = -1
         while count != len(self.commands):
             count = len(self.commands)
@@ -93,7 +93,7 @@ class Driver(FakeDriver):
 
 
 @pytest.mark.parametrize('end', ['silence', 'not finite', 'terminated'])
-def test_trouble_on_the_way_leaves_zero_current_and_no_file(room, end):
+def test_a_failed_goal_leaves_zero_current_and_no_file(room, end):
     models = room / f'models_{end.split()[0]}'
     with probe_node() as probe, Process(room, 'identification', {
             'joints': [JOINT], 'model_files': MODELS[:1], 'output_folder': str(models),

@@ -130,7 +130,7 @@ class Motor(RuleBasedStateMachine):
         self.steady = max(self.steady, end)
         self.loop.watchdog.check()
 
-    # Life.
+    # Lifecycle transitions.
 
     @precondition(lambda self: not self.active and not self.gone)
     @rule()
@@ -150,7 +150,7 @@ class Motor(RuleBasedStateMachine):
 
     @rule(chance=st.integers(0, 7), speed=st.floats(0.1, 2.0))
     def end_by_signal(self, chance, speed):
-        # Once in a while: nothing can happen after it.
+        # Rarely: nothing can happen after it.
         if chance == 7:
             self.port.zero(permanent=True)
             self.gone = True
@@ -275,7 +275,7 @@ class Motor(RuleBasedStateMachine):
         law.update = bad
         before = self.around.sent
         try:
-            # In motion, where the law has something to say.
+            # In motion, where the law commands a current.
             self.pass_time(0.001)
             self.deliver(self.ros, JOINTS, [0.1, 0.1], [0.5, 0.5])
         finally:
@@ -299,7 +299,7 @@ class Motor(RuleBasedStateMachine):
                 self.latched = True
             self.alone = None if there else (self.alone or self.steady)
 
-    # What must hold.
+    # Invariants.
 
     @invariant()
     def zero_when_nobody_stands_behind_it(self):
@@ -320,7 +320,7 @@ class Motor(RuleBasedStateMachine):
             assert self.around.motor == [0.0, 0.0]
 
 
-def test_the_current_is_never_in_doubt():
+def test_the_current_is_zero_or_that_of_the_law_after_any_events():
     """Some thousands of events."""
     run_state_machine_as_test(Motor, settings=settings(
         max_examples=60, stateful_step_count=100, suppress_health_check=list(HealthCheck)))

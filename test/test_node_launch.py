@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The launch files, loaded and started, wherever `launch` is there."""
+"""The launch files are loaded and started, if `launch` is installed."""
 
 import importlib.util
 import os

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""All nodes together in lockstep on a busy machine: the numbers of the plain loop."""
+"""All nodes in lockstep on a busy machine give the numbers of the plain loop."""
 
 import random
 import signal
@@ -109,6 +109,6 @@ def test_the_nodes_give_the_numbers_of_the_plain_loop_whatever_the_load(tmp_path
         signal = log['interaction_torque' if name == 'load' else name]
         np.testing.assert_allclose(
             getattr(samples, name), signal.reshape(-1), rtol=0, atol=1e-9, err_msg=name)
-    # Not by standing still: the person moved the joint, and was helped.
+    # Not because the joint stood still: the person moved it with help.
     assert np.ptp(samples.position) > 0.1
     assert np.abs(samples.command).max() > 0.05

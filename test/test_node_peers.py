@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""A node that finds nobody says so, where a person sees it."""
+"""A node that finds no other node tells the user."""
 
 import json
 import subprocess
@@ -17,7 +17,7 @@ from friction_comp.monitoring.network import alone, loopback_fault
 from friction_comp.tools import doctor
 
 pytestmark = pytest.mark.slow
-# Sooner than a person would want to hear of it.
+# Less than a person would want to be told of.
 HASTY = """
 import friction_comp.nodes.node_main as node_main
 node_main.PATIENCE = 0.3
@@ -26,7 +26,7 @@ raise SystemExit(run('exercise', ['--ros-args', '-p', 'joints:=[elbow]']))
 """
 
 
-def test_a_node_that_is_alone_says_so_and_whom_it_finds_later():
+def test_a_node_without_peers_says_so_and_names_those_found_later():
     with own_domain():
         with subprocess.Popen([sys.executable, '-c', HASTY], cwd=ROOT, text=True,
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as process:

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Plant and exercise over DDS, each alone with the test."""
+"""Plant and exercise over DDS, one at a time."""
 
 from array import array
 from dataclasses import replace
@@ -77,7 +77,7 @@ def test_lockstep_steps_once_for_each_command_as_the_plain_joint_does(room, tmp_
         torque = [m.drive.torque_per_current for m in models]
         for k in range(30):
             command = [0.02 * k, -0.01 * k]
-            # What is not a current for every joint is none.
+            # A command without a value for every joint is ignored.
             sent = {7: [np.nan, 0.1], 9: [0.1]}.get(k, command)
             state = commander.step(sent)
             wanted = twin.step(command if k not in (7, 9) else [0.0, 0.0])
@@ -156,7 +156,7 @@ def test_a_pace_holds_simulated_time_to_it_and_does_not_make_up_for_a_long_wait(
                    for now in range(int(begin * second), int(end * second), second // 1000))
     assert steps(2.0, 10.0, 11.0) == pytest.approx(200 + 2.0 * 20, abs=2)
     assert steps(2.0, 11.0, 12.0) == pytest.approx(200, abs=2)
-    # Nothing for ten seconds, then 0.2 s of it at once.
+    # No messages for ten seconds, then those of 0.2 s at once.
     assert steps(0.5, 22.0, 23.0) == pytest.approx(50 + 0.5 * 20, abs=2)
     assert steps(0.0, 23.0, 24.0) == 1000
 
@@ -224,7 +224,7 @@ class Ticks:
         probe.matched(self.states)
         probe.until(lambda: probe.count_publishers('reference'), 'a publisher')
         probe.spin_for(0.2)
-        # Before a joint state has come, nobody holds the joints.
+        # Before the first joint state, no person holds the joints.
         probe.until(lambda: self.tick(self.begin) or probe.spin_for(0.1) or self.references,
                     'a reference')
 

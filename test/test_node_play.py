@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""A trajectory played over DDS: by the node identification, and by a robot's own controller."""
+"""Trajectories over DDS: played by the node identification, or by a robot's own controller."""
 
 import subprocess
 import sys
@@ -100,7 +100,7 @@ def test_a_cancelled_trajectory_leaves_zero_current(system):
     outcome = system.answered(handle.get_result_async, 'the result', 20.0, 60.0)
     assert outcome.status == GoalStatus.STATUS_CANCELED
     assert not outcome.result.success
-    system.until(lambda: not system.ears['current_command'].get_publisher_count(), 'the end')
+    system.until(lambda: not system.subscribers['current_command'].get_publisher_count(), 'the end')
     count = -1
     while count != len(system.commands):
         count = len(system.commands)

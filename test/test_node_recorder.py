@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The recorder loses nothing: not by how it ends, nor by what its publishers offer."""
+"""The recorder loses nothing, however it ends and whatever its publishers offer."""
 
 from contextlib import contextmanager
 from pathlib import Path
@@ -75,7 +75,7 @@ def test_every_publisher_is_heard_from_its_first_message(tmp_path):
         lasting = probe.talk(Int8MultiArray, 'direction', QoSProfile(
             depth=1, reliability=ReliabilityPolicy.RELIABLE,
             durability=DurabilityPolicy.TRANSIENT_LOCAL))
-        # Said once, before anybody records.
+        # Published once, before the recorder starts.
         lasting.publish(Int8MultiArray(data=[1]))
         loose = probe.talk(Float64MultiArray, 'current_command', QoSProfile(
             depth=10, reliability=ReliabilityPolicy.BEST_EFFORT))
@@ -100,7 +100,7 @@ def test_every_publisher_is_heard_from_its_first_message(tmp_path):
     (samples, info), = read_recording_with_info(folder)
     np.testing.assert_array_equal(samples.current, np.arange(float(count)))
     assert (samples.direction == 1).all()
-    # A best-effort publisher's may be lost on a busy machine, but not without a word.
+    # Best-effort messages may be lost on a busy machine, but losses are reported.
     if info.topics['/current_command'][1] != commands:
         assert any('lost' in note and 'current_command' in note for note in info.notes)
     assert not any('lost' in note and 'joint_states' in note for note in info.notes)
@@ -142,7 +142,7 @@ def test_it_ends_well_while_the_driver_goes_on(tmp_path):
     assert not info.notes
 
 
-def test_a_bad_message_costs_itself_and_no_other(tmp_path):
+def test_a_bad_message_does_not_affect_others(tmp_path):
     """Stamps that are no time, arrays that no robot has, on every topic."""
     folder = tmp_path / 'r'
 
@@ -184,14 +184,14 @@ def test_a_bad_message_costs_itself_and_no_other(tmp_path):
     assert any('1 of the messages of /joint_states left out' in note for note in info.notes)
 
 
-def test_bytes_that_are_no_message_have_no_stamp_and_nobody_who_says_them():
+def test_invalid_messages_have_no_stamp_and_no_source():
     for bytes_ in (b'', b'\0\1\0\0', b'\0\1\0\0\1\0\0\0', b'\xff' * 40):
         assert stamp_of(bytes_) == 0
         assert diagnosed_nodes(bytes_) == ''
     assert stamp_of(b'\0\1\0\0' + b'\1\0\0\0' + b'\2\0\0\0') == 1_000_000_002
 
 
-def test_a_full_disk_ends_the_recorder_with_a_word_and_a_recording(tmp_path):
+def test_a_full_disk_ends_the_recorder_with_a_message_and_a_readable_recording(tmp_path):
     folder = tmp_path / 'r'
     with at_work(tmp_path, folder) as (recorder, probe, states, count):
         limit = sum(path.stat().st_size for path in Path(folder).glob('*.mcap')) + 50_000
@@ -332,7 +332,7 @@ def test_a_publisher_that_finds_one_subscription_late_is_heard_all_the_same(late
             node.made[DurabilityPolicy.VOLATILE].waiting.append(message)
             if step >= late:
                 held.append((step + delay, message))
-        # By the second it may take its time, too.
+        # With the second publisher it may take longer, too.
         while step and held and held[0][0] <= step:
             node.made[DurabilityPolicy.TRANSIENT_LOCAL].waiting.append(held.pop(0)[1])
         topic.drain()

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The refinement action over DDS: from what is kept in memory to a model that is loaded."""
+"""The refinement action over DDS: from messages in memory to a model that is loaded."""
 
 from pathlib import Path
 import shutil
@@ -54,7 +54,7 @@ class Bench:
         self.client = ActionClient(probe, RefineModel, 'refine_model')
         probe.until(self.client.server_is_ready, 'the action server')
         probe.matched(self.states)
-        # Nobody's goal is refused; the answer shows that both ends have found each other.
+        # A goal for an unknown joint is refused; the answer shows that both ends are connected.
         probe.answered(lambda: self.client.send_goal_async(
             RefineModel.Goal(joint='nobody')), 'answer to the first goal')
 
@@ -76,7 +76,7 @@ class Bench:
             lambda message: self.steps.append(message.feedback)), 'answer to the goal')
 
     def result(self, handle):
-        # Refinement lets all others go first: for long where they keep both cores busy.
+        # Refinement has the lowest priority: it waits for long if others keep both cores busy.
         return self.probe.answered(handle.get_result_async, 'the result', 20.0, 900.0)
 
 
@@ -97,19 +97,19 @@ def bench(room):
         bench.client.destroy()
 
 
-def test_a_topic_that_is_taken_late_does_not_end_the_past():
+def test_a_late_message_does_not_shorten_the_recent_past():
     past = RecentPast(600.0, 10**9)
     second = 10**9
     for k in range(1, 11):
         past.add(Message(k * second, 'states', 'kind', b'1234'))
     past.add(Message(4 * second, 'load', 'kind', b'1234'))
     assert len(past.last()) == 11
-    # One stamp that is wrong, either way, costs itself.
+    # One wrong stamp, in either direction, affects only its own message.
     for wrong in (2 * second, 10**6 * second):
         past.add(Message(wrong, 'states', 'kind', b'1234'))
         past.add(Message(11 * second, 'states', 'kind', b'1234'))
     assert len(past.last()) == 13
-    # The same topic from the beginning is another run.
+    # If the stamps of a topic start over, it is another run.
     past.add(Message(2 * second, 'states', 'kind', b'1234'))
     past.add(Message(3 * second, 'states', 'kind', b'1234'))
     assert [message.stamp for message in past.last()] == [2 * second, 3 * second]
@@ -145,7 +145,7 @@ def test_states_have_the_load_of_their_time_when_many_are_taken_at_once(states_f
     load = signals.take()[0][:, 4]
     np.testing.assert_allclose(load, 0.01 * (np.arange(200) // 2)[-len(load):])
     assert len(load) >= 199
-    # A load that is old counts for nothing, and a clock that starts over ends what was before it.
+    # An old load is ignored, and a clock that starts over discards what was before.
     add_state(5 * second)
     add_state(11 * second)
     assert np.isnan(signals.take()[0][0, 4])
@@ -164,7 +164,7 @@ def loaded(probe):
     return list(reply.values[0].string_array_value)
 
 
-def test_without_any_past_there_is_nothing_to_refine(bench):
+def test_without_recent_messages_there_is_nothing_to_refine(bench):
     handle = bench.refine()
     assert handle.accepted
     outcome = bench.result(handle)
@@ -174,7 +174,7 @@ def test_without_any_past_there_is_nothing_to_refine(bench):
 
 
 @pytest.mark.timeout(1200)
-def test_a_model_that_no_longer_fits_is_told_refined_loaded_and_taken_back(bench, room):
+def test_a_model_that_no_longer_fits_is_noticed_refined_loaded_and_reverted(bench, room):
     probe = bench.probe
     bench.move(20.0, ripple=0.0)
     fits = probe.status_of('refinement', lambda s: any(

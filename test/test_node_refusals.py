@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What nodes say of input that they cannot use, and how an exercise is left."""
+"""Messages of nodes on unusable input, and the end of an exercise."""
 
 import signal
 import time

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The SROS 2 policy: each node has the rights that it uses, and no others."""
+"""The SROS 2 policy grants each node the rights that it uses, and no others."""
 
 from collections import defaultdict
 from contextlib import closing, ExitStack
@@ -68,14 +68,14 @@ def test_follows_the_schema():
     assert len(paths) == len(set(paths))
 
 
-def test_the_tool_that_makes_keys_meets_nothing_but_enclaves():
+def test_the_key_tool_finds_only_enclaves_in_the_policy():
     """`ros2 security generate_artifacts` takes whatever stands there for one, comments too."""
     enclaves, = minidom.parse(str(POLICY)).getElementsByTagName('enclaves')
     nodes = [node for node in enclaves.childNodes if node.nodeType != node.TEXT_NODE]
     assert {node.nodeName for node in nodes} == {'enclave'}
 
 
-def test_few_may_command_a_current_or_announce_a_direction():
+def test_only_few_nodes_may_command_a_current_or_announce_a_direction():
     table = rights()
     commanders = {node for node, has in table.items() if '/current_command' in has['publish']}
     assert commanders == {'compensator', 'identification'}

@@ -30,7 +30,7 @@ BEGINNING = 1_000_000_000
 TICK = 10
 MOVEMENT = {'amplitude': 0.3, 'speed': 1.5, 'acceleration_time': 0.1, 'standstill': 0.403,
             'announcement': 0.301, 'repetitions': 1}
-# The exercise learns at the first tick where the joints stand and begins at the second.
+# The exercise receives the positions of the joints at the first tick, and begins at the second.
 LATE = TICK
 DURATION_NS = round(ReferenceMovement(**MOVEMENT).duration * 1e9)
 # The reference of the tick that ends the exercise is the last: time rests before the next.
@@ -72,7 +72,7 @@ def record(folder, law):
             probe.status_of('compensator', lambda status: status.message == 'inactive')
         assert probe.transition('compensator', 'activate')
         assert exercise.wait(180.0) == 0
-        # What the plant said on the way may still wait to be heard.
+        # Messages of the plant may still be in the queue.
         probe.status_of('plant', lambda status: (
             value_of(status, 'waits for') == 'reference'
             and float(value_of(status, 'time [s]')) > (STEPS - 1) * 1e-3))
@@ -128,7 +128,7 @@ def test_equals_the_plain_loop(joints):
 
     def recorded(name):
         return np.stack([getattr(samples, name) for samples, _ in joints], axis=1)
-    # Something happened: both joints moved, and the law's push was no trifle.
+    # Both joints moved, and the law's current was significant.
     assert (np.ptp(loop['position'], axis=0) > 0.1).all()
     assert (np.abs(loop['command']).max(axis=0) > 0.05).all()
     assert set(np.unique(loop['direction'])) == {-1, 0, 1}

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the live page gets of running joints over DDS, and how it lets go of them."""
+"""The live page receives data of running joints over DDS, and releases them."""
 
 import itertools
 import time
@@ -80,7 +80,7 @@ def test_model_and_current_are_those_of_the_compensator(tmp_path):
                 item.key == 'elbow: residual' for item in s.values))
             said = next(item.value for item in status.values if item.key == 'elbow: residual')
             assert 'not received' in said
-            # The page listens, and asks nobody anything.
+            # The page only subscribes; it calls no service.
             names = [topic for topic, _ in probe.get_client_names_and_types_by_node(
                 'friction_comp_watch', '/')]
             assert not names

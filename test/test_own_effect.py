@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""An effect is one file: one that exists only here is found, kept, predicted, fed back, shown."""
+"""An effect that exists only in this file is found, stored, predicted, fed back and shown."""
 
 import numpy as np
 import pytest
@@ -44,7 +44,7 @@ class Lagging(TightEnd):
         return 0.9 * state + dq
 
 
-def test_a_memory_is_its_step_run_from_the_start_of_each_stretch():
+def test_a_memory_is_computed_step_by_step_from_the_start_of_each_stretch():
     samples = recording(2, duration=1.0)
     states = Lagging.memory(samples, 0.0, ())
     expected = [0.0]
@@ -103,7 +103,7 @@ def test_an_effect_that_exists_only_here(own_effect, tmp_path):
     assert 'The joint gets tighter along its stroke' in page.read_text(encoding='utf-8')
 
 
-def test_without_it_no_other_name_stands_in():
+def test_without_the_new_effect_no_other_replaces_it():
     report = refine([recording(1)]).report
     assert 'tight_end' not in [effect['name'] for effect in report['effects']]
     assert 'position' in [entry['variable'] for entry in report['unexplained']] + [

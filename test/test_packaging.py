@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The package as pip, colcon and `ros2 run` see it, and the rules its files keep."""
+"""The package under pip, colcon and `ros2 run`, and the rules for its files."""
 
 import ast
 import functools
@@ -169,7 +169,7 @@ def test_help_and_version(capsys):
     (InputError('model.yaml:\n no coefficients'), 2, 'predict: model.yaml: no coefficients\n'),
     (KeyboardInterrupt(), 130, ''),
 ])
-def test_how_a_tool_may_end(monkeypatch, capsys, ending, code, said):
+def test_exit_codes_of_tools(monkeypatch, capsys, ending, code, said):
     def main(argv):
         if isinstance(ending, BaseException):
             raise ending
@@ -184,7 +184,7 @@ def test_how_a_tool_may_end(monkeypatch, capsys, ending, code, said):
     assert capsys.readouterr().err == 2 * said
 
 
-def test_a_missing_ros_is_told_in_one_line(monkeypatch, capsys):
+def test_a_missing_ros_is_reported_in_one_line(monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, 'friction_comp.nodes.plant', None)
 
     def absent(name):
@@ -193,7 +193,7 @@ def test_a_missing_ros_is_told_in_one_line(monkeypatch, capsys):
     monkeypatch.setattr(entry.importlib, 'import_module', absent)
     assert entry.main(['plant']) == 1
     assert capsys.readouterr().err.startswith(
-        'plant: ROS 2 is missing, or not whole: no module rclpy')
+        'plant: ROS 2 is missing or incomplete: no module rclpy')
 
 
 def test_an_environment_with_ros_wheels_names_itself(monkeypatch, tmp_path):

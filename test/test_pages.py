@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Pages can be read off, move as was recorded, and say the same without a script."""
+"""Pages are readable without training, animations match the recording, and scripts are optional."""
 
 import importlib.util
 from pathlib import Path
@@ -72,7 +72,7 @@ def test_a_page_says_the_same_without_script_and_without_bokeh(evaluation, monke
         assert len(re.findall(r'<figure', body)) == 2
 
 
-def test_the_first_screen_needs_no_training(evaluation):
+def test_the_first_screen_has_no_technical_terms(evaluation):
     page = evaluation_report([evaluation]).html()
     first = re.sub(r'<[^>]+>', ' ', page[page.index('<div class="verdict"'):page.index(
         '>In detail</h2>')])
@@ -120,7 +120,7 @@ def of(differences):
                       mean_interval(differences), None)
 
 
-def test_an_effect_is_counted_in_deviations_of_the_differences():
+def test_the_effect_size_is_in_standard_deviations_of_the_differences():
     differences = -1.0 + 0.3 * np.random.default_rng(0).standard_normal(10)
     size = effect_size(of(list(differences)))
     assert size.mean == pytest.approx(differences.mean() / differences.std(ddof=1))

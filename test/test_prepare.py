@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""From recordings to rows: what counts as motion, blocks of time, lag, limits, the load."""
+"""From recordings to rows of a fit: motion, blocks of time, lag, limits and load."""
 
 from hypothesis import given, strategies as st
 import numpy as np
@@ -61,7 +61,7 @@ def test_too_little_is_refused_in_one_line(parts, words):
 
 
 @pytest.mark.parametrize('wrap', [lambda one: one, lambda one: [[one]], lambda one: 'file.mcap'])
-def test_what_is_no_list_of_samples_is_refused(wrap):
+def test_other_than_a_list_of_samples_is_refused(wrap):
     samples = Samples(time=np.arange(3.0), position=np.zeros(3), velocity=None,
                       current=np.zeros(3))
     with pytest.raises(InputError, match='list of Samples'):
@@ -131,7 +131,7 @@ def test_rows_are_averages_of_samples_that_belong_together():
 
 
 @pytest.mark.parametrize('lag', [0.021, -0.005, 0.3])
-def test_moving_in_time_stays_within_stretches(lag):
+def test_a_shift_in_time_stays_within_stretches(lag):
     rng = np.random.default_rng(11)
     time = np.cumsum(rng.uniform(0.008, 0.012, 800))
     time[200:] += 3.0
@@ -162,7 +162,7 @@ def test_a_load_that_a_person_carries_belongs_to_what_is_measured(carried, is_kn
     assert gain == (-1.0 / DRIVE.torque_per_current if is_known else 0.0)
 
 
-def test_the_target_is_what_motor_and_person_do_together():
+def test_the_target_includes_the_torque_of_the_person():
     samples = swings(6)
     friction = samples.current
     given = samples.with_(current=0.6 * friction, load=0.4 * friction * DRIVE.torque_per_current)

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What ``import friction_comp`` offers, and that neither it nor ``--help`` costs time."""
+"""What ``import friction_comp`` offers, and that it and ``--help`` are fast."""
 
 import ast
 import os

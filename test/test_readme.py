@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the README tells people to type is there to be typed."""
+"""The commands, links and figures of the README are valid."""
 
 import importlib.util
 import json
@@ -44,7 +44,7 @@ def test_lines_are_in_the_order_in_which_they_run():
         elif named:
             assert set(named[1].split("', '")) <= set(joints), line
         for path in re.findall(r"'(config/\w+\.yaml)'", line):
-            # Else the first words of the compensator are a warning.
+            # Otherwise the first message of the compensator is a warning.
             assert FrictionModel.load(ROOT / path).joint == ''
 
 

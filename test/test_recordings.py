@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings are read whole, whatever their storage, joints and clocks."""
+"""Recordings are read completely, whatever their storage, joints and clocks."""
 
 import shutil
 
@@ -102,7 +102,7 @@ def test_one_joint_of_several(tmp_path):
     np.testing.assert_array_equal(samples.load, 10.0 + np.arange(50.0))
     np.testing.assert_array_equal(samples.command, 2.0 + np.arange(50.0))
     np.testing.assert_array_equal(samples.direction, np.full(50, -1))
-    # A direction that is none counts as 0.
+    # An invalid direction counts as 0.
     np.testing.assert_array_equal(
         read_recording(tmp_path / 'r', 'wrist')[0].direction, np.zeros(50))
     with pytest.raises(InputError, match=r"'shoulder', 'elbow', 'wrist'"):
@@ -145,7 +145,7 @@ def test_empty_stamps_are_replaced_by_receive_times(tmp_path):
     (samples, info), = read_recording_with_info(tmp_path / 'none')
     np.testing.assert_allclose(np.diff(samples.time), 1e-3, atol=1e-9)
     assert info.start == pytest.approx(5.0)
-    # A clock that starts at zero makes no gap of years.
+    # A clock that starts at zero does not cause a gap of years.
     record(tmp_path / 'clock', states(stamp=lambda k: k * 1_000_000))
     (samples, info), = read_recording_with_info(tmp_path / 'clock')
     assert info.start == 0.0
@@ -163,7 +163,7 @@ def test_bad_samples_are_left_out_and_counted(tmp_path):
     for k, value in ((3, np.nan), (9, np.inf)):
         messages[k][2][1].position[0] = value
     messages[12][2][1].effort[0] = -np.inf
-    # One message came twice, two came in each other's place.
+    # One message occurs twice, and two are interchanged.
     messages.insert(21, messages[20])
     messages[30], messages[31] = (
         (messages[30][0], messages[30][1], messages[31][2]),
@@ -208,7 +208,7 @@ def test_the_later_of_two_directions_counts(tmp_path):
     messages.sort(key=lambda message: message[1])
     record(tmp_path / 'r', messages)
     samples, = read_recording(tmp_path / 'r')
-    # The plain one has no stamp: it is dated by when it was received.
+    # The topic without stamps is dated by its receive times.
     expected = np.zeros(60, dtype=int)
     expected[5:20], expected[20:40], expected[40:45] = 1, -1, 1
     np.testing.assert_array_equal(samples.direction, expected)

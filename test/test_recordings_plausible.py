@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Values that cannot be end in one line that names them, whichever tool reads them."""
+"""Impossible values give one line that names them, whichever tool reads them."""
 
 from pathlib import Path
 
@@ -57,14 +57,14 @@ CASES = [
 
 
 @pytest.mark.parametrize(('make', 'words'), CASES)
-def test_what_cannot_be_is_refused_and_named(make, words):
+def test_impossible_values_are_refused_by_name(make, words):
     with pytest.raises(InputError, match=words) as refused:
         check_plausible(make(), 'odd')
     assert str(refused.value).startswith("odd: joint 'elbow'")
 
 
 @pytest.mark.parametrize('tool', ['refine', 'predict', 'evaluate'])
-def test_no_tool_ends_well_on_what_cannot_be(tmp_path, monkeypatch, capsys, tool):
+def test_no_tool_succeeds_with_impossible_values(tmp_path, monkeypatch, capsys, tool):
     write_samples(tmp_path / 'odd', spoiled('position', 1e300, at=21).take(slice(0, 100)))
     arguments = {'refine': ['--output', 'out'], 'evaluate': ['--output', 'out'],
                  'predict': ['--model', str(MODEL), '--output', 'out.csv']}[tool]
@@ -87,12 +87,12 @@ def test_no_tool_ends_well_on_what_cannot_be(tmp_path, monkeypatch, capsys, tool
     {'current': strokes().current + 5.0 * np.cos(strokes().position)},
     {'position': strokes().position + 1e3},
 ])
-def test_what_can_be_passes(changes):
+def test_plausible_recordings_are_accepted(changes):
     check_plausible(strokes(**changes), 'trial')
 
 
 @pytest.mark.parametrize('beside_moves', [False, True])
-def test_a_joint_whose_weight_others_turn_is_not_taken_for_reversed(tmp_path, beside_moves):
+def test_a_joint_whose_weight_depends_on_others_is_not_considered_reversed(tmp_path, beside_moves):
     elbow = strokes()
     phase = 1.3 * elbow.time if beside_moves else 0.0 * elbow.time
     # As the shoulder goes, it lifts the elbow's weight on the way there and lowers it on the way

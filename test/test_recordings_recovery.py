@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What breaks off, is damaged or was never finished is read as far as it is whole, and says so."""
+"""Truncated, damaged and unfinished recordings are read as far as possible, with notes."""
 
 from pathlib import Path
 import random
@@ -71,7 +71,7 @@ def test_a_file_cut_anywhere_gives_every_whole_chunk(whole, tmp_path, share):
 
 
 @pytest.mark.parametrize('finished', [True, False])
-def test_a_zeroed_block_never_loses_anything_without_a_word(whole, tmp_path, finished):
+def test_losses_by_a_zeroed_block_are_always_reported(whole, tmp_path, finished):
     content, ends = whole
     if not finished:
         content = content[:ends[-1]]
@@ -100,7 +100,7 @@ def test_a_zeroed_block_never_loses_anything_without_a_word(whole, tmp_path, fin
     assert np.median(kept) >= BATCH * (BATCHES - 6)
 
 
-def test_one_flipped_bit_costs_its_chunk_and_is_told(whole, tmp_path):
+def test_one_flipped_bit_costs_its_chunk_and_is_reported(whole, tmp_path):
     content, ends = whole
     damaged = bytearray(content)
     damaged[ends[9] - 400] ^= 0x10
@@ -157,7 +157,7 @@ def test_a_full_disk_costs_nothing_that_was_written(tmp_path):
     flushed = int(output.split()[-1])
     (samples, info), = read_recording_with_info(tmp_path / 'r')
     assert len(samples) == flushed > 100
-    # Cut back to its last whole block, it holds nothing that cannot be read.
+    # It is truncated to its last complete block, so everything in it can be read.
     assert f'it was not finished: {flushed} messages recovered' in info.notes
 
 
@@ -188,7 +188,7 @@ def test_split_recordings_are_one_and_say_what_is_missing(tmp_path):
     assert max(sizes) < 40_000
 
 
-def test_a_stamp_far_ahead_costs_one_file_and_not_the_splitting(tmp_path):
+def test_a_stamp_far_ahead_does_not_end_the_splitting(tmp_path):
     with RecordingWriter(tmp_path / 'r', split_duration=0.1) as recording:
         write_states(recording, [*range(150), 10**9, *range(150, 350)])
     assert len(list((tmp_path / 'r').glob('*.mcap'))) == 5
@@ -214,7 +214,7 @@ def test_a_message_that_cannot_be_decoded_costs_itself(tmp_path):
     assert any('3 of the messages of /joint_states left out' in note for note in info.notes)
 
 
-def test_a_listing_leads_nowhere_else(tmp_path):
+def test_metadata_cannot_point_outside_of_the_recording(tmp_path):
     record(tmp_path / 'secret', states())
     (tmp_path / 'r').mkdir()
     text = (tmp_path / 'secret' / 'metadata.yaml').read_text()
@@ -281,7 +281,7 @@ def test_single_stamps_far_off_are_left_out(tmp_path):
     assert info.dropped == {'stamp far off': 2}
 
 
-def test_gaps_and_wraps_are_told(tmp_path):
+def test_gaps_and_wraps_are_reported(tmp_path):
     messages = []
     for k in range(3000):
         time = 1_000_000_000 + (k + (500 if k >= 1200 else 0)) * 1_000_000

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings that cannot be used get a plain word; what is written is whole or not there."""
+"""Unusable recordings give a clear message; written recordings are complete or absent."""
 
 from hypothesis import given, strategies as st
 import numpy as np
@@ -40,7 +40,7 @@ def one_line(error):
 @pytest.mark.parametrize(('name', 'content', 'words'), [
     ('missing', None, 'no such file'),
     ('empty.mcap', b'', 'empty'),
-    ('text.mcap', b'these are words, not a recording at all', 'magic'),
+    ('text.mcap', b'these are words, not a recording at all', 'not an mcap file'),
     ('table.csv', b'time,position\n', 'which column is the effort'),
     ('broken.db3', b'SQLite format 3\0' + b'x' * 200, 'not a readable recording'),
 ])
@@ -68,7 +68,7 @@ def test_recording_without_what_is_needed(tmp_path):
         read_recording(tmp_path / 'topic')
     with Writer(tmp_path / 'none', version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         writer.add_connection('/joint_states', cdr.JOINT_STATE, typestore=STORE)
-    with pytest.raises(InputError, match='hold no message'):
+    with pytest.raises(InputError, match='contain no message'):
         read_recording(tmp_path / 'none')
     messages = [('/joint_states', k, joint_state(k + 1, ['elbow'], [1.0], [], []))
                 for k in range(5)]

@@ -93,7 +93,7 @@ def test_the_page_needs_nothing_from_elsewhere(folder):
 def test_the_page_says_what_each_number_is_and_where_it_is_from(folder):
     page = (folder / 'out' / 'report.html').read_text()
     for words in ('Coulomb friction', 'viscous friction', 'part with the cosine of the phase',
-                  'A·s/rad', 'The largest remaining wave has', 'friction_comp refine',
+                  'A·s/rad', 'The largest remaining ripple has', 'friction_comp refine',
                   'Recordings: '):
         assert words in page
     assert 'coefficient 1' not in page
@@ -115,7 +115,7 @@ def test_predict_writes_a_row_for_every_joint_state(folder, drive):
     assert np.sqrt(np.mean(error ** 2)) < 1.3 * drive.noise_floor
 
 
-def test_what_a_person_gives_counts_as_measured(drive, tmp_path, capsys):
+def test_the_measured_torque_of_a_person_is_added_to_the_motors(drive, tmp_path, capsys):
     """The person carries a third of the friction: the model is not wrong by that third."""
     model = FrictionModel(drive.model.drive, drive.model.sigmoid)
     time = np.arange(0.0, 8.0, 0.004)
@@ -141,7 +141,7 @@ def test_what_a_person_gives_counts_as_measured(drive, tmp_path, capsys):
 
 
 @pytest.mark.slow
-def test_a_model_to_start_from_is_what_before_means(folder, drive, tmp_path, monkeypatch):
+def test_before_is_the_error_of_the_given_model(folder, drive, tmp_path, monkeypatch):
     # Its page is that of the fixture, with the drawings alone.
     monkeypatch.setitem(sys.modules, 'bokeh', None)
     drive.model.save(tmp_path / 'declared.yaml')

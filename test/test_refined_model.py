@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The model that is written, what is said of it, and when it is not to be trusted."""
+"""The written model, its report, and when it is not to be trusted."""
 
 import json
 
@@ -97,7 +97,7 @@ def test_the_error_to_expect_elsewhere_is_not_below_that_of_another_recording():
     assert max(after['part_rmse']) == after['worst_part_rmse'] >= after['held_out_rmse']
 
 
-def test_what_has_nothing_to_do_with_the_motion_gives_no_trust():
+def test_a_current_unrelated_to_the_motion_is_not_trusted():
     samples = swings(6)
     rng = np.random.default_rng(6)
     slow = np.convolve(rng.standard_normal(4100), np.exp(-np.arange(101) / 20.0), 'valid')
@@ -120,7 +120,7 @@ def test_a_plain_drive_is_trusted_and_nothing_is_named():
 
 
 @pytest.mark.slow
-def test_current_of_the_wrong_sign_is_told():
+def test_current_of_the_wrong_sign_is_reported():
     samples = swings(7)
     report = refine([samples.with_(current=-samples.current)]).report
     assert 'pushes' in {finding['code'] for finding in report['findings']}

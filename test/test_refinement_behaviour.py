@@ -43,7 +43,7 @@ LEFT_OUT = {
     'torque_constant': ({'factor': 0.8}, 'load_torque'),
     'warm_up': ({'share': 0.6, 'time_constant': 40.0}, 'warm_up'),
 }
-# Those with a say in what a resting joint bears, or seems to.
+# Effects that influence the breakaway level, or seem to.
 STANDSTILL = ('stribeck', 'hysteresis', 'friction_ripple', 'direction')
 # Recorded under the servo, whose joint has inertia and stiction for refinement to tell apart as
 # well; the others follow their path exactly.

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What refinement must see through: hidden inertia, blurred velocities, one-sided crossings."""
+"""What refinement must not be misled by: hidden inertia, filtered velocity, one-sided motion."""
 
 import numpy as np
 import pytest
@@ -152,7 +152,7 @@ def test_a_joint_that_turns_round_slowly_has_not_rested():
     assert grown[0] < 0.5 * grown[-1]
 
 
-def test_of_a_cause_and_a_clock_that_explain_alike_the_cause_is_named():
+def test_temperature_is_preferred_to_time_if_both_explain_equally():
     rng = np.random.default_rng(2)
     base = swings(6, 150.0, 0.02).with_(acceleration=None)
     drift = np.exp(-base.time / 60.0)
@@ -178,7 +178,7 @@ def test_motion_at_one_speed_is_said_to_show_little_of_speed():
 
 
 @pytest.mark.slow
-def test_standstill_has_a_say_in_where_friction_changes_its_sign():
+def test_standstill_helps_to_locate_the_sign_change_of_friction():
     # In motion friction changes its sign at -0.06 rad/s, as a sensor that is off zero has it; at
     # rest, which is no motion, the drive asks for nothing.
     rng, step = np.random.default_rng(5), 0.005
@@ -193,7 +193,7 @@ def test_standstill_has_a_say_in_where_friction_changes_its_sign():
     assert np.sqrt(np.mean(found.model.predict(samples)[rest] ** 2)) < 0.1
 
 
-def test_constant_speeds_are_no_ceiling():
+def test_constant_speeds_are_not_taken_for_a_clipped_signal():
     time = np.arange(0.0, 40.0, 0.01)
     speed = 0.6 * np.sign(np.sin(2.0 * np.pi * time / 8.0))
     velocity = np.convolve(speed, np.ones(30) / 30.0, mode='same')

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Pages stand on their own, and what tools write is whole or absent."""
+"""Pages are self-contained, and files that tools write are complete or absent."""
 
 import argparse
 import base64
@@ -89,7 +89,7 @@ def test_page_is_whole_and_needs_nothing_else():
     assert page.of('html')[0]['lang'] == 'en'
     assert not page.of('script')
     assert not page.of('link')
-    # Nothing is fetched: the only addresses are names of XML vocabularies.
+    # Nothing is downloaded: the only addresses are names of XML namespaces.
     rest = re.sub(r'xmlns(:\w+)?="[^"]*"', '', text)
     assert 'http' not in rest
     for attributes in page.of('img'):

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The note's experiments in small."""
+"""The note's experiments with few repetitions."""
 
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress

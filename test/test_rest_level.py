@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The breakaway level follows what the model's effects say of the place."""
+"""The breakaway level at rest depends on position as the model's effects do."""
 
 from dataclasses import replace
 from operator import attrgetter
@@ -44,7 +44,7 @@ def current_at_rest(law, position, direction):
 
 @pytest.mark.parametrize('direction', [-1, 1])
 @pytest.mark.parametrize('position', [-0.4, 0.0, 0.1, 0.23])
-def test_level_at_rest_is_the_gain_times_what_the_joint_bears_here(position, direction):
+def test_level_at_rest_is_the_gain_times_the_local_breakaway(position, direction):
     law = CompensationLaw([model([RIPPLE, GRAVITY])], law='paper', breakaway_gain=0.9)
     here = 0.1 + 0.02 * np.cos(20.0 * position)
     assert current_at_rest(law, position, direction) == pytest.approx(
@@ -56,7 +56,7 @@ def test_without_effects_the_level_is_the_same_everywhere():
     assert current_at_rest(law, 0.3, 1) == current_at_rest(law, -0.3, 1) == pytest.approx(0.09)
 
 
-def test_a_model_that_does_not_know_the_place_keeps_its_level():
+def test_without_a_breakaway_position_the_level_is_constant():
     bare = model([RIPPLE])
     bare = replace(bare, breakaway=replace(
         bare.breakaway, positive_position=None, negative_position=None))
@@ -86,7 +86,7 @@ def test_friction_of_effects_is_asked_for_in_both_directions_of_sliding():
                 ['temperature'] if temperature is None else [])
 
 
-def test_the_bound_is_asked_without_moving_what_remembers():
+def test_asking_for_the_bound_does_not_change_memory_effects():
     bristles = Hysteresis({'coefficients': [0.05, 0.0], 'distance': 0.01, 'exponent': 1.0,
                            'transition': 0.001})
     effects, fresh = (EffectCurrents(model([bristles]), NOT_FED_BACK) for _ in range(2))
@@ -95,7 +95,7 @@ def test_the_bound_is_asked_without_moving_what_remembers():
         assert effects.total(time, position, 0.3, {}) == fresh.total(time, position, 0.3, {})
 
 
-def test_place_survives_the_model_file(tmp_path):
+def test_the_breakaway_position_survives_the_model_file(tmp_path):
     before = model([GRAVITY])
     before.save(tmp_path / 'model.yaml')
     assert FrictionModel.load(tmp_path / 'model.yaml').breakaway == before.breakaway

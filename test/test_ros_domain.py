@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""A ROS domain of one's own: nobody gets it while it is held, whoever else uses the machine."""
+"""A private ROS domain: it is exclusive, whoever else uses the machine."""
 
 from contextlib import ExitStack
 import os
@@ -24,7 +24,7 @@ with leased_domain() as number:
 """
 
 
-def test_whoever_holds_one_has_it_alone_and_a_killed_process_gives_it_back(monkeypatch):
+def test_a_leased_domain_is_exclusive_and_freed_if_its_process_is_killed(monkeypatch):
     monkeypatch.setattr(ros_domain, '_DOMAINS', range(95, 98))
     free = set(ros_domain._DOMAINS) - domains_in_use()
     with ExitStack() as stack:
@@ -52,7 +52,7 @@ def test_whoever_holds_one_has_it_alone_and_a_killed_process_gives_it_back(monke
 
 
 @pytest.mark.skipif(not ros_domain._SOCKETS[0].exists(), reason='needs /proc')
-def test_one_that_somebody_uses_without_asking_is_known_by_its_sockets():
+def test_a_domain_in_use_without_a_lease_is_found_by_its_sockets():
     # Of the first participant in domain 99, for unicast discovery.
     port = 7400 + 250 * 99 + 10
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The second world of test recordings: its physics, and that its floors are what they say."""
+"""The second simulator of test recordings: its physics, and its stated error floors."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -27,7 +27,7 @@ FOLLOWS = Controller(proportional=40.0, derivative=2.0, integral=20.0)
 
 
 @pytest.mark.slow
-def test_motor_work_is_stored_or_lost():
+def test_motor_work_is_stored_or_dissipated():
     joint = Joint(inertia=0.05, coulomb=0.4, viscous=0.2, gravity=1.3, gravity_phase=0.4,
                   spring=0.5, stribeck=0.6)
     trace = simulate(joint, FOLLOWS, arm.Chain(), 0, reference('joystick'))
@@ -152,7 +152,7 @@ def test_coarse_encoders_have_tens_of_positions():
     assert 10 < len(np.unique(positions)) < 100
 
 
-def test_generators_of_other_words_differ():
+def test_generators_of_different_names_differ():
     assert generator('a', 1).random() != generator('b', 1).random()
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Signals that contradict each other are named by what is wrong; true ones never are."""
+"""Signals that contradict each other are reported with the cause, valid ones never."""
 
 import math
 
@@ -32,7 +32,7 @@ def told(time, position, velocity, factor=2.0, **options):
 
 
 @pytest.mark.parametrize(('of_velocity', 'of_position', 'words'), [
-    (57.29578, 1.0, 'deg/s'), (9.5493, 1.0, 'turns a minute'), (0.159155, 1.0, 'turns a second'),
+    (57.29578, 1.0, 'deg/s'), (9.5493, 1.0, 'turns per minute'), (0.159155, 1.0, 'per second'),
     (1.0, 57.29578, 'position is in degrees'), (1.0, 0.159155, 'position is in turns'),
     (1000.0, 1.0, 'mrad/s'), (3.3, 1.0, 'differ in unit'), (-1.0, 1.0, 'wrong sign'),
     (1.0, -57.29578, 'degrees, not rad, and one has the wrong sign'),
@@ -72,7 +72,7 @@ def test_a_running_check_needs_its_number_of_blocks_and_forgives_when_the_joint_
     assert not any(faults[:500])
     assert 'deg/s' not in faults[-1]
     assert 'velocity is 70 times' in faults[-1]
-    # Standing still tells nothing, so it stays; moving as it should, it goes.
+    # The fault remains while the joint is at rest, and is cleared by correct motion.
     for k in range(1000, 2000):
         check.take(1e-3 * k, 0.5, 0.0)
     assert check.fault

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Whose words count, and for how long, by the clock of the joint states."""
+"""Directions, temperatures and states of several publishers: which is valid, and for how long."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ SECOND = 1_000_000_000
 def test_a_driver_whose_clock_is_behind_does_not_keep_a_direction_alive(behind):
     first = 100 * SECOND
     direction = Direction(['elbow', 'wrist'], 0.2)
-    # By the node's clock; there is no other before the first joint state.
+    # By the node's clock, since there is no other before the first joint state.
     assert direction.take([1, -1], first + round(behind * SECOND))
     direction.begin(first)
     assert direction.at(first).tolist() == [1.0, -1.0]
@@ -62,7 +62,7 @@ def announced(words, planners, timeout=0.5):
 
 
 @pytest.mark.parametrize(('words', 'planners', 'expected'), [
-    # One planner may turn round as often as it likes, two that agree may speak in turn.
+    # A single planner may reverse as often as it likes; two planners that agree may alternate.
     ([(1.0, 1), (1.1, -1), (1.2, 1)], [], 1.0),
     ([(1.0, 1), (1.1, 1), (1.2, 1)], ['/a', '/b'], 1.0),
     ([(1.0, 1), (1.1, -1)], ['/a', '/b'], -1.0),
@@ -71,7 +71,7 @@ def announced(words, planners, timeout=0.5):
     # A movement there and back takes longer than a word holds; so does a dispute that is over.
     ([(1.0, 1), (1.1, -1), (1.9, 1)], ['/a', '/b'], 1.0),
     ([(1.0, 1), (1.1, -1), (1.2, 1), (1.6, 1), (2.3, 1)], ['/a', '/b'], 1.0)])
-def test_planners_contradict_each_other_where_a_word_comes_back(words, planners, expected):
+def test_planners_contradict_each_other_if_an_earlier_direction_returns(words, planners, expected):
     direction, disputed = announced(words, planners)
     assert direction == expected
     assert disputed == ([] if expected else ['elbow'])
@@ -103,7 +103,7 @@ def judged(numbers, publishers, names=('elbow',), joints=('elbow',)):
     ([0, 0, 0, 0], ['/a', '/b'], NEW),            # a middleware without numbers
     ([7, 8, 1, 9], ['/a', '/b'], CONTESTED),
     ([7, 7, 8, 8], ['/a', '/b'], CONTESTED)])
-def test_two_publishers_of_a_joint_are_told_by_their_numbers(numbers, publishers, expected):
+def test_publishers_of_a_joint_are_distinguished_by_their_numbers(numbers, publishers, expected):
     verdicts, states = judged(numbers, publishers)
     assert verdicts[-1] == expected
     assert ('/a, /b' in states.wrong) == (expected == CONTESTED)
@@ -122,6 +122,6 @@ def test_publishers_of_different_joints_and_one_that_is_alone_again_are_believed
             for stamp, number in zip(late, (5, 11, 12))] == [CONTESTED, CONTESTED, NEW]
 
 
-def test_a_joint_named_twice_is_malformed_unless_it_is_of_no_concern():
+def test_a_joint_named_twice_is_malformed_only_if_it_is_used():
     assert judged([1], [], ('elbow', 'elbow'))[0] == [MALFORMED]
     assert judged([1], [], ('elbow', 'knee', 'knee'))[0] == [NEW]

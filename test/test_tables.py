@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Who has no rosbag comes in with a table, and what was guessed of it is said."""
+"""Recordings in tables: columns and units are recognised, and guesses are reported."""
 
 import gzip
 import json
@@ -77,7 +77,7 @@ def test_a_recording_becomes_a_table_and_a_recording_again(tmp_path, capsys):
     assert 'is there already' in capsys.readouterr().err
 
 
-def test_guessed_columns_are_said(tmp_path):
+def test_guessed_columns_are_reported(tmp_path):
     path = write_csv(tmp_path / 'log.csv', moving(), names='t_ms q[deg] dq[deg/s] tau',
                      factors=(1e3, 180 / np.pi, 180 / np.pi, 1.0))
     (found, info), = read_recording_with_info(path)
@@ -194,7 +194,7 @@ def test_what_is_wrong_with_a_table_is_said_in_one_line(tmp_path, capsys, text, 
     (['--columns', 'time=when'], "no column 'when'"),
     (['--unit', 'position=furlong'], 'rad, mrad, deg'),
     (['--columns', 'effort=tau,current=tau'], 'both effort and current')])
-def test_wrong_words_on_columns_say_what_is_right(tmp_path, capsys, arguments, said):
+def test_errors_in_columns_arguments_say_what_is_valid(tmp_path, capsys, arguments, said):
     path = write_csv(tmp_path / 'log.csv', moving())
     assert main(['evaluate', str(path), '--output', str(tmp_path / 'out'), *arguments]) == 2
     assert said in capsys.readouterr().err
@@ -227,7 +227,7 @@ def test_arrays_and_frames_are_samples():
         Samples.from_arrays(one.time, one.position)
     with pytest.raises(InputError, match=r'shape \(1999,\)'):
         Samples.from_arrays(one.time, one.position[1:], current=one.current)
-    with pytest.raises(InputError, match='does not hold numbers'):
+    with pytest.raises(InputError, match='does not contain numbers'):
         Samples.from_frame(frame, Layout({'position': 'remark'}))
 
 
@@ -239,7 +239,7 @@ def test_predict_takes_a_table_and_gives_a_row_for_each(tmp_path, capsys):
     assert len((tmp_path / 'current.csv').read_text().splitlines()) == 2001
 
 
-def test_own_names_are_those_that_are_guessed():
+def test_columns_written_by_the_package_are_recognised():
     use = assign(list(table_of([moving()])), None, 'table')
     assert use.joints == ['elbow']
     assert not use.notes

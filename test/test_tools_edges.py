@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What tools make of the world about them: pipes, devices, names, folders, an absent ROS 2."""
+"""Tools with pipes, devices, unusual names, folders, and without ROS 2."""
 
 import json
 import os
@@ -60,7 +60,7 @@ def run(*arguments, **environment):
 
 
 @pytest.mark.slow
-def test_whoever_stops_reading_costs_words_and_nothing_else(recording, tmp_path):
+def test_a_closed_pipe_costs_only_printed_text(recording, tmp_path):
     end, begin = os.pipe()
     os.close(end)
     try:
@@ -140,7 +140,7 @@ def test_what_can_be_written_is_not_refused_and_not_made_by_looking(tmp_path):
     check_folder(tmp_path / 'new' / 'folder')
     check_file(tmp_path / 'new' / 'file.csv')
     check_file('/dev/null')
-    with pytest.raises(InputError, match='is a folder, a file is wanted'):
+    with pytest.raises(InputError, match='is a folder, not a file'):
         check_file(tmp_path)
     assert list(tmp_path.iterdir()) == []
 

@@ -71,7 +71,7 @@ def test_a_plan_is_followed_on_the_drives_of_the_note(number):
     assert speed.max() < 1.05 * LIMITS.velocity
 
 
-def test_gravity_beside_friction_is_endured():
+def test_gravity_beside_friction_is_tolerated():
     run, rows = play(note_model(1), planned(1), [
         {'name': 'gravity', 'parameters': {'amplitude': 0.5, 'phase': 0.4}}])
     assert run.phase == 'done'

@@ -107,7 +107,7 @@ def test_torque_constant_error_scales_all_current():
     np.testing.assert_allclose(current * 1.25, without, rtol=1e-12)
 
 
-def test_inertia_asks_for_torque_in_proportion_to_acceleration():
+def test_inertia_requires_torque_proportional_to_acceleration():
     fast = Excitation(duration=40.0, rate=1000.0, rests=False)
     drive = plain_drive([{'name': 'inertia', 'parameters': {'inertia': 0.2}}])
     heavy = record(drive, 4, fast)[0]
@@ -120,7 +120,7 @@ def test_inertia_asks_for_torque_in_proportion_to_acceleration():
     assert slope == pytest.approx(0.2, rel=0.03)
 
 
-def test_actuation_lag_makes_torque_late():
+def test_actuation_lag_delays_the_torque():
     def speed_after(lag):
         extra = Undeclared.from_effects([{'name': 'actuation_lag', 'parameters': {'lag': lag}}])
         plant = Plant([plain_drive([]).model], undeclared=[extra])
@@ -157,7 +157,7 @@ def test_stiction_grows_with_rest_and_is_lost_by_sliding():
     np.testing.assert_allclose(levels, [1.0, math.exp(-1), math.exp(-2)], rtol=1e-4)
 
 
-def test_hysteresis_depends_on_the_way_and_not_on_speed_or_sampling():
+def test_hysteresis_depends_on_the_path_and_not_on_speed_or_sampling():
     effect = {'name': 'hysteresis', 'parameters': {'torque': 0.5, 'stiffness': 20.0}}
 
     def torques(points):
@@ -179,7 +179,7 @@ def test_hysteresis_depends_on_the_way_and_not_on_speed_or_sampling():
     assert -first == pytest.approx(20.0 * 1e-4, rel=0.01)
 
 
-def test_motor_tends_to_the_temperature_its_current_asks_for():
+def test_the_motor_approaches_the_temperature_set_by_its_current():
     thermal = np.array([20.0, 25.0, 60.0, 100.0])
     assert warmed_up(25.0, 0.5, 1e6, thermal) == pytest.approx(20.0 + 60.0 * 0.25)
     halves = warmed_up(warmed_up(25.0, 0.5, 50.0, thermal), 0.5, 50.0, thermal)

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The live page: what it shows of a recording, played and sought, and to whom it is served."""
+"""The live page: what it shows of a recording, how it is played, and who can open it."""
 
 import json
 from pathlib import Path

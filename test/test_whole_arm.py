@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""An arm from recording to compensator: refine with a URDF, predict without, feed its weight."""
+"""An arm from recording to compensator: refine with a URDF, predict and compensate without it."""
 
 import csv
 import json
@@ -84,7 +84,7 @@ def test_predict_needs_no_urdf_and_is_right_on_another_recording(refined, joint,
     assert errors_of(tmp_path / 'own.csv') == pytest.approx(error, abs=1e-6)
 
 
-def test_a_file_of_the_whole_arm_wants_a_joint_named(refined):
+def test_loading_from_a_file_of_an_arm_requires_a_joint(refined):
     path = refined / 'out' / 'model.yaml'
     assert FrictionModel.load(path, 'bend').joint == 'bend'
     with pytest.raises(InputError, match='several joints'):
@@ -119,8 +119,8 @@ def test_one_joint_of_an_arm_has_the_usual_files(refined, tmp_path):
     (['--urdf', 'nowhere.urdf'], 'nowhere.urdf: cannot be read'),
     (['--urdf', 'other.urdf'], "other.urdf: joint 'turn' of the recording is not in the URDF"),
     (['--urdf', 'arm.urdf', '--joint', 'wrist'], "joint 'wrist' is not in the URDF")])
-def test_what_cannot_be_used_gives_one_line_and_nothing_written(refined, arguments, words,
-                                                                capsys, monkeypatch):
+def test_unusable_input_gives_one_line_and_no_output(refined, arguments, words, capsys,
+                                                     monkeypatch):
     from friction_comp.__main__ import main
     monkeypatch.chdir(refined)
     other = small_arm()
@@ -186,7 +186,7 @@ def test_a_joint_alone_does_not_guess_the_weight_of_the_arm(refined):
     assert ('rigid_body', 'rigid_body unknown') in [entry[1:] for entry in law.left_out]
 
 
-def test_an_unknown_way_with_gravity_is_refused(refined):
+def test_an_unknown_gravity_setting_is_refused(refined):
     with pytest.raises(InputError, match='gravity'):
         CompensationLaw(models_of(refined), gravity='up')
 
@@ -220,7 +220,7 @@ def test_ur10e_is_predicted_better_than_by_plain_least_squares():
     fit, score = (
         {name: [samples.take(slice(None, None, 2)) for samples, _ in parts]
          for name, parts in read_arm(folder / which).items()} for which in ('fit', 'score'))
-    # All joints tell of the links; friction of one is enough.
+    # All joints give information on the links; friction of one joint is enough.
     name, = only = ['wrist_1_joint']
     result = refine_arm(fit, folder / 'ur10e.urdf', only=only).results[name]
     part = score[name][0]

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The simulated joint: sticks, slips, is deterministic, and is one and the same everywhere."""
+"""The simulated joint: it sticks and slips, is deterministic, and is the same in all uses."""
 
 from dataclasses import replace
 import math
@@ -280,7 +280,7 @@ def test_the_person_pushes_on_until_the_joint_has_arrived(gear):
     end, push = rests({}, gear)
     assert abs(end - 0.5) <= ARRIVED
     assert push == pytest.approx(level, rel=0.05)
-    # Somebody who does not push on leaves it where it is.
+    # A person who does not keep pushing leaves it where it is.
     end, push = rests({'integral_time': 0.0}, gear)
     assert abs(end) < 1e-3
     assert push < 0.6

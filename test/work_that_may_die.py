@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Work for processes, in a module that they import at once; a tool that gives them such work."""
+"""Work for child processes, in a module that they import quickly, and a tool that uses it."""
 
 import os
 import signal
@@ -21,7 +21,7 @@ def work_that_may_die(number):
 
 
 def refined_where_first(arguments, piece):
-    """Refine the first recording; never come to an end with another."""
+    """Refine the first recording; never finish with another."""
     if piece.path.name != 'day_0':
         threading.Event().wait()
     from friction_comp.tools.refine_each import _refine_one

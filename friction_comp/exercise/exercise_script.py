@@ -24,35 +24,34 @@ from friction_comp.files import read_yaml
 FORMAT, VERSION = 'friction_comp_exercise', 1
 _UNITS = {'deg': math.pi / 180.0, 'rad': 1.0}
 _KEYS = {'format', 'version', 'unit', 'joints', 'repetitions', 'announcement', 'steps'}
-# Angles that differ by less are the same position, rad.
+# Angles that differ by less, rad, are the same position.
 _SAME = 1e-9
 # Number of points at which a movement is sampled to find where it begins to decelerate.
 _GRID = 200
 
 
 class ExerciseScript:
-    """A movement of several joints through waypoints, with the direction of each announced.
+    """A movement of several joints through waypoints, with the announced direction of each joint.
 
     Between waypoints each joint follows a monotone cubic (Fritsch and Carlson 1980): it passes a
-    waypoint without stopping where its direction continues, and reverses only at waypoints. A
-    movement from rest is announced ahead, as `ReferenceMovement` does it; the direction changes at
-    the waypoint where the joint reverses, and returns to 0 when the joint begins to decelerate
-    towards a rest.
+    waypoint without stopping if its direction continues, and reverses only at waypoints. As in
+    `ReferenceMovement`, a movement from rest is announced ahead. The direction changes at the
+    waypoint where the joint reverses, and returns to 0 when the joint begins to decelerate to rest.
 
     Parameters
     ----------
     joints : sequence of str
     times : ndarray, shape (K,)
-        s of each waypoint, increasing from 0.
+        Time of each waypoint in s, increasing from 0.
     positions : ndarray, shape (K, J)
-        rad, relative to the positions at the beginning.
+        Positions in rad, relative to those at the beginning.
     announcement : float
-        s by which a movement from rest is announced ahead.
+        Time in s by which a movement from rest is announced ahead.
     """
 
     def __init__(self, joints: Sequence[str], times: np.ndarray, positions: np.ndarray,
                  announcement: float) -> None:
-        # Imported here, since most exercises have no script and start sooner without it.
+        # Imported only here: most exercises have no script, and start sooner without scipy.
         from scipy.interpolate import PchipInterpolator
 
         self.joints = list(joints)
@@ -60,13 +59,13 @@ class ExerciseScript:
         self._waypoints = times, positions, announcement
         self._paths = [PchipInterpolator(times, column) for column in positions.T]
         self._speeds = [path.derivative() for path in self._paths]
-        self._announced = [_spans(times, column, speed, announcement)
+        self._announced = [_announcements(times, column, speed, announcement)
                            for column, speed in zip(positions.T, self._speeds)]
 
     def at(self, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return position (rad), velocity (rad/s) and direction (-1, 0, +1), each shape (J,).
 
-        `time` is in s since the exercise began; before and after it the joints are held.
+        `time` is in s since the exercise began; before and after it the joints rest.
         """
         inside = min(max(time, 0.0), self.duration)
         moving = 0.0 <= time <= self.duration
@@ -78,7 +77,7 @@ class ExerciseScript:
         return position, velocity, direction
 
     def of(self, joints: Sequence[str]) -> ExerciseScript:
-        """Return the exercise for these joints in this order; joints that it lacks are held.
+        """Return the exercise for these joints in this order; joints that it does not move rest.
 
         Raises InputError if it moves a joint that is not among them.
         """
@@ -101,7 +100,7 @@ def load_exercise(path: str | Path) -> ExerciseScript:
 
 
 def exercise_of(document: Any) -> ExerciseScript:
-    """Make an exercise of the plain values of its file."""
+    """Return the exercise that the content of a YAML file describes."""
     document = check_document(document, 'an exercise', FORMAT, VERSION, _KEYS)
     unit = document.get('unit')
     if unit not in _UNITS:
@@ -109,7 +108,7 @@ def exercise_of(document: Any) -> ExerciseScript:
     joints = document.get('joints')
     if (not isinstance(joints, list) or not joints or len(set(map(str, joints))) != len(joints)
             or not all(isinstance(name, str) and name for name in joints)):
-        raise InputError('joints must be a list of different names')
+        raise InputError('joints must be a list of distinct names')
     announcement = check_number(document.get('announcement', 1.0), 'announcement', least=0.0)
     count = check_whole_number(document.get('repetitions', 1), 'repetitions', least=1)
     steps = check_list(document.get('steps'), 'steps')
@@ -132,7 +131,7 @@ def _waypoints(steps: list[Any], joints: list[str], unit: float,
         times.append(times[-1] + _step('steps[1]', steps[0], joints, positions[-1], unit)[0])
         positions.append(positions[-1])
     if count > 1 and np.abs(positions[-1]).max() > _SAME:
-        raise InputError('the last step must lead back to 0 where there are repetitions')
+        raise InputError('the last step must lead back to 0 if there are repetitions')
     once, angles = np.array(times), np.array(positions)
     return (np.concatenate([once[bool(k):] + k * once[-1] for k in range(count)]),
             np.concatenate([angles[bool(k):] for k in range(count)]))
@@ -144,7 +143,7 @@ def _step(name: str, step: Any, joints: list[str], before: np.ndarray,
     if isinstance(step, dict) and set(step) == {'hold'}:
         return check_number(step['hold'], f'{name}.hold', above=0.0), before
     if not isinstance(step, dict) or set(step) not in ({'to', 'time'}, {'to', 'speed'}):
-        raise InputError(f'{name} must have a hold (s), or to with either time (s) or speed')
+        raise InputError(f"{name} must have 'hold' (s), or 'to' with either 'time' (s) or 'speed'")
     position = before.copy()
     for joint, angle in check_mapping(step['to'], f'{name}.to', joints).items():
         position[joints.index(joint)] = unit * check_number(angle, f'{name}.to.{joint}')
@@ -156,9 +155,9 @@ def _step(name: str, step: Any, joints: list[str], before: np.ndarray,
     return distance / (unit * check_number(step['speed'], f'{name}.speed', above=0.0)), position
 
 
-def _spans(times: np.ndarray, position: np.ndarray, speed: Any,
-           announcement: float) -> list[tuple[float, float, int]]:
-    """Return begin, end and direction of each announcement for one joint; s."""
+def _announcements(times: np.ndarray, position: np.ndarray, speed: Any,
+                   announcement: float) -> list[tuple[float, float, int]]:
+    """Return begin (s), end (s) and direction of each announcement for one joint."""
     steps = np.diff(position)
     signs = np.where(np.abs(steps) < _SAME, 0, np.sign(steps)).astype(int)
     spans: list[tuple[float, float, int]] = []
@@ -168,7 +167,7 @@ def _spans(times: np.ndarray, position: np.ndarray, speed: Any,
             continue
         begin, end = float(times[k]), float(times[k + 1])
         if k == 0 or signs[k - 1] == 0:
-            # A movement that has not reached its end yet keeps its direction.
+            # Not before the previous movement has stopped: until then, its direction remains.
             begin = max(stopped, begin - announcement)
         stopped = end
         if k + 1 == len(signs) or signs[k + 1] == 0:

@@ -19,24 +19,24 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ReferenceMovement:
-    """Standstill, acceleration, constant velocity, deceleration; forth and back, repeated.
+    """Repeated movements back and forth, each with acceleration, constant velocity, deceleration.
 
     One repetition is: standstill at the start, the positive movement, standstill at the far end,
     the negative movement back. The direction d of the next movement is announced during the
-    standstill, and returns to 0 when the movement begins to decelerate: the compensation must not
-    help the joint beyond the target.
+    standstill, and returns to 0 when the movement begins to decelerate, so that the compensation
+    does not drive the joint beyond the target.
 
     Raises InputError if a number is out of range, or the amplitude leaves no phase of constant
     velocity.
     """
 
-    amplitude: float = math.radians(40.0)  # between both ends, rad; negative: the other way first
+    amplitude: float = math.radians(40.0)  # between the ends, rad; negative: negative way first
     speed: float = math.radians(20.0)  # of the constant velocity phase, rad/s
-    # s from standstill to that speed and back; velocity follows a raised cosine, so that the
-    # acceleration has no jump.
+    # s from standstill to that speed, and from it to standstill; velocity follows a raised cosine,
+    # so that acceleration is continuous.
     acceleration_time: float = 0.5
-    standstill: float = 2.0  # s of rest before each movement
-    announcement: float = 1.0  # s by which the direction is announced ahead of the movement
+    standstill: float = 2.0  # before each movement, s
+    announcement: float = 1.0  # time by which the direction is announced before the movement, s
     repetitions: int = 10
     compensated: bool = True  # False keeps the direction at 0 throughout: the note's case 1
 
@@ -66,7 +66,7 @@ class ReferenceMovement:
 
     @property
     def duration(self) -> float:
-        """Duration of the whole exercise in s, with a last standstill."""
+        """Duration of the whole exercise in s, including a last standstill."""
         return 2.0 * self.repetitions * (self.standstill + self.movement_time) + self.standstill
 
     def begins(self, movement: int) -> float:

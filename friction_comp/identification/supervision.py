@@ -104,7 +104,7 @@ class Supervision:
         answer = self._currents.answer()
         _refuse_late(answer)
         # Do not compare yet while the current has had no time to take effect.
-        if answer.earliest > self._least:
+        if answer.old_command > self._least:
             self._refuse_gain(answer)
 
     def is_current_confirmed(self) -> bool:
@@ -177,7 +177,7 @@ class Supervision:
 
 def _refuse_late(answer: Answer) -> None:
     """Raise IdentificationError if the measured current is the commanded one, but late."""
-    if (answer.delay >= _LATE and answer.likeness > _ALIKE
+    if (answer.delay >= _LATE and answer.correlation > _ALIKE
             and 1.0 / _FACTOR <= answer.gain <= _FACTOR):
         raise IdentificationError(
             f'the measured current follows the commanded one {answer.delay:.2g} s late, with the '

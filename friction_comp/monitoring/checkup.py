@@ -306,7 +306,7 @@ def _check_current(seen: Observation, states: StatesSeen, joint: str, model: Fri
     if len(command) < _FEWEST_SAMPLES or np.mean(command ** 2) < smallest ** 2:
         return []
     answer = current_answer(command, measured)
-    if abs(answer.likeness) < _LEAST_CORRELATION:
+    if abs(answer.correlation) < _LEAST_CORRELATION:
         return [Finding(WARNING, joint, 'the measured current does not follow the commanded one',
                         "check the driver's mode and limits, and whether another node commands")]
     if answer.gain < 0.0:

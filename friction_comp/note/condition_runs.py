@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Section 2.6: movements by a simulated person under each condition, and untouched joints."""
+"""Section 2.6: movements of a simulated person under each condition, and untouched joints."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ if TYPE_CHECKING:
 SAMPLE_TIME = 1e-3
 REPETITIONS = 10
 CONDITIONS = ('none', 'kinetic', 'paper', 'continuous', 'inertia')
-# Variation of human movements: standard deviations of the person's stiffness (relative), of the
-# time at which the movement begins, s, and of its speed (relative).
+# Variation between a person's movements: standard deviations of stiffness (relative), of the time
+# at which the movement begins, s, and of its speed (relative).
 STIFFNESS_VARIATION, DELAY_VARIATION, SPEED_VARIATION = 0.05, 0.01, 0.02
-# Standstills and the duration of each, s; the direction is announced so long after it began, s.
+# Number of standstills, duration of each, s, and time in it at which a direction is announced, s.
 STANDSTILLS, STANDSTILL_TIME, ANNOUNCED = 360, 10.0, 0.5
-# Breakaway currents are taken too large by this share.
+# Relative error by which the law's breakaway currents are too large in standstills.
 BREAKAWAY_ERROR = 0.1
 
 
 @dataclass(frozen=True)
 class ConditionRun:
-    """Evaluation and log, arrays of shape (R, N), of one condition.
+    """Evaluation of one condition, and its log with arrays of shape (R, N) for R repetitions.
 
-    `peak` is the mean over both directions of the ensemble average's peak, N·m.
+    `peak` is the peak torque of the ensemble average, mean of both directions, N·m.
     """
 
     evaluation: Evaluation
@@ -47,11 +47,11 @@ class ConditionRun:
     log: dict[str, np.ndarray]
 
 
-def persons_reference(movement: ReferenceMovement, time: np.ndarray, repetitions: int,
-                      seed: int) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
-    """Return the person's target in each repetition, and factors of the person's stiffness.
+def varied_reference(movement: ReferenceMovement, time: np.ndarray, repetitions: int,
+                     seed: int) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
+    """Return a person's varied reference in each repetition, and factors of the stiffness.
 
-    The target is position, velocity and direction, each of shape (repetitions, N).
+    The reference is position, velocity and direction, each of shape (repetitions, N).
     """
     rng = np.random.default_rng(seed)
     begin = movement.begins(0)
@@ -68,20 +68,20 @@ def persons_reference(movement: ReferenceMovement, time: np.ndarray, repetitions
 
 def run_trial(experiment: Experiment, model: FrictionModel, name: str, seed: int,
               repetitions: int = REPETITIONS) -> ConditionRun:
-    """Run the condition `name`, one of `CONDITIONS`, with a model for the compensation.
+    """Run the condition `name`, one of `CONDITIONS`; `model` is that of the compensation.
 
-    The seed determines person and joint: with the same seed, the person varies alike under every
+    The seed determines all variation of person and joint, so that it is the same under every
     condition.
     """
     movement = experiment.movement(compensated=name in ('paper', 'continuous'))
     count = round((movement.begins(1) + movement.movement_time + 1.0) / SAMPLE_TIME)
     time = np.arange(count) * SAMPLE_TIME
-    reference, factors = persons_reference(movement, time, repetitions, seed)
+    reference, factors = varied_reference(movement, time, repetitions, seed)
     parameters = np.tile(joint_parameters(experiment.model()), repetitions)
     parameters['human_stiffness'] *= factors
     parameters['human_damping'] *= np.sqrt(factors)
     if name == 'inertia':
-        # A bearing without friction: the small remaining levels only keep the formulas finite.
+        # No friction: the small remaining levels only keep the formulas finite.
         for field in FRICTION:
             parameters[field] *= 1e-6
     law = law_parameters(model, 'none' if name == 'inertia' else name)
@@ -103,12 +103,12 @@ def run_trial(experiment: Experiment, model: FrictionModel, name: str, seed: int
 
 @dataclass(frozen=True)
 class Standstill:
-    """Outcome of many standstills; in false starts the joint went farther than `FALSE_START`."""
+    """Outcome of many standstills; in a false start the joint moves more than `FALSE_START`."""
 
     false_starts: int
-    farthest: float     # rad
+    farthest: float     # largest distance moved in any standstill, rad
     standstills: int
-    duration: float     # in all, s
+    duration: float     # of all standstills together, s
 
 
 def with_breakaway_error(model: FrictionModel) -> FrictionModel:
@@ -121,10 +121,11 @@ def with_breakaway_error(model: FrictionModel) -> FrictionModel:
 
 
 def stand_still(experiment: Experiment, model: FrictionModel, law: str, seed: int) -> Standstill:
-    """Simulate standstills of an untouched joint with an announced direction, an hour in all.
+    """Simulate standstills of an untouched joint with an announced direction, one hour in total.
 
-    Each standstill draws new breakaway levels; one rest of an hour would try a single pair. Half of
-    them have d = 1, half d = -1. The law's breakaway currents are too large by `BREAKAWAY_ERROR`.
+    Each standstill has new breakaway levels, while a single one of an hour would test only one pair
+    of levels. Half of them have d = 1, half d = -1. The law's breakaway currents are too large by
+    `BREAKAWAY_ERROR`.
     """
     model = with_breakaway_error(model)
     count = round(STANDSTILL_TIME / SAMPLE_TIME)

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""All experiments of one configuration in their order, with progress."""
+"""Runs all experiments of each configuration in order, and reports progress."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class ExperimentOutcome:
     """Results of one configuration.
 
     `model` is the identified one; `trials` are by condition, `standstills` by law. `drive_time` is
-    the simulated time of identification in s.
+    the simulated time in s that identification took.
     """
 
     experiment: Experiment
@@ -53,7 +53,7 @@ class ExperimentOutcome:
         return {name: trial.peak for name, trial in self.trials.items()}
 
     def reduction(self, law: str) -> float:
-        """Share by which a law lowers the peak of the kinetic condition."""
+        """Share by which a law lowers the peak torque of the condition 'kinetic'."""
         return 1.0 - self.trials[law].peak / self.trials['kinetic'].peak
 
     def as_dict(self) -> dict[str, Any]:
@@ -76,7 +76,7 @@ class ExperimentOutcome:
 def run_experiment(experiment: Experiment, table: Callable[[], tuple[IdentificationResult, float]],
                    cycles: int, seed: int, report: Callable[[float, str], None]
                    ) -> ExperimentOutcome:
-    """Run all experiments but the look-up table, which `table` returns from another process."""
+    """Run all experiments except the look-up table, which `table` gets from another process."""
     report(0.0, 'current ramps')
     ramps = identify_breakaway(experiment, cycles, seed)
     report(0.15, 'look-up table')
@@ -97,9 +97,9 @@ def run_experiments(cycles: int, seed: int,
                     report: Callable[[float, str], None]) -> list[ExperimentOutcome]:
     """Run the experiments of every configuration.
 
-    Look-up tables are measured by the identification procedure, sample by sample as with a real
-    joint, in a separate process; all other experiments run compiled and in parallel. There are
-    `cycles` ramps per direction. ``report(share, description)`` is called with the progress.
+    The identification procedure measures look-up tables sample by sample, as with a real joint, in
+    a separate process; all other experiments are compiled and run in parallel. There are `cycles`
+    current ramps per direction. ``report(share, description)`` is called with the progress.
     """
     outcomes = []
     with child_process() as pool:

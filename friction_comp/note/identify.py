@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Sections 2.3 and 2.4 on a simulated joint, with the sensors of a real drive only."""
+"""Sections 2.3 and 2.4 on a simulated joint, using only the sensors of a real drive."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ if TYPE_CHECKING:
 SAMPLE_TIME = 1e-3
 MOTION_RANGE = math.radians(90.0)
 CYCLES_PER_RUN = 10
-# Ramps end as in identification; the note's joint also had a motion range.
+# Samples of the window in which a ramp ends, as in identification.
 CUT_SAMPLES = round(CUT_WINDOW / SAMPLE_TIME)
 
 
 @dataclass(frozen=True)
 class Ramps:
-    """Current ramps: the first cycle (s, rad, A), every breakaway, and s of drive time."""
+    """Current ramps: the first cycle (s, rad, A), all breakaways, and the drive time in s."""
 
     time: np.ndarray
     position: np.ndarray
@@ -50,10 +50,10 @@ class Ramps:
 
 
 def identify_table(experiment: Experiment, seed: int) -> tuple[IdentificationResult, float]:
-    """Run the identification procedure itself, sample by sample, for the look-up table.
+    """Run the identification procedure sample by sample to measure the look-up table.
 
-    Returns its result, with the breakaway of one cycle only (`identify_breakaway` has the others),
-    and s of drive time.
+    Returns its result and the drive time in s. The result contains the breakaway of a single cycle;
+    `identify_breakaway` measures many.
     """
     model = experiment.model()
     goal = IdentificationGoal(
@@ -101,7 +101,7 @@ def _ramp_runs(joints: np.ndarray, random: np.ndarray, states: np.ndarray, outs:
 
 
 def identify_breakaway(experiment: Experiment, cycles: int, seed: int) -> Ramps:
-    """Run the current ramps of Eq. 8, `cycles` in each direction, on many joints in parallel."""
+    """Run the current ramps of Eq. 8, `cycles` in each direction, in many runs in parallel."""
     model = experiment.model()
     each = min(CYCLES_PER_RUN, cycles)
     runs = -(-cycles // each)
@@ -116,7 +116,7 @@ def identify_breakaway(experiment: Experiment, cycles: int, seed: int) -> Ramps:
              for position, current, command in (rows.T for rows in log)]
     columns = {name: np.concatenate([getattr(part, name) for part in parts])
                for name in vars(parts[0])}
-    # The last run may be longer than requested.
+    # The runs may have more cycles than requested.
     first = np.sort(np.concatenate([
         np.flatnonzero(columns['direction'] == sign)[:cycles] for sign in (1, -1)]))
     records = BreakawayRecords(**{name: column[first] for name, column in columns.items()})
@@ -127,6 +127,6 @@ def identify_breakaway(experiment: Experiment, cycles: int, seed: int) -> Ramps:
 
 def identified_model(experiment: Experiment, table: IdentificationResult,
                      ramps: Ramps) -> FrictionModel:
-    """Return the model for the compensation, which contains only measured values."""
+    """Return the model for the compensation, in which all friction values were measured."""
     return replace(experiment.model(), sigmoid=table.sigmoid,
                    breakaway=ramps.records.statistics(), simulation={}, notes={})

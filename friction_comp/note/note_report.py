@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The page that compares the note's results with those of the simulation."""
+"""The report that compares the note's results with those of the simulation."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ def reproduction_report(outcomes: list[ExperimentOutcome]) -> Report:
     report = Report(
         'The technical note, repeated in simulation',
         'Improving backdrivability in geared rehabilitation robots: all its experiments')
-    hours = sum(outcome.drive_time for outcome in outcomes) / 60.0
+    minutes = sum(outcome.drive_time for outcome in outcomes) / 60.0
     report.verdict(_verdict(outcomes))
     report.text(f"""
-Three simulated drives, true to Table 1 and section 3 of the note, were identified by the note's
-procedures ({hours:.0f} minutes of drive time) and compensated with what was identified. What the
-note does not give, namely presliding damping, the slowest speeds of the table, the person's
-impedance and the speed of the movement, was chosen so that the peak torque with kinetic
+Three simulated drives with the data of Table 1 and section 3 of the note were identified by the
+note's procedures ({minutes:.0f} minutes of drive time) and compensated with the identified models.
+What the note does not give (presliding damping, the slowest speeds of the table, the person's
+impedance and the speed of the movement) was chosen so that the peak torque with kinetic
 compensation alone (d = 0) agrees with the note. **Everything with d = ±1 is a prediction.**
 """)
     report.heading('Result')
@@ -45,7 +45,7 @@ compensation alone (d = 0) agrees with the note. **Everything with d = ±1 is a 
     shown = outcomes[min(1, len(outcomes) - 1)]
     report.figure(ramp_figure(shown), (
         f"Current ramp of Eq. 8 on configuration {shown.experiment.number} (the note's Fig. 2). "
-        'Dashed: the instants at which the joint breaks free. The ramp is cut once it runs.'))
+        'Dashed: the instants at which the joint breaks free. A ramp ends once the joint moves.'))
     report.heading('Kinetic friction')
     report.figure(friction_figure(outcomes), (
         "Look-up table, fit of Eq. 6 and breakaway currents (the note's Fig. 4)."))
@@ -53,7 +53,7 @@ compensation alone (d = 0) agrees with the note. **Everything with d = ±1 is a 
     report.heading('Movements')
     report.figure(trial_figure(outcomes), (
         "Trajectories and back-driving torques, mean and standard deviation of ten repetitions "
-        "(the note's Fig. 5). Dashed: what the person is shown."))
+        "(the note's Fig. 5). Dashed: the movement shown to the person."))
     _add_standstill(report, outcomes)
     _add_sources(report, outcomes)
     return report
@@ -63,15 +63,15 @@ def _verdict(outcomes: list[ExperimentOutcome]) -> str:
     reductions = ', '.join(
         f'{100 * o.reduction("paper"):.0f} % ({100 * o.experiment.reduction:.0f} %)'
         for o in outcomes)
-    better = ', '.join(f'{100 * o.reduction("continuous"):.0f} %' for o in outcomes)
-    off = max(abs(o.breakaway.positive_mean / o.experiment.breakaway - 1.0) for o in outcomes)
+    continuous = ', '.join(f'{100 * o.reduction("continuous"):.0f} %' for o in outcomes)
+    error = max(abs(o.breakaway.positive_mean / o.experiment.breakaway - 1.0) for o in outcomes)
     return (f"The note's law lowers the torque that starts a movement by {reductions} (in "
-            f'brackets what the note measured), the continuous law by **{better}**. '
-            f"Breakaway currents are within {100 * off:.1g} % of the note's.")
+            f'brackets: as measured in the note), the continuous law by **{continuous}**. '
+            f"Breakaway currents are within {100 * error:.1g} % of the note's.")
 
 
 def compared(outcome: ExperimentOutcome) -> list[tuple[str, str, str]]:
-    """Return rows of name, the note's value or '', and the simulation's, for a configuration."""
+    """Return rows for a configuration: name, the note's value or '', the simulation's value."""
     experiment, both, peaks = outcome.experiment, outcome.breakaway, outcome.peaks
     return [
         ('breakaway, positive (mA)',
@@ -94,13 +94,13 @@ def compared(outcome: ExperimentOutcome) -> list[tuple[str, str, str]]:
 def _add_result(report: Report, outcomes: list[ExperimentOutcome]) -> None:
     rows = [[name, outcome.experiment.number, note, here]
             for outcome in outcomes for name, note, here in compared(outcome)]
-    report.table(['', 'configuration', 'note', 'here'], rows,
+    report.table(['', 'configuration', 'note', 'simulation'], rows,
                  'Peaks are those of the average over ten repetitions, mean of both directions.')
     ratios = ', '.join(
-        f'{o.peaks["continuous"] / o.peaks["inertia"]:.1f} times that in configuration '
+        f'{o.peaks["continuous"] / o.peaks["inertia"]:.1f} times this limit in configuration '
         f'{o.experiment.number}' for o in outcomes)
     report.text(f"""
-The row *inertia alone* is the torque for a joint of the same inertia without friction: the
+The row *peak of the inertia alone* is for a joint of the same inertia without friction: the
 physical limit of any friction compensation. The peak under the continuous law is {ratios}.
 """)
 
@@ -121,8 +121,8 @@ def _add_table(report: Report, outcomes: list[ExperimentOutcome]) -> None:
     report.table(
         ['configuration', 'c1 … c6 (ω in deg/s)', 'E (A)', 'E of Eq. 11 as printed (A)',
          'largest difference to Eq. 11 from 5 deg/s on (mA)'], rows,
-        "Rows 2 and 3 of Eq. 11 are taken in each other's place, as Fig. 4 and the breakaway "
-        'currents require. Eq. 6 leaves the scale of c1, c3, c4 and c5 free: here c4 + c5 = 2.')
+        'Rows 2 and 3 of Eq. 11 are interchanged, as Fig. 4 and the breakaway currents require. '
+        'Eq. 6 leaves the scale of c1, c3, c4 and c5 free: here c4 + c5 = 2.')
     rests = {o.experiment.number: float(o.experiment.model().sigmoid(0.0)) for o in outcomes}
     worst = max(outcomes, key=lambda o: abs(rests[o.experiment.number])).experiment
     level = worst.breakaway
@@ -130,16 +130,16 @@ def _add_table(report: Report, outcomes: list[ExperimentOutcome]) -> None:
     shown = ', '.join(f'{1e3 * rest:+.0f} mA in configuration {k}' for k, rest in rests.items())
     report.text(f"""
 **Standstill under Eq. 6 as printed.** The fitted transition does not pass through zero: f̂(0) is
-{shown}. No point of a table lies there, so that this value is an accident of the fit.
-Added to 0.9 · i_b it would make {1e3 * total:.0f} mA in configuration
+{shown}. The table has no point there, so this value is arbitrary.
+Added to 0.9 · i_b it would give {1e3 * total:.0f} mA in configuration
 {worst.number}, where {1e3 * level:.0f} mA set the joint in motion. The printed law is
-therefore understood as: kinetic compensation acts on a joint that moves, breakaway compensation
+therefore read as follows: kinetic compensation acts on a joint that moves, breakaway compensation
 on one that does not.
 """)
 
 
 def _add_standstill(report: Report, outcomes: list[ExperimentOutcome]) -> None:
-    report.heading('No false start')
+    report.heading('False starts')
     rows = []
     for outcome in outcomes:
         for law, standstill in outcome.standstills.items():
@@ -148,20 +148,20 @@ def _add_standstill(report: Report, outcomes: list[ExperimentOutcome]) -> None:
                          math.degrees(standstill.farthest)])
     report.table(
         ['configuration', 'law', 'hours', 'standstills', 'false starts', 'farthest (deg)'], rows,
-        'Nobody touches the joint, d is ±1, and the breakaway currents in use are 10 % too large. '
-        'Every standstill has new breakaway levels.')
+        'Nobody touches the joint, d is ±1, and the breakaway currents of the law are 10 % too '
+        'large. Every standstill has new breakaway levels.')
     report.text(f"""
-A start is false if the joint goes farther than {math.degrees(FALSE_START):.0f} degree. At a gain
+A start is false if the joint moves more than {math.degrees(FALSE_START):.0f} degree. At a gain
 of 0.9 and with breakaway currents 10 % too large, the current is 99 % of the mean breakaway
-current: two joints of five slip. Under the printed law each slip ends itself, since
-the first count takes the breakaway term away; the joint advances a few tenths of a degree until
-it sticks well enough. The continuous law trusts a drive with {100.0 * (1.0 - LOWERED):.0f} % less
-after each slip that it notices, until somebody moves the joint.
+current: two joints of five slip. Under the printed law each slip ends by itself, since
+the first encoder count removes the breakaway term; the joint advances a few tenths of a degree
+until it sticks firmly enough. The continuous law lowers its current at standstill by
+{100.0 * (1.0 - LOWERED):.0f} % after each slip that it notices, until somebody moves the joint.
 """)
 
 
 def _add_sources(report: Report, outcomes: list[ExperimentOutcome]) -> None:
-    report.heading('What the joints are made of')
+    report.heading('Parameters of the simulated joints')
     rows = []
     for outcome in outcomes:
         entries = outcome.experiment.model().simulation
@@ -176,7 +176,7 @@ def _add_sources(report: Report, outcomes: list[ExperimentOutcome]) -> None:
          'presliding damping (N·m·s/rad)', "person's stiffness (N·m/rad)",
          "person's damping (N·m·s/rad)", 'speed (deg/s)', 'acceleration time (s)',
          'slowest speeds of the table (deg/s)'], rows,
-        'Inertia and stiffness from data sheets, the rest calibrated on d = 0.')
+        'Inertia and stiffness are from data sheets, all others are calibrated on d = 0.')
     sources = outcomes[-1].experiment.model().simulation['sources']
     report.text('\n\n'.join(f'**{name}**: {text}' for name, text in sources.items()))
 
@@ -186,7 +186,7 @@ def ramp_figure(outcome: ExperimentOutcome) -> Figure:
     """Fig. 2: current ramp, velocity, and the instants at which the joint breaks free."""
     ramps = outcome.ramps
     figure, (upper, lower) = new_figure(2, 1, height=2.1, sharex=True)
-    # Velocity as seen by eye: over 20 ms, not from count to count.
+    # Mean velocity over 20 ms: from sample to sample it would show single encoder counts.
     window = 20
     speed = np.zeros(len(ramps.time))
     speed[window:] = (ramps.position[window:] - ramps.position[:-window]) / (

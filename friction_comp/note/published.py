@@ -15,8 +15,8 @@ RAMP_PERIOD = 10.0
 """T of Eq. 8 in s, all configurations."""
 
 FALSE_START = math.radians(1.0)
-"""rad. An untouched joint that moves farther has started by itself. Sticking joints yield by
-0.01 to 0.02 degrees under the breakaway term alone, which is no start."""
+"""rad. An untouched joint that moves farther has started by itself. Under the breakaway term
+alone, sticking joints deflect by 0.01 to 0.02 degrees, which is not a start."""
 
 _FAST = (5.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0, 90.0, 100.0)
 
@@ -26,26 +26,26 @@ class Experiment:
     """One of the note's three configurations."""
 
     number: int
-    # Section 3, A.
+    # Mean and standard deviation of section 3, A.
     breakaway: float
     breakaway_std: float
-    # s of Eq. 8 in A/s.
+    # Slope s of Eq. 8, A/s.
     ramp_slope: float
-    # Section 3: N·m with d = 0 and with d = ±1, and the reduction stated.
+    # Section 3: peak torque with d = 0 and with d = ±1, N·m, and the reduction stated.
     peak_kinetic: float
     peak_compensated: float
     reduction: float
-    # The slowest speeds of the table, deg/s. The note does not give its table, and the slowest
-    # speed decides how steep the fitted transition is.
+    # Slowest speeds of the table, deg/s. The note does not list the speeds of its table; the
+    # slowest determines how steep the fitted transition is.
     slow: tuple[float, ...]
 
     @property
     def speeds(self) -> tuple[float, ...]:
-        """Speeds of the look-up table in rad/s, each driven both ways."""
+        """Speeds of the look-up table in rad/s, each measured in both directions."""
         return tuple(math.radians(speed) for speed in self.slow + _FAST)
 
     def model(self) -> FrictionModel:
-        """Return the drive as the note describes it, the simulated joint's model."""
+        """Return the model of the simulated joint: the drive as the note describes it."""
         return FrictionModel.load(
             package_file('config', f'armin_configuration_{self.number}.yaml'))
 

@@ -11,31 +11,31 @@ from typing import Any
 from rosbags.typesys import get_typestore, Stores
 
 DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
-# Nodes that command the motor; their diagnostics report it.
+# Names of the nodes that command the motor, as in their diagnostics.
 _SOURCES = (b'compensator', b'identification')
-# A running compensator reports within this time of a recording, ns: it does so every second of real
-# time, in which a simulation may advance by several.
+# A compensator that runs from the beginning of a recording reports within this time, ns. It reports
+# every second of real time, in which a simulation may advance by several.
 _FIRST_REPORT = 10_000_000_000
 
 
 @dataclass(frozen=True)
 class Activity:
-    """State of a compensator from one time on, as it reported it; '' if not reported."""
+    """What a compensator reported, valid from `time` on; '' if not reported."""
 
     time: int           # received at, ns
     state: str          # its lifecycle state; 'identification' while that node moved the joint
     law: str
     model: str          # model files
-    joints: str = ''    # of these files, in the same order
+    joints: str = ''    # joints of the model files, in the same order
 
     @property
     def models(self) -> dict[str, str]:
-        """Model file of each joint; empty where they are not reported."""
+        """Model file of each joint; empty if they were not reported."""
         joints, models = self.joints.split(', '), self.model.split(', ')
         return dict(zip(joints, models)) if self.model and len(joints) == len(models) else {}
 
     def of(self, joint: str) -> Activity:
-        """Return the activity with the model file of one joint, where several are named."""
+        """Return the activity with only the model file of one joint, where several are listed."""
         return replace(self, model=self.models.get(joint, self.model))
 
 
@@ -47,10 +47,10 @@ class ActivityLog:
         self.changes: list[Activity] = []
 
     def add(self, time: int, raw: bytes, begin: int) -> None:
-        """Add a serialised DiagnosticArray; one that is truncated is skipped.
+        """Add a serialised DiagnosticArray received at `time`; skip it if it is truncated.
 
-        A compensator's first report also holds for the time just before it, back to the beginning
-        of the recording, since reports come every second.
+        Since reports come every second, a compensator's first report is also applied to the time
+        before it, back to the beginning of the recording at `begin` (both in ns).
         """
         if not any(node in raw for node in _SOURCES):
             return

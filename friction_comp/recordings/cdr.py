@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Decodes many CDR messages of one type at once.
 
-A recording holds up to millions of messages, usually with the same layout (joint names and array
+A recording has up to millions of messages, usually with the same layout (joint names and array
 lengths). The layout is determined from one message; all messages with the same length, counts and
 strings are then decoded together with numpy. Messages with other layouts form further groups.
 """
@@ -27,7 +27,7 @@ MOST_VALUES = 200
 
 
 class _Cursor:
-    """Walks through one message and notes the offset of each field."""
+    """Reads through one message and stores the offset of each field."""
 
     def __init__(self, data: bytes) -> None:
         if len(data) < 4 or data[0] != 0 or data[1] not in (0, 1):
@@ -42,7 +42,7 @@ class _Cursor:
         self.fields: dict[str, tuple[str, int, int]] = {}
 
     def advance(self, size: int, alignment: int) -> int:
-        """Pass a field, and return where it starts."""
+        """Skip a field and return where it starts."""
         start = self.position + -(self.position - 4) % alignment
         if start + size > len(self.data):
             raise ValueError('message is shorter than its fields')
@@ -50,7 +50,7 @@ class _Cursor:
         return start
 
     def count(self, most: float = math.inf) -> int:
-        """Read a length, check its limit, and add it to the fixed bytes."""
+        """Read a length of at most `most`, and add it to the fixed bytes."""
         start = self.advance(4, 4)
         self.fixed.extend(range(start, start + 4))
         count = int(struct.unpack_from(self.order + 'I', self.data, start)[0])
@@ -75,7 +75,7 @@ class _Cursor:
 
 
 def _walk(cursor: _Cursor, kind: str) -> tuple[str, ...]:
-    """Advance the cursor over all fields of a message, and return the names in it."""
+    """Advance the cursor over all fields of a message; return the names that it contains."""
     if kind in (FLOAT_ARRAY, INT8_ARRAY):
         unit: tuple[str, ...] = ()
         for k in range(cursor.count(MOST_VALUES)):

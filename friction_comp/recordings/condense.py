@@ -1,10 +1,10 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reads long or many recordings as averages over a few samples each, in limited memory.
+"""Reads long or many recordings in limited memory, by averaging a few samples at a time.
 
 Samples are averaged while they are read. All signals are averaged over the same samples, so that
-they have the same filter. If averages at the slowest rate are still too many, pieces spread over
-all recordings are kept.
+they are filtered alike. If there are still too many averages at the lowest rate, only pieces spread
+evenly over all recordings are kept.
 """
 
 from __future__ import annotations
@@ -26,27 +26,27 @@ from friction_comp.samples import Samples
 
 # Most samples of one fit: about 600 MB of working memory, ten times the size of most recordings.
 LIMIT = 400_000
-# Hz; averages over a longer time hide friction at a reversal.
+# Lowest rate of averages, Hz: averages over a longer time hide friction at a reversal.
 _SLOWEST_RATE = 100.0
-# s of a recording that are read at once, and that are kept or omitted together.
+# Length of a stretch that is read at once, and of a piece that is kept or omitted, s.
 _STRETCH, _PIECE = 60.0, 10.0
-# s that are read to estimate the number of samples.
+# Length that is read to estimate the number of samples, s.
 _PROBE = 600.0
-# Its multiples modulo 1 are evenly distributed without a period: they select pieces.
+# Golden ratio: its multiples modulo 1, which are spread evenly, select pieces.
 _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
-# Smallest size of a sample, bytes.
-_SMALLEST = 10
+# Smallest size of a sample in a file, bytes.
+_LEAST_SAMPLE_SIZE = 10
 
 
 @dataclass(frozen=True)
 class Averaging:
-    """Averages over `length` samples, of which a share of all pieces is kept."""
+    """Averaging over `length` samples at a time, after which a share of all pieces is kept."""
 
     length: int = 1
     share: float = 1.0
 
-    def of(self, samples: Samples) -> Samples:
-        """Return the averages that are kept."""
+    def apply(self, samples: Samples) -> Samples:
+        """Return the averages of samples that are kept."""
         samples = samples.averaged(self.length)
         if self.share >= 1.0 or not len(samples):
             return samples
@@ -60,13 +60,13 @@ class Averaging:
 
 
 def condensed(samples: Samples, limit: int) -> Samples:
-    """Return about `limit` averages at 100 Hz or more, spread over one recording."""
-    length = _longest(samples)
-    return Averaging(length, min(1.0, limit * length / max(len(samples), 1))).of(samples)
+    """Return averages of a recording at about 100 Hz, of which at most about `limit` are kept."""
+    length = _longest_average(samples)
+    return Averaging(length, min(1.0, limit * length / max(len(samples), 1))).apply(samples)
 
 
-def _longest(samples: Samples) -> int:
-    """Return the number of samples in an average at the slowest rate."""
+def _longest_average(samples: Samples) -> int:
+    """Return the number of samples in an average at the lowest rate."""
     return max(1, round(1.0 / max(samples.sample_time, 1e-9) / _SLOWEST_RATE))
 
 
@@ -74,10 +74,10 @@ def read_condensed(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
                    torque_constant: float = 1.0, gear_ratio: float = 1.0,
                    progress: Progress | None = None, layout: Layout | None = None,
                    limit: int = LIMIT) -> list[tuple[Samples, RecordingInfo]]:
-    """Read recordings of one joint as `read_recording_with_info`, in a bounded amount of memory.
+    """Read recordings of one joint as `read_recording_with_info` does, in limited memory.
 
     `limit` is the approximate number of samples of all recordings together. If there are more, they
-    are averaged, with a note in the first recording's info.
+    are averaged, and a note in the first recording's info says so.
     """
     recordings = find_recordings(paths)
     averaging = _choose_averaging(recordings, joint, layout, limit)
@@ -98,12 +98,12 @@ def read_condensed(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
 
 def _choose_averaging(recordings: Sequence[Path], joint: str | None, layout: Layout | None,
                       limit: int) -> Averaging:
-    """Return the averaging for a limited number of samples in all recordings.
+    """Return the averaging that leaves about `limit` samples of all recordings.
 
     Their number is estimated from the beginning of the largest recording and the sizes of all.
     """
     sizes = [size_of(path) for path in recordings]
-    if sum(sizes) < _SMALLEST * limit:
+    if sum(sizes) < _LEAST_SAMPLE_SIZE * limit:
         return Averaging()
     shares_read: list[float] = []
     largest = recordings[int(np.argmax(sizes))]
@@ -111,26 +111,26 @@ def _choose_averaging(recordings: Sequence[Path], joint: str | None, layout: Lay
         largest, joint, seconds=_PROBE, layout=layout, progress=shares_read.append))
     in_largest = len(samples) / max(shares_read[-1], 1e-9)
     total = in_largest * sum(sizes) / max(sizes)
-    length = int(np.clip(math.ceil(total / limit), 1, _longest(samples)))
+    length = int(np.clip(math.ceil(total / limit), 1, _longest_average(samples)))
     return Averaging(length, min(1.0, limit * length / total))
 
 
 def _read(averaging: Averaging, path: Path, stretches: Iterator[tuple[Samples, RecordingInfo]]
           ) -> tuple[Samples, RecordingInfo]:
-    """Return the averages of one recording."""
+    """Return the averages of one recording, read in stretches."""
     parts: list[Samples] = []
     notes: list[str] = []
     for samples, info in stretches:
         if parts and len(samples):
-            # Angles are unwrapped only within each stretch.
+            # Angles were unwrapped within each stretch: continue the turns of the one before.
             turns = round(float(samples.position[0] - parts[-1].position[-1]) / (2.0 * math.pi))
             samples = samples.with_(position=samples.position - 2.0 * math.pi * turns)
-        kept = averaging.of(samples)
+        kept = averaging.apply(samples)
         if len(kept):
             parts.append(kept)
         notes += [note for note in info.notes if note not in notes]
     if not parts:
-        raise InputError(f'{path}: holds too little of joint {info.joint!r}')
+        raise InputError(f'{path}: has too few samples of joint {info.joint!r}')
     info.stamps = info.rows = None
     info.notes = notes
     return Samples.concatenate(parts), info

@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stores averages of a drive's recordings in a small file beside its model.
 
-Averages of signals are stored, not sums of products: a later refinement can fit new effects to
-averages. Sums of products contain only the columns known when they were computed, and are larger.
+Averages of signals are stored rather than sums of products for least squares: a later refinement
+can fit new effects to them, while sums contain only the columns known when they were computed, and
+are larger.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ VERSION = 1
 # Averages kept per recording: more than a minute at 100 Hz, about 200 kB.
 KEPT = 8000
 _SIGNALS = ('time', 'position', 'current', 'velocity', 'load', 'temperature')
-# Earlier stamps are simulated or missing.
+# Stamps before this time (in 2001), s, are simulated or missing.
 _FIRST_DATE = 1e9
 
 
@@ -39,7 +40,7 @@ class RecordedAverages:
 
     name: str       # of the file or folder
     start: float    # stamp of its first sample, s
-    day: str        # ISO date of the recording, or of its addition where stamps hold no date
+    day: str        # ISO date of the recording, or of its addition if stamps have no date
     samples: Samples
 
 

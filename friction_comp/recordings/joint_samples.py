@@ -17,7 +17,7 @@ from friction_comp.recordings.plausible import check_plausible
 from friction_comp.recordings.scan import Scan, signal_of, Track
 from friction_comp.samples import JointStates, Samples
 
-# A jump by nearly a turn within this time is a wrapped angle: s, rad.
+# A jump by nearly a turn, rad, within this time, s, is a wrapped angle.
 _WRAP_TIME, _WRAP = 0.02, (1.8 * np.pi, 2.2 * np.pi)
 
 
@@ -26,27 +26,27 @@ class RecordingInfo:
     """Information on one recording beyond its samples."""
 
     path: Path
-    joint: str = ''  # that was read
-    joints: list[str] = field(default_factory=list)  # all in the recording's joint states
+    joint: str = ''  # the joint that was read
+    joints: list[str] = field(default_factory=list)  # all joints in the recording's joint states
     # Topic name to (message type, number of messages).
     topics: dict[str, tuple[str, int]] = field(default_factory=dict)
     start: float = 0.0  # stamp of the samples' time zero, s
-    # (M,): time of every joint state in s since `start`, in the order received.
+    # (M,): times of all joint states in s since `start`, in the order received.
     stamps: np.ndarray | None = None
     rows: np.ndarray | None = None  # (N,): indices of the joint states used as samples
     # Number of joint states that were left out, by reason.
     dropped: dict[str, int] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)  # for readers of the results
     model: str | None = None  # active model file, if recorded
-    # What the compensator reported, each with its begin in s since `start`.
+    # What the compensator reported, each with the time in s since `start` from which it is valid.
     activity: list[tuple[float, Activity]] = field(default_factory=list)
-    effort_is_current: bool = False  # in A already, as a table may declare
+    effort_is_current: bool = False  # whether efforts were in A already, as a table may declare
 
     def check_joint(self, other: RecordingInfo) -> None:
-        """Raise InputError if another recording holds another joint."""
+        """Raise InputError if another recording is of another joint."""
         if self.joint != other.joint:
-            raise InputError(f'{self.path}: holds joint {self.joint!r}, but {other.path} holds '
-                             f'{other.joint!r}: name one with --joint')
+            raise InputError(f'{self.path}: contains joint {self.joint!r}, but {other.path} '
+                             f'contains {other.joint!r}: name one with --joint')
 
 
 def without_compensation(samples: Samples, info: RecordingInfo) -> Samples:
@@ -70,8 +70,8 @@ def to_samples(scan: Scan, joint: str | None,
                torque_per_current: float) -> tuple[Samples, RecordingInfo]:
     """Interpolate one joint's signals to the times of its joint states.
 
-    Raises InputError if the joint is missing, not named though there are several, or its values
-    are impossible.
+    Raises InputError if the joint is missing, `joint` is None although there are several, or the
+    values are impossible.
     """
     if scan.effort_is_current:
         torque_per_current = 1.0
@@ -82,11 +82,11 @@ def to_samples(scan: Scan, joint: str | None,
     outlier = time_base.outliers(stamp)
     shifts = time_base.clock_shifts(stamp[~outlier], track.order[~outlier], track.receive[~outlier],
                                     info.notes)
-    stamp = shifts.of(stamp, track.order)
+    stamp = shifts.apply(stamp, track.order)
     position, velocity, effort = values.T
     finite = np.isfinite(position) & np.isfinite(effort)
     _check_finite(scan, track.topic, joint, position, effort)
-    # Velocity may be empty; one that is mostly empty is ignored.
+    # Velocity may be empty; if it mostly is, it is ignored.
     has_velocity = np.isfinite(velocity)
     if has_velocity[finite].mean() < 0.5:
         velocity = None
@@ -148,7 +148,7 @@ def with_arm(samples: Samples, info: RecordingInfo, scan: Scan) -> Samples:
 
 def joint_states_at(samples: Samples, info: RecordingInfo,
                     joints: dict[str, tuple[Samples, RecordingInfo]]) -> JointStates:
-    """Return the motion of joints at the times of one of them.
+    """Return the motion of all `joints` at the times of one joint's `samples`.
 
     It is interpolated linearly; beyond the ends, the nearest value is used.
     """
@@ -159,9 +159,9 @@ def joint_states_at(samples: Samples, info: RecordingInfo,
         positions.append(np.interp(time, other.time, other.position))
         if other.velocity is not None:
             speeds.append(np.interp(time, other.time, other.velocity))
-    known = len(speeds) == len(positions)
+    all_have_velocity = len(speeds) == len(positions)
     return JointStates(tuple(joints), np.column_stack(positions),
-                       np.column_stack(speeds) if known else None)
+                       np.column_stack(speeds) if all_have_velocity else None)
 
 
 def _unwrap(time: np.ndarray, position: np.ndarray, notes: list[str]) -> np.ndarray:
@@ -178,19 +178,19 @@ def _unwrap(time: np.ndarray, position: np.ndarray, notes: list[str]) -> np.ndar
 
 
 def _others_moved(scan: Scan, own: np.ndarray) -> bool:
-    """Return whether another joint than that with the values `own` moved."""
+    """Return whether any joint moved other than the one with the values `own`."""
     positions = [values[np.isfinite(values[:, 0]), 0] for track in scan.of('joint_states')
                  for values in track.values.values() if values is not own]
     return any(len(position) > 0 and np.ptp(position) > 0.01 for position in positions)
 
 
 def _select_joint(scan: Scan, joint: str | None) -> tuple[Track, str, list[str], np.ndarray]:
-    """Return the track of a joint, its name, the names of all in the track, and its values."""
+    """Return a joint's track and name, the names of all joints in the track, and its values."""
     tracks = scan.of('joint_states')
     if not tracks:
         if any(signal_of(topic, kind) == 'joint_states' for topic, (kind, _) in
                scan.topics.items()):
-            raise InputError(f'{scan.path}: its joint_states hold no message')
+            raise InputError(f'{scan.path}: its joint_states contain no message')
         raise InputError(
             f'{scan.path}: no joint_states of type sensor_msgs/msg/JointState in it (topics: '
             f'{", ".join(sorted(scan.topics)) or "none"})')
@@ -206,12 +206,12 @@ def _select_joint(scan: Scan, joint: str | None) -> tuple[Track, str, list[str],
         raise InputError(f'{scan.path}: no joint {joint!r} in it, but {listed}')
     # A single joint may have no name in the recording.
     key = '' if joints == [''] else joint
-    holding = [track for track in tracks if key in track.names]
-    if len(holding) > 1:
+    matching = [track for track in tracks if key in track.names]
+    if len(matching) > 1:
         raise InputError(
             f'{scan.path}: joint {joint!r} is in several topics: '
-            f'{", ".join(track.topic for track in holding)}')
-    track = holding[0]
+            f'{", ".join(track.topic for track in matching)}')
+    track = matching[0]
     return track, joint, list(track.names) if key else [joint], track.values[key]
 
 
@@ -219,15 +219,15 @@ def _check_finite(scan: Scan, topic: str, joint: str, position: np.ndarray,
                   effort: np.ndarray) -> None:
     for name, values in (('position', position), ('effort', effort)):
         if not np.isfinite(values).any():
-            raise InputError(f'{scan.path}: {topic} holds no finite {name} of joint {joint!r}')
+            raise InputError(f'{scan.path}: {topic} contains no finite {name} of joint {joint!r}')
     if not (np.isfinite(position) & np.isfinite(effort)).any():
         raise InputError(
-            f'{scan.path}: {topic} never holds position and effort of joint {joint!r} together')
+            f'{scan.path}: {topic} never has position and effort of joint {joint!r} together')
 
 
 def _in_order(stamp: np.ndarray, usable: np.ndarray,
               notes: list[str]) -> tuple[np.ndarray, int]:
-    """Return the usable rows in time order without duplicate stamps, and the number of these."""
+    """Return the usable rows in time order without duplicate stamps, and how many were dropped."""
     rows = np.nonzero(usable)[0]
     times = stamp[rows]
     if (np.diff(times) < 0).any():

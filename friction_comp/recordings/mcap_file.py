@@ -52,7 +52,7 @@ class McapFile:
     def __init__(self, path: Path) -> None:
         # Notes on missing or damaged parts; complete after `messages` has ended.
         self.notes: list[str] = []
-        # Topic to (message type, number of messages), as far as the file has been read.
+        # Topic to (message type, number of messages), of the part that has been read.
         self.topics: dict[str, tuple[str, int]] = {}
         self.encodings: dict[str, str] = {}     # topic to serialisation
         self.custom: dict[str, str] = {}        # custom_data of rosbag2's metadata
@@ -84,14 +84,14 @@ class McapFile:
     def messages(self, wanted: Wanted) -> Iterator[Message]:
         """Yield (topic, type, receive time in ns, payload) of messages in the order of the file.
 
-        Only messages of a topic and type that are wanted are yielded; all are counted. Raises
-        DamagedError if the file holds no readable record at all.
+        Only messages for which `wanted(topic, type)` is true are yielded; all are counted. Raises
+        DamagedError if the file has no readable record at all.
         """
         self._file.seek(0)
         begin = self._file.read(len(MAGIC))
         if begin != MAGIC:
             if self._next_chunk(0) is None:
-                raise DamagedError('it does not begin as mcap does (file magic) and holds no chunk')
+                raise DamagedError('it is not an mcap file (wrong first bytes and no chunk)')
             self.notes.append('its first bytes are damaged')
         opcode, checksum = 0, zlib.crc32(begin)
         for record in self._records():
@@ -158,7 +158,7 @@ class McapFile:
         return None
 
     def _iterate(self, content: bytes, wanted: Wanted) -> Iterator[Message]:
-        """Yield the messages among successive records, and read the records that describe them."""
+        """Yield the messages in a sequence of records, and store the descriptions of topics."""
         at, stop = 0, len(content)
         requested: dict[int, tuple[str, str] | None] = {}
         counts: defaultdict[int, int] = defaultdict(int)
@@ -195,7 +195,7 @@ class McapFile:
     def _read_description(self, opcode: int, content: bytes) -> None:
         try:
             self._add(_DESCRIPTIONS[opcode].read(ReadDataStream(BytesIO(content))))
-        # There is no checksum: a corrupt record may raise anything.
+        # Without a checksum, a corrupt record may raise anything.
         except Exception:
             self.notes.append('a description of its contents is damaged')
 
@@ -219,7 +219,7 @@ class McapFile:
         self._file.seek(max(self._size - _FOOTER_SIZE, 0))
         try:
             footer, = StreamReader(BytesIO(self._file.read()), skip_magic=True).records
-        # Whatever is there instead.
+        # Anything may be there instead of a footer.
         except Exception:
             return None
         return footer if isinstance(footer, Footer) else None

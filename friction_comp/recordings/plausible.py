@@ -1,9 +1,9 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Refuses measured values that no joint can have, and signals that contradict each other.
+"""Rejects measured values that no joint can have, and signals that contradict each other.
 
-Results from such recordings would look valid. The limits are far beyond any geared drive, so that
-they detect corrupt files and wrong units and signs, but accept unusual machines.
+Results from such recordings would look valid. The limits are far beyond any geared drive: they
+reject corrupt files, wrong units and wrong signs, but not unusual machines.
 """
 
 from __future__ import annotations
@@ -20,26 +20,26 @@ from friction_comp.signal_checks import (
     velocity_ratios,
 )
 
-# Largest ratio of velocity and rate of position; a wrong unit gives 57 or more.
+# Largest ratio of velocity to rate of position, or its inverse; a wrong unit gives 57 or more.
 _LARGEST_RATIO = 3.0
-# Share of the blocks of motion that must contradict, and fewest blocks. In 26 recorded joints the
-# share is at most 0.02, with velocity in deg/s or its sign reversed at least 0.57.
+# Share of the blocks of motion in which velocity must contradict position, and fewest blocks. In 26
+# recorded joints this share is at most 0.02; with velocity in deg/s or reversed, at least 0.57.
 _CONTRADICTING, _FEWEST_BLOCKS = 0.5, 30
 # Correlation of measured and commanded current below which their signs are opposite.
 _OPPOSED = -0.9
 # Bins of position, fewest samples of each direction in a bin, and fewest such bins.
 _BINS, _PER_BIN, _FEWEST_BINS = 20, 20, 5
-# Share of the motion in which a reversed effort must show.
+# Share of the motion in which the effort must appear reversed.
 _REVERSED_SHARE = 0.8
 
 
 def check_plausible(samples: Samples, name: str, alone: bool = True) -> None:
     """Raise InputError for samples that are physically impossible.
 
-    That is if a value or the rate of position exceeds what any joint can have, velocity contradicts
-    position, or the effort has the wrong sign; the text names signal, value and time. If no other
-    joint of the recording moved (`alone`), the gravity torque depends on the position alone, and
-    the motor's mean power must be positive.
+    They are if a value or the rate of position exceeds what any joint can have, velocity
+    contradicts position, or the effort has the wrong sign; the message names signal, value and
+    time. `alone` says that no other joint of the recording moved: then the gravity torque depends
+    on the position alone, and the motor's mean power must be positive.
     """
     if not len(samples):
         return
@@ -90,18 +90,18 @@ def _fault_of_velocity(samples: Samples) -> str:
 def _fault_of_command(samples: Samples) -> str:
     command, current = samples.command, samples.current
     if (command is not None and len(samples) >= 200 and command.any() and current.any()
-            and current_answer(command, current).likeness < _OPPOSED):
-        return ('the effort has the opposite sign of the commanded current: one of them has the '
+            and current_answer(command, current).correlation < _OPPOSED):
+        return ('effort and commanded current have opposite signs: one of them has the '
                 'wrong sign')
     return ''
 
 
 def _fault_of_power(samples: Samples) -> str:
-    """Return the fault of an effort with reversed sign, by the power of the motor.
+    """Return the fault of an effort with reversed sign, judged by the motor's mean power.
 
-    At a given position, gravity is the same in both directions of motion, and friction requires
-    more torque along the motion than against it. This is not checked with a command or a measured
-    load: the motor may have been braking or been driven.
+    At a given position, gravity is the same in both directions of motion, so friction must make the
+    effort larger in the positive than in the negative direction. This is not checked if a command
+    or a load was recorded: then the motor may have been braking or driven.
     """
     if samples.load is not None or (samples.command is not None and samples.command.any()):
         return ''

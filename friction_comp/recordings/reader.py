@@ -33,7 +33,7 @@ from friction_comp.recordings.storage import AnyPath
 from friction_comp.recordings.time_base import gap_length, GAPS
 from friction_comp.samples import Samples
 
-# Other topics are read so many ns past a stretch's end: a recorder may write them later.
+# Other topics are read this far beyond the end of a stretch, ns: a recorder may write them later.
 _MARGIN = 2_000_000_000
 
 
@@ -48,11 +48,11 @@ def read_recording(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
     paths : path-like or list of path-like
         Rosbag2 folders, .mcap files, tables (CSV, Parquet, npz), or folders of recordings.
     joint : str, optional
-        Name of the joint; needed where a recording has several.
+        Name of the joint; required if a recording has several.
     torque_constant, gear_ratio : float
         k_t in N·m/A and n: current is effort / (k_t · n).
     progress : callable, optional
-        Called with the share 0..1 of everything that has been read.
+        Called with the share 0..1 of all recordings that has been read.
     layout : Layout, optional
         Known columns and units of a table; the others are inferred from the column names.
 
@@ -60,7 +60,7 @@ def read_recording(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
     -------
     list of Samples
         One per recording, each with `recording` set to its index. Time starts at the recording's
-        first joint state. If it holds other joints, `arm` is the motion of all.
+        first joint state. If a recording has several joints, `arm` is the motion of all.
 
     Raises
     ------
@@ -82,7 +82,7 @@ def read_recording_with_info(paths: AnyPath | Sequence[AnyPath], joint: str | No
     paths, joint, torque_constant, gear_ratio, progress, layout
         As for `read_recording`.
     others : bool
-        Whether the samples contain the motion of all joints, as `arm`.
+        Whether to add the motion of all joints as `arm`.
     """
     torque_per_current = Drive(torque_constant, gear_ratio).torque_per_current
     results: list[tuple[Samples, RecordingInfo]] = []
@@ -106,7 +106,7 @@ def read_arm(paths: AnyPath | Sequence[AnyPath],
     ----------
     paths, progress, layout
     torque_per_current : callable
-        k_t · n in N·m/A for a joint's name.
+        Returns k_t · n in N·m/A for a joint's name.
 
     Returns
     -------
@@ -117,7 +117,7 @@ def read_arm(paths: AnyPath | Sequence[AnyPath],
     Raises
     ------
     InputError
-        If a recording cannot be used, or recordings hold different joints.
+        If a recording cannot be used, or recordings have different joints.
     """
     result: dict[str, list[tuple[Samples, RecordingInfo]]] = {}
     for index, scan in enumerate(_scan_all(paths, progress, None, layout)):
@@ -136,14 +136,16 @@ def read_arm(paths: AnyPath | Sequence[AnyPath],
 def read_joints(path: AnyPath, joints: Sequence[str] | None = None,
                 progress: Progress | None = None, layout: Layout | None = None
                 ) -> tuple[list[Samples], list[str]]:
-    """Read joints of one recording, or all, on one time base, with efforts in N·m as currents.
+    """Read several or all joints of one recording on one time base.
+
+    `current` is the effort in N·m, as with k_t = n = 1.
 
     Returns
     -------
     list of Samples
         One per joint, all with the same `time`: the joint states in which all joints are usable.
     list of str
-        Remarks for readers of the results.
+        Notes for readers of the results.
 
     Raises
     ------
@@ -213,7 +215,7 @@ def stream_recording_with_info(path: AnyPath, joint: str | None = None,
 
 
 def _stretches(scans: Iterator[Scan], length: int) -> Iterator[Scan]:
-    """Yield stretches of a length in ns; the last, the rest, may have no joint states."""
+    """Yield stretches of `length` ns; the last contains the rest, perhaps without joint states."""
     tracks: dict[str, Track] = {}
     for scan in scans:
         for track in scan.tracks:
@@ -243,14 +245,14 @@ def _next_stretch(tracks: dict[str, Track], length: int) -> list[Track]:
             tracks[topic] = track.take(slice(size, None))
         else:
             stretch.append(track)
-            # Held and interpolated signals must begin before the next stretch.
+            # Keep what signals need to have a value at the beginning of the next stretch.
             earlier = np.flatnonzero(track.receive < end - _MARGIN)
             tracks[topic] = track.take(slice(int(earlier[-1]) if len(earlier) else 0, None))
     return [track for track in stretch if len(track)]
 
 
 class _CommonClock:
-    """Converts the times of stretches to the time of the first, and keeps the length of gaps."""
+    """Converts times of all stretches to s since the first began; collects lengths of gaps, s."""
 
     def __init__(self) -> None:
         self.gaps: list[float] = []
@@ -258,7 +260,7 @@ class _CommonClock:
         self._last = 0.0
 
     def convert(self, samples: Samples, info: RecordingInfo) -> Samples:
-        """Return the next stretch in the time of the first; update its info."""
+        """Return the next stretch with converted times, and convert those of its info."""
         if self._origin is None:
             self._origin = info.start
         offset = info.start - self._origin

@@ -21,7 +21,7 @@ def write_samples(path: AnyPath, samples: Samples | Sequence[Samples],
                   torque_constant: float = 1.0, gear_ratio: float = 1.0, namespace: str = '',
                   start_ns: int = 1_000_000_000, custom_data: dict[str, str] | None = None,
                   compression: str = 'none') -> None:
-    """Write samples as a recording with the same topics as the nodes'.
+    """Write samples as a recording with the topics that the nodes publish.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def write_samples(path: AnyPath, samples: Samples | Sequence[Samples],
         As for `RecordingWriter`.
     samples : Samples or list of Samples
         One per joint; several joints must share their time base. Effort is current · k_t · n.
-        Signals that are None are not recorded; joints without a name are called ``joint_1`` ….
+        Signals that are None are not recorded; joints without a name become ``joint_1`` and so on.
     torque_constant, gear_ratio : float
         k_t in N·m/A and n.
     namespace : str
@@ -83,7 +83,7 @@ def _messages(types: dict[str, Any], joints: list[Samples], torque_per_current: 
         # The command, direction and reference that belong to a joint state precede it.
         if command.size:
             yield stamp, 'current_command', make['current_command'](layout, command[k])
-        # Every change and every tenth sample are enough: a direction is published at some 100 Hz.
+        # At every change and every tenth sample, similar to the about 100 Hz of a planner.
         if direction.size and (k % 10 == 0 or (direction[k] != direction[k - 1]).any()):
             yield stamp, 'direction', make['direction'](layout, direction[k])
         if reference.size:

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Contents of a recording as arrays, and the reader of those of a rosbag2 recording."""
+"""Raw contents of a recording as arrays, and their reader for rosbag2 recordings."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ class Track:
     stamp: np.ndarray  # (N,) of int64: ns, 0 throughout where the message has none
     order: np.ndarray  # (N,) of int64: index of each message among all that were read
     names: list[str]  # all joints or frames in the messages
-    # JointState: for each joint an array (N, 3) of position, velocity and effort, NaN where a
-    # message has none. Wrench and temperature: for each frame an array (N, 1). Arrays: the key ''
-    # and an array (N, J); for commands in N·m the key `TORQUE_UNIT`, with NaN for messages of the
-    # other unit. With a selected joint, only the values that may be its own.
+    # JointState: by joint, arrays (N, 3) of position, velocity and effort, NaN where a message has
+    # none. Wrench and temperature: by frame, arrays (N, 1). Float64MultiArray and Int8MultiArray:
+    # an array (N, J) with the key '', or `TORQUE_UNIT` for commands in N·m, NaN in messages of the
+    # other unit. If one joint was selected, only values that may belong to it.
     values: dict[str, np.ndarray]
 
     def __len__(self) -> int:
@@ -45,7 +45,7 @@ class Track:
 
     @staticmethod
     def concatenate(parts: Sequence[Track]) -> Track:
-        """Concatenate parts of one topic, whose `values` are emptied to save memory."""
+        """Concatenate parts of one topic, and empty their `values` to save memory."""
         first = parts[0]
         if len(parts) == 1:
             return first
@@ -69,19 +69,19 @@ class Track:
 class Scan:
     """Raw contents of one recording, or of a stretch of it.
 
-    Notes, activity and the count of messages by topic are those of all that has been read so far.
+    Notes, activity and the number of messages by topic are those of all that was read so far.
     """
 
     path: Path
     tracks: list[Track]
     topics: dict[str, tuple[str, int]]     # topic to message type and number of messages
     notes: list[str]                       # on what is missing or damaged
-    custom: dict[str, str] = field(default_factory=dict)    # of rosbag2's metadata
+    custom: dict[str, str] = field(default_factory=dict)    # custom_data of rosbag2's metadata
     activity: list[Activity] = field(default_factory=list)
-    effort_is_current: bool = False        # in A already, as tables may declare
+    effort_is_current: bool = False        # whether efforts are in A, as tables may declare
 
     def of(self, signal: str) -> list[Track]:
-        """Return the tracks of a signal; topics with exactly its name take precedence."""
+        """Return the tracks of a signal: those of topics with exactly its name, otherwise all."""
         tracks = [track for track in self.tracks if track.signal == signal]
         exact = [t for t in tracks if t.topic.rsplit('/', 1)[-1] == signal]
         return exact or tracks
@@ -102,7 +102,7 @@ class Scan:
 
 
 def signal_of(topic: str, type_name: str) -> str | None:
-    """Return the signal of a topic by its type and the ending of its name, or None."""
+    """Return the signal of a topic, found by its type and the ending of its name, or None."""
     for signal, wanted in TOPICS.items():
         if type_name == wanted and topic.endswith(signal):
             return signal
@@ -110,10 +110,7 @@ def signal_of(topic: str, type_name: str) -> str | None:
 
 
 class MessageScanner:
-    """Reads one rosbag2 recording, or only one joint's values of it.
-
-    Messages of a topic are decoded a batch at once.
-    """
+    """Reads one rosbag2 recording, of all joints or only one, in batches of messages per topic."""
 
     def __init__(self, path: Path, joint: str | None = None, batch: int = 20_000) -> None:
         try:
@@ -130,7 +127,7 @@ class MessageScanner:
         return self._storage.progress
 
     def scans(self) -> Iterator[Scan]:
-        """Yield a scan after each batch of joint states, and one of the rest at the end."""
+        """Yield a scan after each batch of joint states, and the rest at the end."""
         begin = 0
         try:
             for index, (topic, kind, receive, raw) in enumerate(
@@ -185,7 +182,7 @@ class _TopicReader:
     def decode(self) -> None:
         """Decode the collected messages into a track, and release them.
 
-        Messages of different layouts may have arrays of different lengths: they are padded by NaN.
+        If messages have arrays of different lengths, the shorter ones are padded with NaN.
         """
         receive, order, payloads = zip(*self.messages)
         size = len(payloads)
@@ -216,7 +213,7 @@ class _TopicReader:
 
     def _columns(self, names: tuple[str, ...], fields: dict[str, Any]
                  ) -> Iterator[tuple[str, np.ndarray]]:
-        """Yield each key of `Track.values` with its columns of some messages."""
+        """Yield each key of `Track.values` with its columns for messages of one layout."""
         if 'data' in fields:
             yield TORQUE_UNIT if names == (TORQUE_UNIT,) else '', fields['data'].astype(float)
             return

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Finds recordings on disk, and reads rosbag2 recordings and tables alike."""
+"""Finds recordings on disk, and opens rosbag2 recordings and tables in the same way."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from friction_comp.recordings.tables import is_table, TableScanner
 
 Progress = Callable[[float], None]
 
-# Messages within which all joints are named, even with several publishers on a topic.
+# Number of messages in which each joint occurs at least once, even with several publishers.
 _FIRST_MESSAGES = 200
 
 
 def part_of(progress: Progress | None, index: int, count: int) -> Progress:
-    """Return a function that reports the progress of one of several recordings."""
+    """Return a function that reports one recording's progress as a part of that of all."""
     def report(share: float) -> None:
         if progress:
             progress((index + share) / count)
@@ -58,7 +58,7 @@ def find_recording(path: AnyPath) -> Path:
     """Return the only recording at a path; raises InputError if there are none or several."""
     recordings = find_recordings(path)
     if len(recordings) != 1:
-        raise InputError(f'{path}: holds {len(recordings)} recordings, expected one')
+        raise InputError(f'{path}: contains {len(recordings)} recordings, expected one')
     return recordings[0]
 
 
@@ -84,7 +84,7 @@ def _expand(path: Path) -> Iterator[Path]:
 
 def open_scanner(path: AnyPath, joint: str | None = None, layout: Layout | None = None,
                  **options: int) -> MessageScanner | TableScanner:
-    """Return a reader of a recording in batches, of all joints or one.
+    """Return a reader of a recording in batches, of all joints or only `joint`.
 
     The option ``batch`` is the number of messages or rows in a batch.
     """

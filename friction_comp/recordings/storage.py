@@ -35,7 +35,7 @@ def is_storage(path: Path) -> bool:
 
 
 def is_split_recording(folder: Path) -> bool:
-    """Return whether a folder without metadata holds the files of one recording.
+    """Return whether a folder without metadata contains the files of one recording.
 
     rosbag2 names them after the folder, with a number.
     """
@@ -119,7 +119,7 @@ class Storage:
         try:
             text = (self.path / METADATA).read_text(encoding='utf-8')
             information: Any = yaml.safe_load(text)['rosbag2_bagfile_information']
-            # Only names in this folder: metadata must not point outside of it.
+            # Only the names, in this folder: metadata must not point outside of it.
             files = [self.path / PurePath(name).name for name in information['relative_file_paths']]
             custom = information.get('custom_data') or {}
             self.custom = {str(key): str(value) for key, value in custom.items()}
@@ -164,10 +164,10 @@ def _open(file: Path, folder: Path) -> McapFile | SqliteFile:
 
 
 class SqliteFile:
-    """One .db3 file; as `McapFile`.
+    """One .db3 file, with the interface of `McapFile`.
 
     The topics' quality of service is ignored: its format differs between releases, and nothing here
-    depends on it. Raises DamagedError if it is not a database with rosbag2's tables.
+    depends on it. Raises DamagedError if the file is not a database with rosbag2's tables.
     """
 
     def __init__(self, path: Path) -> None:

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads CSV, Parquet and npz files as recordings.
 
-The rows of a table are read as if they were messages: each block of rows becomes the same tracks as
-those of a rosbag2 recording, so that all other code works on tables without changes.
+The rows of a table are read as if they were messages: each block of rows becomes the same kind of
+tracks as a rosbag2 recording, so that all other code works on tables without changes.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from friction_comp.recordings.storage import unreadable
 from friction_comp.samples import Samples
 from friction_comp.topics import TOPICS
 
-# Topics of the other signals of a table.
+# Topic that corresponds to each column of a table besides the joint states and the reference.
 _TOPICS = {'load': 'interaction_wrench', 'temperature': 'motor_temperature',
            'command': 'current_command', 'direction': 'direction'}
-# Column to attribute of `Samples`; effort equals `current` with k_t = n = 1.
+# Column to attribute of `Samples`; the effort is `current` with k_t = n = 1.
 _SIGNALS = {
     'position': 'position', 'velocity': 'velocity', 'effort': 'current', 'command': 'command',
     'direction': 'direction', 'load': 'load', 'temperature': 'temperature',
@@ -47,7 +47,7 @@ def is_table(path: Path) -> bool:
 class TableScanner:
     """Reads a table block by block; the counterpart of `MessageScanner`."""
 
-    # A batch of rows takes 20 MB for ten columns.
+    # A batch of 250,000 rows takes 20 MB for ten columns.
     def __init__(self, path: Path, layout: Layout | None = None, joint: str | None = None,
                  batch: int = 250_000) -> None:
         self.progress = 0.0
@@ -59,7 +59,7 @@ class TableScanner:
         self._use = assign(self._table.names, layout, str(path))
 
     def scans(self) -> Iterator[Scan]:
-        """Yield each block."""
+        """Yield a scan of each block of rows."""
         wanted = [column.name for column in self._use.columns]
         rows = 0
         try:
@@ -78,11 +78,11 @@ class TableScanner:
         except (OSError, EOFError, ValueError, zipfile.BadZipFile) as error:
             raise unreadable(self._path, one_line(error)) from None
         if not rows:
-            raise InputError(f'{self._path}: holds no row below its header')
+            raise InputError(f'{self._path}: has no row below its header')
 
 
 def _tracks(columns: Columns, use: Assignment, first: int, joint: str | None) -> Iterator[Track]:
-    """Yield the tracks of a block of rows, `first` being the number of its first row."""
+    """Yield the tracks of a block of rows; `first` is the number of its first row."""
     stamp, valid = _stamps(use.time.factor * columns[use.time.name])
     order = first + np.arange(len(stamp))
     missing = np.full(len(stamp), np.nan)
@@ -115,9 +115,9 @@ def _tracks(columns: Columns, use: Assignment, first: int, joint: str | None) ->
 
 
 def _stamps(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return times in s as ns, and which rows have one.
+    """Convert times in s to ns; also return which rows have a valid time.
 
-    The others get the time of the row before, so that time does not jump.
+    The other rows get the time of the row before, so that time does not jump.
     """
     valid = np.abs(time) < 9e9
     stamp = np.zeros(len(time), dtype=np.int64)
@@ -144,23 +144,23 @@ class _Csv:
         if any('\0' in line for line in lines):
             raise InputError(f'{path}: not a text file')
         # Skip comments before the header; numpy.savetxt writes the header itself as a comment.
-        size = next((k for k, line in enumerate(lines) if line.strip()
+        header = next((k for k, line in enumerate(lines) if line.strip()
                      and not line.startswith('#')), len(lines))
-        head = lines[size] if size < len(lines) else ''
+        head = lines[header] if header < len(lines) else ''
         if not head.strip():
             raise InputError(f'{path}: is empty')
         self._separator = _separator(head)
         self.names = self._split(head)
-        self._skip = size + 1
+        self._skip = header + 1
         if _all_numbers(head):
-            # Without a header, columns are named by their numbers.
-            before = self._split(lines[size - 1].lstrip('# ')) if size else []
-            alike = len(before) == len(self.names)
-            self.names = before if alike else [str(k + 1) for k in range(len(self.names))]
-            self._skip = size
+            # Not a header: names are in the comment above it, otherwise columns are numbered.
+            comment = self._split(lines[header - 1].lstrip('# ')) if header else []
+            fits = len(comment) == len(self.names)
+            self.names = comment if fits else [str(k + 1) for k in range(len(self.names))]
+            self._skip = header
         if len(set(self.names)) < len(self.names):
-            twice = next(name for name in self.names if self.names.count(name) > 1)
-            raise InputError(f'{path}: has two columns called {twice!r}')
+            duplicate = next(name for name in self.names if self.names.count(name) > 1)
+            raise InputError(f'{path}: has two columns called {duplicate!r}')
 
     def _split(self, line: str) -> list[str]:
         if self._separator is None:
@@ -204,9 +204,9 @@ class _Csv:
         for k, line in enumerate(lines, first_line + 1):
             if line.strip() and not line.startswith('#'):
                 cells = self._split(line)
-                # The last line of a truncated file has fewer.
-                whole = len(cells) > max(indices)
-                rows.append([self._number(cells[index], index, k) if whole else np.nan
+                # The last line of a truncated file has fewer cells.
+                complete = len(cells) > max(indices)
+                rows.append([self._number(cells[index], index, k) if complete else np.nan
                              for index in indices])
         return np.array(rows).reshape(len(rows), len(indices))
 
@@ -298,13 +298,13 @@ def _numbers(values: np.ndarray, name: str, path: Path) -> np.ndarray:
     try:
         return values.astype(float)
     except (TypeError, ValueError):
-        raise InputError(f'{path}: column {name!r} does not hold numbers') from None
+        raise InputError(f'{path}: column {name!r} does not contain numbers') from None
 
 
 def table_of(joints: Sequence[Samples]) -> dict[str, np.ndarray]:
-    """Return samples of joints with a common time base as columns: ``time``, ``elbow.position``, ….
+    """Return samples of joints on one time base as columns, such as ``elbow.position``.
 
-    Their current must be the effort, as read with k_t = n = 1.
+    Their `current` must be the effort in N·m, as read with k_t = n = 1.
     """
     columns = {'time': joints[0].time}
     for samples in joints:
@@ -317,7 +317,7 @@ def table_of(joints: Sequence[Samples]) -> dict[str, np.ndarray]:
 
 
 def write_table(path: Path, joints: Sequence[Samples]) -> None:
-    """Write samples as CSV, Parquet or npz, depending on the file name, with columns of `table_of`.
+    """Write the columns of `table_of` as CSV, Parquet or npz, depending on the file name.
 
     Raises
     ------

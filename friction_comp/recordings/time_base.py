@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Computes message times, and signals of other topics at the times of the joint states."""
+"""Computes the times of messages, and evaluates other topics at the times of the joint states."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from friction_comp.recordings.scan import Scan, Track
 from friction_comp.topics import TORQUE_UNIT
 
 _SECOND = 1_000_000_000
-# A leading stamp of zero is a time, not an empty field, if the next one is smaller than this.
+# A first stamp of zero is a time rather than an empty field if the next one is below this, ns.
 _LARGEST_AFTER_ZERO = _SECOND
-# Number of successive messages with earlier stamps from which the clock was set back; fewer are out
-# of order.
+# With at least so many successive messages of earlier stamps, the clock was set back; with fewer,
+# messages are out of order.
 _SET_BACK = 20
-# Distance of a stamp from its neighbours above which it is an outlier.
+# Distance of a stamp from its neighbours above which it is an outlier, ns.
 _FAR_OFF = _SECOND
-# Shortest gap, in median time steps and in s.
+# A gap is longer than both: a number of median time steps, and a time in s.
 _GAP_STEPS, _GAP = 5.0, 0.02
 GAPS = ' gaps in the joint states'
-# Topics with a column for each signal.
+# Topics that are interpolated, and the signals in their columns.
 _INTERPOLATED = {
     'reference': ('reference_position', 'reference_velocity'),
     'interaction_wrench': ('load',), 'motor_temperature': ('temperature',),
@@ -32,13 +32,16 @@ _INTERPOLATED = {
 
 @dataclass
 class Shifts:
-    """Offsets in ns, each added from a message (by `Track.order`) on: time never decreases."""
+    """Offsets in ns that make time increase across clock resets.
+
+    Each is added to the messages from one on, identified by `Track.order`.
+    """
 
     at: list[int] = field(default_factory=list)
     by: list[int] = field(default_factory=list)
 
-    def of(self, times: np.ndarray, order: np.ndarray) -> np.ndarray:
-        """Return shifted times in ns, shape (N,)."""
+    def apply(self, times: np.ndarray, order: np.ndarray) -> np.ndarray:
+        """Return the shifted times of messages in ns, shape (N,)."""
         index = np.searchsorted(self.at, order, side='right')
         shifted: np.ndarray = times + np.array([0, *self.by], dtype=np.int64)[index]
         return shifted
@@ -59,7 +62,7 @@ def message_times(track: Track, notes: list[str]) -> np.ndarray:
     filled = np.nonzero(~empty)[0]
     if filled[0] > 0 and not empty[filled[0]:].any() and stamp[filled[0]] < _LARGEST_AFTER_ZERO:
         return stamp
-    # Receive times are converted to the clock of the stamps, which may be another.
+    # Stamps may be of another clock, to which the receive times are converted.
     notes.append(f'{np.count_nonzero(empty)} stamps are zero: receive times are used for them')
     offset = stamp[filled] - receive[filled]
     nearest = np.searchsorted(filled, np.nonzero(empty)[0]).clip(0, len(filled) - 1)
@@ -80,10 +83,10 @@ def outliers(times: np.ndarray) -> np.ndarray:
 
 def clock_shifts(times: np.ndarray, order: np.ndarray, receive: np.ndarray,
                  notes: list[str]) -> Shifts:
-    """Return the offsets by which times continue after the clock was set back, in ns.
+    """Return the offsets with which times continue to increase after the clock was set back.
 
-    The step between the messages before and after is the difference of their receive times, or a
-    gap of ten usual steps where that is not positive.
+    The step across each reset is the difference of the receive times, or ten usual steps if that is
+    not positive.
     """
     shifts = Shifts()
     steps = np.diff(times)
@@ -106,7 +109,7 @@ def clock_shifts(times: np.ndarray, order: np.ndarray, receive: np.ndarray,
 
 
 def gap_length(steps: np.ndarray) -> float:
-    """Return the smallest time step in s, of steps of shape (N,), that counts as a gap."""
+    """Return the time in s above which one of these time steps, shape (N,), counts as a gap."""
     return max(_GAP_STEPS * float(np.median(steps)), _GAP)
 
 
@@ -124,7 +127,10 @@ def note_gaps(times: np.ndarray, notes: list[str]) -> None:
 
 @dataclass
 class TimeBase:
-    """The times in ns of the joint states, at which all other signals are evaluated."""
+    """Times of the joint states in ns, at which all other signals are evaluated.
+
+    `stamped` is whether the joint states have stamps.
+    """
 
     stamp: np.ndarray
     receive: np.ndarray
@@ -137,7 +143,7 @@ class TimeBase:
         They are stamps if both topics have them, otherwise receive times.
         """
         if self.stamped and track.stamp.any():
-            return self.stamp, self.shifts.of(track.stamp, track.order)
+            return self.stamp, self.shifts.apply(track.stamp, track.order)
         return self.receive, track.receive
 
     def _finite_values(self, track: Track, values: np.ndarray
@@ -157,7 +163,7 @@ class TimeBase:
         return float(receive + ahead) * 1e-9
 
     def hold(self, track: Track, values: np.ndarray, before: float = 0.0) -> np.ndarray:
-        """Return the last value at each joint state; `before` until there is one."""
+        """Return the latest value at each joint state (zero-order hold); `before` if none yet."""
         times, other_times, values = self._finite_values(track, values)
         index = np.searchsorted(other_times, times, side='right') - 1
         held: np.ndarray = np.where(
@@ -198,7 +204,7 @@ def other_signals(scan: Scan, joint: str, joints: list[str], base: TimeBase,
                 signals[name] = base.interpolate(track, column)
                 if signals[name] is None:
                     notes.append(f'{track.topic} covers less than half of the recording: not used')
-    # Joints in the order of arrays without names: that of the reference, or of the states.
+    # Arrays have no joint names: their order is that of the reference, or of the joint states.
     order = [*(track.names for track in scan.of('reference')), joints]
     command = _find_array(scan.of('current_command'), joint, order, notes, torque_per_current)
     return {**signals, 'command': None if command is None else base.hold(*command),
@@ -207,24 +213,24 @@ def other_signals(scan: Scan, joint: str, joints: list[str], base: TimeBase,
 
 def _direction(scan: Scan, joint: str, joints: list[str], order: list[list[str]],
                base: TimeBase, notes: list[str]) -> np.ndarray | None:
-    """Return the announced direction, of the topics with and without stamp by the later message."""
+    """Return the announced direction; of the two topics, the later message is valid."""
     directions = []
     plain = _find_array(scan.of('direction'), joint, order, notes)
     if plain is not None:
-        # The compensator, too, takes any other value as 0.
+        # Like the compensator, take any other value as 0.
         directions.append((plain[0], np.where(np.isin(plain[1], (-1.0, 1.0)), plain[1], 0.0)))
     stamped = _find_joint(scan.of('direction_stamped'), joint, joints, notes)
     if stamped is not None:
         directions.append((stamped[0], np.sign(stamped[1][:, 1])))
     if not directions:
         return None
-    held, ages = [], []
+    latest, ages = [], []
     for track, values in directions:
-        # Ages, unlike times, can be compared: the topics may have different clocks.
+        # The topics may have different clocks, so ages are compared instead of times.
         state_times, times = base.pair(track)
-        held.append(base.hold(track, values))
+        latest.append(base.hold(track, values))
         ages.append(state_times - base.hold(track, times.astype(float), before=-1.0))
-    return np.where(np.argmin(ages, axis=0) == 0, held[0], held[-1]).astype(int)
+    return np.where(np.argmin(ages, axis=0) == 0, latest[0], latest[-1]).astype(int)
 
 
 def _find_joint(tracks: list[Track], joint: str, joints: list[str],

@@ -26,16 +26,16 @@ Qos = dict[str, Any]
 _VERSION = 9
 # rosbag2's value of a duration that is not set.
 _INFINITE = {'sec': 9223372036, 'nsec': 854775807}
-# Smallest limits of size and duration, bytes and s: every file needs an index and a thread.
+# Smallest size and duration of a file, bytes and s: each file needs an index and a thread.
 _MIN_SIZE, _MIN_DURATION = 10_000, 0.1
 _COMPRESSIONS = ('none', 'message', 'storage')
 _CHUNK = 1 << 20
-# Bytes that may wait for a slow disk before the writer blocks.
+# Number of bytes that may wait for a slow disk before `flush` blocks.
 _MAX_PENDING = 1 << 28
 
 
 def qos_profile(reliability: str = 'reliable', durability: str = 'volatile') -> Qos:
-    """Return a publisher's quality of service in the form of rosbag2's metadata."""
+    """Return a publisher's quality of service as rosbag2's metadata store it."""
     return {'history': 'keep_last', 'depth': 10, 'reliability': reliability,
             'durability': durability, 'deadline': _INFINITE, 'lifespan': _INFINITE,
             'liveliness': 'automatic', 'liveliness_lease_duration': _INFINITE,
@@ -82,11 +82,11 @@ class RecordingWriter:
             raise InputError(
                 f'compression must be none, message or storage, not {compression!r}')
         if 0.0 < split_size < _MIN_SIZE:
-            raise InputError(f'max_file_size: files of {1e-6 * split_size:g} MB are too small, '
-                             f'{1e-6 * _MIN_SIZE:g} MB is the least; 0 makes one file')
+            raise InputError(f'max_file_size: {1e-6 * split_size:g} MB is too small: '
+                             f'{1e-6 * _MIN_SIZE:g} MB is the least, 0 writes a single file')
         if 0.0 < split_duration < _MIN_DURATION:
-            raise InputError(f'max_file_duration: files of {split_duration:g} s are too short, '
-                             f'{_MIN_DURATION:g} s is the least; 0 makes one file')
+            raise InputError(f'max_file_duration: {split_duration:g} s is too short: '
+                             f'{_MIN_DURATION:g} s is the least, 0 writes a single file')
         self.custom_data = dict(custom_data or {})
         self._compression = compression
         self._split_size, self._split_duration = split_size, 1e9 * split_duration
@@ -140,7 +140,7 @@ class RecordingWriter:
         return name
 
     def write(self, topic: str, type_name: str, stamp_ns: int, cdr: bytes) -> None:
-        """Append one serialised message, with its encapsulation header and its time in ns.
+        """Append a message: its time in ns and its CDR with encapsulation header.
 
         Raises
         ------
@@ -163,7 +163,7 @@ class RecordingWriter:
         self.message_count += 1
 
     def flush(self, wait: bool = False) -> None:
-        """End the present chunk and write it; raises InputError as `write` does.
+        """End the current chunk and write it; raises InputError as `write` does.
 
         Parameters
         ----------
@@ -212,14 +212,14 @@ class RecordingWriter:
         self._files.append(file)
         for topic, description in self._topics.items():
             file.declare(topic, *description)
-        # The caller, which records, must not wait for the disk.
+        # Not synced: the caller is recording and must not wait for the disk.
         self._save_metadata(sync=False)
 
     def _is_full(self, time: int) -> bool:
         file = self._files[-1]
         if file.first is None:
             return False
-        # In either direction: one stamp may be far ahead of all others.
+        # The absolute value: the first stamp may be far ahead of all others.
         elapsed = abs(time - file.first)
         return bool((self._split_size and file.stream.tell() >= self._split_size)
                     or (self._split_duration and elapsed >= self._split_duration))
@@ -228,14 +228,14 @@ class RecordingWriter:
         self._files[-1].finish(_yaml(self._metadata(self._files[-1:])))
 
     def _drop_files(self) -> None:
-        """Close all files without an index; flushed chunks remain."""
+        """Close all files without writing an index; flushed chunks remain."""
         self._is_open = False
         for file in self._files:
             with suppress(OSError):
                 file.stream.join()
 
     def _close_with_error(self, error: OSError | InputError) -> InputError:
-        """Close the files and return the error."""
+        """Close the files, delete the recording if it has no message, and return the error."""
         self._drop_files()
         kept = '; what was written before can be read' if self.message_count else ''
         if not kept:
@@ -295,7 +295,7 @@ class _McapFile:
         self.counts[topic] = 0
 
     def write(self, topic: str, time: int, payload: bytes) -> None:
-        """Add a message to the present chunk."""
+        """Add a message to the current chunk."""
         count = self.counts[topic]
         self._writer.add_message(self._channels[topic], time, payload, time, count)
         self.counts[topic] = count + 1
@@ -317,12 +317,12 @@ class _McapFile:
 
 
 class _SyncedFile:
-    """A new file to which whole blocks are appended, and which is synced to the disk as it grows.
+    """A new file that a thread writes block by block and syncs to the disk.
 
-    Data are collected in memory until `flush`. A thread then writes and syncs them, so that a slow
-    disk does not block the caller; blocks that come during a sync wait in memory for its end. If a
-    block cannot be written, for instance because the disk is full, the file is truncated to the
-    blocks before it.
+    Data are collected in memory until `flush`. The thread then writes and syncs them, so that a
+    slow disk does not block the caller; further blocks wait in memory meanwhile. If a block cannot
+    be written, for instance because the disk is full, the file is truncated to the blocks before
+    it.
     """
 
     def __init__(self, path: Path) -> None:
@@ -333,7 +333,7 @@ class _SyncedFile:
         self._thread = ThreadPoolExecutor(1)
 
     def write(self, data: bytes) -> int:
-        """Append to the present block."""
+        """Append to the current block."""
         if len(self._block) > _CHUNK:
             self.flush()
         self._block += data
@@ -344,7 +344,7 @@ class _SyncedFile:
         return self._size + len(self._block)
 
     def flush(self) -> None:
-        """End the block and begin to write it; raises OSError if an earlier one was not written."""
+        """End the block and hand it to the thread; raises OSError if an earlier block failed."""
         if self._failure is not None:
             raise self._failure
         block, self._block = bytes(self._block), bytearray()
@@ -355,7 +355,7 @@ class _SyncedFile:
 
     def wait(self) -> None:
         """Wait until all blocks are written; raises OSError if one could not be."""
-        # The only thread runs its tasks in order: an empty one ends after all blocks.
+        # The single thread runs its tasks in order: this empty one ends after all blocks.
         self._thread.submit(lambda: None).result()
         if self._failure is not None:
             raise self._failure
@@ -375,12 +375,12 @@ class _SyncedFile:
     def _write(self, block: bytes) -> None:
         if self._failure is not None:
             return
-        left = memoryview(block)
+        remaining = memoryview(block)
         try:
-            while left:
-                left = left[self._file.write(left):]
+            while remaining:
+                remaining = remaining[self._file.write(remaining):]
             self._written += len(block)
-            # Blocks that wait are synced together.
+            # Sync only after the last waiting block, once for all.
             if self._written == self._size:
                 os.fsync(self._file.fileno())
         except OSError as error:
@@ -389,7 +389,7 @@ class _SyncedFile:
 
 
 def _span(files: Sequence[_McapFile]) -> dict[str, Any]:
-    """Return the interval of time of files as rosbag2's metadata hold it."""
+    """Return the start and duration of files as rosbag2's metadata store them."""
     first = min((file.first for file in files if file.first is not None), default=0)
     last = max((file.last for file in files if file.last is not None), default=0)
     return {'starting_time': {'nanoseconds_since_epoch': first},

@@ -28,7 +28,7 @@ _COLOURS = ('grey', 'blue', 'orange', 'green')
 
 
 class EvaluatedTrial:
-    """One recorded trial, evaluated on its own; `title` is for the reader."""
+    """One recorded trial, evaluated on its own; `title` is its name in the report."""
 
     def __init__(self, name: str, title: str, samples: Samples) -> None:
         self.name, self.title = name, title
@@ -41,7 +41,7 @@ class EvaluatedTrial:
         self.false_starts = sum(c.false_starts for c in conditions)
 
     def half_interval(self, name: str) -> float | None:
-        """Return half the 95 % interval of a figure's mean over both movements."""
+        """Return half the 95 % interval of a measure's mean over both movements, if known."""
         conditions = self.evaluation.conditions
         halves = [half for c in conditions if name in c.figures
                   and (half := c.figures[name].half) is not None]
@@ -62,9 +62,9 @@ def residuals(refined: RefineResult) -> tuple[float, float]:
 def table_rows(trials: list[EvaluatedTrial], refined: RefineResult) -> list[list[str]]:
     """Return the rows of the demo's table: name, peak and RMS torque (N·m), error (mA)."""
     before, after = (number(1e3 * value) for value in residuals(refined))
-    shown = {'compensated': before, 'refined': after}
+    errors = {'compensated': before, 'refined': after}
     return [[trial.title, trial.peak, number(trial.rms_torque),
-             shown.get(trial.name, '')] for trial in trials]
+             errors.get(trial.name, '')] for trial in trials]
 
 
 @styled
@@ -99,12 +99,12 @@ def identification_figure(model: FrictionModel) -> Figure:
     """Draw look-up table, fitted curve and breakaway currents."""
     figure, axes = new_figure(height=3.2)
     table, breakaway = model.lookup_table, model.breakaway
-    # The model was identified.
+    # An identified model has both.
     assert table is not None
     assert breakaway is not None
     speeds, currents = np.array(table['speeds']), np.array(table['currents'])
     fine = np.linspace(1.05 * speeds.min(), 1.05 * speeds.max(), 801)
-    axes.plot(fine, 1e3 * model.sigmoid(fine), color=COLOURS['blue'], label='fit of Eq. 6')
+    axes.plot(fine, 1e3 * model.sigmoid(fine), color=COLOURS['blue'], label='fitted curve')
     axes.plot(speeds, 1e3 * currents, 'o', color=COLOURS['orange'], label='look-up table')
     axes.errorbar(
         [0.0, 0.0], [1e3 * breakaway.positive_mean, 1e3 * breakaway.negative_mean],
@@ -130,14 +130,14 @@ def demo_report(trials: list[EvaluatedTrial], refined: RefineResult, model: Fric
                   'Identify, compensate, evaluate, refine, compensate again')
     page.verdict(_summary(trials, effects, before, after))
     page.numbers([
-        (f'{kinetic.peak} N·m', 'to set the joint in motion, d = 0'),
-        (f'{compensated.peak} N·m', 'with the direction known, d = ±1'),
-        (f'{last.peak} N·m', 'and with the refined model'),
-        (f'{number(1e3 * before)} → {number(1e3 * after)} mA', 'error of the model')])
+        (f'{kinetic.peak} N·m', 'to start the joint, direction unknown (d = 0)'),
+        (f'{compensated.peak} N·m', 'with the direction known (d = ±1)'),
+        (f'{last.peak} N·m', 'with the refined model as well'),
+        (f'{number(1e3 * before)} → {number(1e3 * after)} mA', 'model error, by refinement')])
     page.movie(
         moving_joint(trial_scenes(trials)),
-        'Mean motion of the joint in the positive direction. The orange arrow is the torque of the '
-        'person; below it, the same over time.')
+        'Mean motion of the joint in the positive direction. The orange arrow is the torque that '
+        'the person applies; the curve below shows it over time.')
     page.table(
         ['', 'peak (N·m)', '±', 'RMS (N·m)', '±', 'model error (mA)'],
         [[name, peak, number(trial.half_interval('peak_torque'), 2), rms,
@@ -151,11 +151,11 @@ def demo_report(trials: list[EvaluatedTrial], refined: RefineResult, model: Fric
     page.heading('Identified')
     page.text('Constant velocities in both directions give the kinetic friction, and slow current '
               'ramps give the breakaway friction. The simulated joint also has effects that this '
-              f'procedure does not know: those in `{Path(undeclared).name}`.')
+              f'procedure does not measure: those in `{Path(undeclared).name}`.')
     page.figure(identification_figure(model), 'Friction curve and breakaway currents as the '
                 'identification action measured them.')
     page.heading('What the model lacked')
-    page.table(['effect', 'depends on', 'error with it (mA)', 'in words'],
+    page.table(['effect', 'depends on', 'error with it (mA)', 'description'],
                [[effect['name'].replace('_', ' '), effect['variable'],
                  1e3 * effect['held_out_rmse'], effect.get('in_words', '')]
                 for effect in effects] or [['none', '', None, '']])
@@ -176,7 +176,7 @@ def _summary(trials: list[EvaluatedTrial], effects: list[dict[str, Any]], before
     more, stuck = ('', '') if not none.stuck else (
         'more than ', f' (the joint did not move in {none.stuck} of '
         f'{sum(c.repetitions for c in none.evaluation.conditions)} movements)')
-    words = [
+    sentences = [
         f'Without compensation the person needs {more}**{number(none.peak_torque)} N·m**{stuck} '
         'to set the joint in motion. Compensating kinetic friction alone leaves '
         f'{kinetic.peak} N·m, since the direction of friction is unknown before the joint moves. '
@@ -184,15 +184,16 @@ def _summary(trials: list[EvaluatedTrial], effects: list[dict[str, Any]], before
     if effects:
         named = ', '.join(f"{effect['name'].replace('_', ' ')} ({effect['variable']})"
                           for effect in effects)
-        words.append(
-            f'The recordings show what the identified model lacks: {named}. With it, the error of '
-            f'the predicted current falls from {number(1e3 * before)} to {number(1e3 * after)} mA, '
-            f'and the person needs **{last.peak} N·m** at most and '
-            f'{number(last.rms_torque)} N·m RMS, after {number(compensated.rms_torque)} N·m.')
+        sentences.append(
+            f'The recordings show what the identified model lacks: {named}. With this added, the '
+            'error of the predicted current falls from '
+            f'{number(1e3 * before)} to {number(1e3 * after)} mA. The person then needs '
+            f'**{last.peak} N·m** at most; the RMS torque is {number(last.rms_torque)} instead of '
+            f'{number(compensated.rms_torque)} N·m.')
     else:
-        words.append('The recordings show no effect that the identified model lacks.')
+        sentences.append('The recordings show no effect that the identified model lacks.')
     starts = sum(trial.false_starts for trial in trials)
-    words.append('In no trial did the joint start without the person.' if not starts else
-                 f'In {starts} movements the joint started before the person pushed.')
-    return '\n\n'.join(words)
+    sentences.append('In no trial did the joint start by itself.' if not starts else
+                     f'In {starts} movements the joint started before the person pushed.')
+    return '\n\n'.join(sentences)
 

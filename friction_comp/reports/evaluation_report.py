@@ -39,23 +39,23 @@ if TYPE_CHECKING:
 
 # Largest numbers of comparisons, tiles and recordings on a page; report.json has all.
 _MOST_COMPARISONS, _MOST_TILES, _MOST_RECORDINGS = 24, 5, 12
-# Tables of conditions, and the figures that they list where known.
+# Titles of the tables of conditions, and the measures in each; unknown ones are omitted.
 _TABLES = (
     ('Torque and current', ('peak_torque', 'rms_torque', 'constant_velocity_torque',
                             'residual_current')),
     ('Timing and smoothness', ('peak_time', 'onset', 'announcement_to_motion', 'smoothness',
                                'rms_current')),
 )
-_EXPLAINED = {
+_EXPLANATIONS = {
     'peak_torque': (
         'The peak is the largest torque from the beginning of the movement until it slows down, or '
-        'until the joint starts moving where that is later. A lower bound (>) is given where the '
-        'joint did not move in some repetitions. RMS is over the movement without standstill. The '
-        'torque at constant velocity is positive where the person pushes the joint, and negative '
-        'where the joint pulls the person.'),
+        'until the joint starts moving if that is later. A lower bound (>) is given if the joint '
+        'did not move in some repetitions. RMS is over the movement without standstill. The torque '
+        'at constant velocity is positive if the person pushes the joint, and negative if the '
+        'joint pulls the person.'),
     'residual_current': (
         'The residual current is the RMS difference between the current that the model predicts '
-        'for the movement and the commanded one: it is as good as the model.'),
+        'for the movement and the commanded current. It is only as accurate as the model.'),
     'smoothness': (
         'Smoothness is the spectral arc length of the speed: about \u22121.4 for a single '
         'bell-shaped movement, and lower with hesitations.')}
@@ -64,7 +64,7 @@ _MARKERS = 'osD^vPX*'
 
 @styled
 def evaluation_figure(evaluation: Evaluation) -> Figure:
-    """Draw trajectories above and torques below, positive movements left and negative right."""
+    """Draw joint angles above and torques below, positive movements left and negative right."""
     movements = [name for name in ('positive', 'negative')
                  if any(c.movement == name for c in evaluation.conditions)]
     colours = _colours(evaluation)
@@ -98,7 +98,7 @@ def evaluation_figure(evaluation: Evaluation) -> Figure:
 
 @styled
 def trend_figure(trends: Sequence[Trend], evaluation: Evaluation) -> Figure:
-    """Draw each day's mean with its interval, and a line through them where it is significant."""
+    """Draw each day's mean with its interval, and a line where the trend is significant."""
     colours = _colours(evaluation)
     figure, axes = new_figure(1, 1, width=8.4, height=3.0)
     for k, trend in enumerate(trends):
@@ -126,16 +126,16 @@ def trend_figure(trends: Sequence[Trend], evaluation: Evaluation) -> Figure:
 def scenes_of(evaluation: Evaluation) -> list[MovingScene]:
     """Return the mean movement without and with the direction announced, if torque was measured.
 
-    Of the two directions of movement, it is the one with the larger torque.
+    Of the two directions of movement, the one with the larger torque is used.
     """
     pair = evaluation.pair()
     if pair is None:
         return []
-    known = {(c.compensation, c.movement): c for c in evaluation.conditions
-             if np.isfinite(c.torque).any()}
-    both = [[known[condition, movement] for condition in pair]
+    measured = {(c.compensation, c.movement): c for c in evaluation.conditions
+                if np.isfinite(c.torque).any()}
+    both = [[measured[condition, movement] for condition in pair]
             for movement in ('positive', 'negative')
-            if all((condition, movement) in known for condition in pair)]
+            if all((condition, movement) in measured for condition in pair)]
     largest = max(both, key=lambda conditions: max(c.peak_torque for c in conditions), default=[])
     return [MovingScene(title, c.time, c.position, c.torque, colour) for title, c, colour
             in zip(plain_names(pair), largest, ('grey', 'blue'))]
@@ -150,8 +150,8 @@ def add_evaluation(report: Report, evaluation: Evaluation) -> None:
         report.movie(
             moving_joint(scenes),
             'Mean motion of the joint in the direction that needed the larger torque. The orange '
-            'arrow is the torque of the person; below it, the same over time. Both play at the '
-            'speed of the recording.')
+            'arrow is the torque that the person applies; the curve below shows it over time. '
+            'Both play at the speed of the recording.')
     tiles = plain_tiles(evaluation) if simple else _tiles(evaluation)
     if tiles:
         report.numbers(tiles)
@@ -169,24 +169,25 @@ def add_evaluation(report: Report, evaluation: Evaluation) -> None:
 
 def _add_conditions(report: Report, evaluation: Evaluation) -> None:
     report.text('## Conditions')
-    starts = ['n', 'false starts']
+    # In the first table only.
+    counts = ['n', 'false starts']
     for title, names in _TABLES:
         shown = [name for name in names if any(
             c.figures[name].mean != 0 for c in evaluation.conditions if name in c.figures)]
         if not shown:
             continue
         report.table(
-            ['condition', '', *starts, *map(heading, shown)],
+            ['condition', '', *counts, *map(heading, shown)],
             [[nonbreaking_label(evaluation, c.compensation),
               '+' if c.movement == 'positive' else '\u2212',
               *[c.repetitions, f'{c.false_starts}\u00a0({_percent(c.false_start_share)})'][
-                  :len(starts)], *(figure_text(c, name) for name in shown)]
+                  :len(counts)], *(figure_text(c, name) for name in shown)]
              for c in evaluation.conditions],
             f'{title}: mean over the repetitions ± half its 95 % confidence interval, for '
             'movements in the positive (+) and negative (\u2212) direction.')
-        starts = []
+        counts = []
     known = {name for c in evaluation.conditions for name in c.figures}
-    report.text(' '.join(words for name, words in _EXPLAINED.items() if name in known)
+    report.text(' '.join(text for name, text in _EXPLANATIONS.items() if name in known)
                 + ' A false start is a repetition in which the joint started during the standstill'
                 + (' without being pushed; in brackets, the 95 % interval of their share.'
                    if evaluation.measured else
@@ -199,25 +200,24 @@ def _add_comparisons(report: Report, evaluation: Evaluation) -> None:
     shown = sorted(evaluation.comparisons, key=lambda c: (
         list(FIGURES).index(c.figure), c.p_value is None, c.p_value or 0.0))
     shown = shown[:_MOST_COMPARISONS]
-    report.text('## Compared with each other')
+    report.text('## Comparisons')
     report.table(
-        ['figure', 'first', 'second', 'pairs', 'of the first', 'of the second', 'difference',
-         'effect size (d_z)', 'p'],
+        ['measure', 'first condition', 'second condition', 'pairs', 'first mean', 'second mean',
+         'difference', 'effect size (d_z)', 'p'],
         [[heading(c.figure), nonbreaking_label(evaluation, c.first),
           nonbreaking_label(evaluation, c.second), c.pairs, *(
               peak_text(mean, evaluation.stuck(condition) * (c.figure == 'peak_torque'))
               for mean, condition in ((c.mean_first, c.first), (c.mean_second, c.second))),
           with_interval(c.difference), with_interval(effect_size(c)),
           p_value_text(c.p_value)] for c in shown],
-        'The n-th repetition under one condition with the n-th under the other, in the same '
-        'movement.')
+        'A pair is the n-th repetition under each of the two conditions, in the same direction.')
     omitted = len(evaluation.comparisons) - len(shown)
     report.text(
-        'Conditions are compared where that answers a question: any with no compensation; the '
-        'direction announced or not, with the same model; two models under the same law. '
+        'The comparisons are: each condition with no compensation; the direction announced with '
+        'not announced, for the same model; and two models under the same law. '
         "p is the p-value of Wilcoxon's signed-rank test with Holm's correction for all "
-        'comparisons of one figure; it needs five pairs. d_z is the mean difference in standard '
-        'deviations of the differences.'
+        'comparisons of one measure; it needs five pairs. d_z is the mean difference divided by '
+        'the standard deviation of the differences.'
         + (f' {omitted} more are in `report.json`.' if omitted else ''))
 
 
@@ -228,8 +228,8 @@ def _add_trends(report: Report, evaluation: Evaluation) -> None:
     for figure in dict.fromkeys(trend.figure for trend in evaluation.trends):
         trends = [trend for trend in evaluation.trends if trend.figure == figure]
         report.figure(trend_figure(trends, evaluation),
-                      f"{heading(figure)}: each day's mean with its 95 % interval, and a line "
-                      'where the trend is significant.')
+                      f"{heading(figure)}: each day's mean with its 95 % interval. A line is "
+                      'drawn where the trend is significant.')
         report.table(
             ['condition', 'days', 'first', 'last', 'change per week', 'p'],
             [[nonbreaking_label(evaluation, t.compensation), len(t.days),
@@ -270,7 +270,7 @@ def evaluation_report(evaluations: Sequence[Evaluation]) -> Report:
 
 
 def _tiles(evaluation: Evaluation) -> list[tuple[str, str]]:
-    """Return the peaks by condition, where there are no two to compare."""
+    """Return the peak torque of each condition, for a page without a pair to compare."""
     conditions = dict.fromkeys(
         c.compensation for c in evaluation.conditions if c.compensation.announced >= 0)
     return [(f'{peak_text(peak, evaluation.stuck(condition))} N·m',

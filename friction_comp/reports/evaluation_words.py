@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Describes an evaluation in words, for readers with and without knowledge of the laws."""
+"""Describes an evaluation in sentences, in plain language and in technical terms."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class _Peaks(NamedTuple):
-    """The compared pair, its peak torques and their change as text, and the comparison."""
+    """The two compared conditions, their peak torques and the change as text, and the test."""
 
     pair: tuple[Compensation, Compensation]
     before: str
@@ -42,16 +42,16 @@ def _peaks(evaluation: Evaluation) -> _Peaks | None:
 
 
 def plain_names(pair: tuple[Compensation, Compensation]) -> tuple[str, str]:
-    """Return titles of two conditions without technical terms."""
+    """Return titles of the two compared conditions without technical terms."""
     return ('No help' if pair[0].law == 'none' else 'Direction unknown', 'Direction known')
 
 
 def plain_verdict(evaluation: Evaluation) -> str:
-    """Return the result for the person in a sentence; '' where there is nothing to compare."""
+    """Return the result in plain language; '' where there is nothing to compare."""
     peaks = _peaks(evaluation)
     if peaks is None:
         return ''
-    without = 'without help' if peaks.pair[0].law == 'none' else 'when it does not know it'
+    without = 'without help' if peaks.pair[0].law == 'none' else 'when it does not'
     chance = '' if peaks.test is not None and peaks.test.significant else (
         ' With so few repetitions this may be chance; record more to be sure.')
     return (f'When the robot knows the direction, the person needs {peaks.after} to set the joint '
@@ -71,29 +71,30 @@ def plain_tiles(evaluation: Evaluation) -> list[tuple[str, str]]:
 
 
 def summary(evaluation: Evaluation) -> str:
-    """Return a summary of the trials in words, the verdict first."""
-    words = [verdict(evaluation)]
-    words.extend(_trend_sentence(trend, evaluation) for trend in evaluation.trends
-                 if trend.significant)
+    """Return a summary of the trials in technical terms, the verdict first."""
+    sentences = [verdict(evaluation)]
+    sentences.extend(_trend_sentence(trend, evaluation) for trend in evaluation.trends
+                     if trend.significant)
     for condition in dict.fromkeys(c.compensation for c in evaluation.conditions):
         if stuck := evaluation.stuck(condition):
             count = sum(r.compensation == condition for r in evaluation.repetitions)
-            words.append(f'With {evaluation.label(condition)} the joint did not move in {stuck} of '
-                         f'{count} movements.')
+            sentences.append(f'With {evaluation.label(condition)} the joint did not move in '
+                             f'{stuck} of {count} movements.')
     starts = sum(c.false_starts for c in evaluation.conditions)
-    words.append('The joint never started by itself.' if not starts else
-                 f'**In {starts} repetitions the joint started by itself.** Lower '
-                 '`breakaway_gain` or identify again.' if evaluation.measured
-                 else f'In {starts} repetitions the joint started early, by itself or pushed.')
+    sentences.append(
+        'The joint never started by itself.' if not starts else
+        f'**In {starts} repetitions the joint started by itself.** Lower '
+        '`breakaway_gain` or identify again.' if evaluation.measured
+        else f'In {starts} repetitions the joint started early, by itself or pushed.')
     against = sum(c.repetitions for c in evaluation.conditions if c.compensation.announced < 0)
     if against:
-        words.append(f'{against} movements went against the announced direction; they are listed '
-                     'separately.')
-    return ' '.join(words)
+        sentences.append(f'{against} movements went against the announced direction; they are '
+                         'listed separately.')
+    return ' '.join(sentences)
 
 
 def verdict(evaluation: Evaluation) -> str:
-    """Return the effect of announcing the direction in a sentence."""
+    """Return the effect of announcing the direction, in technical terms."""
     peaks = _peaks(evaluation)
     if peaks is None:
         if not evaluation.measured:
@@ -107,32 +108,32 @@ def verdict(evaluation: Evaluation) -> str:
     plain, assisted = 'without (d = 0)', 'the direction announced (d = ±1)'
     if (first.law, first.model) != (second.law, second.model):
         plain_label, label = (' · '.join(evaluation.names_of(condition)[1:])
-                              or 'no law that the recording names' for condition in peaks.pair)
+                              or 'a law that was not recorded' for condition in peaks.pair)
         plain, assisted = f'with {plain_label}', f'the direction announced (d = ±1, {label})'
-    words = (f'With {assisted} it took {peaks.after} to set the joint in motion instead of '
-             f'{peaks.before} {plain}: {peaks.change}')
+    text = (f'With {assisted} it took {peaks.after} to set the joint in motion instead of '
+            f'{peaks.before} {plain}: {peaks.change}')
     test = peaks.test
     if test is None or test.p_value is None:
-        return words + ', from too few repetitions to rule out chance.'
+        return text + ', from too few repetitions to rule out chance.'
     p_value = p_value_text(test.p_value)
     if test.significant:
-        return words + f', a significant difference ({p_value}, {test.pairs} pairs).'
+        return text + f', a significant difference ({p_value}, {test.pairs} pairs).'
     difference = test.difference
     if difference.half is not None and abs(difference.mean) > difference.half:
-        return words + (f'; the difference is {with_interval(difference)} N·m. {test.pairs} pairs '
-                        f'are too few to rule out chance among so many comparisons ({p_value}).')
-    return words + f', which may be chance ({p_value}, {test.pairs} pairs).'
+        return text + (f'; the difference is {with_interval(difference)} N·m. {test.pairs} pairs '
+                       f'are too few to rule out chance among so many comparisons ({p_value}).')
+    return text + f', which may be chance ({p_value}, {test.pairs} pairs).'
 
 
 def _trend_sentence(trend: Trend, evaluation: Evaluation) -> str:
     assert trend.per_week is not None
     name, unit = FIGURES[trend.figure]
     rises = trend.per_week.mean > 0
-    # Smoothness is the only figure that is better when larger.
-    judged = 'better' if rises == (trend.figure == 'smoothness') else 'worse'
+    # Smoothness is the only measure that is better when larger.
+    judgement = 'an improvement' if rises == (trend.figure == 'smoothness') else 'a deterioration'
     return (f'Over {len(trend.days)} days, {name} with {evaluation.label(trend.compensation)} '
             f'**{"rises" if rises else "falls"} by {number(abs(trend.per_week.mean))} {unit} '
-            f'a week**, for the {judged} ({p_value_text(trend.p_value)}).')
+            f'a week**, {judgement} ({p_value_text(trend.p_value)}).')
 
 
 def condition_line(condition: Condition) -> str:
@@ -158,7 +159,7 @@ def compared_peaks(evaluation: Evaluation) -> tuple[str, str] | None:
 
 
 def figure_text(condition: Condition, name: str) -> str:
-    """Return a figure of a condition with its interval, or a bound where the joint was stuck."""
+    """Return a measure of a condition with its interval, or a bound where the joint was stuck."""
     text = with_interval(condition.figures.get(name))
     return f'>\u00a0{text}' if name == 'peak_torque' and condition.stuck else text
 
@@ -169,13 +170,13 @@ def peak_text(torque: float, stuck: int) -> str:
 
 
 def heading(name: str) -> str:
-    """Return the name of a figure of `FIGURES` with its unit."""
+    """Return the title and unit of a measure, one of the keys of `FIGURES`."""
     title, unit = FIGURES[name]
     return f'{title} ({unit})' if unit else title
 
 
 def with_interval(value: Interval | None) -> str:
-    """Return a mean with half its interval, with as many digits as are significant."""
+    """Return a mean ± half its interval, with as many digits as are significant."""
     if value is None:
         return '–'
     half = value.half

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The pages on planned motion: what it covers and distinguishes, and a model improved by it."""
+"""The reports of `excite` (a planned motion) and `improve` (a model refined on such motions)."""
 
 from __future__ import annotations
 
@@ -19,21 +19,22 @@ if TYPE_CHECKING:
 
     from friction_comp.excitation.improve import Improvement
 
-_RATE = 50.0
+_RATE = 50.0  # of the drawn curves, Hz
 
 
 def excitation_report(plans: Sequence[JointPlan],
                       others: Sequence[Mapping[str, Mapping[Pair, float]]]) -> Report:
-    """Return the page.
+    """Return the report of planned motions.
 
-    `others` are, for each plan, the separations by other motions of the same length, by name.
+    `others` has for each plan the separation by other motions of the same length, by name.
     """
     seconds = plans[0].seconds
     report = Report('Planned motion', f'{len(plans)} joint{"s" * (len(plans) > 1)}, {seconds:g} s')
     worst = min((share, pair, plan.limits.joint) for plan in plans
                 for pair, share in plan.separation.items())
     report.verdict(f'**Hardest to distinguish: {" and ".join(worst[1])}** of joint {worst[2]}: '
-                   f'{100 * worst[0]:.2g} % of one is independent of the other and of Eq. 6.')
+                   f'{100 * worst[0]:.2g} % of one is independent of the other and of the friction '
+                   'curve (Eq. 6).')
     for plan, other in zip(plans, others):
         report.heading(f'Joint {plan.limits.joint}')
         report.figure(_plan_figure(plan), 'Left: position and velocity over time. Right: '
@@ -43,9 +44,9 @@ def excitation_report(plans: Sequence[JointPlan],
             [[' and '.join(pair), 100 * share,
               *(100 * separation[pair] for separation in other.values())]
              for pair, share in plan.separation.items()])
-    report.text('The share is the smallest over a few constants of each effect, computed from the '
-                'columns that refine fits. It depends on the motion alone; whether refine names '
-                'an effect also depends on noise and on the size of the effect.')
+    report.text('The percentage is the part of one effect that is independent of the other: the '
+                "smallest for several values of the effects' constants. It depends on the motion "
+                'alone; whether `refine` finds an effect also depends on noise and on its size.')
     return report
 
 
@@ -69,9 +70,9 @@ def _plan_figure(plan: JointPlan) -> Figure:
 
 def improvement_report(improvement: Improvement, names: Sequence[str],
                        command: Sequence[str] = ()) -> Report:
-    """Return the page; the refined model has a separate page, refinement.html.
+    """Return the report of `improve`; the refined model has its own page, refinement.html.
 
-    `names` are those of the recordings, `command` are lines for the footer.
+    `names` are the names of the recordings, `command` contains lines for the footer.
     """
     last, report = improvement.rounds[-1], improvement.result.report
     unit = report['unit']
@@ -91,13 +92,13 @@ def improvement_report(improvement: Improvement, names: Sequence[str],
         + '. The page `refinement.html` beside this one describes the model.')
     page.heading('Rounds')
     page.text('Each round planned a motion for the questions that earlier recordings left open, '
-              'predicted it with the model of these recordings, and then fitted all of them '
-              'together. The error of the prediction is the error on motion that the model has '
-              'not seen.')
-    page.figure(_rounds_figure(improvement, unit), 'Error of each round before it was fitted, and '
-                'on data not fitted after all rounds. The dashed line is the noise from sample to '
-                'sample.')
-    page.table(['round', 'planned for', 'error predicted', 'error held out', 'effects', 'verdict'],
+              'recorded it, predicted its current with the model from the earlier recordings, and '
+              'then fitted all recordings together. The prediction error is thus the error on '
+              'motion that the model has not seen.')
+    page.figure(_rounds_figure(improvement, unit), 'Error on the recording of each round before it '
+                'was fitted, and on held-out parts after each fit. The dashed line is the noise '
+                'from sample to sample.')
+    page.table(['round', 'planned for', 'prediction error', 'held-out error', 'effects', 'verdict'],
                [[k + 1, _effect_names(name for pair in round_.asked for name in pair),
                  quantity(round_.predicted_rmse, unit), quantity(round_.held_out_rmse, unit),
                  _effect_names(round_.effects) or 'none', round_.verdict]
@@ -117,9 +118,9 @@ def _rounds_figure(improvement: Improvement, unit: str) -> Figure:
     figure, axes = new_figure(1, 1, height=2.6)
     numbers = range(1, len(rounds) + 1)
     axes.plot(numbers, [round_.predicted_rmse for round_ in rounds], 'o-', color=COLOURS['orange'],
-              label='predicted before it was fitted')
+              label='prediction, before the fit')
     axes.plot(numbers, [round_.held_out_rmse for round_ in rounds], 's-', color=COLOURS['blue'],
-              label='held out, all rounds fitted')
+              label='held out, after the fit')
     axes.axhline(improvement.result.report['noise_floor'], color='0.5', linestyle='--')
     largest = np.nanmax([(round_.predicted_rmse, round_.held_out_rmse) for round_ in rounds])
     axes.set_ylim(0.0, 1.25 * float(largest))

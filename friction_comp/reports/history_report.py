@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The page on a drive's history: friction, error and temperature by recording."""
+"""The report of a drive's history: friction, error and temperature of each recording."""
 
 from __future__ import annotations
 
@@ -16,34 +16,34 @@ from friction_comp.reports.html import Report
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Largest number of dates below the figure.
+# Largest number of dates on the axis of the figure.
 _MOST_LABELS = 16
 
 
 def history_report(model: str, recordings: Sequence[RecordedFriction],
                    notes: Sequence[tuple[str, str]]) -> Report:
-    """Return the page on a model file's recordings in order of date, at least one.
+    """Return the report on a model file's recordings, at least one, in order of date.
 
-    `notes` are ISO dates and maintenance of the drive.
+    `notes` are pairs of an ISO date and a text, such as maintenance of the drive.
     """
     report = Report('History of a drive', f'{model}, {len(recordings)} recordings from '
                     f'{recordings[0].day} to {recordings[-1].day}')
     first, last = recordings[0], recordings[-1]
-    words = f"**Friction is {100 * last.level:.0f} %** of the model's in the latest recording"
+    text = f"In the latest recording, friction is **{100 * last.level:.0f} %** of the model's"
     if len(recordings) > 1:
-        words += f', after {100 * first.level:.0f} % in the first'
-    report.verdict(f"{words}. The model's error in the latest is {1e3 * last.error:.3g} mA RMS.")
-    done = '; '.join(f'{text} ({day})' for day, text in notes)
+        text += f'; in the first it was {100 * first.level:.0f} %'
+    report.verdict(f"{text}. The model's error in the latest is {1e3 * last.error:.3g} mA RMS.")
+    listed = '; '.join(f'{note} ({day})' for day, note in notes)
     report.figure(_figure(recordings, notes), 'Each dot is a recording; bars are 95 % intervals.'
-                  + (f' Dashed: {done}.' if done else ''))
-    report.table(['recording', 'date', 'kept (s)', 'friction (% of the model)', 'error (mA)',
+                  + (f' Dashed lines: {listed}.' if listed else ''))
+    report.table(['recording', 'date', 'data kept (s)', 'friction (% of the model)', 'error (mA)',
                   'motor (°C)'],
                  [[recording.name, recording.day, round(recording.seconds),
                    round(100.0 * recording.level, 1), 1e3 * recording.error,
                    recording.temperature] for recording in recordings])
     if notes:
-        report.heading('What was done')
-        report.table(['date', 'what'], notes)
+        report.heading('Notes')
+        report.table(['date', 'note'], notes)
     return report
 
 

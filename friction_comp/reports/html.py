@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reports as one self-contained HTML file that is complete without scripts."""
+"""Builds a report as one self-contained HTML file, which can be read without scripts."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 def _keep_formulas_together(state: StateCore) -> None:
-    """Allow no line break in a formula as short as d = 0."""
+    """Prevent line breaks within short formulas such as d = 0."""
     for token in state.tokens:
         for child in token.children or ():
             if child.type == 'text':
@@ -78,7 +78,7 @@ class Report:
         self._origin: list[str] = []
 
     def heading(self, text: str, level: int = 2) -> None:
-        """Begin a section (level 2) or a part of one (level 3)."""
+        """Begin a section (level 2) or subsection (level 3)."""
         self.text(f'{"#" * level} {text}')
 
     def text(self, text: str) -> None:
@@ -91,7 +91,7 @@ class Report:
         self._parts.append(_MARKDOWN.renderer.render(tokens, _MARKDOWN.options, {}))
 
     def bullets(self, lines: Iterable[str], title: str = '') -> None:
-        """Add a list with a paragraph before it, nothing where it is empty."""
+        """Add a bullet list after a paragraph `title`; without lines, add nothing."""
         items = ''.join(f'- {line}\n' for line in lines)
         if items:
             self.text(f'{title}\n\n{items}')
@@ -101,7 +101,7 @@ class Report:
         self._parts.append(f'<div class="verdict">{_MARKDOWN.render(text)}</div>')
 
     def numbers(self, tiles: list[tuple[str, str]]) -> None:
-        """Add a few numbers in large type: value with unit, and label."""
+        """Add tiles with a number in large type; each is a value with unit, and a label."""
         cells = ''.join(f'<div class="tile"><b>{_unbroken(value)}</b>'
                         f'<span>{_inline(label)}</span></div>' for value, label in tiles)
         self._parts.append(f'<div class="tiles">{cells}</div>')
@@ -110,8 +110,9 @@ class Report:
               caption: str = '') -> None:
         """Add a table of strings, numbers, links and None.
 
-        Columns of numbers are aligned to the right, with three significant digits of the largest
-        where their magnitudes are similar, otherwise of each.
+        Columns of numbers are aligned to the right. If their magnitudes are similar, all have as
+        many decimals as the largest with three significant digits; otherwise each number has three
+        significant digits.
         """
         rows = list(rows)
         columns = list(zip(*rows, strict=True)) or [()] * len(header)
@@ -145,14 +146,14 @@ class Report:
             Whether a plot of the same curves with hover and zoom replaces the drawing on a screen
             where scripts run. Without Bokeh, and on paper, the drawing is shown.
         """
-        words = _plain(alternative or caption)
+        alternative = _plain(alternative or caption)
         live, kind = '', ''
         if interactive and bokeh_is_installed():
             plot, note = interactive_plot(figure)
-            live = f'<div class="live" role="group" aria-label="{words}">{plot}</div>'
+            live = f'<div class="live" role="group" aria-label="{alternative}">{plot}</div>'
             kind = ' class="two"'
             caption += note
-            # Set before the layout, so that nothing jumps.
+            # In the head, so that the class is set before the layout and nothing jumps.
             self._scripts['bokeh'] = (
                 "<script>document.documentElement.classList.add('scripted');</script>\n"
                 f'{library()}')
@@ -161,10 +162,10 @@ class Report:
             # Ids must be unique among all drawings of the page.
             content = re.sub(
                 r'( id="|href="#|url\(#)', rf'\g<1>f{self._figures + 1}-', content)
-            content = content.replace('<svg ', f'<svg role="img" aria-label="{words}" ', 1)
+            content = content.replace('<svg ', f'<svg role="img" aria-label="{alternative}" ', 1)
         else:
             data = base64.b64encode(content).decode('ascii')
-            content = f'<img alt="{words}" src="data:image/png;base64,{data}">'
+            content = f'<img alt="{alternative}" src="data:image/png;base64,{data}">'
         self._add_figure(kind, f'<div class="drawn">{content}</div>{live}', caption)
 
     def movie(self, drawings: Sequence[str], caption: str) -> None:
@@ -181,7 +182,7 @@ class Report:
             '</figcaption></figure>')
 
     def made_by(self, *lines: str) -> None:
-        """Add the origin of the page to its footer: the command, the recordings, the models."""
+        """Add the origin of the page to its footer: command, recordings and models."""
         self._origin.extend(lines)
 
     def code(self, text: str) -> None:
@@ -229,7 +230,7 @@ class Report:
 
 
 def number(value: float | int | None, digits: int = 3) -> str:
-    """Return a number with few significant digits, thousands in full, and a dash for None."""
+    """Return a number with few significant digits (thousands in full); a dash for None or NaN."""
     if value is None or math.isnan(value):
         return '–'
     if isinstance(value, (int, np.integer)):

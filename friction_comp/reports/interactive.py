@@ -1,9 +1,9 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Turns drawings into Bokeh plots with hover and zoom, which work without network access.
+"""Converts Matplotlib figures to Bokeh plots with hover and zoom, which work offline.
 
-The drawing comes first: it needs no script and can be printed. Where scripts run and Bokeh was
-installed, a plot of the curves in it replaces it on the screen.
+A report always contains the Matplotlib drawing, which needs no script and can be printed. Where
+scripts run and Bokeh was installed, a plot of the same curves replaces it on the screen.
 """
 
 from __future__ import annotations
@@ -24,14 +24,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-# Largest number of points of a line: two for each column of pixels of a screen are enough; and of
-# dots.
+# Largest numbers of points of a line (two per pixel column of a screen are enough) and of dots.
 POINTS, _DOTS = 2000, 1500
 _FONT = 'system-ui, sans-serif'
 
 
 def bokeh_is_installed() -> bool:
-    """Return whether plots can be made."""
+    """Return whether interactive plots are available."""
     return find_spec('bokeh') is not None
 
 
@@ -54,21 +53,21 @@ def interactive_plot(figure: Figure) -> tuple[str, str]:
         spec: Any = axes.get_subplotspec()
         row, column = spec.rowspan.start, spec.colspan.start
         plots[row, column] = _plot(axes, plots.get((0, column)), plots.get((row, 0)))
-    script, elements = components([plots[place] for place in sorted(plots)])
+    script, elements = components([plots[row_column] for row_column in sorted(plots)])
     panels = ''.join(f'<div>{element}</div>' for element in elements)
     lines = [line for axes in figure.axes for line in _lines(axes)]
     most = max((len(line.get_path()) for line in lines if not _is_dots(line)), default=0)
-    note = (f' Of up to {most} points per curve, the lowest and highest of each of {POINTS // 2} '
+    note = (f' Curves have up to {most} points: the lowest and highest of each of {POINTS // 2} '
             'stretches are drawn.') if most > POINTS else ''
-    return (f'{_key(lines)}<div class="panels" style="--columns:{1 + max(plots)[1]}">{panels}'
+    return (f'{_legend(lines)}<div class="panels" style="--columns:{1 + max(plots)[1]}">{panels}'
             f'</div>{script.strip()}', note)
 
 
 def thin_extremes(x: np.ndarray, y: np.ndarray, points: int = POINTS
                   ) -> tuple[np.ndarray, np.ndarray]:
-    """Thin out a curve to the lowest and the highest point of each stretch, which keeps its peaks.
+    """Thin out a curve to at most `points`, the lowest and highest of each stretch.
 
-    At most `points` are returned.
+    In this way, its peaks are kept.
     """
     if len(x) <= points:
         return x, y
@@ -79,14 +78,14 @@ def thin_extremes(x: np.ndarray, y: np.ndarray, points: int = POINTS
         if np.isfinite(part).any():
             chosen += [first + int(np.nanargmin(part)), first + int(np.nanargmax(part))]
         else:
-            # Keep a gap.
+            # One NaN keeps the gap.
             chosen.append(first)
     indices = np.unique(chosen)
     return x[indices], y[indices]
 
 
 def _lines(axes: Axes) -> list[Line2D]:
-    """Return the lines with data, without those across the whole panel."""
+    """Return the lines with data, without those from ``axhline`` and ``axvline``."""
     return [line for line in axes.lines if line.get_transform() is axes.transData]
 
 
@@ -99,8 +98,8 @@ def _name(line: Line2D) -> str:
     return '' if name.startswith('_') else name
 
 
-def _key(lines: Iterable[Line2D]) -> str:
-    """Return the key of curves as HTML, so that its lines wrap on a narrow page."""
+def _legend(lines: Iterable[Line2D]) -> str:
+    """Return the legend as HTML, so that it wraps on a narrow page."""
     named = {_name(line): line for line in lines if _name(line)}
     if len(named) < 2:
         return ''
@@ -111,7 +110,7 @@ def _key(lines: Iterable[Line2D]) -> str:
 
 
 def _label(axes: Axes, span: str, name: str) -> str:
-    """Return a label of axes or, for inner ones, of others in the same column or row."""
+    """Return an axis label; inner axes have that of others in the same column or row."""
     def start(other: Any) -> int:
         return int(getattr(other.get_subplotspec(), span).start)
     figure: Any = axes.get_figure()

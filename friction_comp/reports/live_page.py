@@ -86,7 +86,7 @@ class Feed(Protocol):
 
 
 def live_page(feed: Feed, length: float = 10.0) -> Callable[[Any], None]:
-    """Return the Bokeh application of a feed; the time axis has `length` s."""
+    """Return the Bokeh application that shows a feed, with a time axis of `length` s."""
     def application(document: Any) -> None:
         page = _Page(feed, length)
         document.title = feed.title
@@ -97,7 +97,7 @@ def live_page(feed: Feed, length: float = 10.0) -> Callable[[Any], None]:
 
 
 class _Page:
-    """One visitor's view, which changes nothing outside of it."""
+    """One visitor's view; its controls do not affect other visitors."""
 
     def __init__(self, feed: Feed, length: float):
         self._feed, self._length = feed, length
@@ -161,16 +161,16 @@ class _Page:
                    for data in last.values()] for name in _TABLE}}
         self._status.text = ' '.join(
             f'<span style="color:{_LEVELS[level]};margin-right:1.5em"><b>{escape(name)}</b>: '
-            f'{escape(words)}</span>' for level, name, words in self._feed.status())
+            f'{escape(text)}</span>' for level, name, text in self._feed.status())
 
     def _draw_joint(self, joint: str, data: dict[str, np.ndarray]) -> str:
-        """Return a drawing of the joint's last state, scaled to all data so far."""
+        """Return a drawing of the joint's latest state, scaled to all data so far."""
         if not len(data['time']):
             return ''
-        known = data['position'][np.isfinite(data['position'])]
+        position = data['position'][np.isfinite(data['position'])]
         load = np.abs(data['load'][np.isfinite(data['load'])])
         low, high, largest = self._span.get(joint, (np.inf, -np.inf, 1e-3))
-        low, high = known.min(initial=low), known.max(initial=high)
+        low, high = position.min(initial=low), position.max(initial=high)
         self._span[joint] = low, high, largest = low, high, load.max(initial=largest)
         middle = 0.5 * (low + high) if np.isfinite(low + high) else 0.0
         return still_joint(float(data['position'][-1]), float(data['load'][-1]), largest, middle)
@@ -205,11 +205,11 @@ def _plots(source: ColumnDataSource) -> list[Any]:
 
 
 def with_gaps(data: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return signals with NaN in gaps, and the residual with NaN at standstill."""
+    """Return signals with a NaN inserted in each gap, and the residual NaN at standstill."""
     still = ~(np.abs(data['velocity']) > _STANDSTILL)
     data = {**data, 'residual': np.where(still, np.nan, data['residual'])}
     gaps = np.nonzero(np.diff(data['time']) > _GAP)[0] + 1
     result = {name: np.insert(values, gaps, np.nan) for name, values in data.items()}
-    # Between its neighbours, so that time increases.
+    # The inserted time lies between its neighbours, so that time increases.
     result['time'] = np.insert(data['time'], gaps, data['time'][gaps - 1] + 0.5 * _GAP)
     return result

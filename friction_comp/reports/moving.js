@@ -1,9 +1,9 @@
-// Drawings that move can be stopped, and stand still for those who asked for less motion.
+// Adds a pause button to animations; they start paused for visitors who prefer reduced motion.
 for (const figure of document.querySelectorAll('figure.movie')) {
   const drawings = [...figure.querySelectorAll('svg')], button = figure.querySelector('button');
   const set = (paused) => {
     for (const drawing of drawings) {
-      // All from the same moment: each began when it had been read.
+      // Synchronise the drawings: each started when the browser had parsed it.
       drawing.setCurrentTime(drawings[0].getCurrentTime());
       if (paused) drawing.pauseAnimations(); else drawing.unpauseAnimations();
     }

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """An animated drawing of the joint as recorded, with the person's torque as an arrow.
 
-Angle, arrow and dot show the measured curves at the same time. The animation is plain SVG without
-scripts, which plays in a page and in a README.
+Angle, arrow and dot always show the measured values of the same time. The animation is plain SVG
+without scripts, which plays in a page and in a README.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from friction_comp.reports.figures import COLOURS, INK
 # Number of frames of an animation: 25 per second for a movement of 3 s.
 _FRAMES = 75
 _WIDTH, _HEIGHT = 320, 330
-# Pivot and hand of the arm; length of the longest arrow; the plot of the torque: left, top, width,
-# height.
+# In SVG units: pivot (x, y) and hand (x) of the arm; length of the longest arrow, and left, top,
+# width and height of the torque plot.
 _X, _Y, _HAND = 70.0, 120.0, 220.0
 _ARROW, _PLOT = 78.0, (34.0, 218.0, 268.0, 74.0)
 _LETTERS = 'font-family="system-ui, sans-serif" font-size="13"'
@@ -42,7 +42,7 @@ def moving_joint(scenes: Sequence[MovingScene]) -> list[str]:
     return [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img" '
         f'aria-label="{escape(scene.title)}: a joint that moves as recorded; the '
-        f'person gives up to {np.nanmax(np.abs(scene.torque)):.2f} N·m" {_LETTERS}>{part}</svg>'
+        f'person applies up to {np.nanmax(np.abs(scene.torque)):.2f} N·m" {_LETTERS}>{part}</svg>'
         for scene, part in zip(scenes, _draw_scenes(scenes))]
 
 
@@ -59,19 +59,19 @@ def moving_picture(scenes: Sequence[MovingScene]) -> str:
 def still_joint(position: float, torque: float, largest: float, middle: float) -> str:
     """Return a drawing of the joint at one time, for a page that updates it.
 
-    Position, rad, and torque of the person, N·m, are NaN where not measured; `largest` is the
+    `position` in rad and the person's `torque` in N·m are NaN where not measured; `largest` is the
     torque of the longest arrow, and `middle` the position that is drawn horizontally.
     """
     angle = -np.degrees(position - middle) if np.isfinite(position) else 0.0
     height = np.clip(torque / largest, -1, 1) if np.isfinite(torque) else 0.0
-    words = f'{torque:.2f} N·m'.replace('-', '−') if np.isfinite(torque) else 'not measured'
+    shown = f'{torque:.2f} N·m'.replace('-', '−') if np.isfinite(torque) else 'not measured'
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} 215" width="320" '
         f'height="215" role="img" aria-label="Joint at {np.degrees(position):.0f} degrees" '
         f'{_LETTERS} color="{INK}">'
         f'{_draw_joint(np.array([angle]), np.array([height]), 0, COLOURS["blue"])}'
         f'<text x="8" y="208" fill="currentColor">angle {np.degrees(position):.1f}°, torque of the '
-        f'person {words}</text></svg>')
+        f'person {shown}</text></svg>')
 
 
 def _draw_scenes(scenes: Sequence[MovingScene]) -> list[str]:
@@ -87,7 +87,7 @@ def _draw_scenes(scenes: Sequence[MovingScene]) -> list[str]:
 def _draw_scene(scene: MovingScene, moments: np.ndarray, largest: float, middle: float) -> str:
     position = np.interp(moments, scene.time, scene.position)
     heights = np.interp(moments, scene.time, np.nan_to_num(scene.torque)) / largest
-    # Without animation, the time of the largest torque is shown.
+    # Where animations do not run, the frame with the largest torque is shown.
     peak = int(np.argmax(np.abs(heights)))
     seconds = moments[-1] - moments[0]
     timing = f'dur="{seconds:.2f}s" repeatCount="indefinite"'
@@ -115,16 +115,16 @@ def _draw_scene(scene: MovingScene, moments: np.ndarray, largest: float, middle:
 
 def _draw_joint(angles: np.ndarray, heights: np.ndarray, shown: int, colour: str,
                 timing: str = '') -> str:
-    """Return upper arm, forearm, and the arrow of the torque at the hand.
+    """Return the SVG of upper arm, forearm, and the arrow of the torque at the hand.
 
-    Angles are in degrees and clockwise, heights shares of the longest arrow; `shown` is the index
-    of the frame without animation.
+    For each frame, `angles` are in degrees, clockwise, and `heights` relative to the longest arrow;
+    `shown` is the index of the frame that is shown without animation.
     """
     turns = [f'{angle:.2f} {_X:g} {_Y:g}' for angle in angles]
     turning = (f'<animateTransform attributeName="transform" type="rotate" '
                f'values="{";".join(turns)}" {timing}/>' if timing else '')
     ends = _Y - _ARROW * heights
-    # The head points in the torque's direction and vanishes with it.
+    # The arrow head points in the direction of the torque and shrinks to nothing with it.
     sizes = np.sign(heights) * np.minimum(_ARROW * np.abs(heights) / 12.0, 1.0)
     heads = [f'M{_HAND - 8 * abs(s):.1f} {e:.1f}L{_HAND + 8 * abs(s):.1f} {e:.1f}L{_HAND:.1f} '
              f'{e - 13 * s:.1f}Z' for e, s in zip(ends, sizes)]

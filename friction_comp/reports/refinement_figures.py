@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The figures of the refinement page."""
+"""The figures of the report of `refine`."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from friction_comp.refinement.refine import RefineResult
     from friction_comp.samples import Samples
 
-# Shortest and longest time that is drawn, s, and the number of reversals in it.
+# Shortest and longest excerpt over time, s, and the number of reversals that it should contain.
 _SHORTEST, _LONGEST, _REVERSALS = 4.0, 60.0, 8
-# Colours of the parts of a model, Eq. 6 first.
-_PARTS = ('violet', 'green', 'pink', 'red', 'yellow', 'orange', 'blue', 'grey')
+# Colours of the contributions to the predicted current, Eq. 6 first.
+_CONTRIBUTION_COLOURS = ('violet', 'green', 'pink', 'red', 'yellow', 'orange', 'blue', 'grey')
 
 
 def excerpt(result: RefineResult) -> slice:
@@ -40,23 +40,24 @@ def excerpt(result: RefineResult) -> slice:
 
 @styled
 def time_figure(result: RefineResult) -> Figure:
-    """Draw measured and predicted current over time, and the part of each effect."""
+    """Draw measured and predicted current over time, and the contribution of each effect."""
     samples, model, unit = result.samples, result.model, result.report['unit']
     part = excerpt(result)
     time, measured = samples.time[part], samples.current[part]
-    parts = {'Eq. 6': np.asarray(model.sigmoid(np.asarray(samples.velocity)))[part]}
+    contributions = {'Eq. 6': np.asarray(model.sigmoid(np.asarray(samples.velocity)))[part]}
     with_arm = model.with_arm(samples)
     for effect in model.effects:
         name = effect.name.replace('_', ' ')
-        parts[name] = parts.get(name, 0.0) + effect.current(with_arm)[part]
+        contributions[name] = contributions.get(name, 0.0) + effect.current(with_arm)[part]
     figure, (above, below) = new_figure(rows=2, height=2.4, sharex=True)
     for name, colour, values in (('measured', 'grey', measured),
                                  ('before', 'orange', measured - result.before[part]),
                                  ('after', 'blue', measured - result.after[part])):
         above.plot(time, values, color=COLOURS[colour], label=name, linewidth=1.1)
-    for k, (name, values) in enumerate(parts.items()):
-        below.plot(time, values, color=COLOURS[_PARTS[k % len(_PARTS)]], label=name, linewidth=1.1)
-    for axes, label in ((above, f'current ({unit})'), (below, f'part of it ({unit})')):
+    for k, (name, values) in enumerate(contributions.items()):
+        below.plot(time, values, label=name, linewidth=1.1,
+                   color=COLOURS[_CONTRIBUTION_COLOURS[k % len(_CONTRIBUTION_COLOURS)]])
+    for axes, label in ((above, f'current ({unit})'), (below, f'contributions ({unit})')):
         axes.set_ylabel(label)
         axes.legend(loc='upper left', bbox_to_anchor=(1.0, 1.0))
     below.set_xlabel('time (s)')
@@ -65,7 +66,7 @@ def time_figure(result: RefineResult) -> Figure:
 
 @styled
 def friction_figure(result: RefineResult) -> Figure:
-    """Draw friction over velocity: measured without the effects, and Eq. 6 before and after."""
+    """Draw friction over velocity: measured minus the effects, and Eq. 6 before and after."""
     samples, usable = result.samples, result.usable
     friction = np.array(samples.current, dtype=float)
     with_arm = result.model.with_arm(samples)
@@ -80,7 +81,7 @@ def friction_figure(result: RefineResult) -> Figure:
     low, high = np.percentile(friction, (0.5, 99.5))
     axes.set_ylim(low - 0.2 * (high - low), high + 0.2 * (high - low))
     axes.set(xlabel='velocity (rad/s)', ylabel=f"friction ({result.report['unit']})")
-    # Friction rises from lower left to upper right. The best place among many points takes seconds.
+    # Friction rises from lower left to upper right; finding the best place takes seconds.
     axes.legend(loc='upper left')
     return figure
 
@@ -101,10 +102,10 @@ def residual_figure(result: RefineResult, name: str, label: str) -> Figure:
     for axes, residual, title in zip(both, (result.before, result.after), ('before', 'after')):
         y = residual[rows]
         scatter(axes, x, y, 'grey')
-        for mask, colour, words in sides:
+        for mask, colour, legend in sides:
             if mask.sum() > 20:
                 axes.plot(*averages(x[mask], y[mask], run[mask]), color=COLOURS[colour],
-                          label=words)
+                          label=legend)
         axes.set(title=title, xlabel=label)
     limit = float(np.percentile(np.abs(result.before[rows]), 99.5))
     both[0].set_ylim(-1.2 * limit, 1.2 * limit)
@@ -125,8 +126,8 @@ def averages(x: np.ndarray, y: np.ndarray, run: np.ndarray,
              count: int = 40) -> tuple[np.ndarray, np.ndarray]:
     """Return the means of x and y in about `count` ranges with equal numbers of samples.
 
-    NaN separates ranges with a gap of more than a tenth of the whole between them, and ranges of
-    different runs, so that no line is drawn there. `run` is the index of each sample's run.
+    `run` is the index of each sample's run. NaN separates ranges of different runs, and ranges with
+    a gap in x of more than a tenth of its span, so that no line is drawn there.
     """
     order = np.argsort(x, kind='stable')
     x, y, run = x[order], y[order], run[order]
@@ -141,14 +142,14 @@ def averages(x: np.ndarray, y: np.ndarray, run: np.ndarray,
 
 @styled
 def spectrum_figure(result: RefineResult) -> Figure | None:
-    """Draw the spectrum over position; None where the position hardly varied."""
+    """Draw the residual's spectrum over position; None where the position hardly varied."""
     figure, axes = new_figure(height=2.8)
-    for residual, words, colour in ((result.before, 'before', 'orange'),
+    for residual, legend, colour in ((result.before, 'before', 'orange'),
                                     (result.after, 'after', 'blue')):
         k, size = spectrum(result, residual)
         if not len(k):
             return None
-        axes.plot(*largest_in_ranges(k, size), color=COLOURS[colour], label=words)
+        axes.plot(*largest_in_ranges(k, size), color=COLOURS[colour], label=legend)
     axes.set(xscale='log', xlabel='periods per turn', ylabel=f"amplitude ({result.report['unit']})")
     axes.set_ylim(bottom=0.0)
     axes.legend(loc='upper right')
@@ -156,7 +157,7 @@ def spectrum_figure(result: RefineResult) -> Figure | None:
 
 
 def spectrum(result: RefineResult, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return numbers of periods per turn and the residual's amplitude at each, shape (K,)."""
+    """Return the residual's spectrum over position: periods per turn and amplitudes, each (K,)."""
     rows = result.usable
     samples: Any = result.samples
     highest = highest_frequency(samples.velocity[rows], samples.sample_time,
@@ -168,7 +169,7 @@ def spectrum(result: RefineResult, residual: np.ndarray) -> tuple[np.ndarray, np
 
 
 def largest_in_ranges(k: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the largest values in 700 logarithmic ranges of k, so that no peak is lost."""
+    """Thin out a spectrum to the largest value in each of 700 logarithmic ranges of k."""
     range_index = (np.log(k / k[0]) / max(math.log(k[-1] / k[0]), 1e-12) * 700).astype(int)
     first = np.nonzero(np.diff(range_index, prepend=-1))[0]
     return k[first], np.maximum.reduceat(size, first)

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The pages on many recordings that were refined separately, and on a whole arm."""
+"""The reports on many recordings that were refined separately, and on a whole arm."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ if TYPE_CHECKING:
 _REPEATABLE = 0.5
 # Largest number of recordings that are named below a figure.
 _MOST_LABELS = 16
-# Largest ratio of an interval's ends up to which a current per torque counts as known.
+# Ratio of the ends of its interval up to which a current per torque counts as determined.
 _LARGEST_RATIO = 3.0
 
 
 def verdict(content: dict[str, Any]) -> str:
-    """Return the result of all recordings, the content of report.json, in words."""
+    """Return the result of all recordings as sentences; `content` is that of report.json."""
     rows, failed, missing = content['recordings'], content['failed'], content['not_done']
     kinds = Counter(row['verdict'] for row in rows)
-    words = ', '.join(f'{name}: {kinds[name]}' for name in (
+    counts = ', '.join(f'{name}: {kinds[name]}' for name in (
         'trust', 'trust in part', 'record again') if kinds[name])
-    text = f'**{len(rows)} of {len(rows) + len(failed) + missing} refined** ({words or "none"}).'
-    better = [1.0 - row['after'] / row['before'] for row in rows
+    text = f'**{len(rows)} of {len(rows) + len(failed) + missing} refined** ({counts or "none"}).'
+    reductions = [1.0 - row['after'] / row['before'] for row in rows
               if row['effects'] and row['before'] > 0]
-    if better:
-        low, middle, high = np.quantile(better, [0.25, 0.5, 0.75])
-        text += (f' In {len(better)} an effect was found that the model lacked: there the median '
-                 f'error is {100 * middle:.0f} % less (middle half {100 * low:.0f} to '
+    if reductions:
+        low, middle, high = np.quantile(reductions, [0.25, 0.5, 0.75])
+        text += (f' In {len(reductions)} an effect was found that the model lacked: there the '
+                 f'error is {100 * middle:.0f} % less (median; in half of them {100 * low:.0f} to '
                  f'{100 * high:.0f} %).')
     elif rows:
         text += ' In none of them was an effect found that the model lacked.'
@@ -51,7 +51,7 @@ def verdict(content: dict[str, Any]) -> str:
 
 
 def each_report(content: dict[str, Any]) -> Report:
-    """Return the page on the content of report.json."""
+    """Return the report on recordings that were refined separately, from its report.json."""
     rows = content['recordings']
     joints = list(dict.fromkeys(row['joint'] for row in rows))
     page = Report('What friction models lacked, recording by recording',
@@ -65,9 +65,9 @@ def each_report(content: dict[str, Any]) -> Report:
                     'logarithmic scale; ordered by joint and recording.')
     page.heading('Effects, and how often they were found')
     page.table(['joint', 'effect', 'depends on', 'found in', 'of', 'repeatable'],
-               _effects(rows, joints))
-    page.text('An effect that is found in some recordings of a joint and not in others either '
-              'needs a movement that those lack (each report says what hardly varied), or is no '
+               _effect_rows(rows, joints))
+    page.text('If an effect is found in only some recordings of a joint, either the others lack a '
+              'movement that shows it (each report says what hardly varied), or it is not a '
               'property of the drive.')
     page.heading('Recording by recording')
     page.table(
@@ -79,14 +79,14 @@ def each_report(content: dict[str, Any]) -> Report:
         'RMS of measured minus predicted on parts that were not fitted. The page and the model '
         'file of each recording are in its folder beside this page.')
     if content['failed']:
-        page.heading('Left out')
+        page.heading('Not usable')
         page.bullets(content['failed'])
     return page
 
 
 @styled
 def errors_figure(rows: list[dict[str, Any]], unit: str) -> Figure:
-    """Draw the errors before and after refinement; rows of a joint follow each other."""
+    """Draw the errors before and after refinement; rows must be grouped by joint."""
     figure, axes = new_figure(width=8.4, height=3.2)
     x = np.arange(len(rows))
     before, after, noise = (np.array([row[name] for row in rows], dtype=float)
@@ -114,7 +114,7 @@ def errors_figure(rows: list[dict[str, Any]], unit: str) -> Figure:
     return figure
 
 
-def _effects(rows: list[dict[str, Any]], joints: list[str]) -> list[list[Any]]:
+def _effect_rows(rows: list[dict[str, Any]], joints: list[str]) -> list[list[Any]]:
     table: list[list[Any]] = []
     for joint in joints:
         joint_rows = [row for row in rows if row['joint'] == joint]
@@ -128,9 +128,9 @@ def _effects(rows: list[dict[str, Any]], joints: list[str]) -> list[list[Any]]:
 
 
 def arm_report(result: ArmResult, names: list[str], folders: dict[str, str]) -> Report:
-    """Return the page on an `ArmResult`.
+    """Return the report on an `ArmResult`.
 
-    `names` are those of the recordings, `folders` contain each joint's own page.
+    `names` are the names of the recordings, `folders` those of the folders with each joint's page.
     """
     page = Report('What the friction models of an arm lacked', f'Refined on {", ".join(names)}')
     reports = {name: joint_result.report for name, joint_result in result.results.items()}
@@ -148,7 +148,7 @@ def arm_report(result: ArmResult, names: list[str], folders: dict[str, str]) -> 
         'and by the refined one; each name links to the report on that joint.')
     page.figure(
         errors_figure([{'joint': name, **row} for name, row in zip(reports, errors)], unit),
-        'The same on a logarithmic scale: the distance from the error after refinement to the '
+        'The same on a logarithmic scale. What lies between the error after refinement and the '
         'noise is not explained yet.', 'Errors before and after, and the noise, of each joint')
     page.heading('What was found, joint by joint')
     for name, report in reports.items():
@@ -158,39 +158,39 @@ def arm_report(result: ArmResult, names: list[str], folders: dict[str, str]) -> 
         lines += [f'Limits the verdict: {line}' for line in report['reasons']
                   if report['verdict'] != 'trust']
         page.bullets(lines or ['Nothing.'])
-    _add_bodies(page, result, unit)
+    _add_links(page, result, unit)
     return page
 
 
 def _joint_verdicts(reports: dict[str, dict[str, Any]]) -> str:
-    """Return the verdicts on all joints in words."""
+    """Return the verdicts on all joints as sentences."""
     kinds: dict[str, list[str]] = {}
     for name, report in reports.items():
         kinds.setdefault(report['verdict'], []).append(name)
     less = [100.0 * (1.0 - report['after']['held_out_rmse'] / report['before']['held_out_rmse'])
             for report in reports.values() if report['before']['held_out_rmse'] > 0]
-    words = '; '.join(f'**{kind}**: {", ".join(kinds[kind])}' for kind in (
+    listed = '; '.join(f'**{kind}**: {", ".join(kinds[kind])}' for kind in (
         'trust', 'trust in part', 'record again') if kind in kinds)
     change = f' The error on data not fitted is {min(less):.0f} to {max(less):.0f} % less than ' \
              'before.' if less else ''
-    return f'Verdict by joint: {words}.{change}'
+    return f'Verdict by joint: {listed}.{change}'
 
 
-def _add_bodies(page: Report, result: ArmResult, unit: str) -> None:
+def _add_links(page: Report, result: ArmResult, unit: str) -> None:
     arm = result.report()
     page.heading('Weight and inertia of the links')
     page.text(
-        f"The joints' torques show {arm['identifiable_parameters']} combinations of the links' "
-        f"{10 * len(arm['joints'])} inertial parameters; the others stay as in the URDF. Only "
-        'sums along the arm are certain: a mass that differs from the URDF may be compensated by '
-        "its neighbour's, or by the current per torque where torque constants were not given.")
+        f"The joints' torques determine {arm['identifiable_parameters']} combinations of the "
+        f"links' {10 * len(arm['joints'])} inertial parameters; the others stay as in the URDF. "
+        'Only sums along the arm are certain: an error of one mass may be compensated by that of '
+        'a neighbouring link, or by the current per torque where torque constants were not given.')
     page.table(
         ['joint', f'{unit} per N·m', f'friction and rotor alone ({unit})',
          f'with the links ({unit})'],
         [[row['joint'],
           _scale_text(row['current_per_torque'], row['intervals']['current_per_torque']),
           row['held_out_rmse_without'], row['held_out_rmse']] for row in arm['rigid_bodies']],
-        'Current per torque with its 95 % interval; errors on parts not fitted, before any '
+        'Current per torque with its 95 % interval, and errors on data not fitted, before any '
         'further effect was added.')
     page.table(
         ['link after joint', 'mass (kg)', 'URDF (kg)', 'from the recording',
@@ -202,8 +202,8 @@ def _add_bodies(page: Report, result: ArmResult, unit: str) -> None:
           ', '.join(_percent(value) for value in row['told_by_recording']['first_moment'])]
          for row in arm['rigid_bodies']],
         '95 % intervals are in brackets. "From the recording" is the share by which the '
-        "recording reduces the uncertainty; below one half the number is the URDF's and has no "
-        'interval. All ten parameters of each link are in report.json.')
+        'recording reduces the uncertainty; below one half the value is that of the URDF and has '
+        'no interval. All ten parameters of each link are in report.json.')
     page.bullets(arm['notes'])
 
 

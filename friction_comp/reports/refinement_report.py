@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The page of a refinement."""
+"""The report of `refine` on one joint."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ _UNITS = {'velocity': 'rad/s', 'reference': 'rad/s', 'speed': 'rad/s', 'transiti
 
 def refinement_report(result: RefineResult, names: list[str], command: Sequence[str] = ()
                       ) -> Report:
-    """Return the page on a `RefineResult`.
+    """Return the report on a `RefineResult`.
 
-    `names` are those of the recordings, `command` are lines for the footer.
+    `names` are the names of the recordings, `command` contains lines for the footer.
     """
     report = result.report
     joint = f"joint {report['joint']}" if report['joint'] else 'the joint'
@@ -48,32 +48,32 @@ def refinement_report(result: RefineResult, names: list[str], command: Sequence[
     page.numbers([
         (quantity(before['held_out_rmse'], unit), 'error before, on data not fitted'),
         (quantity(after['held_out_rmse'], unit), 'error after, on data not fitted'),
-        (quantity(after['elsewhere_motion_rmse'], unit), 'error to expect elsewhere, in motion'),
+        (quantity(after['elsewhere_motion_rmse'], unit), 'error to expect in other movements'),
         (quantity(report['noise_floor'], unit), 'noise from sample to sample'),
         (f"{number(100 * max(after['held_out_r2'], 0.0), 4)} %", 'of the current explained')])
     page.bullets(report['reasons'], 'Why this verdict:')
     page.bullets(report['record_again'], 'What to record:')
     page.text(rest)
-    page.figure(time_figure(result), 'Measured and predicted current in a stretch from the middle '
-                'of the recording, each part predicted by a fit to all others; below, the '
+    page.figure(time_figure(result), 'Measured and predicted current in an excerpt from the middle '
+                'of the recording; each part was predicted by a fit to all others. Below: the '
                 'contribution of each effect of the new model.', interactive=True)
     page.figure(friction_figure(result), 'Friction over velocity: the measured current minus the '
                 'effects, and Eq. 6 before and after.', interactive=True)
     page.heading('What was found')
-    page.table(['effect', 'number', 'before', 'after', 'unit', '95 % interval'],
-               number_rows(result))
+    page.table(['effect', 'parameter', 'before', 'after', 'unit', '95 % interval'],
+               parameter_rows(result))
     page.bullets(
         [f"{' and '.join(pair['between'])}: {number(pair['correlation'], 2)}"
          for pair in report['correlations']],
-        'Of these pairs the recording determines a sum or a difference better than each number '
-        'alone (correlation over parts drawn at random):')
+        'Of these pairs of parameters, the recording determines the sum or the difference better '
+        'than each alone (correlation over parts drawn at random):')
     if report['effects']:
         page.table(
-            ['effect', f'RMS with it, held out ({unit})', 'chosen in'],
+            ['effect', f'held-out RMS error with it ({unit})', 'chosen in'],
             [[effect['name'].replace('_', ' '), effect['held_out_rmse'],
               f"{100 * effect['chosen']:.0f} % of the searches"] for effect in report['effects']],
-            'The whole search is repeated on parts of the recording drawn at random: an effect is '
-            'named where most of these searches choose it.')
+            'The whole search is repeated on parts of the recording drawn at random. An effect is '
+            'reported only if most of these searches choose it.')
     page.heading('Errors')
     page.table(
         ['model', f'RMS, fitted ({unit})', f'RMS, held out ({unit})', f'worst part ({unit})',
@@ -85,10 +85,11 @@ def refinement_report(result: RefineResult, names: list[str], command: Sequence[
          for row in (before, after)])
     page.text(f"Held out: {report['held_out']}. Of {report['samples']} samples "
               f"{report['samples_in_motion']} are fitted: those in which the joint moves and the "
-              'current signal is not clipped. Where the joint sticks, current is not friction, so '
-              'the error at standstill is given separately. Elsewhere: the error to expect where '
-              'the model was not fitted, from the growth of errors in thirds of position, speed, '
-              'time and acceleration that are left out of the fit.')
+              'current signal is not clipped. While the joint sticks, the current does not show '
+              'the friction of the model, so the error at standstill is given separately. '
+              'Elsewhere: the error to expect where the model was not fitted, from the growth of '
+              'errors when a third of position, speed, time or acceleration is left out of the '
+              'fit.')
     page.heading('The residual, before and after')
     named = {entry['variable'] for part in ('effects', 'unexplained') for entry in report[part]}
     for name, label in (('velocity', 'velocity (rad/s)'), ('position', 'position (rad)'),
@@ -101,16 +102,17 @@ def refinement_report(result: RefineResult, names: list[str], command: Sequence[
                         f'Residual over {name}: measured minus predicted current of data not '
                         'fitted. The lines are averages over ranges, separately for the positive '
                         'and the negative direction.', interactive=True)
-    drawn = spectrum_figure(result)
-    if drawn is not None:
-        page.figure(drawn, 'Spectrum of the residual over position: ripple shows as a peak at its '
-                    'number of periods per turn. ' + wave_words(result), interactive=True)
+    spectrum_drawing = spectrum_figure(result)
+    if spectrum_drawing is not None:
+        page.figure(spectrum_drawing, 'Spectrum of the residual over position: ripple shows as a '
+                    'peak at its number of periods per turn. ' + largest_ripple(result),
+                    interactive=True)
     page.heading('The model')
     page.bullets(model_words(result.model, unit))
     page.code(formula(result.model, unit))
     # The compensator cannot apply every effect.
     page.bullets(f'{effect.name}: ' + (
-        f'left out by the compensator, since {reason}' if (reason := effect.not_fed_back)
+        f'not applied by the compensator, since {reason}' if (reason := effect.not_fed_back)
         else 'applied by the compensator') for effect in result.model.effects)
     page.heading('What the recordings cannot tell')
     page.bullets(limitations(report))
@@ -126,7 +128,7 @@ def effect_names(effects: Sequence[dict[str, Any]]) -> str:
 
 
 def summary(report: dict[str, Any]) -> str:
-    """Return a summary of the report in words."""
+    """Return a summary of the report as paragraphs."""
     before, after = report['before']['held_out_rmse'], report['after']['held_out_rmse']
     unit = report['unit']
     if report['verdict'] == 'record again':
@@ -147,30 +149,30 @@ def summary(report: dict[str, Any]) -> str:
         lines.append(f'The remaining error depends on **{names}** in a way that none of the known '
                      'effects describes.')
     if report['ambiguous']:
-        lines.append('Some findings have a second explanation that fits equally well: the last '
-                     'section names a recording that would decide.')
+        lines.append('Some findings have a second explanation that fits equally well; the last '
+                     'section says which recording would decide between them.')
     return '\n\n'.join(lines)
 
 
-def number_rows(result: RefineResult) -> list[list[str]]:
-    """Return a row for each fitted number: effect, name, before, after, unit, interval."""
+def parameter_rows(result: RefineResult) -> list[list[str]]:
+    """Return a row for each fitted parameter: effect, name, before, after, unit, interval."""
     unit, friction, sigmoid = result.report['unit'], result.report['friction'], result.start.sigmoid
     before = {'offset': 0.5 * (sigmoid.upper + sigmoid.lower),
               'coulomb': 0.5 * (sigmoid.upper - sigmoid.lower), 'viscous': sigmoid.viscous}
     rows = [['Eq. 6', name, number(before[key]), number(friction[key]),
-             number_unit.replace('A', unit, 1), interval_text(friction['intervals'][key])
-             if key in friction['intervals'] else 'as before']
-            for key, name, number_unit in (
+             own_unit.replace('A', unit, 1), interval_text(friction['intervals'][key])
+             if key in friction['intervals'] else 'unchanged']
+            for key, name, own_unit in (
                 ('offset', 'offset', 'A'), ('coulomb', 'Coulomb friction', 'A'),
                 ('viscous', 'viscous friction', 'A·s/rad'))]
     for old, new in zip(result.start.effects, result.model.effects):
         if old.name == new.name:
             for index, pair in enumerate(zip(old.coefficients, new.coefficients)):
-                label, number_unit = _described(new.coefficient_names, index, unit)
-                rows.append([new.name, label, *map(number, pair), number_unit, ''])
+                label, own_unit = _name_and_unit(new.coefficient_names, index, unit)
+                rows.append([new.name, label, *map(number, pair), own_unit, ''])
     for effect in result.report['effects']:
         name, bounds = effect['name'], effect['intervals']
-        described = EFFECTS[name].coefficient_names if name in EFFECTS else ()
+        coefficient_names = EFFECTS[name].coefficient_names if name in EFFECTS else ()
         for key, value in effect['parameters'].items():
             # A constant that was not searched has no interval, or one of zero width.
             if key != 'coefficients' and bounds.get(key) not in (None, [value, value]):
@@ -178,51 +180,52 @@ def number_rows(result: RefineResult) -> list[list[str]]:
                              interval_text(bounds[key])])
         for index, (value, ends) in enumerate(zip(
                 effect['parameters'].get('coefficients', ()), bounds.get('coefficients', ()))):
-            label, number_unit = _described(described, index, unit)
-            rows.append([name, label, '', number(value), number_unit, interval_text(ends)])
+            label, own_unit = _name_and_unit(coefficient_names, index, unit)
+            rows.append([name, label, '', number(value), own_unit, interval_text(ends)])
     return [[row[0].replace('_', ' '), *row[1:]] for row in rows]
 
 
-def _described(numbers: Sequence[tuple[str, str]], index: int, unit: str) -> tuple[str, str]:
-    """Return name and unit of an effect's coefficient."""
-    if index >= len(numbers):
+def _name_and_unit(names: Sequence[tuple[str, str]], index: int, unit: str) -> tuple[str, str]:
+    """Return name and unit of an effect's coefficient, with `unit` for that of the current."""
+    if index >= len(names):
         return f'coefficient {index + 1}', ''
-    return numbers[index][0], numbers[index][1].replace('A', unit, 1)
+    return names[index][0], names[index][1].replace('A', unit, 1)
 
 
-def wave_words(result: RefineResult) -> str:
-    """Return the largest wave of the residual over position, and why it is not named."""
+def largest_ripple(result: RefineResult) -> str:
+    """Return a sentence on the residual's largest ripple, and why it is not an effect."""
     k, size = spectrum(result, result.after)
     residual = result.after[result.usable]
     if not len(k) or not np.any(residual):
         return ''
     largest = int(np.argmax(size))
     share = 0.5 * size[largest] ** 2 / float(np.mean(residual ** 2))
-    reason = (f'an effect has to remove {100 * LEAST_SHARE:.0f} %' if share < LEAST_SHARE
+    reason = (f'an effect must remove at least {100 * LEAST_SHARE:.0f} %' if share < LEAST_SHARE
               else 'parts of the recording did not agree on it')
     amplitude = quantity(float(size[largest]), result.report['unit'])
-    return (f'The largest remaining wave has {amplitude}, {number(float(k[largest]))} times per '
-            f'turn: {100 * share:.2g} % of the squared error. It is not named: {reason}.')
+    return (f'The largest remaining ripple has an amplitude of {amplitude} and '
+            f'{number(float(k[largest]))} periods per turn: {100 * share:.2g} % of the squared '
+            f'error. It is not reported as an effect: {reason}.')
 
 
 def interval_text(interval: list[float | None]) -> str:
     """Return an interval as text."""
     low, high = interval
     if low is None or high is None:
-        return 'the recordings do not tell'
+        return 'not determined'
     return f'{number(low)} to {number(high)}'
 
 
 def model_words(model: FrictionModel, unit: str = 'A') -> list[str]:
-    """Return the parts of the model in words."""
+    """Return a line of text on each part of the model."""
     s = model.sigmoid
-    return [f'Friction by Eq. 6: {number(s.upper)} {unit} towards positive and {number(s.lower)} '
-            f'{unit} towards negative speed, {number(s.viscous)} {unit} more per rad/s',
+    return [f'Friction curve (Eq. 6): {number(s.upper)} {unit} at positive and {number(s.lower)} '
+            f'{unit} at negative velocity, and {number(s.viscous)} {unit} per rad/s',
             *(in_unit(effect.describe(), unit) for effect in model.effects)]
 
 
 def formula(model: FrictionModel, unit: str = 'A') -> str:
-    """Return the model as a formula with its numbers."""
+    """Return the model as a formula with the values of its parameters."""
     s = model.sigmoid
     return '\n'.join([
         f'i(t) = {s.viscous:.4g}·v {s.lower:+.4g} '
@@ -232,7 +235,7 @@ def formula(model: FrictionModel, unit: str = 'A') -> str:
 
 
 def limitations(report: dict[str, Any]) -> list[str]:
-    """Return what the recordings cannot tell."""
+    """Return lines on what the recordings cannot determine."""
     return [
         *(f"**{entry['variable']}**: {entry['note']} "
           f"({100 * entry['strength']:.0f} % of the remaining variance)."

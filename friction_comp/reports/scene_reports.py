@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Pages of the demo's other scenes: two joints, a drive that changes, and an arm."""
+"""Reports on the demo's other scenes: two joints, a drive that changes, and an arm."""
 
 from __future__ import annotations
 
@@ -35,25 +35,25 @@ _POINTS_PER_TORQUE = 9.0
 
 def two_joints_report(evaluations: list[Evaluation], shown: dict[str, Samples],
                       exercise: Path) -> Report:
-    """Return the page on an exercise of several joints, with one evaluation for each.
+    """Return the report on an exercise of several joints, with one evaluation for each.
 
-    `shown` is a recording of the exercise by joint, on one time base.
+    `shown` is a recording of the exercise on one time base, by joint name.
     """
     page = Report('Two joints that reverse on the way',
                   f'Exercise {exercise.name}: directions announced separately for each joint')
     tiles = []
-    words = []
+    changes = []
     for evaluation in evaluations:
         torques, peaks = evaluation.compared('peak_torque'), compared_peaks(evaluation)
         if torques is None or peaks is None:
             continue
         tiles.append((f'{peaks[0]} → {peaks[1]} N·m', f'{evaluation.joint}, peak'))
         change = round(100 * (torques[1] / torques[0] - 1))
-        words.append(f'the {evaluation.joint} {"at least " if evaluation.is_bound else ""}'
-                     f'**{abs(change)} %** {"more" if change > 0 else "less"}')
-    page.verdict("With each joint's direction announced as it changes, the person's peak torque "
-                 'for starting and reversing it compares as follows with compensation of kinetic '
-                 f'friction alone: {", ".join(words) or "not known"}.')
+        changes.append(f'the {evaluation.joint} {"at least " if evaluation.is_bound else ""}'
+                       f'**{abs(change)} %** {"more" if change > 0 else "less"}')
+    page.verdict("Change of the person's peak torque for starting and reversing a joint when its "
+                 'direction is announced as it changes, relative to compensation of kinetic '
+                 f'friction alone: {", ".join(changes) or "not known"}.')
     page.numbers(tiles)
     page.figure(exercise_figure(shown), 'Positions shown to the person (dashed), positions of the '
                 'joints, and announced directions (shaded: blue positive, orange negative).')
@@ -87,15 +87,15 @@ def session_phases(evaluation: Evaluation, marks: dict[str, float], count: int
                    ) -> dict[str, list[Repetition]]:
     """Return the repetitions at the start, at the warning, and with the refined model.
 
-    `marks` are the times of 'warned' and 'loaded' since the exercise began, s; a phase has `count`
-    movements in each direction.
+    `marks` contains the times of 'warned' and 'loaded' since the exercise began, s; a phase has
+    `count` movements in each direction.
     """
     repetitions = sorted(evaluation.repetitions, key=lambda r: r.begin)
-    # The compensator records the active model as it changes; the marks are later.
+    # The model that the compensator reported, not the marks, which are somewhat later.
     first = repetitions[0].compensation.model
     before = [r for r in repetitions if r.compensation.model == first]
     after = [r for r in repetitions if r.compensation.model != first]
-    # The refined model may have been loaded during the last one.
+    # The refined model may have been loaded during the last repetition.
     before = before[:-1] if after and len(before) > 2 * count else before
     late = [r for r in before if r.begin >= marks['warned']] or before
     return {'at first': before[:2 * count], 'model no longer fits': late[-2 * count:],
@@ -103,33 +103,33 @@ def session_phases(evaluation: Evaluation, marks: dict[str, float], count: int
 
 
 def mean_figure(part: list[Repetition], figure: str = 'rms_torque') -> Interval:
-    """Return the mean over repetitions, with its interval, of a figure named in `FIGURES`."""
+    """Return the mean over repetitions, with its interval, of a measure named in `FIGURES`."""
     return mean_interval([r.figures[figure] for r in part if figure in r.figures])
 
 
 def wear_words(phases: dict[str, list[Repetition]], facts: dict[str, Any]) -> str:
-    """Return the result of a session, with these phases, in words; `facts` as in `wear_report`."""
+    """Return the result of a session in sentences; the arguments are as in `wear_report`."""
     first, late, refined = (mean_figure(part).mean for part in phases.values())
     starts = [mean_figure(part, 'peak_torque').mean for part in phases.values()]
-    return (f'The drive changed while it ran: the torque with which a person moves it rose from '
-            f'**{number(first)}** to **{number(late)} N·m** RMS. The monitoring warned, and '
+    return ('The drive changed while it ran: the RMS torque that a person needs to move it rose '
+            f'from **{number(first)}** to **{number(late)} N·m**. The monitoring warned, and '
             f'refinement found in the session: {", ".join(facts["found"])}. The refined model was '
             'loaded into the running compensator: the error on data not fitted fell from '
             f'{number(1e3 * facts["error_before"])} to {number(1e3 * facts["error_after"])} mA, '
-            f'and moving the joint now takes **{number(refined)} N·m**. The peak was '
-            f'{number(starts[0])} and {number(starts[1])} N·m before, and is {number(starts[2])} '
-            'N·m now: only identification measures the breakaway currents, so a changed drive '
-            'should be identified again.')
+            f'and moving the joint now takes **{number(refined)} N·m**. The peak torque was '
+            f'{number(starts[0])} N·m at first, {number(starts[1])} N·m before the refined model '
+            f'and {number(starts[2])} N·m with it: only identification measures the breakaway '
+            'currents, so a changed drive should be identified again.')
 
 
 def wear_report(evaluation: Evaluation, phases: dict[str, list[Repetition]],
                 marks: dict[str, float], facts: dict[str, Any], samples: Samples,
                 hidden: Path) -> Report:
-    """Return the page on a drive that changed while it ran.
+    """Return the report on a drive that changed while it ran.
 
-    Evaluation and samples are of the whole session, `phases` and `marks` as in `session_phases`,
-    `facts` are messages of monitoring and refinement. The file `hidden` contains the effects that
-    only the simulation was given.
+    `evaluation` and `samples` are of the whole session, `phases` and `marks` as in
+    `session_phases`; `facts` contains messages of monitoring and refinement. The file `hidden`
+    contains the effects that only the simulation was given.
     """
     page = Report('A drive that changes, refined while it runs',
                   'Monitor, refine, load on trial, judge: without a restart')
@@ -138,15 +138,15 @@ def wear_report(evaluation: Evaluation, phases: dict[str, list[Repetition]],
                    f'{name}: RMS torque, {len(part)} movements')
                   for name, part in phases.items()])
     page.figure(session_figure(evaluation, marks, samples),
-                'RMS torque of each movement by active model, and motor temperature. The lines '
-                'mark the warning and the loading of the refined model.')
+                'RMS torque of each movement by active model, and motor temperature. The dotted '
+                'lines mark the warning and the loading of the refined model.')
     page.heading('Messages')
     page.bullets((
         f'monitoring: {facts["warning"]}', f'refinement: {facts["message"]}',
         f'its verdict: {facts["verdict"]}', f'monitoring afterwards: {facts["afterwards"]}'))
-    page.text(f'Only the simulation knows the change, from `{hidden.name}`. The refined model is '
-              'compared with the previous one for some minutes of movement, and taken back if the '
-              'previous one fits better.')
+    page.text(f'The change is defined in `{hidden.name}`, which only the simulation reads. The '
+              'refined model is compared with the previous one for some minutes of movement; if '
+              'the previous one fits better, it is restored.')
     page.heading('The whole session')
     add_evaluation(page, evaluation)
     return page
@@ -193,7 +193,7 @@ def peaks_of(alone: Mapping[str, Samples], helped: Mapping[str, Samples]
 
 def arm_scene_report(alone: Mapping[str, Samples], helped: Mapping[str, Samples],
                      result: ArmResult, exercise: Path) -> Report:
-    """Return the page on the same exercise without and with compensation by a refined model."""
+    """Return the report on an exercise without and with compensation by a refined model."""
     peaks = peaks_of(alone, helped)
     page = Report('A person guides an arm, without help and with it',
                   f'Exercise {exercise.name}: three joints, moved by MuJoCo')
@@ -204,9 +204,9 @@ def arm_scene_report(alone: Mapping[str, Samples], helped: Mapping[str, Samples]
                  'the person (RMS of all joints).')
     page.numbers([(f'{peak["alone"]["rms"]:.2f} → {peak["helped"]["rms"]:.2f} N·m', f'{joint}, RMS')
                   for joint, peak in peaks.items()])
-    page.figure(_pose_figure(alone, helped), 'The arm from the side, over time from left to '
-                'right. The size of the discs at shoulder and elbow shows the torque of the person '
-                'there: above without help, below with it.')
+    page.figure(_pose_figure(alone, helped), 'The arm from the side; time runs from left to right. '
+                'The size of the discs at shoulder and elbow shows the torque that the person '
+                'applies there. Above: without help; below: with it.')
     page.figure(_torque_figure(alone, helped), 'Torque of the person at each joint.')
     page.table(['joint', 'RMS alone (N·m)', 'RMS helped (N·m)', 'peak alone (N·m)',
                 'peak helped (N·m)', 'added to the model of the drive'],
@@ -215,10 +215,10 @@ def arm_scene_report(alone: Mapping[str, Samples], helped: Mapping[str, Samples]
                  effect_names(result.results[joint].report['effects'])]
                 for joint, peak in peaks.items()])
     fitted = result.report()['rigid_bodies']
-    page.table(['link of', 'mass by its URDF (kg)', 'mass found (kg)'],
+    page.table(['link after joint', 'mass in the URDF (kg)', 'mass found (kg)'],
                [[body['joint'], body['mass_urdf'], body['mass']] for body in fitted],
-               'The load on the cuff is not in the URDF. Only those sums of masses along the arm '
-               'are certain that its motion shows.')
+               'The load on the cuff is not in the URDF. Only sums of masses along the arm are '
+               'certain.')
     return page
 
 
@@ -228,7 +228,7 @@ def _pose_figure(alone: Mapping[str, Samples], helped: Mapping[str, Samples]) ->
     for axis, recorded, colour in zip(axes, (alone, helped), ('orange', 'green')):
         joints: list[Any] = [recorded['lift'], recorded['bend']]
         count = len(joints[0])
-        # Poses from the first repetition.
+        # The poses are from the first repetition.
         for k, sample in enumerate(np.linspace(count // 40, count // 2, _POSES).astype(int)):
             _draw_pose(axis, 0.55 * k, [joint.position[sample] for joint in joints],
                        [joint.load[sample] for joint in joints], COLOURS[colour])

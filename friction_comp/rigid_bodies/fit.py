@@ -2,14 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fits an arm's links to recordings, with friction and rotor inertia of every joint.
 
-The measured current of joint j is taken as ``k_j·τ_j(q, v, a; π) + offset + C·sign(v) + V·v + J·a``
-with the torque τ of the rigid bodies, linear in the links' parameters π (Atkeson, An and Hollerbach
-1986), and a current per torque k_j, since an arm's drive constants are seldom known. π is the same
-for all joints: the shoulder carries the weight that the wrist shows. Parameters that the motion
-does not show keep the URDF's values, and every π is physically possible.
+The measured current of joint j is modelled as
+``k_j·τ_j(q, v, a; π) + offset + C·sign(v) + V·v + J·a``. The torque τ of the rigid bodies is linear
+in the links' inertial parameters π (Atkeson, An and Hollerbach 1986). The current per torque k_j is
+fitted too, since an arm's drive constants are seldom known. All joints share one π: the wrist's
+motion, for instance, also shows a weight that the shoulder carries. Parameters that the motion does
+not determine keep the URDF's values, and every π is physically possible.
 
-The fit needs only sums of products of these columns over stretches of the recordings. Every choice
-(filter, mounting, regularisation) is made by the error of stretches that were left out.
+The fit needs only sums of products of these columns over stretches of the recordings. All settings
+(filter, mounting, regularisation) are chosen by the error on stretches that were left out.
 """
 
 from __future__ import annotations
@@ -28,9 +29,9 @@ from friction_comp.model.arm.tree import FREE_FALL, PARAMETERS, Tree
 from friction_comp.model.differentiation import METHOD
 from friction_comp.rigid_bodies.link_inertia import Bodies
 from friction_comp.rigid_bodies.solver import (
+    confidence_intervals,
     FOLDS,
     FRICTION,
-    link_intervals,
     LinkIntervals,
     Prior,
     solve,
@@ -45,29 +46,29 @@ from friction_comp.samples import Samples
 if TYPE_CHECKING:
     from friction_comp.rigid_bodies.urdf import Chain
 
-FEWEST = 200
-# Regularisation strengths that are compared, and the one used for all other choices. One unit is
-# one squared standard deviation of one sample.
+FEWEST = 200  # samples
+# Regularisation strengths that are compared, and the one used for all other choices, in squared
+# standard deviations of one sample.
 STRENGTHS = tuple(float(value) for value in np.geomspace(1.0, 1e6, 13))
 _FIRST_STRENGTH = 100.0
-# Held-out errors that differ by less are considered equal; the URDF is preferred then.
+# Relative difference of held-out errors up to which they are equal, and the URDF is preferred.
 _EQUAL_ERRORS = 0.01
-# A direction of gravity other than that of the URDF must lower errors by this share.
+# Share by which another direction of gravity than the URDF's must lower the errors.
 _CLEARLY_BETTER = 0.15
-# Least share of a joint's current that friction explains where its sign is judged.
+# Least share of a joint's current that friction must explain for its sign to be judged.
 _LEAST_FRICTION = 0.1
-_ROUNDS = 3
+_ROUNDS = 3  # of reweighting
 _MOST_ROWS = {'choice': 8000, 'final': 40000}
 _BANDWIDTHS = (2.0, 5.0, 10.0, 20.0, 40.0)
-# Standard deviation of the logarithm of current per torque: drives of one arm differ by a factor.
-# Where they are declared, links are fitted with the declared values; errors of these appear in the
-# joint's own refinement, where the torque of the rigid bodies has a free coefficient.
+# Prior standard deviation of the logarithm of current per torque. If unknown, it is large, since
+# drives of one arm differ. If declared, the links are fitted with the declared values; their errors
+# appear in the joint's own refinement, where the rigid bodies' torque has a free coefficient.
 _UNKNOWN_WIDTH, _DECLARED_WIDTH = 1.0, 1e-3
 
 
 @dataclass(frozen=True)
 class HeldOutStretch:
-    """A stretch of a recording, from a time in s on, and the arm fitted without it."""
+    """A stretch of a recording from `start` (s) on, and the arm fitted without it."""
 
     recording: int
     start: float
@@ -82,21 +83,21 @@ class ArmFit:
     tree: Tree  # with the fitted parameters
     start: Tree  # with those of the URDF
     scales: np.ndarray  # (J,): current per torque of each joint, A per N·m
-    # (J, 4): offset A, Coulomb A, viscous A·s/rad and rotor A·s²/rad, as the fit needs them.
+    # (J, 4): offset (A), Coulomb (A), viscous (A·s/rad) and rotor inertia (A·s²/rad).
     friction: np.ndarray
     differentiation: dict[str, Any]  # how velocity and acceleration are computed from position
     strength: float  # of the regularisation
     held_out: np.ndarray  # (J,): RMS error in A on stretches not fitted
-    without: np.ndarray  # (J,): that of friction and rotor inertia alone
-    identifiable: int  # number of combinations of the links' parameters that the motion shows
+    without: np.ndarray  # (J,): the same for a fit without the links, only friction and rotor
+    identifiable: int  # number of combinations of the links' parameters that the motion determines
     held_out_stretches: list[HeldOutStretch]  # every stretch, with the tree fitted without it
-    intervals: LinkIntervals  # how well the links and the currents per torque are known
+    intervals: LinkIntervals  # of the links and the currents per torque
 
     def torque(self, samples: Samples) -> np.ndarray:
         """Return the torque in N·m of the links on a joint, shape (N,).
 
-        The torque in each stretch of a recording is that of links fitted without this stretch, so
-        that predictions there are not fitted to it. The samples, of one joint with `arm`, have the
+        In each stretch of a recording, the links that were fitted without this stretch are used, so
+        that it is a prediction. The samples are those of one joint with `arm`, and have the
         `recording` numbers of the fit.
         """
         motion = moving_states(samples, self.tree.joints, self.differentiation)
@@ -107,7 +108,7 @@ class ArmFit:
         total = self.tree.torques(*motion)[:, joint_index]
         for index, part in enumerate(self.held_out_stretches):
             rows = stretch == index
-            # The scale of the links is only determined up to that of the current per torque.
+            # Each fit has its own current per torque: convert to that of the whole fit.
             ratio = part.scales[joint_index] / self.scales[joint_index]
             total[rows] = ratio * part.tree.torques(*(x[rows] for x in motion))[:, joint_index]
         return total
@@ -120,13 +121,13 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
     Parameters
     ----------
     chain : Chain
-        Of the URDF.
+        The arm of the URDF.
     joints : list of Samples, length J
-        As recorded, all on one time base and with `arm`, in the order of `chain.tree.joints`.
+        Recorded samples on one time base and with `arm`, in the order of `chain.tree.joints`.
     declared : ndarray, shape (J,), optional
-        Current per torque in A per N·m where torque constant and gear ratio are known.
+        Current per torque in A per N·m, if torque constants and gear ratios are known.
     progress : callable, optional
-        Called with a share of the work done.
+        Called with the share 0..1 of the work done.
 
     Raises
     ------
@@ -149,17 +150,17 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
     parts = [solve(problem.total - own, prior, x) for own in problem.folds]
     report(0.8)
     links = len(joints) * PARAMETERS
-    still = problem.sums.copy()
-    still[..., :links, :] = still[..., :links] = 0.0
-    without = _held_out(replace(problem, sums=still), prior, x)
+    no_links = problem.sums.copy()
+    no_links[..., :links, :] = no_links[..., :links] = 0.0
+    without = _held_out(replace(problem, sums=no_links), prior, x)
     whole = sums_of(chain, joints, settings, _MOST_ROWS['final'])
     whole, x = _reweighted_fit(whole, prior, x)
     report(1.0)
     unknowns = Unknowns(len(joints))
 
-    def tree_of(numbers: np.ndarray) -> tuple[Tree, np.ndarray]:
-        return (replace(chain.tree, parameters=bodies.parameters(numbers[unknowns.links])[0]),
-                np.exp(numbers[unknowns.scales]))
+    def tree_of(fitted: np.ndarray) -> tuple[Tree, np.ndarray]:
+        return (replace(chain.tree, parameters=bodies.parameters(fitted[unknowns.links])[0]),
+                np.exp(fitted[unknowns.scales]))
     first = np.nonzero(np.diff(stretches_of(joints[0].recording), prepend=-1))[0]
     held_out_stretches = [
         HeldOutStretch(int(joints[0].recording[row]), float(joints[0].time[row]),
@@ -170,11 +171,11 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
         np.array([x[unknowns.friction(j)] for j in range(len(joints))]), settings,
         prior.strength, errors, without,
         identifiable(whole.total[:, :links, :links].sum(axis=0)), held_out_stretches,
-        link_intervals(whole.sums, prior, x))
+        confidence_intervals(whole.sums, prior, x))
 
 
 class _Trial(NamedTuple):
-    """A fit and its error, the mean logarithm of its held-out errors; infinite without a fit."""
+    """A fit with some settings; `error` is the mean logarithm of the joints' held-out errors."""
 
     error: float
     settings: dict[str, Any]
@@ -197,19 +198,19 @@ def _best_settings(
 def _trial(
         chain: Chain, joints: list[Samples], settings: dict[str, Any], bodies: Bodies,
         declared: np.ndarray | None) -> _Trial:
-    """Return a fit with some differentiation settings; its error is infinite if it is impossible.
+    """Return a fit with some differentiation settings.
 
-    That is if the URDF's torque has the wrong sign at every joint.
+    Its error is infinite if the URDF's torque has the wrong sign at every joint.
     """
     problem = sums_of(chain, joints, settings, _MOST_ROWS['choice'])
-    usual = _typical_scale(problem, bodies)
-    known = (np.log(declared), _DECLARED_WIDTH) if declared is not None else (
-        np.full(len(joints), np.log(usual or 1.0)), _UNKNOWN_WIDTH)
-    prior = Prior(bodies, _FIRST_STRENGTH, *known)
+    typical = _typical_scale(problem, bodies)
+    scale_and_width = (np.log(declared), _DECLARED_WIDTH) if declared is not None else (
+        np.full(len(joints), np.log(typical or 1.0)), _UNKNOWN_WIDTH)
+    prior = Prior(bodies, _FIRST_STRENGTH, *scale_and_width)
     unknowns = Unknowns(len(joints))
     x = np.zeros(unknowns.size)
     x[unknowns.scales] = prior.log_scale
-    if usual is None:
+    if typical is None:
         return _Trial(math.inf, settings, problem, prior, x)
     problem, x = _reweighted_fit(problem, prior, x)
     error = float(np.mean(np.log(_held_out(problem, prior, x))))
@@ -218,9 +219,9 @@ def _trial(
 
 def _with_gravity_direction(chain: Chain, joints: list[Samples], bodies: Bodies, best: _Trial,
                             declared: np.ndarray | None) -> tuple[Chain, _Trial]:
-    """Return the arm with gravity in the direction that the recording shows, and its trial.
+    """Return the arm with the direction of gravity that fits the recording best, and its trial.
 
-    An arm may be mounted on a wall or a ceiling, which its URDF does not tell. Another direction
+    An arm may be mounted on a wall or a ceiling, which its URDF does not say. A direction other
     than the URDF's is used only if it lowers the held-out error clearly.
     """
     settings = best.settings if best.error < math.inf else _settings(joints)[-1]
@@ -232,18 +233,18 @@ def _with_gravity_direction(chain: Chain, joints: list[Samples], bodies: Bodies,
             trials.append((_trial(turned, joints, settings, bodies, declared), turned))
     other, mounted = min(trials, key=lambda trial: trial[0].error)
     if other.error == math.inf:
-        raise InputError('the currents go against what the URDF says of every joint: it is the '
-                         'URDF of another robot')
+        raise InputError('the currents contradict the torques of the URDF at every joint: it is '
+                         'the URDF of another robot')
     if other.error >= best.error - _CLEARLY_BETTER:
         return chain, best
     return mounted, _best_settings(mounted, joints, bodies, declared, lambda share: None)
 
 
 def identifiable(products: np.ndarray) -> int:
-    """Return the number of base parameters: combinations that joint torques show.
+    """Return the number of base parameters: combinations that the joint torques determine.
 
-    `products`, shape (10·J, 10·J), are the sums of products of the links' columns. It is the number
-    of singular values of the normalised columns above 1e-6 of the largest.
+    It is the number of singular values of the links' normalised columns above 1e-6 of the largest;
+    `products`, shape (10·J, 10·J), are the sums of products of these columns.
     """
     norm = np.sqrt(np.diag(products))
     seen = norm > 1e-9 * max(norm.max(), 1e-300)
@@ -253,6 +254,7 @@ def identifiable(products: np.ndarray) -> int:
 
 
 def _settings(joints: list[Samples]) -> list[dict[str, Any]]:
+    """Return the differentiation settings to compare, by source and bandwidth."""
     step = max(joints[0].sample_time, 1e-9)
     narrow = [value for value in _BANDWIDTHS if value <= 0.3 / step]
     sources = ['position']
@@ -265,42 +267,42 @@ def _settings(joints: list[Samples]) -> list[dict[str, Any]]:
 
 
 def _typical_scale(problem: Sums, bodies: Bodies) -> float | None:
-    """Return the current per torque, A per N·m, with which the URDF's values fit the arm best.
+    """Return a typical current per torque, A per N·m, with the URDF's links.
 
-    It is the weighted median over the joints; None if it is positive for none of them.
+    It is the weighted median of each joint's best fit; None if that is positive for no joint.
     """
     scales, sizes, resisting = [], [], []
-    known = bodies.known.ravel()
+    links = bodies.prior.ravel()
     for matrix in problem.total[problem.counts > 0.0]:
-        # The URDF's torque, friction and the current.
-        pick = np.zeros((len(matrix), FRICTION + 2))
-        pick[:known.size, 0] = known
-        pick[known.size:, 1:] = np.eye(FRICTION + 1)
-        own = pick.T @ matrix @ pick
+        # Combine the columns to the URDF's torque, friction and the current.
+        combine = np.zeros((len(matrix), FRICTION + 2))
+        combine[:links.size, 0] = links
+        combine[links.size:, 1:] = np.eye(FRICTION + 1)
+        own = combine.T @ matrix @ combine
         norm = np.sqrt(np.maximum(np.diag(own), 0.0)) + 1e-300
         own = own / norm / norm[:, None]
         coefficients = np.linalg.pinv(own[:-1, :-1], rcond=1e-12, hermitian=True) @ own[:-1, -1]
         if own[-1, -1] > 0.0:
-            # As a share of the current; below, the joint stood still or had no friction.
-            sliding = math.sqrt(max(coefficients[2:4] @ own[2:4, 2:4] @ coefficients[2:4], 0.0))
-            if sliding > _LEAST_FRICTION:
+            # Friction as a share of the current; if it is small, the joint hardly moved.
+            friction = math.sqrt(max(coefficients[2:4] @ own[2:4, 2:4] @ coefficients[2:4], 0.0))
+            if friction > _LEAST_FRICTION:
                 resisting.append(coefficients[2] / norm[2] + coefficients[3] / norm[3] > 0.0)
         if coefficients[0] > 0.0:
             scales.append(math.log(coefficients[0] * norm[-1] / norm[0]))
             sizes.append(coefficients[0])
     if resisting and np.mean(resisting) < 0.5:
-        raise InputError('the efforts push the joints along as they move: their sign is not that '
-                         'of the positions')
+        raise InputError('friction in the efforts drives the joints instead of resisting: efforts '
+                         'have the opposite sign of positions')
     if not scales:
         return None
-    # Joints that carry large loads determine it best.
+    # Joints that carry large loads determine the scale best, so they weigh more.
     order = np.argsort(scales)
     share = np.cumsum(np.array(sizes)[order]) / max(sum(sizes), 1e-300)
     return float(np.exp(np.array(scales)[order][int(np.searchsorted(share, 0.5))]))
 
 
 def _reweighted_fit(problem: Sums, prior: Prior, x: np.ndarray) -> tuple[Sums, np.ndarray]:
-    """Return the fit, and its problem with each joint weighted by the inverse residual variance."""
+    """Fit with each joint weighted by its inverse residual variance; return problem and fit."""
     for _ in range(_ROUNDS):
         x = solve(problem.total, prior, x)
         residual = squared_errors(problem.total, prior.bodies, x) / np.maximum(problem.counts, 1.0)
@@ -319,7 +321,7 @@ def _held_out(problem: Sums, prior: Prior, x: np.ndarray) -> np.ndarray:
 
 
 def _choose_strength(problem: Sums, prior: Prior, x: np.ndarray) -> tuple[Prior, np.ndarray]:
-    """Return the prior with the largest strength that predicts as well as the best."""
+    """Return the prior with the largest strength that predicts as well as the best, and errors."""
     trials = []
     for strength in STRENGTHS:
         trial = replace(prior, strength=strength)

@@ -7,9 +7,9 @@ entries Ixx, Ixy, Iyy, Ixz, Iyz, Izz of its inertia about the origin of its join
 belong to a body of positive density exactly where the pseudo-inertia, the 4 by 4 matrix
 ``[[Σ, m·c], [m·cᵀ, m]]`` with ``Σ = ½·tr(I)·1 - I``, is positive definite (Wensing, Kim and
 Slotine 2018, Eq. 17). Here it is written ``L·U·Uᵀ·Lᵀ`` with the Cholesky factor L of a prior and an
-upper triangular U with exponentials on its diagonal (Rucker and Wensing 2022): any ten numbers give
-a possible body, ten zeros give the prior, and the norm of the ten numbers is the distance from the
-prior, independent of units and frame.
+upper triangular U with exponentials on its diagonal (Rucker and Wensing 2022). Any ten values of
+its entries give a possible body, ten zeros give the prior, and their norm is a distance from the
+prior that does not depend on units and frame.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from friction_comp.model.arm.tree import PARAMETERS
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-# Mass in kg and extent in m assumed for links without them, as many URDFs have for frames.
+# Least mass in kg and extent in m; many URDFs have massless links that only define frames.
 _LEAST_MASS, _LEAST_RADIUS = 1e-3, 1e-3
 _UPPER = [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)]
 
@@ -46,14 +46,14 @@ def parameters_of(pseudo: np.ndarray) -> np.ndarray:
 
 
 def nearest_possible(parameters: ArrayLike) -> np.ndarray:
-    """Return the ten parameters with mass and extent raised to those of a possible body.
+    """Return the ten parameters with mass and extent raised as far as a possible body needs.
 
     Parameters that are clearly possible are not changed.
     """
     pseudo = pseudo_inertia(parameters)
     mass = max(pseudo[3, 3], _LEAST_MASS)
     centre = pseudo[:3, 3] / mass
-    # About the centre of mass, from the link's extent.
+    # Second moments about the centre of mass, which describe the link's extent.
     spread = pseudo[:3, :3] - mass * np.outer(centre, centre)
     sizes, axes = np.linalg.eigh(spread)
     largest = max(float(sizes[-1]), mass * _LEAST_RADIUS ** 2)
@@ -66,25 +66,25 @@ def nearest_possible(parameters: ArrayLike) -> np.ndarray:
 
 
 class Bodies:
-    """The links' parameters as functions of free numbers, ten a link.
+    """The links' parameters as functions of ten unconstrained coordinates per link.
 
     Parameters
     ----------
-    known : array_like, shape (L, 10)
-        The prior: the URDF's values.
+    prior : array_like, shape (L, 10)
+        The URDF's parameters.
     """
 
-    def __init__(self, known: ArrayLike) -> None:
-        self.known = np.array([nearest_possible(row) for row in np.asarray(known, dtype=float)])
-        self._root = np.array([np.linalg.cholesky(pseudo_inertia(row)) for row in self.known])
+    def __init__(self, prior: ArrayLike) -> None:
+        self.prior = np.array([nearest_possible(row) for row in np.asarray(prior, dtype=float)])
+        self._root = np.array([np.linalg.cholesky(pseudo_inertia(row)) for row in self.prior])
 
-    def parameters(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return parameters, shape (L, 10), and derivatives at free numbers, shape (10·L,).
+    def parameters(self, coordinates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the parameters, shape (L, 10), at coordinates of shape (10·L,).
 
-        The derivatives, shape (L, 10, 10), are those of each link's parameters (second axis) by its
-        own numbers (third axis).
+        Also return the derivatives, shape (L, 10, 10), of each link's parameters (second axis) with
+        respect to its coordinates (third axis).
         """
-        own = np.reshape(numbers, (-1, PARAMETERS))
+        own = np.reshape(coordinates, (-1, PARAMETERS))
         upper = np.zeros((len(own), 4, 4))
         changes = np.zeros((len(own), PARAMETERS, 4, 4))
         for k in range(4):

@@ -1,11 +1,11 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Links, current per torque and friction of all joints by one regularised least squares.
+"""Fits links, currents per torque and friction of all joints by regularised least squares.
 
-A recording is represented by sums of products of columns over stretches: those of the links'
+A recording is represented by sums of products of columns over stretches: the columns of the links'
 parameters, of each joint's friction and rotor, and its current. A stretch is left out by
-subtracting its sums. Only the parametrisation of the links and the currents per torque are
-nonlinear, so that the Levenberg-Marquardt method needs only these sums.
+subtracting its sums. The model is nonlinear only in the parametrisation of the links and in the
+currents per torque, so the Levenberg-Marquardt method needs nothing but these sums.
 """
 
 from __future__ import annotations
@@ -28,23 +28,23 @@ if TYPE_CHECKING:
 # Columns of a joint's friction and rotor: constant, Coulomb, viscous and acceleration.
 FRICTION = 4
 STRETCHES, FOLDS = 12, 3
-# Friction of an arm's joint changes its sign within this share of its usual top speed.
+# As shares of a joint's usual top speed: friction changes its sign within the first; below the
+# second, the joint stands still.
 _TRANSITION, _STILL = 0.03, 0.01
-# The solver stops after a step that gains less than this, in squared standard deviations of one
-# sample.
-_STEPS, _CONVERGED = 60, 0.05
-_STIFFEST = 1e8
-_LEVEL = 0.95
+# Most steps of the solver; it stops after one that gains less than this, in squared standard
+# deviations of one sample, or if the damping exceeds its limit.
+_STEPS, _CONVERGED, _MOST_DAMPING = 60, 0.05, 1e8
+_LEVEL = 0.95  # of the intervals
 # Share by which the recording must reduce the variance of a parameter for it to have an interval.
-_OWN = 0.5
+_LEAST_REDUCTION = 0.5
 
 
 @dataclass
 class Sums:
     """Sums of products of all columns over stretches of the recordings."""
 
-    # (S, J, 10·J + 5, 10·J + 5): of the columns of the links, of friction and of the current, for
-    # each stretch and joint; in units of `variance`.
+    # (S, J, 10·J + 5, 10·J + 5): for each stretch and joint, of the columns of the links, of
+    # friction and of the current, in units of `variance`.
     sums: np.ndarray
     variance: np.ndarray  # (J,): one unit of each joint's squared error, A²
     counts: np.ndarray  # (J,): number of samples
@@ -63,7 +63,7 @@ class Sums:
 
 def sums_of(chain: Chain, joints: list[Samples], settings: dict[str, Any],
             most_rows: int) -> Sums:
-    """Return the sums over recordings of all joints, in units of the current's variance.
+    """Return the sums over recordings of all joints, in units of each current's variance.
 
     If there are more samples than `most_rows`, only every n-th is used.
     """
@@ -74,10 +74,10 @@ def sums_of(chain: Chain, joints: list[Samples], settings: dict[str, Any],
     current = np.column_stack([one.current[rows] for one in joints])
     top = np.maximum(np.percentile(np.abs(v), 95, axis=0), 1e-9)
     friction = np.stack((np.ones_like(v), np.tanh(v / (_TRANSITION * top)), v, a), axis=2)
-    # Stiction can take any value at rest; but a joint that hardly ever moves has no other data.
+    # At rest, stiction can take any value; but a joint that hardly ever moves has no other data.
     moving = np.abs(v) > _STILL * top
     counts = np.where(moving.mean(axis=0) > 0.2, moving, True) & np.isfinite(current)
-    # A gripper's effort that is always zero is not a measurement.
+    # An effort that is constant, such as zeros of a gripper, is not a measurement.
     counts &= np.ptp(current, axis=0) > 0.0
     variance = np.maximum(np.var(current, axis=0), 1e-12)
     stretch = stretches_of(joints[0].recording)[rows]
@@ -93,7 +93,7 @@ def sums_of(chain: Chain, joints: list[Samples], settings: dict[str, Any],
 
 
 def stretches_of(recording: np.ndarray) -> np.ndarray:
-    """Return the stretch of each sample, shape (N,); stretches end with their recording."""
+    """Return the number of each sample's stretch, shape (N,); no stretch spans two recordings."""
     stretch = np.arange(len(recording)) * STRETCHES // max(len(recording), 1)
     run = np.cumsum(np.diff(recording, prepend=recording[:1]) != 0)
     # One number for each pair of stretch and recording, counted from 0.
@@ -105,11 +105,11 @@ class Prior:
     """Prior knowledge of the links and of the currents per torque."""
 
     bodies: Bodies  # the URDF's links
-    # Weight of the squared distance of a link from the URDF's, see `Bodies`, in units of squared
+    # Weight of the squared distance between a link and the URDF's (see `Bodies`), in squared
     # standard deviations of one sample.
     strength: float
     log_scale: np.ndarray  # (J,): logarithm of each joint's current per torque, A per N·m
-    log_width: float  # standard deviation of that
+    log_width: float  # standard deviation of `log_scale`
 
 
 class Unknowns:
@@ -121,14 +121,14 @@ class Unknowns:
         self.scales = slice(self.links.stop, self.links.stop + joints)
         self.size = self.scales.stop + FRICTION * joints
         self.lowest = np.full(self.size, -np.inf)
-        # Rows and columns of what a joint's current depends on: links, its scale, its friction.
+        # Indices of the unknowns on which a joint's current depends: links, its scale and friction.
         self.blocks = []
         for joint in range(joints):
             own = self.friction(joint)
             # All but the constant must not be negative.
             self.lowest[own][1:] = 0.0
-            places = np.r_[self.links, self.scales.start + joint, own]
-            self.blocks.append(np.ix_(places, places))
+            indices = np.r_[self.links, self.scales.start + joint, own]
+            self.blocks.append(np.ix_(indices, indices))
 
     def friction(self, joint: int) -> slice:
         """Return the slice of a joint's friction coefficients."""
@@ -137,9 +137,9 @@ class Unknowns:
 
 
 def solve(matrices: np.ndarray, prior: Prior, start: np.ndarray) -> np.ndarray:
-    """Return the unknowns, shape (U,), of the best fit to the sums of each joint; see `Sums`.
+    """Return the unknowns, shape (U,), that fit each joint's sums (see `Sums.total`) best.
 
-    Coefficients of friction are not negative.
+    Friction coefficients other than the offset are not negative.
     """
     unknowns = Unknowns(len(matrices))
     x = np.maximum(start, unknowns.lowest)
@@ -162,7 +162,7 @@ def solve(matrices: np.ndarray, prior: Prior, start: np.ndarray) -> np.ndarray:
                 break
         else:
             damping *= 8.0
-            if damping > _STIFFEST:
+            if damping > _MOST_DAMPING:
                 break
     return x
 
@@ -177,10 +177,10 @@ def loss_gradient_hessian(matrices: np.ndarray, prior: Prior, unknowns: Unknowns
         inner[begin:begin + PARAMETERS, begin:begin + PARAMETERS] = slope
     hessian = np.zeros((x.size, x.size))
     gradient = np.zeros(x.size)
-    away = (x[unknowns.scales] - prior.log_scale) / prior.log_width
-    loss = prior.strength * float(x[links] @ x[links]) + float(away @ away)
+    deviation = (x[unknowns.scales] - prior.log_scale) / prior.log_width
+    loss = prior.strength * float(x[links] @ x[links]) + float(deviation @ deviation)
     gradient[links] = prior.strength * x[links]
-    gradient[unknowns.scales] = away / prior.log_width
+    gradient[unknowns.scales] = deviation / prior.log_width
     hessian[links, links] = prior.strength * np.eye(flat.size)
     hessian[unknowns.scales, unknowns.scales] = np.eye(joints) / prior.log_width ** 2
     for joint, matrix in enumerate(matrices):
@@ -219,49 +219,49 @@ class LinkIntervals:
     """The 95 % intervals of the links' parameters and of the currents per torque."""
 
     parameters: np.ndarray  # (J, 10, 2): both ends, infinite where the value is the URDF's
-    scales: np.ndarray  # (J, 2): of each joint's current per torque, A per N·m
-    # (J, 10): share by which the recording reduces the prior variance of a parameter: 0 if it shows
-    # nothing of it, near 1 if it determines the value alone.
+    scales: np.ndarray  # (J, 2): both ends of each joint's current per torque, A per N·m
+    # (J, 10): share by which the recording reduces the prior variance of a parameter: 0 if it does
+    # not depend on it, near 1 if it alone determines the value.
     from_recording: np.ndarray
 
 
-def link_intervals(stretches: np.ndarray, prior: Prior, x: np.ndarray) -> LinkIntervals:
-    """Return the intervals of links as fitted, from the recording and the URDF together.
+def confidence_intervals(stretches: np.ndarray, prior: Prior, x: np.ndarray) -> LinkIntervals:
+    """Return the intervals of the fit `x`; `stretches` are the sums of each stretch (`Sums.sums`).
 
-    The effect of noise is computed from the scatter of the gradient between stretches of the
-    recording, since successive errors are correlated (White's covariance, clustered by stretches,
-    Liang and Zeger 1986); the uncertainty of the regularisation towards the URDF is added. A
-    parameter that the regularisation determines more than the recording has no interval: a
-    recording does not show how accurate the URDF is.
+    The effect of noise is computed from the scatter of the gradient between stretches, since
+    successive errors are correlated (White's covariance, clustered by stretches, Liang and Zeger
+    1986); the uncertainty of the prior is added. A parameter that the prior determines more than
+    the recording has no interval: a recording does not show how accurate the URDF is.
     """
     unknowns = Unknowns(stretches.shape[1])
     _, _, hessian = loss_gradient_hessian(stretches.sum(axis=0), prior, unknowns, x)
     gradients = np.array([loss_gradient_hessian(own, prior, unknowns, x)[1] for own in stretches])
-    # The prior has the same gradient in every part, and cancels with the mean.
+    # The prior has the same gradient in every stretch, which cancels with the mean.
     gradients -= gradients.mean(axis=0)
-    known = np.zeros(unknowns.size)
-    known[unknowns.links], known[unknowns.scales] = prior.strength, 1.0 / prior.log_width ** 2
+    precision = np.zeros(unknowns.size)
+    precision[unknowns.links] = prior.strength
+    precision[unknowns.scales] = 1.0 / prior.log_width ** 2
     free = x > unknowns.lowest
     count = len(stretches)
     inverse = np.linalg.pinv(hessian[np.ix_(free, free)], rcond=1e-13, hermitian=True)
     scatter = gradients[:, free].T @ gradients[:, free] * count / max(count - 1, 1)
     covariance = np.zeros_like(hessian)
-    covariance[np.ix_(free, free)] = inverse @ (scatter + np.diag(known[free])) @ inverse
-    wide = float(stats.t.ppf(0.5 + 0.5 * _LEVEL, max(count - 1, 2)))
+    covariance[np.ix_(free, free)] = inverse @ (scatter + np.diag(precision[free])) @ inverse
+    quantile = float(stats.t.ppf(0.5 + 0.5 * _LEVEL, max(count - 1, 2)))
 
     parameters, slopes = prior.bodies.parameters(x[unknowns.links])
     _, before = prior.bodies.parameters(np.zeros_like(x[unknowns.links]))
     inner = block_diag(*slopes)
     variance = np.einsum('ij,jk,ik->i', inner, covariance[unknowns.links, unknowns.links],
                          inner).reshape(parameters.shape)
-    half = wide * np.sqrt(np.maximum(variance, 0.0))
+    half = quantile * np.sqrt(np.maximum(variance, 0.0))
     bounds = np.stack((parameters - half, parameters + half), axis=-1)
-    # The mass of a body is positive, whatever the linearised interval says.
+    # A mass is positive, even if the linearised interval includes negative values.
     bounds[:, 0] = np.maximum(bounds[:, 0], 0.0)
     prior_variance = np.sum(before ** 2, axis=2) / prior.strength
     from_recording = np.clip(1.0 - variance / np.maximum(prior_variance, 1e-300), 0.0, 1.0)
-    bounds[from_recording < _OWN] = -np.inf, np.inf
-    width = wide * np.sqrt(np.maximum(np.diag(covariance)[unknowns.scales], 0.0))
+    bounds[from_recording < _LEAST_REDUCTION] = -np.inf, np.inf
+    width = quantile * np.sqrt(np.maximum(np.diag(covariance)[unknowns.scales], 0.0))
     middle = x[unknowns.scales]
     return LinkIntervals(bounds, np.exp(np.clip(
         np.stack((middle - width, middle + width), axis=-1), -50.0, 50.0)), from_recording)

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Arms from URDF files, with Pinocchio."""
+"""Reads arms from URDF files, with Pinocchio."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from friction_comp.model.arm.tree import FREE_FALL, Tree
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-# Prefixes and suffixes that drivers and robot descriptions add to joint names.
-_WORDS = ('joint', 'axis')
+# Words that drivers and robot descriptions add to joint names.
+_GENERIC_WORDS = ('joint', 'axis')
 
 
 class Chain:
@@ -32,16 +32,16 @@ class Chain:
     Attributes
     ----------
     tree : Tree
-        With the file's parameters.
+        The arm with the file's parameters.
     locked : list of str
-        Joints of the file that are not recorded and assumed to stay at position zero.
+        Joints of the file that were not recorded; they are assumed to stay at position zero.
     unknown : list of str
         Recorded joints that the file does not describe, such as those of a gripper.
 
     Raises
     ------
     InputError
-        If Pinocchio is missing, the file cannot be used, or it is that of another robot.
+        If Pinocchio is missing, or the file cannot be used or is that of another robot.
     """
 
     def __init__(self, path: str | Path, joints: Sequence[str]) -> None:
@@ -81,7 +81,7 @@ class Chain:
             np.array(axes), np.array(parameters), np.array(FREE_FALL))
 
     def with_gravity(self, gravity: ArrayLike) -> Chain:
-        """Return the arm with another gravity, shape (3,), in the frame of its base, m/s²."""
+        """Return the arm with another gravity vector, shape (3,), m/s² in the frame of its base."""
         other = copy(self)
         other._model = self._model.copy()
         other._model.gravity.linear = np.array(gravity, dtype=float)
@@ -90,7 +90,7 @@ class Chain:
         return other
 
     def regressor(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """Return the matrix, shape (N, L, 10·L), that turns links' parameters into joint torques.
+        """Return the matrix, shape (N, L, 10·L), of joint torques per inertial parameter.
 
         Position, velocity and acceleration, shape (N, L), are in the order of `tree.joints`.
         """
@@ -98,7 +98,7 @@ class Chain:
         result = np.empty((len(q), size, 10 * size))
         library, neutral = self._library, self._library.neutral(self._model)
         for n in range(len(q)):
-            # Pinocchio keeps joints without limits as cosine and sine.
+            # Pinocchio represents joints without limits by cosine and sine.
             full = library.integrate(self._model, neutral, q[n])
             result[n] = library.computeJointTorqueRegressor(
                 self._model, self._data, full, v[n], a[n])
@@ -106,7 +106,7 @@ class Chain:
 
 
 def pinocchio() -> Any:
-    """Return the library; raise InputError, with advice, if it is missing."""
+    """Return the library; raise InputError with a remedy if it is missing."""
     try:
         import pinocchio as library
     except ImportError as error:
@@ -130,7 +130,7 @@ def _read(library: Any, path: str | Path) -> Any:
     if '<robot' not in text:
         raise InputError(f'{path}: not a URDF file: it has no <robot>')
     if re.search(r'<xacro:(?!property\b)', text):
-        raise InputError(f'{path}: a xacro file: make a URDF of it first (ros2 run xacro xacro)')
+        raise InputError(f'{path}: a xacro file: convert it to URDF first (ros2 run xacro xacro)')
     try:
         with _silent():
             model = library.buildModelFromXML(text)
@@ -161,10 +161,11 @@ def _silent() -> Iterator[None]:
 
 def match_names(recorded: Sequence[str], described: Sequence[str],
                 path: str | Path) -> tuple[dict[str, str], list[str]]:
-    """Return the name in a URDF file of each recorded joint, and the joints that it lacks.
+    """Return each recorded joint's name in a URDF file, and the recorded joints that it lacks.
 
-    Equal names match; otherwise those that are equal without case, underscores, the word joint and
-    the robot's prefix. Raises InputError if a joint matches several, or most are not in the file.
+    Names match if they are equal, otherwise if they are equal apart from case, underscores, the
+    words joint and axis, and a prefix. Raises InputError if a joint matches several, or most are
+    not in the file.
     """
     pairs: dict[str, str] = {}
     unknown: list[str] = []
@@ -176,8 +177,8 @@ def match_names(recorded: Sequence[str], described: Sequence[str],
                    or [other for other in described
                        if plain(other).endswith(short) or short.endswith(plain(other))])
         if len(matches) > 1 or (matches and matches[0] in pairs.values()):
-            raise InputError(f'{path}: joint {name!r} of the recording may be several of the '
-                             f"URDF's: {listed}")
+            raise InputError(f'{path}: joint {name!r} of the recording matches several of the '
+                             f'URDF, or one that is taken: {listed}')
         if matches:
             pairs[name] = matches[0]
         else:
@@ -189,7 +190,7 @@ def match_names(recorded: Sequence[str], described: Sequence[str],
 
 
 def plain(name: str) -> str:
-    """Return a joint's name without case, underscores and the word joint."""
+    """Return a joint's name in lower case, without underscores and the words joint and axis."""
     words = re.findall(r'[a-z]+|[0-9]+', name.lower())
-    kept = [word for word in words if word not in _WORDS]
+    kept = [word for word in words if word not in _GENERIC_WORDS]
     return ''.join(kept or words)

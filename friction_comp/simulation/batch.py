@@ -21,7 +21,7 @@ from friction_comp.simulation.undeclared import COLUMNS
 
 SIGNALS = ('position', 'velocity', 'current', 'interaction_torque', 'temperature', 'command',
            'rotor', 'rotor_speed', 'link_speed')
-"""What can be logged: what the sensors show, the law's command, and the joint's true state."""
+"""What can be logged: measured values, the law's command, and the joint's true state."""
 LOGGED = SIGNALS[:6]
 
 
@@ -73,17 +73,18 @@ def closed_loops(
     Parameters
     ----------
     parameters, random, laws : ndarray, shape (R,), (R, 1) and (R,)
-        Of each run: `joint_parameters`, `random_states` and `CompensationLaw.parameters`.
+        For each of R runs: `joint_parameters`, `random_states` and `CompensationLaw.parameters`.
     reference : tuple of ndarray, each of shape (M, L)
-        Position, velocity and direction at each of L samples, as of `ReferenceMovement.at`.
+        Position, velocity and direction of M movements at each of L samples, as
+        `ReferenceMovement.at` returns them.
     which : ndarray of int, shape (R,), optional
-        The movement of each run; the first for all when omitted.
+        Index of each run's movement; the first for all when omitted.
     every : int
         Log every n-th sample; 0 logs nothing.
     released : int, optional
-        Sample at which the person lets go; never when omitted. With 0 the joint is free.
+        Sample at which the person lets go; never when omitted. With 0 the joint is always free.
     speed : float
-        Of the joint at the beginning, rad/s.
+        Initial velocity of the joint, rad/s.
     disturbance : ndarray, shape (L,) or (D, L), optional
         Added to the position that the law receives, rad; run r has row r modulo D.
     logged : sequence of str
@@ -92,7 +93,7 @@ def closed_loops(
     Returns
     -------
     log : dict of str to ndarray, shape (R, ceil(L / every))
-        By the names in `logged`.
+        The logged signals by name.
     extremes : ndarray, shape (R, 2)
         Lowest and highest true position of each run in rad.
     guards : ndarray of compensation.records.STATE, shape (R,)
@@ -107,8 +108,8 @@ def closed_loops(
     columns = np.array([SIGNALS.index(name) for name in logged], dtype=np.int64)
     log = np.zeros((runs, -(-length // every) if every else 0, len(columns)))
     extremes, own = np.zeros((runs, 2)), np.zeros(runs, STATE)
-    held = length if released is None else int(released)
+    release = length if released is None else int(released)
     _run_all(np.ascontiguousarray(parameters), random.copy(), laws.copy(), own, movements, chosen,
-             added, float(speed), held, float(sample_time), int(every), columns, log, extremes,
+             added, float(speed), release, float(sample_time), int(every), columns, log, extremes,
              np.zeros(runs, JOINT_STATE), np.zeros(runs, MEASURED))
     return {name: log[:, :, c] for c, name in enumerate(logged)}, extremes, own

@@ -4,10 +4,10 @@
 
 ``g(ω) = max(|f̂(ω)|, g0 + (P - g0)·(1 - e)) + (g_b - g0)·e    with e = exp(-|ω|/ω_s)``
 
-with f̂ of Eq. 6 and its plateau P, the breakaway level g_b drawn again whenever the joint sticks
-again, and ``g0 = min(mean g_b, P)``. The printed sigmoid passes through zero near standstill, true
-friction does not: it starts at the breakaway level and is Eq. 11 itself once the transition is
-over.
+with f̂ of Eq. 6 and its plateau P, the breakaway level g_b, which is drawn again whenever the joint
+comes to stick, and ``g0 = min(mean g_b, P)``. The note's sigmoid passes through zero near
+standstill, but true friction starts at the breakaway level, and follows the sigmoid with the note's
+coefficients (Eq. 11) only beyond the transition.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from friction_comp.simulation.joint_parameters import Record
 from friction_comp.simulation.random_sequence import normal
 
 LEAST_LEVEL = 0.05
-"""Smallest friction with undeclared effects, as a share of the declared level."""
+"""Smallest friction that undeclared effects may leave, as a share of the declared level."""
 
 
 @njit(cache=True)
 def draw_levels(p: Record, s: Record, random: np.ndarray) -> None:
-    """Draw the breakaway levels that hold until the joint sticks again."""
+    """Draw the breakaway levels that are valid until the joint sticks again."""
     scatter = min(4.0, max(-4.0, normal(random)))
     s.level_positive = max(0.1 * p.break_positive, p.break_positive + p.std_positive * scatter)
     scatter = min(4.0, max(-4.0, normal(random)))

@@ -1,25 +1,26 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""A joint of two inertias: LuGre or Maxwell-slip friction, compliance, motor and supply.
+"""A joint of two inertias: LuGre or Maxwell-slip friction, gear compliance, motor and supply.
 
-Seen at the gear's output, with the rotor at φ (where encoder and friction are) and the link at θ
+At the gear's output, with the rotor at φ, where encoder and friction act, and the link at θ,
 
 ``J_m·φ'' = k_t·n·i - F - K·(φ - θ) - C·(φ' - θ')``
 ``J_l·θ'' = K·(φ - θ) + C·(φ' - θ') + τ_human``
 
-Friction F reverses with displacement and slides at the level g(|φ'|) of `friction_level`:
+In presliding, friction F depends on displacement; in sliding, it is the level g(|φ'|) of
+`friction_level`:
 
 - Maxwell slip: parallel elements j of stiffness k_j, damping c_j and share w_j, each
-  ``clamp(k_j·z_j + c_j·φ', ±w_j·g)``. Element j slips after its own distance; the farthest of
-  them is the presliding distance. Sliding levels follow the speed with a lag, as in the
+  ``clamp(k_j·z_j + c_j·φ', ±w_j·g)``. Element j slips after its own distance; the largest of
+  these is the presliding distance. Sliding levels follow the speed with a lag, as in the
   generalised Maxwell-slip model (Al-Bender, Lampaert and Swevers, IEEE Trans. Automatic Control
-  50(11), 2005). One element is the clamp of `rigid_joint` with a second inertia.
+  50(11), 2005). A single element is the clamp of `rigid_joint`, but with a second inertia.
 - LuGre (Canudas de Wit, Olsson, Åström and Lischinsky, IEEE Trans. Automatic Control 40(3),
   1995): ``z' = φ' - σ0·|φ'|·z/g``, ``F = σ0·z + σ1·e^(-(φ'/v_s)²)·z'``; the presliding distance
   is g_b/σ0.
 
-The current follows its command through the amplifier's time constant, and no farther than the
-supply's voltage less the back-EMF allows.
+The current follows its command with the amplifier's time constant, within the limits set by the
+supply voltage and the back-EMF.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ SETTLING = 0.005
 
 @njit(cache=True)
 def _lugre_force(p: Record, s: Record, v: float, level: float, h: float) -> float:
-    """Advance LuGre's bristle, exactly for a constant speed, and return its force in N·m."""
+    """Advance the LuGre bristle (exact for constant speed) and return its torque in N·m."""
     limit = level / p.bristle_stiffness
     steady = limit if v > 0.0 else -limit
     before = s.bristle[0]
@@ -56,7 +57,7 @@ def _lugre_force(p: Record, s: Record, v: float, level: float, h: float) -> floa
 
 @njit(cache=True)
 def _maxwell_force(p: Record, s: Record, v: float, level: float, h: float) -> float:
-    """Advance the Maxwell-slip elements and return their force in N·m."""
+    """Advance the Maxwell-slip elements and return their torque in N·m."""
     total, slipping = 0.0, 0
     for j in range(p.elements):
         stiffness = p.share[j] * 0.5 * (p.break_positive + p.break_negative) / p.distance[j]
@@ -87,7 +88,7 @@ def _advance_current(p: Record, s: Record, command: float, v: float, follow: flo
 def move_geared(p: Record, s: Record, random: np.ndarray, table: np.ndarray, memory: np.ndarray,
                 sample_time: float, command: float, reference_position: float,
                 reference_velocity: float, active: bool) -> None:
-    """Move the joint over one sample; parameters as for `joint.joint_sample`.
+    """Simulate the joint over one sample; parameters as for `joint.joint_sample`.
 
     The person holds the link; undeclared effects act on the rotor.
     """
@@ -104,7 +105,7 @@ def move_geared(p: Record, s: Record, random: np.ndarray, table: np.ndarray, mem
         follow_reference(p, s, h, reaction_weight, active,
                          reference_position + reference_velocity * k * h, reference_velocity,
                          s.link, s.link_speed)
-        # The direction in which the joint slides, or would slide, determines the level.
+        # The level depends on the direction in which the joint slides or would slide.
         direction = v if v != 0.0 else s.late_current
         level, load = friction_level(p, s, abs(v), direction > 0.0), 0.0
         if table.shape[0] > 0 and table[0, 0] >= 0.0:

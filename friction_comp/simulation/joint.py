@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simulated geared joints with encoder, current sensor, torque sensor S2 and a person.
 
-The plant node, the plain loop and the thousands of parallel runs of `reproduce` all call
-`joint_sample`; there is no second model of the joint. How it moves is in `rigid_joint` and
-`geared_joint`.
+The plant node, `Plant` in a loop and the thousands of parallel runs of `reproduce` all call
+`joint_sample`: there is only one model of the joint. Its equations of motion are in `rigid_joint`
+and `geared_joint`.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 @njit(cache=True)
 def start_joint(p: Record, s: Record, random: np.ndarray) -> None:
-    """Set the state of a joint at rest at position 0 and draw its first breakaway levels."""
+    """Set the state to rest at position 0, and draw the first breakaway levels."""
     s.rotor = s.rotor_speed = s.link = s.link_speed = s.slid = 0.0
     s.current = s.late_current = s.human = s.integral_torque = s.counted = s.samples = 0.0
     s.rest, s.temperature, s.sliding = 1.0, p.thermal[1], 0
@@ -55,7 +55,7 @@ def start_joint(p: Record, s: Record, random: np.ndarray) -> None:
 
 @njit(cache=True)
 def measure(p: Record, s: Record, random: np.ndarray, sample_time: float, out: Record) -> None:
-    """Write what the sensors show of the state into the record `out`."""
+    """Write the measured values of the state into the record `out`."""
     counted = s.rotor
     if p.resolution > 0.0:
         counted = math.floor(s.rotor / p.resolution + 0.5) * p.resolution
@@ -77,10 +77,10 @@ def joint_sample(p: Record, s: Record, random: np.ndarray, table: np.ndarray, me
                  reference_velocity: float, active: bool, out: Record) -> None:
     """Simulate one joint over one sample, and write the measured values at its end into `out`.
 
-    `p`, `s` and `out` are records of JOINT, JOINT_STATE and MEASURED, `random` the run's own
-    sequence, `table` and `memory` its undeclared effects. `command` is held over the sample, A, see
-    `delayed_command`; the person, who holds the joint where `active`, sees the reference, rad and
-    rad/s, at its beginning.
+    `p`, `s` and `out` are records of JOINT, JOINT_STATE and MEASURED, `random` is the run's own
+    random sequence, `table` and `memory` are its undeclared effects. `command`, A, is constant over
+    the sample (see `delayed_command`). If `active`, the person holds the joint and sees the
+    reference of the sample's beginning, rad and rad/s.
     """
     command = delayed_command(p, s, command)
     if p.kind == RIGID:
@@ -94,7 +94,7 @@ def joint_sample(p: Record, s: Record, random: np.ndarray, table: np.ndarray, me
 
 @njit(cache=True)
 def delayed_command(p: Record, s: Record, command: float) -> float:
-    """Store a command in A and return the one of `p.delay` samples before, within the limit."""
+    """Store a command in A, clipped to the limit; return the one of `p.delay` samples before."""
     for j in range(DELAYS - 1, 0, -1):
         s.command[j] = s.command[j - 1]
     s.command[0] = min(p.limit, max(-p.limit, command)) if math.isfinite(command) else 0.0
@@ -103,7 +103,7 @@ def delayed_command(p: Record, s: Record, command: float) -> float:
 
 @njit(cache=True)
 def end_sample(p: Record, s: Record, random: np.ndarray, sample_time: float, out: Record) -> None:
-    """Update the motor temperature over a sample, and measure."""
+    """Update the motor temperature at the end of a sample, and measure."""
     s.temperature = warmed_up(s.temperature, s.current, sample_time, p.thermal)
     s.samples += 1.0
     measure(p, s, random, sample_time, out)
@@ -114,7 +114,7 @@ def bank_sample(p: np.ndarray, s: np.ndarray, random: np.ndarray, tables: np.nda
                 memories: np.ndarray, sample_time: float, command: np.ndarray,
                 reference_position: np.ndarray, reference_velocity: np.ndarray,
                 active: np.ndarray, out: np.ndarray) -> None:
-    """Simulate all joints over one sample; rows are joints.
+    """Simulate all joints over one sample; each row is a joint.
 
     The person does not hold a joint without a finite reference.
     """
@@ -128,7 +128,7 @@ def bank_sample(p: np.ndarray, s: np.ndarray, random: np.ndarray, tables: np.nda
 @njit(cache=True)
 def start_bank(p: np.ndarray, s: np.ndarray, random: np.ndarray, sample_time: float,
                out: np.ndarray) -> None:
-    """Start and measure all joints; rows are joints."""
+    """Start and measure all joints; each row is a joint."""
     for j in range(p.shape[0]):
         start_joint(p[j], s[j], random[j])
         measure(p[j], s[j], random[j], sample_time, out[j])
@@ -136,11 +136,11 @@ def start_bank(p: np.ndarray, s: np.ndarray, random: np.ndarray, sample_time: fl
 
 @dataclass(frozen=True)
 class PlantState:
-    """What a plant's sensors show at one instant; arrays of shape (J,)."""
+    """Measured values of a plant at one instant; arrays of shape (J,)."""
 
     time: float                     # s since the start
-    position: np.ndarray            # rad, whole encoder counts
-    velocity: np.ndarray            # their first difference, rad/s
+    position: np.ndarray            # rad, in whole encoder counts
+    velocity: np.ndarray            # difference of successive positions, rad/s
     current: np.ndarray             # measured motor current, A
     interaction_torque: np.ndarray  # τ_b at sensor S2, N·m, positive: the person pushes forward
     temperature: np.ndarray         # of the motor, degrees Celsius
@@ -149,8 +149,8 @@ class PlantState:
 class Plant:
     """Simulated joints that are stepped one sample at a time.
 
-    There is one model per joint, see `joint_parameters`, and one `Undeclared` or None. The seed is
-    that of all noise and scatter: the same seed and commands give the same numbers.
+    Each joint has a model (see `joint_parameters`) and an `Undeclared` or None. The seed determines
+    all noise and scatter: the same seed and commands give the same numbers.
     """
 
     def __init__(self, models: Iterable[FrictionModel], seed: int | Sequence[int] = 0,
@@ -160,7 +160,7 @@ class Plant:
         if undeclared is None:
             undeclared = [None] * len(models)
         if not models or len(undeclared) != len(models):
-            raise InputError('the plant needs one model, and one undeclared file or none, a joint')
+            raise InputError('the plant needs one model and one undeclared file or None per joint')
         if not (math.isfinite(sample_time) and 0.0 < sample_time <= 0.01):
             raise InputError(f'sample_time must be in (0, 0.01] s, not {sample_time!r}')
         self.sample_time = float(sample_time)
@@ -175,7 +175,7 @@ class Plant:
         self._memories = np.zeros((self.joints, max(1, max(e.memory_size for e in extras))))
         self._states = np.zeros(self.joints, JOINT_STATE)
         self._out = np.zeros(self.joints, MEASURED)
-        # Views and constants, created once: a step takes a microsecond, and so would each of them.
+        # Views and constants that are created once: each would take as long as a step, about 1 µs.
         self._samples = self._states['samples']
         self._shown = self._out.view(float).reshape(self.joints, -1).T
         self._zeros, self._nobody = np.zeros(self.joints), np.zeros(self.joints, dtype=bool)
@@ -191,14 +191,14 @@ class Plant:
     def step(self, command: ArrayLike, reference_position: ArrayLike | None = None,
              reference_velocity: ArrayLike | None = None,
              human_active: ArrayLike | None = None) -> PlantState:
-        """Hold a current over one sample and return what the sensors show at its end.
+        """Apply a constant current over one sample and return the measured values at its end.
 
         Parameters
         ----------
         command : array_like, shape (J,)
-            Motor current in A; not finite counts as 0, larger than the limit is clipped.
+            Motor current in A. Non-finite values count as 0; others are clipped to the limit.
         reference_position, reference_velocity : array_like, shape (J,), optional
-            The movement that the person follows, at the state's time: rad, rad/s.
+            The movement that the person follows, at the present time: rad, rad/s.
         human_active : array_like of bool, shape (J,), optional
             Which joints the person holds; all that have a reference when omitted.
         """
@@ -220,13 +220,12 @@ class Plant:
             self.sample_time, command, position, velocity, active, self._out)
 
     def _row(self, values: ArrayLike, kind: type = float) -> np.ndarray:
-        # Broadcasting takes longer than a step, so arrays with one value per joint are used as they
-        # are.
+        # Broadcasting takes longer than a step: arrays with one value per joint do without it.
         row: np.ndarray = np.asarray(values, dtype=kind, order='C')
         if row.shape == (self.joints,):
             return row
         if row.ndim:
-            raise InputError(f'expected {self.joints} values, one a joint, not shape {row.shape}')
+            raise InputError(f'expected {self.joints} values, one per joint, not shape {row.shape}')
         return np.full(self.joints, row)
 
     def _measured(self) -> PlantState:

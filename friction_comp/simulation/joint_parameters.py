@@ -1,8 +1,8 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""A simulated joint's parameters, state and measured values, and how a model file gives them.
+"""Records of a simulated joint's parameters, state and measured values.
 
-Compiled code reads the fields of these records by name.
+Compiled code reads their fields by name. `joint_parameters` makes the parameters of a model file.
 """
 
 from __future__ import annotations
@@ -18,12 +18,13 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.simulation.undeclared import Undeclared
 
 ELEMENTS = 8
-"""The most Maxwell-slip elements."""
+"""Largest number of Maxwell-slip elements."""
 DELAYS = 4
-"""Samples by which a command can be late are fewer than this."""
+"""Number of commands that are stored: the largest delay is one sample less."""
 
 RIGID, CLAMP, LUGRE, MAXWELL_SLIP = range(4)
-"""One inertia that a clamp holds (`rigid_joint`), or two that a gear joins (`geared_joint`)."""
+"""Kinds of joint: one inertia with clamp friction (`rigid_joint`), or one of the friction models of
+a joint with two inertias and a gear (`geared_joint`)."""
 
 Record = Any
 """A record of one of the types below."""
@@ -38,41 +39,43 @@ def _record(floats: str, integers: str, arrays: dict[str, int]) -> np.dtype[np.v
 JOINT = _record(
     # Rotor and link, kg·m²; the gear's compliance between them, N·m/rad and N·m·s/rad.
     'motor_inertia link_inertia gear_stiffness gear_damping '
-    # N·m/A, rad, A; standard deviations in A and N·m.
+    # N·m/A; encoder count, rad; A; standard deviations in A and N·m.
     'torque_per_current resolution limit current_noise torque_noise '
-    # Friction: Eq. 6 and the levels at rest in N·m, s/rad, rad/s, N·m·s/rad.
+    # Friction: Eq. 6, with steepness in s/rad, shift in rad/s and viscous in N·m·s/rad; levels at
+    # rest, N·m; Stribeck velocity, rad/s.
     'upper lower steepness shift viscous floor_positive floor_negative break_positive '
     'break_negative std_positive std_negative stribeck_velocity '
     # Presliding, N·m/rad and N·m·s/rad; times in s.
     'bristle_stiffness bristle_damping level_lag current_lag actuation_lag '
-    # The motor's supply: V·s/rad at the joint, Ω, V; no limit where the resistance is 0.
+    # The motor's supply: V·s/rad at the joint, Ω, V; a resistance of 0 means no limit.
     'back_emf resistance voltage '
-    # The person, N·m/rad, N·m·s/rad, s and s.
+    # The person: N·m/rad, N·m·s/rad, s, s.
     'human_stiffness human_damping human_response human_integral_time',
     'kind delay elements',
     {'thermal': 4, 'share': ELEMENTS, 'distance': ELEMENTS})
-"""Parameters of one joint, all at the joint. `thermal` is that of `undeclared.warmed_up`; `share`
-(1) and `distance` (rad) are those of the Maxwell-slip elements, of which `elements` count."""
+"""Parameters of one joint, all seen at the gear's output. `thermal` is that of
+`undeclared.warmed_up`; `share` (1) and `distance` (rad) are those of the Maxwell-slip elements, of
+which the first `elements` are used."""
 
 FRICTION = ('upper', 'lower', 'viscous', 'floor_positive', 'floor_negative', 'break_positive',
             'break_negative', 'std_positive', 'std_negative')
-"""The parameters to scale for a joint with more friction or less."""
+"""The parameters to scale for a joint with more or less friction."""
 
 JOINT_STATE = _record(
-    # Where encoder and friction are, and the link; rad and rad/s.
+    # Rotor, where encoder and friction act, and link; rad and rad/s.
     'rotor rotor_speed link link_speed '
-    # Friction's level, and those drawn for this rest, N·m; how long the joint has been sticking,
-    # s, and how far it has slid, rad.
+    # Sliding level, and the breakaway levels of the present rest, N·m; time since the joint began
+    # to stick, s; distance slid, rad.
     'level level_positive level_negative rest slid '
-    # A, A; the person's push and the part of it that grew while the joint stood short, N·m;
-    # degrees Celsius, rad, 1.
+    # Current, and after the actuation lag, A; the person's torque, and its part that grows while
+    # the joint is short of its target, N·m; degrees Celsius; rad as the encoder counts; 1.
     'current late_current human integral_torque temperature counted samples',
     'sliding arrived', {'bristle': ELEMENTS, 'command': DELAYS})
 """State of one joint; `start_joint` sets it."""
 
 MEASURED = np.dtype([(name, float) for name in (
     'position', 'velocity', 'current', 'interaction_torque', 'temperature')], align=True)
-"""What a joint's sensors show: rad, rad/s, A, N·m, degrees Celsius."""
+"""Measured values of one joint: rad, rad/s, A, N·m, degrees Celsius."""
 
 
 GEARS = {'clamp': CLAMP, 'lugre': LUGRE, 'maxwell_slip': MAXWELL_SLIP}
@@ -83,35 +86,35 @@ SIMULATION_ENTRIES = {
     'torque_noise', 'delay_samples', 'human', 'movement', 'sources'} | GEAR_ENTRIES
 HUMAN_ENTRIES = {'stiffness', 'damping', 'response_time', 'integral_time'}
 
-# Defaults if a model file does not give them: the breakaway torque would accelerate the joint at 10
-# rad/s² and deflect it by 0.5 mrad, similar to the note's drives.
+# Defaults of entries that a model file lacks: the breakaway torque would accelerate the joint at
+# 10 rad/s² and deflect it by 0.5 mrad, similar to the note's drives.
 DEFAULT_ACCELERATION = 10.0
 DEFAULT_PRESLIDING = 5e-4
 DEFAULT_DAMPING_RATIO = 0.5
 DEFAULT_STRIBECK_VELOCITY = math.radians(3.0)
 DEFAULT_CURRENT_NOISE = 2e-3
-# The person pushes with the breakaway torque when the joint lags 0.1 rad behind.
+# Lag, rad, at which the person pushes with the breakaway torque.
 DEFAULT_HUMAN_LAG = 0.1
 DEFAULT_HUMAN_RESPONSE = 0.04
-# A joint that stops short of its target is pushed twice as hard after this time, and so arrives
-# within one to two seconds. Another value changes the time of arrival and hardly the torque, which
+# A joint that stops short of its target is pushed twice as hard after this time, s, and so arrives
+# within one to two seconds. The value affects the time of arrival but hardly the torque, which
 # depends on friction: with a quarter and half of it the note's peaks without compensation change by
-# at most 1.5 %. With half of it, however, a joint whose sliding friction is compensated overshoots
-# the target.
+# at most 1.5 %. With half of it, however, a joint with compensated sliding friction overshoots the
+# target.
 DEFAULT_HUMAN_INTEGRAL_TIME = 0.5
-# Most of the inertia seen through a robot's gear is that of the rotor; the two resonate at about 40
-# Hz.
+# Most of the inertia at the output of a robot's gear is that of the rotor; rotor and link resonate
+# at about 40 Hz.
 DEFAULT_ROTOR_SHARE = 0.8
 DEFAULT_RESONANCE = 40.0
 DEFAULT_GEAR_DAMPING = 0.05
 
 
 def joint_parameters(model: FrictionModel, undeclared: Undeclared | None = None) -> np.void:
-    """Return the kernel's parameters of one joint, a record of `JOINT`.
+    """Return the parameters of one joint, a record of `JOINT`, from its model.
 
-    They are from sigmoid, breakaway with its scatter, and the section `simulation`, which
-    msg_docs/model_file.md describes; what is missing follows from the drive. Raises InputError if
-    an entry is unknown, not a number or out of range.
+    They are based on the model's sigmoid, its breakaway with scatter, and its section `simulation`
+    (see msg_docs/model_file.md), with defaults that follow from the drive. Raises InputError if an
+    entry is unknown, not a number or out of range.
     """
     undeclared = Undeclared() if undeclared is None else undeclared
     section = model.simulation
@@ -145,7 +148,7 @@ def joint_parameters(model: FrictionModel, undeclared: Undeclared | None = None)
 
 
 def _set_friction(p: np.void, model: FrictionModel) -> float:
-    """Set levels and Eq. 6; return the mean of the breakaway levels, N·m."""
+    """Set Eq. 6 and the levels at rest; return the mean of the breakaway levels, N·m."""
     sigmoid, scale = model.sigmoid, model.drive.torque_per_current
     plateaus = np.maximum([sigmoid.upper, -sigmoid.lower], 1e-6) * scale
     if model.breakaway is None:
@@ -177,7 +180,7 @@ def _set_human(p: np.void, section: dict[str, Any], typical: float, inertia: flo
 
 
 def _set_gear(p: np.void, model: FrictionModel, presliding: float) -> None:
-    """Make a joint of two inertias of a rigid one; `presliding` in rad."""
+    """Turn a rigid joint into one of two inertias; `presliding` is a distance in rad."""
     section = model.simulation
     if section['gear'] not in GEARS:
         raise InputError(
@@ -204,11 +207,11 @@ def _set_gear(p: np.void, model: FrictionModel, presliding: float) -> None:
 
 
 def set_presliding(p: np.void, distance: float, shares: np.ndarray, damping: float) -> None:
-    """Set how a gear gives before it slides, in a record of JOINT.
+    """Set the presliding of a gear, in a record of JOINT.
 
-    The distance in rad is that of the Maxwell-slip element that slips last, or g_b/σ0 of LuGre. The
-    distances of the elements lie evenly up to it; their shares are scaled to a sum of 1. Damping is
-    a share of the critical one of the rotor on the unslipped elements.
+    `distance` in rad is that of the Maxwell-slip element that slips last, or g_b/σ0 of LuGre. The
+    distances of the elements are spaced evenly up to it; `shares` are scaled to a sum of 1.
+    `damping` is relative to the critical damping of the rotor on the elements before they slip.
     """
     count = len(shares)
     shares = np.asarray(shares, dtype=float) / np.sum(shares)

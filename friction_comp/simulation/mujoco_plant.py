@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """An arm whose links MuJoCo simulates, with the drives, sensors and person of `Plant`.
 
-MuJoCo simulates the rigid bodies: mass, inertia, weight and coupling of joints. Each substep it
-receives the joint torques of motor, person and friction, with the friction of `rigid_joint`.
+MuJoCo simulates the rigid bodies: mass, inertia, weight and coupling of joints. In each substep it
+receives the sum of motor, person's and friction torque of each joint; friction is that of
+`rigid_joint`.
 """
 
 from __future__ import annotations
@@ -30,11 +31,11 @@ from friction_comp.simulation.undeclared import Undeclared, undeclared_torque
 class MujocoPlant(Plant):
     """Simulated joints on the links of an MJCF or URDF, stepped one sample at a time.
 
-    MuJoCo reads the file; where it has a keyframe, the first one is where the arm begins. `joints`
-    are names of hinges or slides in it, in the order of the models; its other joints move freely.
-    The drive's own inertia, `simulation.inertia`, is added to the armature that the file gives a
-    joint. Gears with compliance are refused. Other parameters are those of `Plant`.
-    Raises InputError if MuJoCo is not installed, or the file cannot be used.
+    If the file has keyframes, the arm begins at the first. `joints` are the names of hinges or
+    slides in the file, in the order of the models; other joints move freely. The drive's own
+    inertia, `simulation.inertia`, is added to the joint's armature in the file. Other parameters
+    are those of `Plant`. Raises InputError if MuJoCo is not installed, the file cannot be used, or
+    a model has a gear with compliance.
     """
 
     def __init__(self, file: str | Path, joints: Sequence[str], models: Sequence[FrictionModel],
@@ -46,7 +47,7 @@ class MujocoPlant(Plant):
         except ModuleNotFoundError:
             raise InputError('engine mujoco: MuJoCo is missing: pip install mujoco') from None
         if len(joints) != len(models):
-            raise InputError(f'the arm needs one model a joint, not {len(models)} for '
+            raise InputError(f'the arm needs one model per joint, not {len(models)} for '
                              f'{len(joints)} joints')
         self._step_of_engine, self._multiply = mujoco.mj_step, mujoco.mj_mulM
         self.body = _model(mujoco, file)
@@ -55,11 +56,11 @@ class MujocoPlant(Plant):
         self.body.opt.timestep = sample_time / SUBSTEPS
         super().__init__(models, seed, undeclared, sample_time)
         if (self._parameters['kind'] != RIGID).any():
-            raise InputError('engine mujoco moves the links itself: model files with a gear in '
+            raise InputError('engine mujoco simulates the links itself: model files with a gear in '
                              'their section simulation cannot be used')
         self.body.dof_armature[self._velocity] += self._parameters['motor_inertia']
         self.data = mujoco.MjData(self.body)
-        # What follows from the armature.
+        # Update the constants that depend on the armature.
         mujoco.mj_setConst(self.body, self.data)
         if self.body.nkey:
             mujoco.mj_resetDataKeyframe(self.body, self.data, 0)
@@ -78,7 +79,7 @@ class MujocoPlant(Plant):
 
     def _advance(self, command: np.ndarray, position: np.ndarray, velocity: np.ndarray,
                  active: np.ndarray) -> None:
-        """Take the arm through one sample; see `Plant.step`."""
+        """Simulate the arm over one sample; see `Plant.step`."""
         self._update_inertia()
         for k in range(SUBSTEPS):
             self._forces(command, k, position, velocity, active)
@@ -97,7 +98,7 @@ class MujocoPlant(Plant):
                  self.data.qfrc_bias[self._velocity], self._inertia, self._torque)
 
     def _update_inertia(self) -> None:
-        """Renew the diagonal of the arm's inertia, kg·m², shape (J,)."""
+        """Update the diagonal of the arm's joint-space inertia, kg·m², shape (J,)."""
         for j, own in enumerate(self._velocity):
             self._unit[:] = 0.0
             self._unit[own] = 1.0
@@ -116,7 +117,7 @@ def _model(mujoco: Any, file: str | Path) -> Any:
 
 
 def _degree_of_freedom(mujoco: Any, body: Any, file: str | Path, joint: str) -> tuple[int, int]:
-    """Return where MuJoCo keeps a joint's position and velocity."""
+    """Return the indices of a joint's position and velocity in MuJoCo's state."""
     index = mujoco.mj_name2id(body, mujoco.mjtObj.mjOBJ_JOINT, joint)
     if index < 0:
         names = [mujoco.mj_id2name(body, mujoco.mjtObj.mjOBJ_JOINT, k) for k in range(body.njnt)]
@@ -135,8 +136,8 @@ def _torques(parameters: np.ndarray, states: np.ndarray, randoms: np.ndarray, ta
              torque: np.ndarray) -> None:
     """Write the torques of motors, persons and friction at the beginning of a substep, N·m.
 
-    `bias` is what weight and motion ask of the joint, `inertia` its own on the diagonal of the
-    arm's: with them the bristle holds as stiffly as in `rigid_joint`.
+    `bias` is each joint's torque due to weight and velocities, `inertia` its entry on the diagonal
+    of the arm's inertia: with both, the bristle is integrated implicitly as in `rigid_joint`.
     """
     h = sample_time / SUBSTEPS
     for j in range(parameters.shape[0]):

@@ -1,9 +1,9 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""A simulated person who makes the joint follow the shown movement.
+"""A simulated person who makes the joint follow the movement on a screen.
 
-The person is a spring and a damper between the reference and the joint, with a reaction time. If
-the joint has not arrived at the end of the reference movement, the person's torque increases until
+The person is modelled as a spring and a damper between reference and joint, with a reaction time.
+If the joint has not arrived when the reference movement ends, the person's torque increases until
 it does, so that every joint is eventually set in motion.
 """
 
@@ -21,19 +21,19 @@ if TYPE_CHECKING:
 
 ARRIVED = 0.1
 """Largest distance from the end of the reference movement at which a joint has arrived, rad. In the
-note's experiments, joints with compensation end at most 0.083 rad short of it, joints without at
-least 0.18 rad. With half of it the person would also finish movements under the continuous law,
-which leaves a part of the friction to the person."""
+note's experiments, joints with compensation end at most 0.083 rad short of it, joints without it at
+least 0.18 rad. With half this value the person would also finish movements under the continuous
+law, which leaves a part of the friction to the person."""
 
 
 @njit(cache=True)
 def follow_reference(p: Record, s: Record, h: float, reaction_weight: float, active: bool,
                      reference_position: float, reference_velocity: float, position: float,
                      velocity: float) -> None:
-    """Advance the torque `s.human` in N·m that the person gives, by one substep of h s.
+    """Advance the person's torque `s.human`, N·m, by one substep of h s.
 
-    `reaction_weight` is the weight of the low pass of the person's reaction over the substep.
-    `active` is whether the person holds the joint, at a position in rad and a velocity in rad/s.
+    `reaction_weight` is the weight of the reaction's low pass over the substep, `active` whether
+    the person holds the joint. Positions are in rad and velocities in rad/s.
     """
     if not active:
         s.human = s.integral_torque = 0.0
@@ -42,7 +42,7 @@ def follow_reference(p: Record, s: Record, h: float, reaction_weight: float, act
     if reference_velocity != 0.0:
         s.arrived = 0
     elif abs(lag) <= ARRIVED:
-        # The recoil is not pushed again.
+        # Remembered, so that the person does not push again if the joint recoils.
         s.arrived = 1
     if reference_velocity != 0.0 or s.arrived == 1 or p.human_integral_time <= 0.0:
         s.integral_torque = 0.0

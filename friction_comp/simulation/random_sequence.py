@@ -12,7 +12,7 @@ import numpy as np
 
 
 def random_states(seed: int | Sequence[int], runs: int) -> np.ndarray:
-    """Return independent starting points of `runs` random sequences, shape (runs, 1) uint64."""
+    """Return initial states of `runs` independent random sequences, shape (runs, 1) uint64."""
     return np.random.SeedSequence(seed).generate_state(runs, np.uint64).reshape(runs, 1)
 
 

@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """A joint of one inertia with clamp friction, for model files without `gear`.
 
-Seen at the gear's output, the joint obeys
+At the gear's output, the joint obeys
 
 ``J·dω/dt = k_t·n·i + τ_human + τ_load - F``
 
-Friction F is an elastic bristle of stiffness σ0 and damping σ1 that slips at the level g of
-`friction_level`: ``F = clamp(σ0·z + σ1·ω, -g, +g)``. Below the level there is no drift, however
-long or often the joint is pushed, which distinguishes true stiction from Dahl's and LuGre's models
+Friction F is that of an elastic bristle of stiffness σ0 and damping σ1 that slips at the level g of
+`friction_level`: ``F = clamp(σ0·z + σ1·ω, -g, +g)``. Below this level there is no drift, however
+long or often the joint is pushed: unlike Dahl's and LuGre's models, it has true stiction
 (elasto-plastic friction: Dupont, Hayward, Armstrong and Altpeter, IEEE Trans. Automatic Control
 47(5), 2002, here with its plastic range shrunk to a point).
 """
@@ -30,7 +30,7 @@ SUBSTEPS = 8
 SETTLING = 0.0005
 """Time without slip after which a joint sticks again, s."""
 RENEWAL = 3.0
-"""Sliding distance after which new breakaway levels are drawn, in deflections of the bristle."""
+"""Sliding distance after which new breakaway levels are drawn, in bristle deflections."""
 
 
 @njit(cache=True)
@@ -38,7 +38,7 @@ def clamped_friction(p: Record, s: Record, stuck: float, extra: float, speed: fl
                      ) -> tuple[float, bool]:
     """Return friction in N·m, and whether the bristle slips; `stuck` is its speed if it does not.
 
-    Undeclared effects add `extra` N·m to the level at a speed.
+    `speed` determines the level of friction, to which undeclared effects add `extra` N·m.
     """
     force = p.bristle_stiffness * (s.bristle[0] + h * stuck) + p.bristle_damping * stuck
     base = friction_level(p, s, speed, force > 0.0)
@@ -51,7 +51,7 @@ def clamped_friction(p: Record, s: Record, stuck: float, extra: float, speed: fl
 @njit(cache=True)
 def move_bristle(p: Record, s: Record, random: np.ndarray, v: float, friction: float, slips: bool,
                  h: float) -> None:
-    """Advance the bristle by a substep of h s at the speed v, and draw levels for a new rest."""
+    """Advance the bristle by a substep of h s at speed v; draw new levels when the joint sticks."""
     s.bristle[0] += h * v
     if not slips:
         s.rest += h
@@ -74,9 +74,9 @@ def move_bristle(p: Record, s: Record, random: np.ndarray, v: float, friction: f
 def move_rigid(p: Record, s: Record, random: np.ndarray, table: np.ndarray, memory: np.ndarray,
                sample_time: float, command: float, reference_position: float,
                reference_velocity: float, active: bool) -> None:
-    """Move the joint over one sample; parameters as for `joint.joint_sample`."""
+    """Simulate the joint over one sample; parameters as for `joint.joint_sample`."""
     h = sample_time / SUBSTEPS
-    # The amplifier is fast; an undeclared lag is applied between the current and the torque.
+    # The current follows its command at once; an undeclared lag acts between current and torque.
     s.current = command
     follow = low_pass_weight(h, p.actuation_lag)
     reaction_weight = low_pass_weight(h, p.human_response)
@@ -89,7 +89,7 @@ def move_rigid(p: Record, s: Record, random: np.ndarray, table: np.ndarray, memo
         follow_reference(p, s, h, reaction_weight, active,
                          reference_position + reference_velocity * k * h, reference_velocity, x, v)
         torque = p.torque_per_current * s.late_current + s.human
-        # The direction in which the bristle would deflect determines the level.
+        # Speed without slip, by an implicit step; its direction determines the level.
         stuck = (v + over_inertia * (torque - sigma0 * s.bristle[0])) * implicit
         extra = 0.0
         if table.shape[0] > 0 and table[0, 0] >= 0.0:

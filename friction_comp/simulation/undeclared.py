@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Effects of a simulated joint that its model file lacks, for tests of refinement.
 
-Only the plant reads them: refinement has to find them in recordings.
+Only the simulated plant knows them: refinement has to find them in recordings.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ def _positive(default: float | None = None) -> Bounds:
 
 
 _RIPPLE = {'amplitude': _any(), 'frequency': _positive(), 'phase': _any(0.0), 'slope': _any(0.0)}
-# Name: code and parameters in the order of the kernel's columns. Torques N·m at the joint, angles
-# rad, times s, others as noted.
+# By name: code, and parameters in the order of the columns of `undeclared_torque`. Torques are in
+# N·m at the joint, angles in rad, times in s, others as noted. `level` is that of friction.
 EFFECTS: dict[str, tuple[int, dict[str, Bounds]]] = {
     # level + amplitude·exp(-(|v|/velocity)^exponent)
     'stribeck': (STRIBECK, {
@@ -52,7 +52,7 @@ EFFECTS: dict[str, tuple[int, dict[str, Bounds]]] = {
         'amplitude': _any(), 'velocity': _positive(1.0), 'exponent': (None, 0.05, 5.0)}),
     # level ± (coulomb + viscous·|v|): plus in positive, minus in negative direction
     'direction': (DIRECTION, {'coulomb': _any(0.0), 'viscous': _any(0.0)}),
-    # constant torque that the motor has to hold
+    # constant torque against which the motor has to work
     'offset': (OFFSET, {'torque': _any()}),
     # torque amplitude·sin(x + phase)
     'gravity': (GRAVITY, {'amplitude': _any(), 'phase': _any(0.0)}),
@@ -71,11 +71,11 @@ EFFECTS: dict[str, tuple[int, dict[str, Bounds]]] = {
     'warm_up': (WARM_UP, {'share': _any(), 'time_constant': _positive()}),
     # a second Dahl element: torque z, dz/dx = stiffness·(1 - z·sgn(dx)/torque)
     'hysteresis': (HYSTERESIS, {'torque': _positive(), 'stiffness': _positive()}),
-    # level·(1 + share·s); s grows to 1 with the time at rest, is lost over a distance of sliding
+    # level·(1 + share·s); s grows to 1 with the time at rest and decays with the distance slid
     'rest': (REST, {'share': _any(), 'time_constant': _positive(), 'distance': _positive(0.05)}),
 }
 
-# Effects of the joint itself rather than of its friction; the joint reads them as attributes.
+# Effects of the joint itself rather than of its friction, stored as attributes of `Undeclared`.
 JOINT_EFFECTS: dict[str, dict[str, Bounds]] = {
     'inertia': {'inertia': (None, 0.0, math.inf)},
     'actuation_lag': {'lag': (None, 0.0, 1.0)},
@@ -85,6 +85,7 @@ THERMAL: dict[str, Bounds] = {
     'ambient': (25.0, -273.15, math.inf), 'initial': (None, -273.15, math.inf),
     'heating': (0.0, 0.0, math.inf), 'time_constant': _positive(600.0)}
 
+# Number of state variables of each effect that has any.
 _MEMORY = {HYSTERESIS: 3, REST: 4}
 
 
@@ -92,21 +93,22 @@ _MEMORY = {HYSTERESIS: 3, REST: 4}
 class Undeclared:
     """Undeclared effects of one joint."""
 
-    # Rows of `undeclared_torque`: code and up to nine parameters, of which the last is the place of
-    # the row's own state in the memory.
+    # Rows for `undeclared_torque`: code, up to eight parameters, and the index of the row's first
+    # state variable in the memory.
     table: np.ndarray = field(default_factory=lambda: np.zeros((0, COLUMNS)))
-    memory_size: int = 0        # floats of state that the effects need; they start as zeros
+    memory_size: int = 0        # number of state variables of the effects; they start at zero
     inertia: float = 0.0        # kg·m², added to the joint's own
     actuation_lag: float = 0.0  # s, of a first-order lag between current and torque
-    torque_constant_factor: float = 1.0     # true over declared torque constant
-    # Ambient and initial temperature, degrees Celsius, heating K/A², time constant s: `warmed_up`.
+    torque_constant_factor: float = 1.0     # true torque constant / declared one
+    # For `warmed_up`: ambient and initial temperature, degrees Celsius, heating, K/A², and time
+    # constant, s.
     thermal: np.ndarray = field(default_factory=lambda: np.array([25.0, 25.0, 0.0, 600.0]))
 
     @classmethod
     def from_effects(cls, effects: Iterable[Any], thermal: Any = None) -> Undeclared:
-        """Make them of dicts with `name` and `parameters`: see `EFFECTS` and `JOINT_EFFECTS`.
+        """Create from dicts with `name` and `parameters`: see `EFFECTS` and `JOINT_EFFECTS`.
 
-        `thermal` is as in `THERMAL`; its `initial` is the ambient temperature when omitted.
+        `thermal` has the keys of `THERMAL`; `initial` is the ambient temperature when omitted.
         """
         rows, result = [], cls()
         for entry in effects:
@@ -140,14 +142,14 @@ class Undeclared:
 
     @classmethod
     def from_file(cls, path: str | Path) -> Undeclared:
-        """Read a YAML file."""
+        """Create from a YAML file."""
         document = read_yaml(path)
         with errors_name(path):
             return cls.from_dict(document)
 
     @classmethod
     def from_dict(cls, document: Any) -> Undeclared:
-        """Make them of the plain values of their file."""
+        """Create from the content of a YAML file."""
         document = check_document(document, 'a file of undeclared effects', FORMAT, VERSION, _KEYS)
         return cls.from_effects(
             check_list(document.get('effects'), 'effects'), document.get('thermal'))
@@ -168,11 +170,12 @@ def _read(given: Any, wanted: dict[str, Bounds], where: str) -> dict[str, float]
 def undeclared_torque(table: np.ndarray, memory: np.ndarray, t: float, x: float, v: float,
                       load: float, temperature: float, rest_time: float, base_level: float
                       ) -> tuple[float, float]:
-    """Return driving torque and level of friction, N·m, that undeclared effects add at an instant.
+    """Return the driving torque and the level of friction that undeclared effects add, N·m.
 
-    To be called in time order, with `memory_size` zeros of the run's own as `memory`. `t`, `x` and
-    `v` are in s, rad and rad/s; the person applies `load` N·m; the joint has been sticking for
-    `rest_time` s, 0 while it slides; the declared friction at this velocity is `base_level` N·m.
+    Must be called in time order, with a `memory` of the run's own that begins as `memory_size`
+    zeros. `t`, `x` and `v` are in s, rad and rad/s; the person applies `load` N·m; the joint has
+    been sticking for `rest_time` s, 0 while it slides; the declared friction at this velocity is
+    `base_level` N·m.
     """
     resisting = 0.0
     level = 0.0
@@ -216,7 +219,7 @@ def undeclared_torque(table: np.ndarray, memory: np.ndarray, t: float, x: float,
                 memory[m + 1] = goal + (memory[m + 1] - goal) * math.exp(-abs(step) * b / a)
             resisting += memory[m + 1]
         elif code == REST:
-            # memory: s now, s when the rest began, last position, started
+            # memory: s now, s when the rest began, last position, whether it is initialised
             if memory[m + 3] == 0.0:
                 memory[m + 2] = x
                 memory[m + 3] = 1.0
@@ -232,10 +235,10 @@ def undeclared_torque(table: np.ndarray, memory: np.ndarray, t: float, x: float,
 
 @njit(cache=True)
 def warmed_up(temperature: float, current: float, step: float, thermal: np.ndarray) -> float:
-    """Return the motor temperature in degrees Celsius a time step later, s; `current` in A.
+    """Return the motor temperature in degrees Celsius after a time step in s; `current` in A.
 
-    First order: the motor tends to ambient + heating·current² with its time constant, as the
-    windings lose heat in proportion to how much warmer they are than the air.
+    This is a first-order model: the temperature approaches ambient + heating·current² with its time
+    constant, since windings lose heat in proportion to their temperature above ambient.
     """
     goal = thermal[0] + thermal[2] * current * current
     return goal + (temperature - goal) * math.exp(-step / thermal[3])
