@@ -42,8 +42,8 @@ ODD_EFFECT = 'format: friction_comp_undeclared\nversion: 1\neffects: [{name: gho
     ('exercise', {'when_done': 'dance'}, (), 'when_done'),
     ('recorder', {'output': 'taken'}, (), 'taken'),
     ('recorder', {'compression': 'squeeze'}, (), 'squeeze'),
-    ('recorder', {'max_file_size': 1e-7}, (), 'max_file_size: files of 1e-07 MB'),
-    ('recorder', {'max_file_duration': 0.001}, (), 'max_file_duration: files of 0.001 s')])
+    ('recorder', {'max_file_size': 1e-7}, (), 'max_file_size: 1e-07 MB is too small'),
+    ('recorder', {'max_file_duration': 0.001}, (), 'max_file_duration: 0.001 s is too short')])
 def test_says_in_one_line_what_it_cannot_use(tmp_path, node, parameters, arguments, words):
     (tmp_path / 'broken.yaml').write_text(BROKEN_MODEL)
     (tmp_path / 'odd.yaml').write_text(ODD_EFFECT)
