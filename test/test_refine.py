@@ -5,6 +5,7 @@
 import csv
 from dataclasses import replace
 import json
+from pathlib import Path
 import re
 import sys
 
@@ -30,6 +31,7 @@ from friction_comp.tools.refine import main as run_refine
 from simulated_recordings.drives import excitation_for, random_drive, record
 
 LIVE_PAGES = True
+ROOT = Path(__file__).resolve().parents[1]
 RATE = 125.0  # Hz
 
 
@@ -165,6 +167,22 @@ def test_bad_input_is_named_and_nothing_is_left(folder, tmp_path):
         run_predict([str(folder / 'score'), '--model', str(tmp_path / 'none.yaml'),
                      '--output', str(tmp_path / 'x.csv')])
     assert not (tmp_path / 'x.csv').exists()
+
+
+@pytest.mark.parametrize('recordings', [
+    ['without_direction'], ['with_direction'], ['without_direction', 'with_direction']])
+def test_the_effects_hidden_in_the_examples_are_found(recordings):
+    # No effect alone explains much: the weight shows only once the ripple is known.
+    model = FrictionModel.load(ROOT / 'config' / 'armin_configuration_1.yaml')
+    paths = [ROOT / 'examples' / 'elbow' / f'{name}.mcap.zstd' for name in recordings]
+    samples = read_recording(
+        paths, None, model.drive.torque_constant, model.drive.gear_ratio)
+    report = refine(samples, model).report
+    found = {effect['name']: effect for effect in report['effects']}
+    assert found.keys() >= {'friction_ripple', 'inertia'}
+    assert found.keys() & {'gravity', 'spring'}
+    assert found['friction_ripple']['parameters']['frequency'] == pytest.approx(24.0, abs=0.2)
+    assert report['after']['held_out_rmse'] < 1.2 * report['noise_floor']
 
 
 @pytest.mark.parametrize('load', [None, 0.5])

@@ -151,10 +151,12 @@ class EffectSearch(Search):
         Effects of time are tried last, so that they do not replace a recorded cause.
         """
         self._time_effects = False
-        terms = self.backward(self.without_collinear(list(dict.fromkeys([*self.fixed, *start]))))
+        # A weight may be no improvement until the larger ripple beside it is known, so terms are
+        # removed only after others were added.
+        terms = self.without_collinear(list(dict.fromkeys([*self.fixed, *start])))
         self.table.fit_transition(terms)
         self.update_candidates(terms)
-        terms = self._adjust(self.forward(self.backward(terms)), 5)
+        terms = self._adjust(self.forward(terms), 5)
         terms = self.backward(self.exchange(terms))
         self._time_effects = True
         self.update_candidates(terms)

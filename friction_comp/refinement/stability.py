@@ -79,7 +79,7 @@ def repeat_search(table: Table, terms: Sequence[Term], initial_count: int,
             continue
         search = Search(table, early, fixed, weights)
         start = search.without_collinear([*fixed, *dict.fromkeys([*expected, *groups])])
-        better = search.forward(search.backward(start))
+        better = search.backward(search.forward(start))
         search.candidates = late
         searches.append(search.forward(better))
 
