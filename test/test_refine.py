@@ -139,7 +139,12 @@ def test_the_measured_torque_of_a_person_is_added_to_the_motors(drive, tmp_path,
     assert np.sqrt(np.mean(error ** 2)) < 0.05 * np.abs(friction).max()
     out = capsys.readouterr().out
     assert 'a load was recorded' in out
-    assert 'where the joint moves' in out
+    assert 'A where the joint moves' in out
+    # Without a drive, `refine` fits the effort, and its model says so.
+    replace(model, notes={'unit': 'N·m'}).save(tmp_path / 'model.yaml')
+    assert run_predict([str(tmp_path / 'r'), '--model', str(tmp_path / 'model.yaml'),
+                        '--output', str(tmp_path / 'out.csv')]) == 0
+    assert 'N·m where the joint moves' in capsys.readouterr().out
 
 
 @pytest.mark.slow

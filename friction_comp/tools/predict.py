@@ -67,9 +67,10 @@ def main(argv: list[str] | None = None) -> int:
     if measured is not samples.current:
         print('a load was recorded: the current that it replaces is added to the measured current')
     residual, moves = measured - predicted, moving(samples, model)
-    errors = [f'{np.sqrt(np.mean(residual ** 2)):.4g} A']
+    unit = model.notes.get('unit', 'A')
+    errors = [f'{np.sqrt(np.mean(residual ** 2)):.4g} {unit}']
     if moves.any():
-        errors = [f'{np.sqrt(np.mean(residual[moves] ** 2)):.4g} A where the joint moves',
+        errors = [f'{np.sqrt(np.mean(residual[moves] ** 2)):.4g} {unit} where the joint moves',
                   f'{errors[0]} with standstill']
     print(f'{arguments.output}: {len(text.splitlines()) - 1} rows, RMS of measured minus predicted '
           + ', '.join(errors))
