@@ -286,7 +286,9 @@ class Motor(RuleBasedStateMachine):
 
     @rule()
     def reset_faults(self):
-        self.loop.reset_faults()
+        if self.loop.reset_faults():
+            # After a fault, a commander that appears is waited for first, as at the start.
+            self.alone = None
         self.latched = False
 
     @rule(there=st.booleans(), seconds=st.sampled_from([0.1, 3.5]))
