@@ -200,13 +200,17 @@ def test_without_the_load_only_what_no_law_drove_shows_friction(drive, tmp_path,
         record_with_diagnostics(tmp_path / name, samples, changes)
     half, whole = (read_recording_with_info(tmp_path / name) for name in ('half', 'whole'))
     if load:
-        assert showing_friction(whole) == whole
+        assert showing_friction({'elbow': whole})['elbow'] == whole
         return
-    (kept, info), = showing_friction(half + whole)
+    (kept, info), = showing_friction({'elbow': half + whole})['elbow']
     assert 3.0 < kept.time[-1] < 6.0
     assert 'does not show the friction' in info.notes[-1]
     with pytest.raises(InputError, match='whole: .*Record the load'):
-        showing_friction(whole)
+        showing_friction({'elbow': whole})
+    # Joints of an arm keep the same recordings, also where only one lacks its load.
+    loaded = [(part.with_(load=np.zeros(len(part))), info) for part, info in half + whole]
+    arm = showing_friction({'shoulder': loaded, 'elbow': half + whole})
+    assert [len(part) for part, _ in arm['shoulder']] == [len(part) for part, _ in arm['elbow']]
     with pytest.raises(InputError, match='Record the load'):
         run_refine([str(tmp_path / 'whole'), '--output', str(tmp_path / 'out')])
     assert not (tmp_path / 'out').exists()

@@ -151,7 +151,7 @@ def set_breakaway(p: np.void, breakaway: Breakaway | None,
 
 
 def knows_presliding(model: FrictionModel) -> bool:
-    """Return whether presliding is long enough that a push shows before the joint slides."""
+    """Return whether presliding is known, and a push shows in it before the joint slides."""
     known, count = model.presliding, model.drive.position_resolution
     return (known is not None and known.std is not None and count is not None
             and known.distance >= KNOWN_COUNTS * count)

@@ -135,7 +135,6 @@ class CompensatorNode(LifecycleNode):
         models, self._candidates = self._candidates, None
         if self._configured is not None:
             self._configured.apply({parameter.name for parameter in parameters}, models)
-            # A recording tells from them which law and model were in use when.
             self._diagnostics.publish()
 
     def _value(self, name: str) -> Any:
@@ -200,6 +199,7 @@ class CompensatorNode(LifecycleNode):
     def _set_state(self, state: str, text: str) -> None:
         self._state = state
         self.get_logger().info(text)
+        self._diagnostics.publish()
 
     def _disconnect(self) -> None:
         if self._configured is not None:

@@ -86,9 +86,13 @@ def main(argv: list[str] | None = None) -> int:
     from friction_comp.excitation.improve import improve, Schedule
     from friction_comp.recordings import read_recording_with_info
 
-    recorded = [samples for samples, _ in showing_friction(read_recording_with_info(
-        arguments.recorded, limits.joint, drive.torque_constant, drive.gear_ratio))
-    ] if arguments.recorded else []
+    recordings = read_recording_with_info(
+        arguments.recorded, limits.joint, drive.torque_constant, drive.gear_ratio
+    ) if arguments.recorded else []
+    recorded = [samples for samples, _ in showing_friction({limits.joint: recordings})[limits.joint]
+                ] if recordings else []
+    for note in (note for _, info in recordings for note in info.notes):
+        print(f'note: {note}')
     names = [str(path) for path in arguments.recorded]
     with _system(arguments, limits.joint) as (ros, nodes), progress('improves') as show:
         improvement = improve(

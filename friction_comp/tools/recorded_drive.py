@@ -5,8 +5,9 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from itertools import compress
 from pathlib import Path
 import re
 from typing import Any, TYPE_CHECKING
@@ -102,7 +103,7 @@ def refine_recordings(arguments: Namespace, paths: Sequence[Path], joint: str | 
         paths, joint, drive.torque_constant, drive.gear_ratio,
         progress=lambda share: show(0.2 * share, 'reading'), layout=layout_of(arguments))
     unit = unit_of(arguments, model, [info for _, info in recordings])
-    usable = showing_friction(recordings)
+    usable, = showing_friction({joint or '': recordings}).values()
     recorded = [samples for samples, _ in usable]
     drive, limit = with_current_limit(arguments, drive, recorded)
     if history is not None:
@@ -120,25 +121,27 @@ def refine_recordings(arguments: Namespace, paths: Sequence[Path], joint: str | 
     return result, history
 
 
-def showing_friction(recordings: Sequence[tuple[Samples, RecordingInfo]]
-                     ) -> list[tuple[Samples, RecordingInfo]]:
-    """Return what of a joint's recordings shows its friction; raises InputError if nothing does.
+def showing_friction(recorded: Mapping[str, list[tuple[Samples, RecordingInfo]]]
+                     ) -> dict[str, list[tuple[Samples, RecordingInfo]]]:
+    """Return what of the joints' recordings shows friction; raises InputError if nothing does.
 
-    Where the load was not recorded in all of them, those parts do in which no compensation law
-    drove the motor.
+    Unless the load of all joints was recorded in all recordings, it is what no compensation law
+    drove. Joints of an arm keep the same recordings, since they are fitted together.
     """
     from friction_comp.recordings.joint_samples import without_compensation
 
-    if all(samples.load is not None for samples, _ in recordings):
-        return list(recordings)
-    usable = [(without_compensation(samples, info), info) for samples, info in recordings]
-    usable = [(samples, info) for samples, info in usable if len(samples.time)]
-    if not usable:
+    if all(samples.load is not None for parts in recorded.values() for samples, _ in parts):
+        return dict(recorded)
+    rest = {joint: [(without_compensation(samples, info), info) for samples, info in parts]
+            for joint, parts in recorded.items()}
+    kept = [all(len(samples) for samples, _ in parts) for parts in zip(*rest.values())]
+    if not any(kept):
+        path = next(iter(recorded.values()))[0][1].path
         raise InputError(
-            f'{recordings[0][1].path}: a compensation law drove the motor, so the current shows '
-            'its model and not the friction. Record the load (topic interaction_wrench), or move '
-            'the joint by its motor without the compensator')
-    return usable
+            f'{path}: a compensation law drove the motor, so the current shows its model and not '
+            'the friction. Record the load (topic interaction_wrench), or move the joint by its '
+            'motor without the compensator')
+    return {joint: list(compress(parts, kept)) for joint, parts in rest.items()}
 
 
 def folder_name(joint: str) -> str:

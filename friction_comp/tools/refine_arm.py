@@ -38,11 +38,12 @@ def refine_whole_arm(arguments: Namespace) -> int:
     models = _start_models(arguments)
     names = [str(path) for path in arguments.recordings]
     with progress('reading') as report:
-        recorded = {
-            name: [samples for samples, _ in showing_friction(parts)] for name, parts in read_arm(
-                arguments.recordings,
-                lambda name: drive_of(arguments, models.get(name)).torque_per_current,
-                lambda share: report(0.1 * share), layout_of(arguments)).items()}
+        recordings = read_arm(
+            arguments.recordings,
+            lambda name: drive_of(arguments, models.get(name)).torque_per_current,
+            lambda share: report(0.1 * share), layout_of(arguments))
+        recorded = {name: [samples for samples, _ in parts]
+                    for name, parts in showing_friction(recordings).items()}
         drives, limits = {}, {}
         for name, parts in recorded.items():
             drives[name], limits[name] = with_current_limit(
@@ -58,6 +59,8 @@ def refine_whole_arm(arguments: Namespace) -> int:
             raise InputError(f'{"" if named else f"{names[0]}: "}{error}') from None
         report(0.9, 'writing')
         for name, one in result.results.items():
+            one.report['warnings'].extend(
+                f'{info.path}: {note}' for _, info in recordings[name] for note in info.notes)
             one.model.notes = {**one.model.notes, 'refined_from': names,
                                'urdf': str(arguments.urdf), **limits[name]}
         with output_folder(arguments.output) as folder:
