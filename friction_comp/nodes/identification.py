@@ -40,6 +40,7 @@ _CHECK_PERIOD = _FEEDBACK_PERIOD = 0.1
 # Largest real age in s of the last joint state for a goal to be accepted. It is large, since a busy
 # machine may delay reading; the joint is not driven before a new state has arrived.
 _MAX_AGE = 2.0
+_CANCELLED = 'canceled', 'cancelled on request'
 
 
 class IdentificationNode(Node):
@@ -128,7 +129,7 @@ class IdentificationNode(Node):
             raise InputError(f'{", ".join(others)} may command the motor: deactivate it first')
 
     def _on_cancel(self, _: Any) -> Any:
-        self._end('canceled', 'cancelled on request')
+        self._end(*_CANCELLED)
         return CancelResponse.ACCEPT
 
     async def _execute(self, action: Action, goal_handle: Any) -> Any:
@@ -141,6 +142,9 @@ class IdentificationNode(Node):
                 action, goal_handle, index, self._joints[index],
                 action.run(request, self._drives[index]))
             self.get_logger().info(f'{action.name}: moves {goal.joint}')
+            if goal_handle.is_cancel_requested:
+                # It arrived before there was a run to end.
+                self._end(*_CANCELLED)
             end, result.message = await goal.end
             if end == 'done':
                 action.finish(goal.run, index, result)
