@@ -4,6 +4,7 @@
 
 from pathlib import Path
 import shutil
+import time
 
 import numpy as np
 import pytest
@@ -12,16 +13,18 @@ pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 pytest.importorskip('friction_comp_interfaces', reason='the action type is not built')
 
 from action_msgs.msg import GoalStatus
+from action_msgs.srv import CancelGoal
 from friction_comp_interfaces.action import RefineModel
 from geometry_msgs.msg import WrenchStamped
-from node_process import Process
+from node_process import PATIENCE, Process
 from rcl_interfaces.srv import GetParameters
 from rclpy.action import ActionClient
 from rclpy.serialization import serialize_message
 from ros_system import joint_state, MODELS, probe_node, RELIABLE
 from sensor_msgs.msg import JointState
 
-from friction_comp.model.friction_model import FrictionModel
+from friction_comp.files import write_yaml
+from friction_comp.model.friction_model import arm_document, FrictionModel
 from friction_comp.monitoring.live_residual import JointWatch
 from friction_comp.nodes.live_feed import frame_of
 from friction_comp.nodes.live_signals import LiveSignals
@@ -229,6 +232,35 @@ def test_a_recording_that_cannot_be_read_is_named_and_a_goal_can_be_cancelled(be
         shutil.rmtree(folder)
 
 
+def test_a_goal_that_is_cancelled_before_it_starts_refines_nothing(bench):
+    client = bench.probe.create_client(CancelGoal, 'refine_model/_action/cancel_goal')
+    bench.probe.until(client.service_is_ready, 'the service')
+    bench.move(20.0, ripple=0.6)
+    end, cancelled = time.monotonic() + PATIENCE, []
+    while not cancelled:
+        assert time.monotonic() < end, 'the requests never arrived together'
+        goal = bench.client.send_goal_async(RefineModel.Goal(joint=JOINT))
+        # Without an id, it cancels all goals.
+        answer = client.call_async(CancelGoal.Request())
+        handle = bench.probe.complete(goal, 'answer to the goal')
+        cancelled = bench.probe.complete(answer, 'answer to the cancellation').goals_canceling
+        if handle.accepted:
+            if not cancelled:
+                bench.probe.complete(handle.cancel_goal_async(), 'answer to the cancellation')
+            assert bench.result(handle).status == GoalStatus.STATUS_CANCELED
+    bench.probe.destroy_client(client)
+
+
+def test_a_joint_of_an_arm_file_is_watched_with_its_own_model(tmp_path):
+    models = [FrictionModel.load(path) for path in MODELS[:2]]
+    path = tmp_path / 'arm.yaml'
+    write_yaml(path, arm_document({
+        joint: model.to_dict() for joint, model in zip((JOINT, 'wrist'), models)}))
+    watch = JointWatch(0.25, 'wrist', MODELS[0])
+    watch.use(str(path))
+    assert watch.residual.model.sigmoid == models[1].sigmoid
+
+
 def test_a_trial_ends_with_enough_motion_and_names_the_previous_model_if_that_was_better(tmp_path):
     same = tmp_path / 'same.yaml'
     shutil.copy(MODELS[0], same)
@@ -237,7 +269,7 @@ def test_a_trial_ends_with_enough_motion_and_names_the_previous_model_if_that_wa
     rows = np.column_stack((time, position, velocity, current, unknown, unknown))
     ends = {}
     for path in (str(same), MODELS[2]):
-        watch = JointWatch(0.25, MODELS[0])
+        watch = JointWatch(0.25, JOINT, MODELS[0])
         watch.start_trial(path)
         watch.take(rows[:500])
         assert watch.end_trial() is None

@@ -119,8 +119,8 @@ class LiveResidual:
 class JointWatch:
     """Computes the residual of one joint by the model in `file`, and by the last one in a trial."""
 
-    def __init__(self, tolerance: float, path: str) -> None:
-        self._tolerance = tolerance
+    def __init__(self, tolerance: float, joint: str, path: str) -> None:
+        self._tolerance, self._joint = tolerance, joint
         # Stamp of the last sample with a measured load, s.
         self.last_load = -math.inf
         # File and residual of the model that a new one, on trial, has replaced.
@@ -128,7 +128,7 @@ class JointWatch:
         self.file, self.residual = path, self._load(path)
 
     def _load(self, path: str) -> LiveResidual:
-        return LiveResidual(FrictionModel.load(path), self._tolerance)
+        return LiveResidual(FrictionModel.load(path, self._joint), self._tolerance)
 
     def use(self, path: str) -> None:
         """Compare with the model of a file, unless it is in use already."""

@@ -67,7 +67,8 @@ class RefinementNode(Node):
             self, 'compensator', 'compensator', 'name of the node that loads refined models'))
         self._signals = LiveSignals(
             self._joints, [model.drive.torque_per_current for model in models])
-        self._watches = {joint: JointWatch(tolerance, path) for joint, path in self._files.items()}
+        self._watches = {joint: JointWatch(tolerance, joint, path)
+                         for joint, path in self._files.items()}
         self._rate = Rate()
         self._job: RefineJob | None = None
         self._busy = self._comparing = False
@@ -84,7 +85,7 @@ class RefinementNode(Node):
             callback_group=ReentrantCallbackGroup())
         self._server = ActionServer(
             self, RefineModel, 'refine_model', self._execute, goal_callback=self._on_goal,
-            cancel_callback=self._on_cancel)
+            cancel_callback=lambda _: CancelResponse.ACCEPT)
 
     # Topics.
 
@@ -168,11 +169,6 @@ class RefinementNode(Node):
         self._busy = True
         return GoalResponse.ACCEPT
 
-    def _on_cancel(self, goal_handle: Any) -> CancelResponse:
-        if self._job is not None:
-            self._job.cancel()
-        return CancelResponse.ACCEPT
-
     async def _execute(self, goal_handle: Any) -> RefineModel.Result:
         result = RefineModel.Result()
         request = goal_handle.request
@@ -216,6 +212,8 @@ class RefinementNode(Node):
                 raise InputError('no messages are kept')
         job = self._job = RefineJob(joint, start, output, request.recording, messages)
         while not job.poll():
+            if goal_handle.is_cancel_requested:
+                job.cancel()
             goal_handle.publish_feedback(RefineModel.Feedback(
                 progress=float(job.share), step=job.step))
             end = time.monotonic() + _POLL_PERIOD
