@@ -4,14 +4,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Generator, Iterable
 from contextlib import ExitStack, suppress
 import inspect
 import time
+import types
 from typing import Any
 
 from rclpy import executors
-from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.subscription import Subscription
 from rclpy.waitable import NumberOfEntities
@@ -20,6 +20,12 @@ from rclpy.waitable import NumberOfEntities
 # Python handles only when the executor returns from the middleware.
 _POLL_PERIOD = 0.02
 _NANO = 1_000_000_000
+
+
+@types.coroutine
+def yield_to_executor() -> Generator[None, None, None]:
+    """Return control to the executor once, from a coroutine that it runs."""
+    yield
 
 
 class _WaitSet:
@@ -94,9 +100,7 @@ class StreamExecutor(executors.Executor):
     """
 
     def __init__(self, node: Any) -> None:
-        self._changed: GuardCondition | None = None
         super().__init__(context=node.context)
-        self._changed = GuardCondition(None, None, context=node.context)
         self._is_changed = True
         self._node, self._slow_entities = node, _SlowEntities(node)
         self._fast_timers = list(getattr(node, 'fast_timers', ()))
@@ -110,10 +114,8 @@ class StreamExecutor(executors.Executor):
 
     def wake(self) -> None:
         """Note that the node's entities have changed."""
+        self._is_changed = True
         super().wake()
-        if self._changed is not None:
-            self._is_changed = True
-            self._changed.trigger()
 
     def shutdown(self, timeout_sec: Any = None) -> Any:
         """Release the node."""
@@ -145,8 +147,8 @@ class StreamExecutor(executors.Executor):
                  entity._callback_type is Subscription.CallbackType.MessageOnly)
                 for entity in subscriptions]
             self._slow_timers = [timer for timer in node.timers if timer not in self._fast_timers]
-            self._fast = _WaitSet(
-                node.context, subscriptions, [self._changed], self._fast_timers)
+            # The base class triggers its guard when the node's entities have changed.
+            self._fast = _WaitSet(node.context, subscriptions, [self._guard], self._fast_timers)
             self._slow = _WaitSet(node.context, clients=node.clients, services=node.services,
                                   waitables=node.waitables)
         return self._fast, self._slow

@@ -19,7 +19,7 @@ from rclpy.parameter_service import ParameterService
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.nodes.compensator_client import yield_to_executor
+from friction_comp.nodes.executor import yield_to_executor
 
 # Timeout of reading and validating files, s. A thread that a file system still blocks is then
 # abandoned.

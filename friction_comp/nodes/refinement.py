@@ -11,16 +11,18 @@ import traceback
 from typing import Any
 
 from friction_comp_interfaces.action import RefineModel
+from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from rclpy.parameter import Parameter, parameter_value_to_python
 
 from friction_comp.errors import InputError
 from friction_comp.monitoring.live_residual import JointWatch
-from friction_comp.nodes.compensator_client import CompensatorClient, yield_to_executor
 from friction_comp.nodes.dated_topics import DatedTopics, RECORDED, STATES
 from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
+from friction_comp.nodes.executor import yield_to_executor
 from friction_comp.nodes.live_signals import LiveSignals
 from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import declare, declare_joints, load_models
@@ -31,7 +33,50 @@ from friction_comp.nodes.refine_job import JobResult, RefineJob
 _POLL_PERIOD, _MONITORING_PERIOD = 0.2, 1.0
 # Time without a measured load after which it counts as not measured, s.
 _LOAD_SILENCE = 5.0
+# Timeout of the compensator's answers, s; it validates a new model before it answers.
+_TIMEOUT = 20.0
 _NOT_KEPT = ('reference', '/diagnostics')
+
+
+class CompensatorClient:
+    """The running compensator with a node name, and the model files of its joints."""
+
+    def __init__(self, node: Node, name: str) -> None:
+        self.name = name
+        # Number of model changes: answers to earlier requests are outdated.
+        self.model_changes = 0
+        self._get = node.create_client(GetParameters, f'{name}/get_parameters')
+        self._set = node.create_client(SetParameters, f'{name}/set_parameters')
+
+    async def files(self) -> dict[str, str]:
+        """Return the model file of each joint; empty if no compensator is running."""
+        if not self._get.service_is_ready() or not self._set.service_is_ready():
+            return {}
+        reply = await self._wait_for(self._get.call_async(
+            GetParameters.Request(names=['joints', 'model_files'])))
+        joints, files = (parameter_value_to_python(value) for value in reply.values)
+        return dict(zip(joints or (), files or ()))
+
+    async def load(self, joint: str, path: str) -> None:
+        """Load a model for one joint; raise InputError if the compensator is missing or refuses."""
+        files = await self.files()
+        if joint not in files:
+            raise InputError(f'no compensator of {joint} is running as {self.name}')
+        files[joint] = path
+        reply = await self._wait_for(self._set.call_async(SetParameters.Request(parameters=[
+            Parameter('model_files', value=list(files.values())).to_parameter_msg()])))
+        result = reply.results[0]
+        if not result.successful:
+            raise InputError(f'{self.name} refuses the model: {result.reason}')
+        self.model_changes += 1
+
+    async def _wait_for(self, future: Any) -> Any:
+        end = time.monotonic() + _TIMEOUT
+        while not future.done():
+            if time.monotonic() > end:
+                raise InputError(f'{self.name} does not answer')
+            await yield_to_executor()
+        return future.result()
 
 
 class RefinementNode(Node):
