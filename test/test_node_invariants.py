@@ -296,7 +296,7 @@ class Motor(RuleBasedStateMachine):
         self.pass_time(seconds)
         self.around.others = int(there)
         if self.active:
-            self.loop.check_commanders(['/somebody'] if there else [])
+            self.loop.supervise(['/somebody'] if there else [])
             if there and self.alone is not None and self.steady - self.alone > 3.0:
                 self.latched = True
             self.alone = None if there else (self.alone or self.steady)

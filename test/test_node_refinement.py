@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The refinement action over DDS: from messages in memory to a model that is loaded."""
 
+import os
 from pathlib import Path
 import shutil
 import time
@@ -29,6 +30,7 @@ from friction_comp.monitoring.live_residual import JointWatch
 from friction_comp.nodes.live_feed import frame_of
 from friction_comp.nodes.live_signals import LiveSignals
 from friction_comp.nodes.recent_past import Message, RecentPast
+from friction_comp.nodes.refine_job import RefineJob
 
 JOINT = 'elbow'
 STEP = 0.02
@@ -249,6 +251,16 @@ def test_a_goal_that_is_cancelled_before_it_starts_refines_nothing(bench):
                 bench.probe.complete(handle.cancel_goal_async(), 'answer to the cancellation')
             assert bench.result(handle).status == GoalStatus.STATUS_CANCELED
     bench.probe.destroy_client(client)
+
+
+def test_reading_the_progress_does_not_disturb_the_process_that_writes_it(tmp_path):
+    job = RefineJob(JOINT, MODELS[0], tmp_path, 'nothing', ())
+    log = job._log.fileno()
+    os.write(log, b'progress 0.5 trying\nprog')
+    # Where the process writes next, since both share the position.
+    position = os.lseek(log, -4, os.SEEK_END)
+    assert job._lines() == ['progress 0.5 trying']
+    assert os.lseek(log, 0, os.SEEK_CUR) == position
 
 
 def test_a_joint_of_an_arm_file_is_watched_with_its_own_model(tmp_path):

@@ -50,6 +50,13 @@ def test_joint_current_and_residual_of_the_last_seconds():
             np.testing.assert_allclose(
                 data['current'] * MODEL.drive.torque_per_current, data['torque'])
             assert np.median(np.abs(data['residual'])) < 0.1 * MODEL.sigmoid(0.5)
+            # A simulation that is started again begins at the same stamp.
+            times = itertools.count(step=0.02)
+
+            def forgotten():
+                shown()
+                return feed.window('elbow', 0.0, 100.0)['time'].max() < 4.0
+            probe.until(forgotten, 'the rows of the new run')
             probe.until(lambda: ('problem', 'joint_states', 'none') in feed.status(), 'silence')
         finally:
             feed.close()

@@ -74,7 +74,7 @@ class CompensationLoop:
             _VELOCITY_FACTOR, _VELOCITY_BLOCKS, model.drive.position_resolution or 0.0)
             for model in self.law.models]
         if others:
-            self.check_commanders(others)
+            self.supervise(others)
 
     def changed(self) -> None:
         """Continue from the present current after a change of law or model."""
@@ -110,8 +110,7 @@ class CompensationLoop:
             self.port.answer(self._currents(), ticket, states.stamp if self.simulated else 0)
             self._compare_velocities()
         elif verdict == joint_states.AGAIN:
-            if self.port.is_lost(sent):
-                self.port.repeat()
+            self.port.repeat(sent)
         elif verdict == joint_states.PART:
             if not states.stamp:
                 self._report_missing()
@@ -245,8 +244,8 @@ class CompensationLoop:
             self.faults.latch('driver', f'joint_states were silent for {silence:.3g} s while the '
                               'motor was driven: the driver may have been restarted')
 
-    def check_commanders(self, others: Sequence[str]) -> None:
-        """Check for other publishers of the command; to be called often.
+    def supervise(self, others: Sequence[str]) -> None:
+        """Report what is in doubt, and check for `others` that publish commands; call it often.
 
         A publisher that appears while this node commands is a latched fault. If it was there
         before, the node waits, since discovery may report it for some time after it is gone.
@@ -288,6 +287,10 @@ class CompensationLoop:
         if disputed:
             self.faults.report('planners', f'the direction of {", ".join(disputed)} counts as 0: '
                                f'{", ".join(self.direction.planners)} contradict each other')
+        silent = self.direction.silent(self.states.stamp)
+        if silent:
+            self.faults.report('direction silent', f'the direction of {", ".join(silent)} was not '
+                               f'renewed for {self.direction.timeout:g} s and counts as 0', WARN)
 
     def stop(self) -> None:
         """Command zero current and stop watching."""

@@ -9,7 +9,6 @@ import traceback
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from std_srvs.srv import Trigger
 
@@ -30,6 +29,7 @@ from friction_comp.nodes.parameters import (
     load_models,
     names_in,
 )
+from friction_comp.nodes.ros_start import steady_timer
 
 # Real s between checks for other commanders and for faults that have ended.
 _CHECK_PERIOD = 0.1
@@ -58,7 +58,7 @@ class CompensatorNode(LifecycleNode):
         self.create_service(Trigger, '~/reset_faults', self._on_reset)
         self._diagnostics = Diagnostics(
             self, self._report, ', '.join(self._joints), 'compensation')
-        self.create_timer(_CHECK_PERIOD, self._check, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        steady_timer(self, _CHECK_PERIOD, self._check)
         if declare(self, 'autostart', True, 'configure and activate at start'):
             self._start()
 

@@ -18,7 +18,7 @@ def compile_nodes() -> None:
     It takes seconds, and up to ten times as long on a busy machine.
     """
     model = FrictionModel.load(package_file('config', 'armin_configuration_1.yaml'))
-    warm_up(CompensationLaw([model]), 1)
+    warm_up(CompensationLaw([model]))
     compile_ahead(model.drive)
     Plant([model])
 

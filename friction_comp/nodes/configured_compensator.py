@@ -39,7 +39,7 @@ class ConfiguredCompensator:
         self._node, self._joints, self._faults, self._rate = node, joints, faults, rate
         self.active = False
         law = CompensationLaw(models, *self._tuning(), gravity=self._value('gravity'))
-        warm_up(law, len(joints))
+        warm_up(law)
         zeros = [0.0] * len(joints)
         port = CommandPort(node, zeros, zeros, self._value('command_interface'))
         self.loop = CompensationLoop(
@@ -147,16 +147,11 @@ class ConfiguredCompensator:
                        info['source_timestamp'], info['publication_sequence_number'] or 0)
 
     def supervise(self) -> None:
-        """Check for other commanders and planners, and for directions that are not renewed."""
+        """Check for other publishers of states, directions and commands."""
         loop = self.loop
         loop.states.publishers = competing_publishers(self._node, 'joint_states')
         loop.direction.planners = competing_publishers(self._node, 'direction', 'direction_stamped')
-        loop.check_commanders(loop.port.others())
-        silent = loop.direction.silent(loop.states.stamp)
-        if silent:
-            self._faults.report(
-                'direction silent', f'the direction of {", ".join(silent)} was not renewed '
-                f'for {self._value("direction_timeout"):g} s and counts as 0', WARN)
+        loop.supervise(loop.port.others())
 
     # Diagnostics.
 

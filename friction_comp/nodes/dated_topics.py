@@ -13,7 +13,6 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
@@ -21,6 +20,7 @@ from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
 from friction_comp.nodes.joint_states import NANO
+from friction_comp.nodes.ros_start import steady_timer
 from friction_comp.recordings.writer import qos_profile
 from friction_comp.topics import TOPICS
 
@@ -46,9 +46,8 @@ _MEMORY = 20_000
 _CHECK_PERIOD = 0.1
 # Length of the queue: ten seconds at a kilohertz.
 DEPTH = 10_000
-# Messages remembered to detect duplicates, with several subscriptions and with one: a second one
-# may receive earlier messages of a publisher.
-_MAX_SEEN, _MAX_SEEN_SINGLE = 2 * DEPTH, 2_000
+# Messages remembered to detect duplicates: a later subscription may receive earlier messages.
+_MAX_SEEN = 2 * DEPTH
 
 Offer = tuple[ReliabilityPolicy, DurabilityPolicy]
 _BEST_EFFORT: Offer = (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE)
@@ -169,8 +168,7 @@ class RecordedTopic:
         if key in self._seen:
             return
         self._seen[key] = None
-        limit = _MAX_SEEN if len(self._subscriptions) > 1 else _MAX_SEEN_SINGLE
-        while len(self._seen) > limit:
+        if len(self._seen) > _MAX_SEEN:
             del self._seen[next(iter(self._seen))]
         if sequence:
             self._count_lost(self._sender(message) if self._sender else '', sequence)
@@ -221,8 +219,7 @@ class DatedTopics:
             node, kind, topic, partial(self._on_stamped if stamped else self._on_unstamped, topic),
             diagnosed_nodes if kind is DiagnosticArray else None)
             for topic, kind, stamped in _SUBSCRIBED if topic not in left_out}
-        node.create_timer(
-            _CHECK_PERIOD, self._check_publishers, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        steady_timer(node, _CHECK_PERIOD, self._check_publishers)
 
     def _check_publishers(self) -> None:
         for topic in self.topics.values():

@@ -9,7 +9,8 @@ import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.clock import Clock, ClockType
+
+from friction_comp.nodes.ros_start import steady_timer
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
@@ -31,7 +32,7 @@ class Diagnostics:
         self._status = DiagnosticStatus(
             name=f'{node.get_fully_qualified_name().lstrip("/")}: {task}', hardware_id=hardware)
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        node.create_timer(1.0, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        steady_timer(node, 1.0, self.publish)
 
     def publish(self) -> None:
         """Publish the state now."""

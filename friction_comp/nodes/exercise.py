@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from rclpy.node import Node
-from rclpy.qos import qos_profile_sensor_data, QoSProfile
+from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Int8MultiArray, MultiArrayDimension
@@ -23,7 +23,7 @@ from friction_comp.nodes.diagnostics import Diagnostics, OK, WARN
 from friction_comp.nodes.joint_io import input_qos, RELIABLE
 from friction_comp.nodes.joint_states import JointColumns, NANO, nanoseconds, set_stamp
 from friction_comp.nodes.node_main import run
-from friction_comp.nodes.parameters import declare, declare_choice, declare_joints
+from friction_comp.nodes.parameters import declare, declare_choice, declare_joints, names_in
 
 # Discovery may finish at different times at both ends of a connection; real s.
 _DISCOVERY_TIME = 0.5
@@ -52,7 +52,6 @@ class ExerciseNode(Node):
         self._connected_since: float | None = None
         self._last: int | None = None
         self._first: int | None = None
-        self._values = [0] * len(self._joints)
         self._columns = JointColumns(self._joints)
         self._origin: np.ndarray | None = None
         # Several drivers may each publish some of the joints.
@@ -88,9 +87,8 @@ class ExerciseNode(Node):
 
     def _declare_moving(self) -> np.ndarray:
         """Return 1 for the joints that move, 0 for those that are held; shape (J,)."""
-        names = [name for name in declare(
-            self, 'moving_joints', [], 'joints that move, the others are held; all when empty')
-            if name]
+        names = names_in(declare(
+            self, 'moving_joints', [], 'joints that move, the others are held; all when empty'))
         unknown = sorted(set(names) - set(self._joints))
         if unknown:
             raise InputError(f'parameter moving_joints: {unknown} are not in parameter joints')
@@ -124,8 +122,7 @@ class ExerciseNode(Node):
             JointState, 'joint_states', self._on_joint_states, qos)
         if self._ticking:
             self.create_subscription(
-                Clock, '/clock', lambda message: self._on_tick(nanoseconds(message.clock)),
-                qos if qos is RELIABLE else qos_profile_sensor_data)
+                Clock, '/clock', lambda message: self._on_tick(nanoseconds(message.clock)), qos)
         else:
             self.fast_timers = [self.create_timer(
                 1.0 / rate, lambda: self._on_tick(self.get_clock().now().nanoseconds))]
@@ -181,13 +178,11 @@ class ExerciseNode(Node):
 
     def _publish(self, time: float) -> None:
         position, velocity, direction = self._at(time)
-        values = direction.astype(int).tolist()
-        self._time, self._values = time, values
-        self._direction.data = array('b', values)
+        self._time = time
+        self._direction.data = array('b', direction.astype(np.int8).tobytes())
         # Before the reference: see the class.
         self._directions.publish(self._direction)
-        self._reference.position = array(
-            'd', (self._origin + position).tobytes())
+        self._reference.position = array('d', (self._origin + position).tobytes())
         self._reference.velocity = array('d', velocity.tobytes())
         self._references.publish(self._reference)
         if time >= self._duration and self._when_done == 'exit':
@@ -201,7 +196,7 @@ class ExerciseNode(Node):
             'time [s]': self._time, 'duration [s]': self._duration,
             'reference [rad]': np.round(position, 6).tolist(),
             'reference velocity [rad/s]': np.round(velocity, 6).tolist(),
-            'direction': self._values}
+            'direction': list(self._direction.data)}
 
     def _describe_wait(self) -> str:
         """Return what the exercise waits for before it begins."""
@@ -222,7 +217,7 @@ class ExerciseNode(Node):
 
     def leave(self) -> None:
         """Announce no direction."""
-        if self.context.ok() and any(self._values):
+        if self.context.ok() and any(self._direction.data):
             self._direction.data = array('b', [0] * len(self._joints))
             self._directions.publish(self._direction)
 

@@ -17,7 +17,6 @@ from typing import Any
 
 from friction_comp_interfaces.action import IdentifyFriction, PlayTrajectory
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
@@ -32,6 +31,7 @@ from friction_comp.nodes.goals import Action, RunningGoal
 from friction_comp.nodes.joint_states import JointStateInput, NANO
 from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import declare, declare_joints, load_models
+from friction_comp.nodes.ros_start import steady_timer
 from friction_comp.nodes.watchdog import Watchdog
 
 # Real s between checks of the publishers of joint_states, other commanders, and the client; and
@@ -87,8 +87,7 @@ class IdentificationNode(Node):
 
     def _connect(self, qos: QoSProfile) -> None:
         self.create_subscription(JointState, 'joint_states', self._on_joint_states, qos)
-        self.create_timer(
-            _CHECK_PERIOD, self._check_connections, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        steady_timer(self, _CHECK_PERIOD, self._check_connections)
         self._servers = [ActionServer(
             self, action.kind, action.name, partial(self._execute, action),
             goal_callback=partial(self._on_goal, action), cancel_callback=self._on_cancel)
@@ -213,8 +212,7 @@ class IdentificationNode(Node):
                 self._watchdog.feed()
                 self._measure(goal, ticket)
             elif verdict == joint_states.AGAIN:
-                if self._port.is_lost(sent):
-                    self._port.repeat()
+                self._port.repeat(sent)
             elif verdict in (joint_states.MALFORMED, joint_states.CONTESTED):
                 raise InputError(self._states.wrong)
         except InputError as error:

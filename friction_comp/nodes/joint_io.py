@@ -170,10 +170,6 @@ class CommandPort:
                                 or time.monotonic() - self._opened > _DISCOVERY_TIME)
         return self._discovered
 
-    def is_lost(self, sent: int) -> bool:
-        """Return whether a state was repeated, at a system time in ns, because of a lost answer."""
-        return sent > self._answered + _CROSSING_TIME
-
     def answer(self, currents: Sequence[float] | np.ndarray, ticket: int, stamp: int = 0) -> None:
         """Publish currents in A, one per joint, unless zero was commanded since the ticket.
 
@@ -204,9 +200,10 @@ class CommandPort:
                 return
         self._answered = time.time_ns()
 
-    def repeat(self) -> None:
-        """Publish the last answer again."""
-        self.answer(self.last, self.ticket, self._stamp)
+    def repeat(self, sent: int) -> None:
+        """Answer a state that was `sent` again, system time in ns, if its first answer was lost."""
+        if sent > self._answered + _CROSSING_TIME:
+            self.answer(self.last, self.ticket, self._stamp)
 
     def zero(self, permanent: bool = False) -> None:
         """Command zero current on all joints now; `permanent` blocks all later commands."""

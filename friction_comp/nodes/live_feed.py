@@ -144,11 +144,11 @@ class LiveFeed:
         # A stamp long before that began a new time base.
         if self._due - 10 * _STEP < stamp < self._due:
             return
-        self._due, self._received = stamp + _STEP, time.monotonic()
-        if self._first is None or stamp < self._first:
+        if self._first is None or stamp < self._due:
             self._first = stamp
             with self._lock:
                 self._rows.clear()
+        self._due, self._received = stamp + _STEP, time.monotonic()
         message = deserialize_message(cdr, JointState)
         if not self._fixed:
             self.joints = list(message.name)

@@ -74,9 +74,9 @@ def try_model(model: FrictionModel, gravity: str, path: str) -> None:
         raise InputError(f'{path}: the law cannot use it: {error!r}') from None
 
 
-def warm_up(law: CompensationLaw, joints: int) -> None:
+def warm_up(law: CompensationLaw) -> None:
     """Compile everything before the first sample."""
-    zeros = np.zeros(joints)
+    zeros = np.zeros(len(law.models))
     law.update(0.0, zeros, zeros, zeros)
     law.update(0.0, zeros, None, zeros)
     law.reset()

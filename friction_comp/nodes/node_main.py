@@ -16,7 +16,6 @@ import traceback
 from typing import Any, NoReturn
 
 import rclpy
-from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import ROSInterruptException
 from rclpy.executors import ExternalShutdownException
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
@@ -26,7 +25,7 @@ from friction_comp.compiling import compile_deferred, import_numba
 from friction_comp.errors import InputError
 from friction_comp.monitoring.network import alone
 from friction_comp.nodes.executor import StreamExecutor
-from friction_comp.nodes.ros_start import start_ros, without_source_locations
+from friction_comp.nodes.ros_start import start_ros, steady_timer, without_source_locations
 
 _FINAL_SPINS = 10
 # All signals that would kill the process and can be caught.
@@ -116,8 +115,7 @@ def _look_for_peers(node: Any) -> None:
             warned = True
             node.get_logger().warning(alone(PATIENCE))
 
-    timer = node.create_timer(
-        min(1.0, PATIENCE), check, clock=Clock(clock_type=ClockType.STEADY_TIME))
+    timer = steady_timer(node, min(1.0, PATIENCE), check)
 
 
 def _compile(logger: Any) -> None:

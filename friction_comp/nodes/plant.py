@@ -5,11 +5,11 @@
 from __future__ import annotations
 
 from array import array
+import time
 from typing import Any
 
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import JointState, Temperature
@@ -21,6 +21,7 @@ from friction_comp.nodes.joint_io import command_interface, command_unit, RELIAB
 from friction_comp.nodes.joint_states import JointColumns, NANO, nanoseconds, set_stamp
 from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import declare, declare_choice, declare_joints, load_models
+from friction_comp.nodes.ros_start import steady_timer
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.person import ReferenceHold
 from friction_comp.simulation.undeclared import Undeclared
@@ -89,7 +90,6 @@ class PlantNode(Node):
         self._columns = JointColumns(self._joints)
         self._rate = Rate()
         self._make_ports()
-        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._lockstep = clock == 'lockstep'
         if self._lockstep:
             self._begin_lockstep()
@@ -151,14 +151,14 @@ class PlantNode(Node):
         self._ticked_sample = -1
         self._pace = Pace()
         self._checks = 0
-        self.create_timer(_CHECK_PERIOD, self._repeat_requests, clock=self._steady)
+        steady_timer(self, _CHECK_PERIOD, self._repeat_requests)
         self._advance()
 
     def _begin_real_time(self, sample_time: float) -> None:
-        self._started = self._steady.now().nanoseconds
+        self._started = time.monotonic_ns()
         self._origin = self.get_clock().now().nanoseconds
         self._overruns = 0
-        self.fast_timers = [self.create_timer(sample_time, self._on_time, clock=self._steady)]
+        self.fast_timers = [steady_timer(self, sample_time, self._on_time)]
 
     def _make_plant(self, models: Any, seed: int, undeclared: Any, sample_time: float) -> Plant:
         engine = declare_choice(
@@ -250,14 +250,14 @@ class PlantNode(Node):
                 self._advance()
         else:
             self._take_command(message)
-            self._commanded_at = self._steady.now().nanoseconds
+            self._commanded_at = time.monotonic_ns()
 
     # Lockstep.
 
     def _is_answer(self, message: Any) -> bool:
         """Return whether a command answers the present state, or is not labelled."""
         label = message.layout.dim[0].label if message.layout.dim else ''
-        return label != UNASKED and (not label.isdigit() or int(label) == self._stamp)
+        return label != UNASKED and (not label.isdecimal() or int(label) == self._stamp)
 
     def _advance(self) -> None:
         """Advance until an input is missing."""
@@ -267,7 +267,7 @@ class PlantNode(Node):
                 if tick and self._ticked_sample != self._samples:
                     if not self._pace.may_step(
                             self.get_parameter('pace').value,
-                            self._clock_every * self._sample, self._steady.now().nanoseconds):
+                            self._clock_every * self._sample, time.monotonic_ns()):
                         return
                     self._ticked_sample = self._samples
                     self._tick()
@@ -308,7 +308,7 @@ class PlantNode(Node):
     # Real time.
 
     def _on_time(self) -> None:
-        now = self._steady.now().nanoseconds
+        now = time.monotonic_ns()
         due = (now - self._started) // self._sample
         if due - self._samples > _LARGEST_LAG:
             self._overruns += 1

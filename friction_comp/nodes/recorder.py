@@ -9,7 +9,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from friction_comp.errors import InputError
@@ -17,6 +16,7 @@ from friction_comp.nodes.dated_topics import DatedTopics, RECORDED, STATES
 from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
 from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import declare
+from friction_comp.nodes.ros_start import steady_timer
 from friction_comp.recordings.writer import RecordingWriter
 
 # Real s between writes to the disk.
@@ -53,7 +53,7 @@ class RecorderNode(Node):
         self._writer.__enter__()
         self._dated = DatedTopics(self, self._write)
         self._topics = self._dated.topics
-        self.create_timer(_FLUSH, self._flush, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        steady_timer(self, _FLUSH, self._flush)
         Diagnostics(self, self._report, output, 'recording')
 
     @contextmanager

@@ -54,22 +54,21 @@ class RefineJob:
     The attributes `share` (0 to 1) and `step` are its progress.
     """
 
-    def __init__(self, joint: str, model_file: str | Path, output: str | Path,
-                 recording: str | Path = '', messages: Sequence[Message] = ()):
+    def __init__(self, joint: str, model_file: str, output: Path, recording: str,
+                 messages: Sequence[Message]) -> None:
         self.share, self.step = 0.0, 'writing the recording'
-        self._output = Path(output)
+        self._output = output
         # With the same Python and environment, which may have been set up for ROS.
         self._command = [
             sys.executable, '-m', 'friction_comp', 'refine',
-            str(recording or self._output / 'recording'), '--model', str(model_file),
-            '--joint', joint, '--output', str(output)]
+            recording or str(output / 'recording'), '--model', model_file, '--joint', joint,
+            '--output', str(output)]
         self._error: InputError | None = None
         self._process: subprocess.Popen[bytes] | None = None
-        self._log = tempfile.TemporaryFile('w+')
+        self._log = tempfile.TemporaryFile()
         self._cancelled = False
         # Writing minutes of messages takes seconds.
-        self._thread = threading.Thread(
-            target=self._write, args=('' if recording else messages,), daemon=True)
+        self._thread = threading.Thread(target=self._write, args=(messages,), daemon=True)
         self._thread.start()
 
     def _write(self, messages: Sequence[Message]) -> None:
@@ -83,14 +82,6 @@ class RefineJob:
         except (InputError, OSError) as error:
             self._error = InputError(str(error))
 
-    def _start_process(self) -> None:
-        self.share, self.step = 0.05, 'reading'
-        self._process = subprocess.Popen(
-            self._command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=self._log,
-            env={**os.environ, 'FRICTION_COMP_PROGRESS': 'lines'})
-        with suppress(OSError):
-            os.setpriority(os.PRIO_PROCESS, self._process.pid, _NICE)
-
     def poll(self) -> bool:
         """Update the progress, and return whether the job is done."""
         if self._process is None:
@@ -98,18 +89,26 @@ class RefineJob:
                 return False
             if self._error is not None or self._cancelled:
                 return True
-            self._start_process()
+            self.step = 'reading'
+            self._process = subprocess.Popen(
+                self._command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+                stderr=self._log, env={**os.environ, 'FRICTION_COMP_PROGRESS': 'lines'})
+            with suppress(OSError):
+                os.setpriority(os.PRIO_PROCESS, self._process.pid, _NICE)
         for line in reversed(self._lines()):
             word, _, rest = line.partition(' ')
             if word == 'progress':
                 share, _, self.step = rest.partition(' ')
                 self.share = max(self.share, min(1.0, float(share)))
                 break
-        return self._process is not None and self._process.poll() is not None
+        return self._process.poll() is not None
 
     def _lines(self) -> list[str]:
-        self._log.seek(0)
-        return self._log.read().splitlines()
+        """Return the complete lines that the process has written so far."""
+        # The process shares the file's position: reading must not change it.
+        file = self._log.fileno()
+        text = os.pread(file, os.fstat(file).st_size, 0).decode(errors='replace')
+        return text.rpartition('\n')[0].splitlines()
 
     def cancel(self) -> None:
         """Stop the job."""

@@ -11,10 +11,10 @@ import traceback
 from typing import Any
 
 from friction_comp_interfaces.action import RefineModel
+import numpy as np
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 
@@ -25,9 +25,10 @@ from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
 from friction_comp.nodes.executor import yield_to_executor
 from friction_comp.nodes.live_signals import LiveSignals
 from friction_comp.nodes.node_main import run
-from friction_comp.nodes.parameters import declare, declare_joints, load_models
+from friction_comp.nodes.parameters import declare, declare_joints, load_models, names_in
 from friction_comp.nodes.recent_past import Message, RecentPast
 from friction_comp.nodes.refine_job import JobResult, RefineJob
+from friction_comp.nodes.ros_start import steady_timer
 
 # Real s between checks of a running refinement and of the residual.
 _POLL_PERIOD, _MONITORING_PERIOD = 0.2, 1.0
@@ -97,7 +98,7 @@ class RefinementNode(Node):
             self, 'model_files', [], 'model file of each joint, used if no compensator reports '
             'its own')
         models = load_models(files, self._joints)
-        self._files = dict(zip(self._joints, (path for path in files if path)))
+        self._files = dict(zip(self._joints, names_in(files)))
         declare(
             self, 'output_folder', '.', 'folder that receives a folder with model and report for '
             'each goal', changes=True)
@@ -125,9 +126,8 @@ class RefinementNode(Node):
     def _connect(self) -> None:
         self._topics = DatedTopics(self, self._keep, _NOT_KEPT).topics
         # In the node's default group, waiting for the compensator would block all callbacks.
-        self.create_timer(
-            _MONITORING_PERIOD, self._monitor, clock=Clock(clock_type=ClockType.STEADY_TIME),
-            callback_group=ReentrantCallbackGroup())
+        steady_timer(
+            self, _MONITORING_PERIOD, self._monitor, callback_group=ReentrantCallbackGroup())
         self._server = ActionServer(
             self, RefineModel, 'refine_model', self._execute, goal_callback=self._on_goal,
             cancel_callback=lambda _: CancelResponse.ACCEPT)
@@ -170,7 +170,7 @@ class RefinementNode(Node):
                 watch.use(files.get(joint, self._files[joint]))
             if compensated and len(rows):
                 # Use only rows with a measured load: it adds to the compensator's own current.
-                now, rows = rows[-1, 0], rows[rows[:, 4] == rows[:, 4]]
+                now, rows = rows[-1, 0], rows[np.isfinite(rows[:, 4])]
                 if len(rows):
                     watch.last_load = rows[-1, 0]
                 watch.residual.blind = (

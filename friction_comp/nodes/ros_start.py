@@ -1,14 +1,16 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Initialises ROS 2 for nodes and tools, with a one-line error where that fails."""
+"""Initialises ROS 2 for nodes and tools, with a one-line error where that fails; timers."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 import re
+from typing import Any
 
 import rclpy
+from rclpy.clock import Clock, ClockType
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -41,6 +43,12 @@ def own_node(name: str, arguments: Sequence[str] = ()) -> Iterator[Node]:
     finally:
         node.destroy_node()
         rclpy.try_shutdown(context=context)
+
+
+def steady_timer(node: Any, seconds: float, callback: Callable[[], Any], **options: Any) -> Any:
+    """Create a timer in real time, which also runs while simulated time stops."""
+    return node.create_timer(
+        seconds, callback, clock=Clock(clock_type=ClockType.STEADY_TIME), **options)
 
 
 def without_source_locations(error: Exception) -> str:

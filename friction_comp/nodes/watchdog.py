@@ -39,11 +39,14 @@ class Watchdog:
         self._fed: float | None = None
         self._idle = True
         self._lock = threading.Lock()
-        self._thread: _Thread | None = None
+        self._closed = False
+        self._thread: threading.Thread | None = None
 
     def start(self) -> Watchdog:
         """Start the thread and return the watchdog."""
-        self._thread = _Thread(self.check)
+        self._woken, self._wakes = os.pipe()
+        self._thread = threading.Thread(target=self._run, name='watchdog', daemon=True)
+        self._thread.start()
         return self
 
     def feed(self) -> None:
@@ -52,7 +55,7 @@ class Watchdog:
             self._fed = self._clock()
             asleep, self._idle = self._idle, False
         if asleep and self._thread is not None:
-            self._thread.wake()
+            self._wake()
 
     def rest(self) -> None:
         """Pause until the next `feed`."""
@@ -63,7 +66,11 @@ class Watchdog:
         """End the thread."""
         thread, self._thread = self._thread, None
         if thread is not None:
-            thread.close()
+            self._closed = True
+            self._wake()
+            thread.join()
+            os.close(self._woken)
+            os.close(self._wakes)
 
     def check(self) -> float | None:
         """Call the alarm if it is due; return the time until then in s, None while idle."""
@@ -79,30 +86,12 @@ class Watchdog:
             self._alarm()
         return None
 
-
-class _Thread:
-    """Calls a check after `wake`, and again after the time in s that it returns, if any."""
-
-    def __init__(self, check: Callable[[], float | None]) -> None:
-        self._check = check
-        self._closed = False
-        self._end, self._begin = os.pipe()
-        self._thread = threading.Thread(target=self._run, name='watchdog', daemon=True)
-        self._thread.start()
-
-    def wake(self) -> None:
-        os.write(self._begin, b'.')
-
-    def close(self) -> None:
-        self._closed = True
-        self.wake()
-        self._thread.join()
-        os.close(self._end)
-        os.close(self._begin)
+    def _wake(self) -> None:
+        os.write(self._wakes, b'.')
 
     def _run(self) -> None:
         # `select` uses the monotonic clock, unlike timeouts of threading.
         while not self._closed:
-            ready, _, _ = select.select([self._end], [], [], self._check())
+            ready, _, _ = select.select([self._woken], [], [], self.check())
             if ready:
-                os.read(self._end, 64)
+                os.read(self._woken, 64)
