@@ -15,10 +15,9 @@ lifecycle transitions: ``ros2 lifecycle set /compensator configure``, then ``act
 from typing import List
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, LogInfo, RegisterEventHandler
+from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import LifecycleNode
-from launch_ros.event_handlers import OnStateTransition
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
@@ -27,29 +26,8 @@ def generate_launch_description():
     configuration = PathJoinSubstitution([FindPackageShare('friction_comp'), 'config'])
     topics = ('joint_states', 'current_command', 'direction', 'direction_stamped',
               'motor_temperature')
-    compensator = LifecycleNode(
-        package='friction_comp',
-        executable='compensator',
-        name='compensator',
-        namespace=LaunchConfiguration('namespace'),
-        parameters=[
-            LaunchConfiguration('parameters'),
-            {
-                'joints': ParameterValue(LaunchConfiguration('joints'), value_type=List[str]),
-                'model_files': ParameterValue(
-                    LaunchConfiguration('model_files'), value_type=List[str]),
-                'law': ParameterValue(LaunchConfiguration('law'), value_type=str),
-                'autostart': ParameterValue(LaunchConfiguration('autostart'), value_type=bool),
-                'use_sim_time': ParameterValue(
-                    LaunchConfiguration('use_sim_time'), value_type=bool),
-            },
-        ],
-        remappings=[(topic, LaunchConfiguration(topic)) for topic in topics],
-        arguments=['--ros-args', '--log-level', LaunchConfiguration('log_level')],
-        respawn=LaunchConfiguration('respawn'),
-        respawn_delay=2.0,
-        output='screen',
-    )
+    types = {'joints': List[str], 'model_files': List[str], 'law': str, 'autostart': bool,
+             'use_sim_time': bool}
     return LaunchDescription([
         DeclareLaunchArgument('namespace', default_value='', description='of the node'),
         DeclareLaunchArgument(
@@ -77,9 +55,20 @@ def generate_launch_description():
         *(DeclareLaunchArgument(
             topic, default_value=topic, description=f'topic to use as {topic}')
           for topic in topics),
-        compensator,
-        *(RegisterEventHandler(OnStateTransition(
-            target_lifecycle_node=compensator, goal_state=state,
-            entities=[LogInfo(msg=f'compensator: {text}')]))
-          for state, text in (('active', 'commands the motor'), ('inactive', 'zero current'))),
+        LifecycleNode(
+            package='friction_comp',
+            executable='compensator',
+            name='compensator',
+            namespace=LaunchConfiguration('namespace'),
+            parameters=[
+                LaunchConfiguration('parameters'),
+                {name: ParameterValue(LaunchConfiguration(name), value_type=kind)
+                 for name, kind in types.items()},
+            ],
+            remappings=[(topic, LaunchConfiguration(topic)) for topic in topics],
+            arguments=['--ros-args', '--log-level', LaunchConfiguration('log_level')],
+            respawn=LaunchConfiguration('respawn'),
+            respawn_delay=2.0,
+            output='screen',
+        ),
     ])

@@ -26,6 +26,8 @@ from launch_ros.substitutions import FindPackageShare
 def generate_launch_description():
     configuration = PathJoinSubstitution([FindPackageShare('friction_comp'), 'config'])
     topics = ('joint_states', 'current_command', 'motor_temperature')
+    types = {'joints': List[str], 'model_files': List[str], 'output_folder': str,
+             'use_sim_time': bool}
     return LaunchDescription([
         DeclareLaunchArgument('namespace', default_value='', description='of the node'),
         DeclareLaunchArgument(
@@ -54,15 +56,8 @@ def generate_launch_description():
             namespace=LaunchConfiguration('namespace'),
             parameters=[
                 LaunchConfiguration('parameters'),
-                {
-                    'joints': ParameterValue(LaunchConfiguration('joints'), value_type=List[str]),
-                    'model_files': ParameterValue(
-                        LaunchConfiguration('model_files'), value_type=List[str]),
-                    'output_folder': ParameterValue(
-                        LaunchConfiguration('output_folder'), value_type=str),
-                    'use_sim_time': ParameterValue(
-                        LaunchConfiguration('use_sim_time'), value_type=bool),
-                },
+                {name: ParameterValue(LaunchConfiguration(name), value_type=kind)
+                 for name, kind in types.items()},
             ],
             remappings=[(topic, LaunchConfiguration(topic)) for topic in topics],
             arguments=['--ros-args', '--log-level', LaunchConfiguration('log_level')],

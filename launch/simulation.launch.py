@@ -21,20 +21,18 @@ from launch_ros.substitutions import FindPackageShare
 def generate_launch_description():
     configuration = PathJoinSubstitution([FindPackageShare('friction_comp'), 'config'])
     identify = LaunchConfiguration('identify')
-    joints = {'joints': ParameterValue(LaunchConfiguration('joints'), value_type=List[str])}
-    models = {
-        'model_files': ParameterValue(LaunchConfiguration('model_files'), value_type=List[str])}
-    law = {'law': ParameterValue(LaunchConfiguration('law'), value_type=str)}
-
-    simulated = {
-        'use_sim_time': ParameterValue(LaunchConfiguration('use_sim_time'), value_type=bool)}
+    types = {'joints': List[str], 'model_files': List[str], 'law': str, 'use_sim_time': bool}
 
     def settings(name, *parameters):
         return {
             'package': 'friction_comp',
+            'executable': name,
             'name': name,
             'namespace': LaunchConfiguration('namespace'),
-            'parameters': [LaunchConfiguration('parameters'), joints, *parameters],
+            'parameters': [LaunchConfiguration('parameters'), {
+                parameter: ParameterValue(
+                    LaunchConfiguration(parameter), value_type=types[parameter])
+                for parameter in ('joints', *parameters)}],
             'arguments': ['--ros-args', '--log-level', LaunchConfiguration('log_level')],
             'output': 'screen',
         }
@@ -63,14 +61,10 @@ def generate_launch_description():
         DeclareLaunchArgument(
             'identify', default_value='false', choices=['true', 'false'],
             description='start the identification instead of compensator and exercise'),
-        Node(executable='plant', **settings('plant', models)),
-        Node(
-            executable='identification', condition=IfCondition(identify),
-            **settings('identification', models, simulated)),
-        LifecycleNode(
-            executable='compensator', condition=UnlessCondition(identify),
-            **settings('compensator', models, law, simulated)),
-        Node(
-            executable='exercise', condition=UnlessCondition(identify),
-            **settings('exercise', simulated)),
+        Node(**settings('plant', 'model_files')),
+        Node(condition=IfCondition(identify),
+             **settings('identification', 'model_files', 'use_sim_time')),
+        LifecycleNode(condition=UnlessCondition(identify),
+                      **settings('compensator', 'model_files', 'law', 'use_sim_time')),
+        Node(condition=UnlessCondition(identify), **settings('exercise', 'use_sim_time')),
     ])
