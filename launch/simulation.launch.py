@@ -26,7 +26,6 @@ def generate_launch_description():
     def settings(name, *parameters):
         return {
             'package': 'friction_comp',
-            'executable': name,
             'name': name,
             'namespace': LaunchConfiguration('namespace'),
             'parameters': [LaunchConfiguration('parameters'), {
@@ -61,10 +60,11 @@ def generate_launch_description():
         DeclareLaunchArgument(
             'identify', default_value='false', choices=['true', 'false'],
             description='start the identification instead of compensator and exercise'),
-        Node(**settings('plant', 'model_files')),
-        Node(condition=IfCondition(identify),
+        Node(executable='plant', **settings('plant', 'model_files')),
+        Node(executable='identification', condition=IfCondition(identify),
              **settings('identification', 'model_files', 'use_sim_time')),
-        LifecycleNode(condition=UnlessCondition(identify),
+        LifecycleNode(executable='compensator', condition=UnlessCondition(identify),
                       **settings('compensator', 'model_files', 'law', 'use_sim_time')),
-        Node(condition=UnlessCondition(identify), **settings('exercise', 'use_sim_time')),
+        Node(executable='exercise', condition=UnlessCondition(identify),
+             **settings('exercise', 'use_sim_time')),
     ])

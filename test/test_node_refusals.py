@@ -36,6 +36,7 @@ ODD_EFFECT = 'format: friction_comp_undeclared\nversion: 1\neffects: [{name: gho
     ('compensator', {**ONE, 'command_interface': 'voltage'}, (),
      'command_interface: must be current or effort'),
     ('identification', {**ONE, 'model_files': ['broken.yaml']}, (), 'broken.yaml'),
+    ('identification', {**ONE, 'default_speeds': [1]}, (), 'default_speeds'),
     ('exercise', {'announcement': 3.0, 'standstill': 1.0}, (), 'announcement'),
     ('exercise', {'amplitude': 0.01}, (), 'amplitude'),
     ('exercise', {'moving_joints': ['knee']}, (), 'knee'),

@@ -250,6 +250,6 @@ def _check_law(law: Any) -> None:
         raise InputError(f'parameter law: must be one of {", ".join(LAWS)}, not {law!r}')
 
 
-def main(argv: list[str] | None = None) -> int:
+def main(argv: Sequence[str]) -> int:
     """Start the node and return its exit code."""
-    return run('compensator', __doc__, CompensatorNode, argv)
+    return run('compensator', CompensatorNode, argv)

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from array import array
+from collections.abc import Sequence
 import math
 from time import monotonic
 from typing import Any
@@ -222,6 +223,6 @@ class ExerciseNode(Node):
             self._directions.publish(self._direction)
 
 
-def main(argv: list[str] | None = None) -> Any:
+def main(argv: Sequence[str]) -> int:
     """Start the node and return its exit code."""
-    return run('exercise', __doc__, ExerciseNode, argv)
+    return run('exercise', ExerciseNode, argv)

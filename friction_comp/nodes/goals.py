@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 import math
 from typing import Any
 
-from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.task import Future
 
 from friction_comp.drive import Drive
@@ -60,9 +59,8 @@ class RunningGoal:
 
 def declare_defaults(node: Any) -> dict[str, Any]:
     """Declare the defaults for empty or zero fields of a goal and return them by name."""
-    defaults = {'speeds': list(node.declare_parameter(
-        'default_speeds', DEFAULT_SPEEDS, ParameterDescriptor(
-            description='speeds of a goal that names none [rad/s]', read_only=True)).value)}
+    defaults = {'speeds': list(declare(
+        node, 'default_speeds', DEFAULT_SPEEDS, 'speeds of a goal that names none [rad/s]'))}
     for name, default, text, unit, low, high in (
             ('motion_range', 1.0, 'motion range', ' [rad]', 1e-3, 100.0),
             ('ramp_slope', 0.06, 'ramp slope', ' [A/s]', 1e-6, 100.0),

@@ -8,6 +8,7 @@ the joint, and end with zero current after every fault.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 import math
 from pathlib import Path
@@ -303,6 +304,6 @@ class IdentificationNode(Node):
         self._watchdog.close()
 
 
-def main(argv: list[str] | None = None) -> Any:
+def main(argv: Sequence[str]) -> int:
     """Start the node and return its exit code."""
-    return run('identification', __doc__, IdentificationNode, argv)
+    return run('identification', IdentificationNode, argv)

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Sequence
 import gc
 import os
@@ -13,7 +12,7 @@ import sys
 import threading
 import time
 import traceback
-from typing import Any, NoReturn
+from typing import Any
 
 import rclpy
 from rclpy.exceptions import ROSInterruptException
@@ -38,13 +37,7 @@ _SWITCH_INTERVAL = 5e-4
 PATIENCE = 10.0
 
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise InputError(message)
-
-
-def run(name: str, description: str, make_node: Callable[[], Any],
-        argv: Sequence[str] | None = None) -> int:
+def run(name: str, make_node: Callable[[], Any], argv: Sequence[str]) -> int:
     """Start a node, spin it until it is done or stopped, and shut it down in order.
 
     Return 0 if it ended by itself or by one of SIGNALS, 1 after an exception; raise InputError if
@@ -55,19 +48,17 @@ def run(name: str, description: str, make_node: Callable[[], Any],
     Its method `stop_motor()`, if any, is called in another thread as soon as a signal arrives. It
     ends by itself when its attribute `finished` is True.
     """
-    argv = sys.argv[1:] if argv is None else list(argv)
-    parser = _Parser(prog=name, description=description, epilog=(
-        'Parameters, remappings and names are given after --ros-args, for instance '
-        '--ros-args -p NAME:=VALUE -r FROM:=TO.'))
     signals = _Signals()
     sys.setswitchinterval(_SWITCH_INTERVAL)
     try:
-        own = remove_ros_args([name, *argv])[1:]
+        unknown = remove_ros_args([name, *argv])[1:]
     except Exception as error:
         raise InputError(f'ROS arguments: {without_source_locations(error)}') from None
+    if unknown:
+        raise InputError(f'unrecognized arguments: {" ".join(unknown)} (parameters and remappings '
+                         'come after --ros-args)')
     start_ros(name, argv)
     try:
-        parser.parse_args(own)
         # If kernels are compiled at once, import all of numba before the first call.
         if 'numba' in sys.modules:
             import_numba()

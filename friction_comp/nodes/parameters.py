@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from typing import Any, TYPE_CHECKING
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
-from rclpy.parameter import Parameter
 
 from friction_comp.errors import errors_name, InputError
 
@@ -23,7 +22,7 @@ def declare(node: Any, name: str, default: Any, description: str, low: float | N
             high: float | None = None, changes: bool = False, constraints: str = '') -> Any:
     """Declare a parameter with its descriptor and return its value.
 
-    The default determines the type; an empty list is a list of strings. The description has meaning
+    The default determines the type; an empty list is one of strings. The description has meaning
     and unit. Numbers are limited to `low` to `high`, if `low` is given. The parameter is read-only
     unless it `changes` while the node runs. `constraints` is a text.
 
@@ -40,8 +39,8 @@ def declare(node: Any, name: str, default: Any, description: str, low: float | N
     elif low is not None:
         descriptor.floating_point_range = [FloatingPointRange(
             from_value=float(low), to_value=float(high or LARGE))]
-    if isinstance(default, list):
-        default = Parameter(name, Parameter.Type.STRING_ARRAY, default or ['']).value
+    if default == []:
+        default = ['']
     try:
         return node.declare_parameter(name, default, descriptor).value
     except Exception as error:

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from array import array
+from collections.abc import Sequence
 import time
 from typing import Any
 
@@ -350,6 +351,6 @@ class PlantNode(Node):
         """Do nothing: the simulated motor ends with its node."""
 
 
-def main(argv: list[str] | None = None) -> Any:
+def main(argv: Sequence[str]) -> int:
     """Start the node and return its exit code."""
-    return run('plant', __doc__, PlantNode, argv)
+    return run('plant', PlantNode, argv)

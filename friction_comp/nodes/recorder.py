@@ -15,7 +15,7 @@ from friction_comp.errors import InputError
 from friction_comp.nodes.dated_topics import DatedTopics, RECORDED, STATES
 from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
 from friction_comp.nodes.node_main import run
-from friction_comp.nodes.parameters import declare
+from friction_comp.nodes.parameters import declare, declare_choice
 from friction_comp.nodes.ros_start import steady_timer
 from friction_comp.recordings.writer import RecordingWriter
 
@@ -34,7 +34,8 @@ class RecorderNode(Node):
         super().__init__('recorder')
         output = declare(self, 'output', 'recording', 'folder to create')
         model = declare(self, 'model_file', '', 'active model, stored in the metadata')
-        compression = declare(self, 'compression', 'none', 'none, message or storage')
+        compression = declare_choice(
+            self, 'compression', ('none', 'message', 'storage'), 'of the files, with zstd')
         size = declare(self, 'max_file_size', 0.0,
                        'MB after which the next file begins, at least 0.01; 0: never', 0.0)
         duration = declare(self, 'max_file_duration', 0.0,
@@ -128,6 +129,6 @@ class RecorderNode(Node):
             f'{count} {topic}' for topic, count in self._counts.items() if count))
 
 
-def main(argv: Sequence[str] | None = None) -> int:
+def main(argv: Sequence[str]) -> int:
     """Start the node and return its exit code."""
-    return run('recorder', __doc__, RecorderNode, argv)
+    return run('recorder', RecorderNode, argv)

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 import time
@@ -334,6 +335,6 @@ def _fill(result: RefineModel.Result, refined: JobResult) -> None:
     result.model_file, result.report = str(refined.model_file), str(refined.page)
 
 
-def main(argv: list[str] | None = None) -> int:
+def main(argv: Sequence[str]) -> int:
     """Start the node and return its exit code."""
-    return run('refinement', __doc__, RefinementNode, argv)
+    return run('refinement', RefinementNode, argv)

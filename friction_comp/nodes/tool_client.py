@@ -165,18 +165,14 @@ class ToolClient:
 
         `goal` has the fields of IdentifyFriction's goal; `report` gets each feedback message.
         """
-        return self._send_joint_goal(
-            IdentifyFriction, 'identify_friction', goal, report, 'identification')
+        return self.send_goal(
+            IdentifyFriction, 'identify_friction', IdentifyFriction.Goal(**goal),
+            IdentifyFriction.Goal(joint='nobody'), report, 'identification')
 
     def refine(self, goal: dict[str, Any], report: Callable[[Any], None]) -> Any:
         """Send a goal to the refinement node and return its result, as `identify` does."""
-        return self._send_joint_goal(RefineModel, 'refine_model', goal, report, 'refinement')
-
-    def _send_joint_goal(self, kind: Any, name: str, goal: dict[str, Any],
-                         report: Callable[[Any], None], what: str) -> Any:
-        """Send a goal with a field `joint`; a probe with an unknown joint is always refused."""
-        probe = kind.Goal(**{**goal, 'joint': 'nobody'})
-        return self.send_goal(kind, name, kind.Goal(**goal), probe, report, what)
+        return self.send_goal(RefineModel, 'refine_model', RefineModel.Goal(**goal),
+                              RefineModel.Goal(joint='nobody'), report, 'refinement')
 
     def play(self, trajectory: Trajectory, report: Callable[[float, str], None]) -> None:
         """Move one joint along a trajectory by the node `identification`.
