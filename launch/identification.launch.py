@@ -25,7 +25,7 @@ from launch_ros.substitutions import FindPackageShare
 
 def generate_launch_description():
     configuration = PathJoinSubstitution([FindPackageShare('friction_comp'), 'config'])
-    topics = ('joint_states', 'current_command', 'motor_temperature')
+    topics = ('joint_states', 'current_command')
     types = {'joints': List[str], 'model_files': List[str], 'output_folder': str,
              'use_sim_time': bool}
     return LaunchDescription([

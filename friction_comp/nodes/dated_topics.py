@@ -118,7 +118,7 @@ class RecordedTopic:
                 depth=DEPTH, reliability=offer[0], durability=offer[1]), raw=True)
 
     @property
-    def publishers(self) -> int:
+    def publisher_count(self) -> int:
         """Number of connected publishers."""
         return max(subscription.get_publisher_count()
                    for subscription in self._subscriptions.values())

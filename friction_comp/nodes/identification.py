@@ -300,6 +300,8 @@ class IdentificationNode(Node):
     def leave(self) -> None:
         """End a running goal with zero current."""
         self._end('aborted', 'the node was stopped')
+        # A goal that starts while the node ends must not move its joint.
+        self.stop_motor()
         self._port.wait()
         self._watchdog.close()
 

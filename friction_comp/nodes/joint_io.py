@@ -82,7 +82,7 @@ def currents_per_effort(node: Any, torques: Sequence[float]) -> list[float]:
     return [1.0 if kind == 'current' else 1.0 / torque for torque in torques]
 
 
-def publishers(node: Any, topic: str) -> list[str]:
+def publisher_names(node: Any, topic: str) -> list[str]:
     """Return the full node name of each publisher of a topic.
 
     A publisher may be discovered some time before its node.
@@ -100,7 +100,7 @@ def competing_publishers(node: Any, *topics: str) -> list[str]:
     counts = [node.count_publishers(node.resolve_topic_name(topic)) for topic in topics]
     if sum(counts) < 2:
         return []
-    names = [publishers(node, topic) for topic in topics]
+    names = [publisher_names(node, topic) for topic in topics]
     one = max(counts) < 2 and len({tuple(some) for some in names}) == 1
     return [] if one else sorted(name for some in names for name in some)
 
@@ -227,7 +227,7 @@ class CommandPort:
         own = 0 if self._publisher is None else 1
         if self._node.count_publishers(self._topic) <= own:
             return []
-        names = publishers(self._node, self._topic)
+        names = publisher_names(self._node, self._topic)
         own_name = self._node.get_fully_qualified_name()
         if own and own_name in names:
             names.remove(own_name)

@@ -95,7 +95,7 @@ class RecorderNode(Node):
         values = {'messages per second of real time': self._rate.per_second(),
                   'messages lost': lost,
                   **{topic: count + waiting[topic] for topic, count in self._counts.items()},
-                  **{f'publishers of {name}': topic.publishers
+                  **{f'publishers of {name}': topic.publisher_count
                      for name, topic in self._topics.items()}}
         # Warn when the number is stable for a second: it may decrease if a publisher was slow.
         if lost == self._lost_before and lost > self._lost_reported:
