@@ -273,7 +273,7 @@ class Samples:
         >>> samples.position.round(3).tolist()
         [0.0, 1.571, 3.142]
         """
-        from friction_comp.columns import assign
+        from friction_comp.columns import assign, to_numbers
 
         names = [str(name) for name in (frame.columns if hasattr(frame, 'columns') else frame)]
         use = assign(names, layout, 'data frame')
@@ -287,13 +287,9 @@ class Samples:
         signals: dict[str, Any] = {}
         for signal in ('time', 'position', 'effort', 'velocity', *_OPTIONAL):
             column = use.of(signal, chosen)
-            if column is None:
-                continue
-            try:
-                signals[signal] = column.factor * np.asarray(frame[column.name], dtype=float)
-            except (TypeError, ValueError):
-                raise InputError(f'data frame: column {column.name!r} does not contain numbers'
-                                 ) from None
+            if column is not None:
+                signals[signal] = column.factor * to_numbers(
+                    np.asarray(frame[column.name]), column.name, 'data frame')
         if use.effort_is_current:
             signals['current'] = signals.pop('effort')
         return Samples.from_arrays(torque_constant=torque_constant, gear_ratio=gear_ratio,

@@ -15,6 +15,7 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.recordings.joint_samples import (
     joint_states_at,
+    number_recordings,
     RecordingInfo,
     to_samples,
     usable_joints,
@@ -85,15 +86,13 @@ def read_recording_with_info(paths: AnyPath | Sequence[AnyPath], joint: str | No
         Whether to add the motion of all joints as `arm`.
     """
     torque_per_current = Drive(torque_constant, gear_ratio).torque_per_current
-    results: list[tuple[Samples, RecordingInfo]] = []
-    for scan in _scan_all(paths, progress, None if others else joint, layout):
-        samples, info = to_samples(scan, joint, torque_per_current)
-        if others:
-            samples = with_arm(samples, info, scan)
-        if results:
-            info.check_joint(results[0][1])
-        results.append((samples.with_(recording=np.full(len(samples), len(results))), info))
-    return results
+
+    def read() -> Iterator[tuple[Samples, RecordingInfo]]:
+        for scan in _scan_all(paths, progress, None if others else joint, layout):
+            samples, info = to_samples(scan, joint, torque_per_current)
+            yield with_arm(samples, info, scan) if others else samples, info
+
+    return number_recordings(read())
 
 
 def read_arm(paths: AnyPath | Sequence[AnyPath],
@@ -133,10 +132,9 @@ def read_arm(paths: AnyPath | Sequence[AnyPath],
     return result
 
 
-def read_joints(path: AnyPath, joints: Sequence[str] | None = None,
-                progress: Progress | None = None, layout: Layout | None = None
-                ) -> tuple[list[Samples], list[str]]:
-    """Read several or all joints of one recording on one time base.
+def read_joints(path: AnyPath, joint: str | None = None, progress: Progress | None = None,
+                layout: Layout | None = None) -> tuple[list[Samples], list[str]]:
+    """Read one or all joints of one recording on one time base.
 
     `current` is the effort in N·m, as with k_t = n = 1.
 
@@ -153,12 +151,17 @@ def read_joints(path: AnyPath, joints: Sequence[str] | None = None,
         If the recording or a joint cannot be used.
     """
     scan, = _scan_all(find_recording(path), progress, None, layout)
-    wanted: list[str | None] = [*(scan.joints if joints is None else joints)] or [None]
-    read = [to_samples(scan, joint, 1.0) for joint in wanted]
-    common = reduce(np.intersect1d, [samples.time for samples, _ in read])
+    wanted: list[str | None] = [*scan.joints] if joint is None else [joint]
+    read = [to_samples(scan, name, 1.0) for name in wanted or [None]]
+    # In µs since the first joint's start: joints of several topics may begin at different times.
+    start = read[0][1].start
+    times = [np.round(1e6 * (samples.time + (info.start - start))) for samples, info in read]
+    common = reduce(np.intersect1d, times)
     if not len(common):
         raise InputError(f'{path}: the joints {", ".join(scan.joints)} never have values together')
-    return ([samples.take(np.searchsorted(samples.time, common)) for samples, _ in read],
+    joints = [samples.take(np.searchsorted(time, common))
+              for (samples, _), time in zip(read, times)]
+    return ([samples.with_(time=joints[0].time) for samples in joints],
             list(dict.fromkeys(note for _, info in read for note in info.notes)))
 
 
@@ -190,8 +193,6 @@ def stream_recording_with_info(path: AnyPath, joint: str | None = None,
         If the recording, the joint or a value cannot be used.
     """
     gain = Drive(torque_constant, gear_ratio).torque_per_current
-    if not seconds > 0:
-        raise InputError(f'seconds must be positive, not {seconds}')
     scanner = open_scanner(find_recording(path), None if others else joint, layout)
     clock = _CommonClock()
     info = None

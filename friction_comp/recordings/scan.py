@@ -11,10 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.errors import InputError, one_line
 from friction_comp.recordings import cdr
 from friction_comp.recordings.activity import Activity, ActivityLog, DIAGNOSTICS
-from friction_comp.recordings.storage import Storage, unpack, unreadable
+from friction_comp.recordings.storage import Storage, unpack, unreadable_on_error
 from friction_comp.topics import TOPICS, TORQUE_UNIT
 
 
@@ -113,10 +112,8 @@ class MessageScanner:
     """Reads one rosbag2 recording, of all joints or only one, in batches of messages per topic."""
 
     def __init__(self, path: Path, joint: str | None = None, batch: int = 20_000) -> None:
-        try:
+        with unreadable_on_error(path):
             self._storage = Storage(path)
-        except OSError as error:
-            raise unreadable(path, one_line(error)) from None
         self._joint, self._batch = joint, batch
         self._topics: dict[str, _TopicReader] = {}
         self._activity = ActivityLog()
@@ -129,7 +126,7 @@ class MessageScanner:
     def scans(self) -> Iterator[Scan]:
         """Yield a scan after each batch of joint states, and the rest at the end."""
         begin = 0
-        try:
+        with unreadable_on_error(self._storage.path):
             for index, (topic, kind, receive, raw) in enumerate(
                     self._storage.messages(_is_wanted)):
                 if not index:
@@ -148,11 +145,6 @@ class MessageScanner:
                     if reader.signal == 'joint_states':
                         yield self._scan()
             yield self._scan()
-        except InputError:
-            raise
-        # Corrupt files may raise anything in the storage libraries.
-        except Exception as error:
-            raise unreadable(self._storage.path, one_line(error)) from None
 
     def _scan(self) -> Scan:
         storage, readers = self._storage, self._topics.values()

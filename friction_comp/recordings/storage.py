@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import closing, contextmanager
 from functools import partial
 from os import PathLike
 from pathlib import Path, PurePath
@@ -135,6 +135,20 @@ class Storage:
 def unreadable(path: Path, reason: str) -> InputError:
     """Return the error for an unreadable recording."""
     return InputError(f'{path}: not a readable recording: {reason}')
+
+
+@contextmanager
+def unreadable_on_error(path: Path) -> Iterator[None]:
+    """Raise the error for an unreadable recording instead of any other but InputError.
+
+    Corrupt files may raise anything in the libraries that read them.
+    """
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        raise unreadable(path, getattr(error, 'strerror', None) or one_line(error)) from None
 
 
 def unpack(payload: bytes) -> bytes:

@@ -12,18 +12,18 @@ from collections.abc import Iterator, Sequence
 import csv
 import gzip
 import io
+from itertools import islice
 from pathlib import Path
 import re
-from typing import IO
-import zipfile
+from typing import Any, IO
 
 import numpy as np
 
-from friction_comp.columns import assign, Assignment, Layout, TABLES
-from friction_comp.errors import InputError, one_line
+from friction_comp.columns import assign, Assignment, Layout, TABLES, to_numbers
+from friction_comp.errors import InputError
 from friction_comp.files import write_atomically
 from friction_comp.recordings.scan import Scan, Track
-from friction_comp.recordings.storage import unreadable
+from friction_comp.recordings.storage import unreadable_on_error
 from friction_comp.samples import Samples
 from friction_comp.topics import TOPICS
 
@@ -52,17 +52,17 @@ class TableScanner:
                  batch: int = 250_000) -> None:
         self.progress = 0.0
         self._path, self._joint, self._batch = path, joint, batch
-        try:
-            self._table = _open(path)
-        except OSError as error:
-            raise InputError(f'{path}: cannot be read: {error.strerror or error}') from None
+        name = path.name.lower()
+        kind = _Parquet if name.endswith('.parquet') else _Npz if name.endswith('.npz') else _Csv
+        with unreadable_on_error(path):
+            self._table: _Csv | _Parquet | _Npz = kind(path)
         self._use = assign(self._table.names, layout, str(path))
 
     def scans(self) -> Iterator[Scan]:
         """Yield a scan of each block of rows."""
         wanted = [column.name for column in self._use.columns]
         rows = 0
-        try:
+        with unreadable_on_error(self._path):
             for columns, share in self._table.blocks(wanted, self._batch):
                 self.progress = share
                 size = len(columns[wanted[0]])
@@ -73,10 +73,6 @@ class TableScanner:
                                {track.topic: (TOPICS[track.topic], rows) for track in tracks},
                                list(self._use.notes),
                                effort_is_current=self._use.effort_is_current)
-        except InputError:
-            raise
-        except (OSError, EOFError, ValueError, zipfile.BadZipFile) as error:
-            raise unreadable(self._path, one_line(error)) from None
         if not rows:
             raise InputError(f'{self._path}: has no row below its header')
 
@@ -128,19 +124,13 @@ def _stamps(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return stamp, valid
 
 
-def _open(path: Path) -> _Csv | _Parquet | _Npz:
-    name = path.name.lower()
-    kind = _Parquet if name.endswith('.parquet') else _Npz if name.endswith('.npz') else _Csv
-    return kind(path)
-
-
 class _Csv:
     """A text file with one row per line; the separator is the most frequent one in its header."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        with self._stream() as stream:
-            lines = [line for _, line in zip(range(200), stream)]
+        with path.open('rb') as file:
+            lines = list(islice(self._text(file), 200))
         if any('\0' in line for line in lines):
             raise InputError(f'{path}: not a text file')
         # Skip comments before the header; numpy.savetxt writes the header itself as a comment.
@@ -168,29 +158,29 @@ class _Csv:
         cells = next(csv.reader([line.rstrip('\r\n')], delimiter=self._separator), [])
         return [cell.strip() for cell in cells]
 
-    def _stream(self) -> IO[str]:
-        if self._path.name.lower().endswith('.gz'):
-            return gzip.open(self._path, 'rt', encoding='utf-8-sig', errors='replace', newline='')
-        return self._path.open(encoding='utf-8-sig', errors='replace', newline='')
+    def _text(self, file: IO[bytes]) -> IO[str]:
+        """Return the text of the opened file."""
+        compressed = self._path.name.lower().endswith('.gz')
+        plain: Any = gzip.GzipFile(fileobj=file) if compressed else file
+        return io.TextIOWrapper(plain, encoding='utf-8-sig', errors='replace', newline='')
 
     def blocks(self, wanted: list[str], rows: int) -> Iterator[tuple[Columns, float]]:
         """Yield blocks of columns and the share of the file that has been read."""
         indices = [self.names.index(name) for name in wanted]
-        size = max(self._path.stat().st_size, 1)
-        read = 0
-        with self._stream() as stream:
-            for _ in range(self._skip):
-                stream.readline()
-            first_line = self._skip
-            while lines := [line for _, line in zip(range(rows), stream)]:
-                read += sum(map(len, lines))
-                yield dict(zip(wanted, self._parse(lines, indices, first_line).T)), min(
-                    read / size, 1.0)
+        size = self._path.stat().st_size
+        with self._path.open('rb') as file:
+            text = self._text(file)
+            first_line = sum(1 for _ in islice(text, self._skip))
+            while lines := list(islice(text, rows)):
+                columns = self._parse(lines, indices, first_line).T
+                # The position in the file, which may be compressed.
+                yield dict(zip(wanted, columns)), file.tell() / size
                 first_line += len(lines)
 
     def _parse(self, lines: list[str], indices: list[int], first_line: int) -> np.ndarray:
         """Return the selected cells, shape (rows, columns)."""
-        if self._separator == ';' and ',' in lines[0]:
+        if self._separator == ';':
+            # A comma between semicolons is a decimal one.
             lines = [line.replace(',', '.') for line in lines]
         try:
             return np.loadtxt(lines, delimiter=self._separator, usecols=indices, ndmin=2,
@@ -236,23 +226,18 @@ class _Parquet:
 
     def __init__(self, path: Path) -> None:
         try:
-            from pyarrow import ArrowException
             from pyarrow.parquet import ParquetFile
         except ModuleNotFoundError:
             raise _without_pyarrow(path) from None
-        try:
-            self._file = ParquetFile(path)
-        except ArrowException as error:
-            raise unreadable(path, one_line(error)) from None
-        self._path = path
+        self._file, self._path = ParquetFile(path), path
         self.names: list[str] = list(self._file.schema_arrow.names)
 
     def blocks(self, wanted: list[str], rows: int) -> Iterator[tuple[Columns, float]]:
         read, total = 0, max(self._file.metadata.num_rows, 1)
         for batch in self._file.iter_batches(batch_size=rows, columns=list(dict.fromkeys(wanted))):
             read += batch.num_rows
-            yield {name: _numbers(batch.column(name).to_numpy(zero_copy_only=False), name,
-                                  self._path) for name in wanted}, read / total
+            yield {name: to_numbers(batch.column(name).to_numpy(zero_copy_only=False), name,
+                                    self._path) for name in wanted}, read / total
 
 
 def _without_pyarrow(path: Path) -> InputError:
@@ -265,18 +250,14 @@ class _Npz:
 
     def __init__(self, path: Path) -> None:
         self._columns: Columns = {}
-        try:
-            with np.load(path, allow_pickle=False) as file:
-                arrays = {name: file[name] for name in file.files}
-        except (ValueError, EOFError, zipfile.BadZipFile, AttributeError, KeyError) as error:
-            raise unreadable(path, one_line(error)) from None
-        for name, values in arrays.items():
-            if values.ndim == 1:
-                self._columns[name] = _numbers(values, name, path)
-            elif values.ndim == 2:
-                self._columns.update({f'{name}_{k + 1}': _numbers(values[:, k], name, path)
-                                      for k in range(values.shape[1])})
         self._path = path
+        with np.load(path, allow_pickle=False) as file:
+            for name, values in file.items():
+                if values.ndim == 1:
+                    self._columns[name] = values
+                elif values.ndim == 2:
+                    self._columns.update({f'{name}_{k + 1}': column
+                                          for k, column in enumerate(values.T)})
         self.names = list(self._columns)
 
     def blocks(self, wanted: list[str], rows: int) -> Iterator[tuple[Columns, float]]:
@@ -287,18 +268,8 @@ class _Npz:
                 f'{name} {count}' for name, count in sizes.items()))
         for first in range(0, size, rows):
             part = slice(first, first + rows)
-            yield ({name: self._columns[name][part] for name in wanted},
-                   min((first + rows) / size, 1.0))
-
-
-def _numbers(values: np.ndarray, name: str, path: Path) -> np.ndarray:
-    """Return a column as float; dates are converted to s."""
-    if np.issubdtype(values.dtype, np.datetime64):
-        return values.astype('datetime64[ns]').astype(np.int64) * 1e-9
-    try:
-        return values.astype(float)
-    except (TypeError, ValueError):
-        raise InputError(f'{path}: column {name!r} does not contain numbers') from None
+            yield ({name: to_numbers(self._columns[name][part], name, self._path)
+                    for name in wanted}, min((first + rows) / size, 1.0))
 
 
 def table_of(joints: Sequence[Samples]) -> dict[str, np.ndarray]:
