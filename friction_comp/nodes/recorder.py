@@ -50,7 +50,6 @@ class RecorderNode(Node):
             data['model_file'] = model
         self._writer = RecordingWriter(
             output, data, compression, split_size=1e6 * size, split_duration=duration)
-        self._writer.__enter__()
         self._dated = DatedTopics(self, self._write)
         self._topics = self._dated.topics
         self.create_timer(_FLUSH, self._flush, clock=Clock(clock_type=ClockType.STEADY_TIME))

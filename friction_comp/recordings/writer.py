@@ -4,9 +4,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 import os
 from pathlib import Path
 import shutil
@@ -53,7 +53,7 @@ class RecordingWriter:
     Parameters
     ----------
     path : path-like
-        Folder to create; it must not exist.
+        Folder to create at once; it must not exist.
     custom_data : dict of str, optional
         Stored in metadata.yaml. ``model_file`` is the active model.
     compression : str, optional
@@ -93,18 +93,19 @@ class RecordingWriter:
         self._types = get_typestore(Stores.ROS2_JAZZY)
         self._topics: dict[str, tuple[str, str, list[Qos]]] = {}
         self._files: list[_McapFile] = []
-        self._is_open = False
+        self._is_open = True
         self.message_count = 0
-        if self.path.exists():
-            raise InputError(f'{self.path}: already exists, a recording needs a new folder')
-
-    def __enter__(self) -> RecordingWriter:
         try:
             self.path.mkdir(parents=True)
+        except FileExistsError:
+            raise InputError(
+                f'{self.path}: already exists, a recording needs a new folder') from None
+        except OSError as error:
+            raise InputError(f'{self.path}: cannot be written: {error.strerror or error}') from None
+        with self._closed_on_error():
             self._begin_file()
-        except (OSError, InputError) as error:
-            raise self._close_with_error(error) from None
-        self._is_open = True
+
+    def __enter__(self) -> RecordingWriter:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, value: BaseException | None,
@@ -135,8 +136,7 @@ class RecordingWriter:
                 raise InputError(f'{type_name}: not a message type of ROS 2 Jazzy')
             definition, _ = self._types.generate_msgdef(type_name, ros_version=2)
             self._topics[name] = type_name, definition, list(qos) or [qos_profile()]
-            if self._is_open:
-                self._files[-1].declare(name, *self._topics[name])
+            self._files[-1].declare(name, *self._topics[name])
         return name
 
     def write(self, topic: str, type_name: str, stamp_ns: int, cdr: bytes) -> None:
@@ -148,18 +148,16 @@ class RecordingWriter:
             If writing fails, for instance because the disk is full. The recording is then closed,
             and what was written before can be read.
         """
-        name = self.add_topic(topic, type_name)
         if not self._is_open:
             raise InputError(f'{self.path}: the recording is closed')
+        name = self.add_topic(topic, type_name)
         if self._compression == 'message':
             cdr = zstandard.compress(cdr)
-        try:
+        with self._closed_on_error():
             if self._is_full(stamp_ns):
                 self._finish_file()
                 self._begin_file()
             self._files[-1].write(name, int(stamp_ns), cdr)
-        except (OSError, InputError) as error:
-            raise self._close_with_error(error) from None
         self.message_count += 1
 
     def flush(self, wait: bool = False) -> None:
@@ -171,12 +169,10 @@ class RecordingWriter:
             Whether to wait until it is written, so that it survives the end of this process.
         """
         if self._is_open:
-            try:
+            with self._closed_on_error():
                 self._files[-1].flush()
                 if wait:
                     self._files[-1].stream.wait()
-            except OSError as error:
-                raise self._close_with_error(error) from None
 
     def close(self) -> None:
         """Finish the recording.
@@ -191,13 +187,11 @@ class RecordingWriter:
         if not self.message_count:
             self.abort()
             raise InputError(f'{self.path}: nothing was recorded, so nothing is written')
-        try:
+        with self._closed_on_error():
             self._finish_file()
             for file in self._files:
                 file.stream.join()
             self._save_metadata()
-        except (OSError, InputError) as error:
-            raise self._close_with_error(error) from None
         self._is_open = False
 
     def abort(self) -> None:
@@ -234,14 +228,18 @@ class RecordingWriter:
             with suppress(OSError):
                 file.stream.join()
 
-    def _close_with_error(self, error: OSError | InputError) -> InputError:
-        """Close the files, delete the recording if it has no message, and return the error."""
-        self._drop_files()
-        kept = '; what was written before can be read' if self.message_count else ''
-        if not kept:
-            shutil.rmtree(self.path, ignore_errors=True)
-        reason = getattr(error, 'strerror', None) or error
-        return InputError(f'{self.path}: cannot be written: {reason}{kept}')
+    @contextmanager
+    def _closed_on_error(self) -> Iterator[None]:
+        """After an error, close the files, and delete the recording if it has no message."""
+        try:
+            yield
+        except (OSError, InputError) as error:
+            self._drop_files()
+            kept = '; what was written before can be read' if self.message_count else ''
+            if not kept:
+                shutil.rmtree(self.path, ignore_errors=True)
+            reason = getattr(error, 'strerror', None) or error
+            raise InputError(f'{self.path}: cannot be written: {reason}{kept}') from None
 
     def _metadata(self, files: Sequence[_McapFile]) -> dict[str, Any]:
         counts = {topic: sum(file.counts.get(topic, 0) for file in files)
