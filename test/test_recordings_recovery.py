@@ -207,12 +207,13 @@ def test_files_too_small_to_be_made_are_refused_before_anything_is(tmp_path, spl
 def test_a_message_that_cannot_be_decoded_costs_itself(tmp_path):
     with RecordingWriter(tmp_path / 'r') as recording:
         write_states(recording, range(100))
-        for payload in (b'', b'no message', b'\0\1\0\0' + b'\xff' * 30):
+        for payload in (b'', b'no message', b'\0\1\0\0' + b'\xff' * 30,
+                        b'\x28\xb5\x2f\xfd' + b'\xff' * 30):
             recording.write('joint_states', KIND, 1_100_000_000, payload)
         write_states(recording, range(100, 200))
     (samples, info), = read_recording_with_info(tmp_path / 'r')
     assert len(samples) == 200
-    assert any('3 of the messages of /joint_states left out' in note for note in info.notes)
+    assert any('4 of the messages of /joint_states left out' in note for note in info.notes)
 
 
 def test_metadata_cannot_point_outside_of_the_recording(tmp_path):

@@ -102,9 +102,12 @@ def _walk(cursor: _Cursor, kind: str) -> tuple[str, ...]:
     return (frame,)
 
 
-def decode(type_name: str, payloads: Sequence[bytes], broken: list[int] | None = None
+def decode(type_name: str, payloads: Sequence[bytes]
            ) -> Iterator[tuple[np.ndarray, tuple[str, ...], dict[str, np.ndarray]]]:
     """Decode serialised messages of one type, in groups of the same layout.
+
+    Messages that are too short for their fields, are not CDR, or hold more than `MOST_VALUES`
+    values or names are left out.
 
     Parameters
     ----------
@@ -112,9 +115,6 @@ def decode(type_name: str, payloads: Sequence[bytes], broken: list[int] | None =
         One of the five message types named in this module.
     payloads : list of bytes
         The messages with their four-byte encapsulation header.
-    broken : list of int, optional
-        Receives the indices of messages that are too short for their fields, are not CDR, or hold
-        more than `MOST_VALUES` values or names. Without it, they raise ValueError.
 
     Yields
     ------
@@ -136,9 +136,6 @@ def decode(type_name: str, payloads: Sequence[bytes], broken: list[int] | None =
                 cursor = _Cursor(bytes(block[0]))
                 names = _walk(cursor, type_name)
             except ValueError:
-                if broken is None:
-                    raise
-                broken.append(int(index[0]))
                 index, block = index[1:], block[1:]
                 continue
             fixed_bytes = block[:, cursor.fixed]

@@ -153,14 +153,6 @@ def usable_joints(scan: Scan, torque_per_current: Callable[[str], float]
     return read
 
 
-def with_arm(samples: Samples, info: RecordingInfo, scan: Scan) -> Samples:
-    """Return one joint's samples with the motion of all joints, where there are several."""
-    if len(scan.joints) < 2:
-        return samples
-    joints = usable_joints(scan, lambda joint: 1.0)
-    return samples.with_(arm=joint_states_at(samples, info, joints))
-
-
 def joint_states_at(samples: Samples, info: RecordingInfo,
                     joints: dict[str, tuple[Samples, RecordingInfo]]) -> JointStates:
     """Return the motion of all `joints` at the times of one joint's `samples`.

@@ -19,7 +19,6 @@ from friction_comp.recordings.joint_samples import (
     RecordingInfo,
     to_samples,
     usable_joints,
-    with_arm,
 )
 from friction_comp.recordings.scan import Scan, Track
 from friction_comp.recordings.sources import (
@@ -28,7 +27,6 @@ from friction_comp.recordings.sources import (
     open_scanner,
     part_of,
     Progress,
-    scan_recording,
 )
 from friction_comp.recordings.storage import AnyPath
 from friction_comp.recordings.time_base import gap_length, GAPS
@@ -86,13 +84,19 @@ def read_recording_with_info(paths: AnyPath | Sequence[AnyPath], joint: str | No
         Whether to add the motion of all joints as `arm`.
     """
     torque_per_current = Drive(torque_constant, gear_ratio).torque_per_current
+    return number_recordings(
+        _read_joint(scan, joint, torque_per_current, others)
+        for scan in _scan_all(paths, progress, None if others else joint, layout))
 
-    def read() -> Iterator[tuple[Samples, RecordingInfo]]:
-        for scan in _scan_all(paths, progress, None if others else joint, layout):
-            samples, info = to_samples(scan, joint, torque_per_current)
-            yield with_arm(samples, info, scan) if others else samples, info
 
-    return number_recordings(read())
+def _read_joint(scan: Scan, joint: str | None, torque_per_current: float, others: bool
+                ) -> tuple[Samples, RecordingInfo]:
+    """Return one joint's samples, if `others` with the motion of all joints, if several."""
+    samples, info = to_samples(scan, joint, torque_per_current)
+    if others and len(scan.joints) > 1:
+        joints = usable_joints(scan, lambda joint: 1.0)
+        samples = samples.with_(arm=joint_states_at(samples, info, joints))
+    return samples, info
 
 
 def read_arm(paths: AnyPath | Sequence[AnyPath],
@@ -171,7 +175,13 @@ def _scan_all(paths: AnyPath | Sequence[AnyPath], progress: Progress | None, joi
     recordings = find_recordings(paths)
     for index, path in enumerate(recordings):
         report = part_of(progress, index, len(recordings))
-        yield scan_recording(path, report, joint, layout)
+        scanner = open_scanner(path, joint, layout)
+        parts: dict[str, list[Track]] = {}
+        for scan in scanner.scans():
+            for track in scan.tracks:
+                parts.setdefault(track.topic, []).append(track)
+            report(scanner.progress)
+        yield replace(scan, tracks=[Track.concatenate(tracks) for tracks in parts.values()])
         report(1.0)
 
 
@@ -200,9 +210,7 @@ def stream_recording_with_info(path: AnyPath, joint: str | None = None,
         if info is not None and not scan.of('joint_states'):
             info.notes = list(scan.notes)
             break
-        samples, info = to_samples(scan, joint, gain)
-        if others:
-            samples = with_arm(samples, info, scan)
+        samples, info = _read_joint(scan, joint, gain, others)
         if progress:
             progress(scanner.progress)
         # Gaps are counted over all stretches.

@@ -92,12 +92,9 @@ class Scan:
 
     @property
     def model(self) -> str | None:
-        """Active model file, if recorded."""
-        for key in ('model_file', 'model_files', 'model'):
-            if self.custom.get(key):
-                return self.custom[key]
+        """Active model file, if recorded: that in the metadata, else the one reported last."""
         named = [activity.model for activity in self.activity if activity.model]
-        return named[-1] if named else None
+        return self.custom.get('model_file') or (named[-1] if named else None)
 
 
 def signal_of(topic: str, type_name: str) -> str | None:
@@ -180,9 +177,10 @@ class _TopicReader:
         size = len(payloads)
         stamps = np.zeros(size, dtype=np.int64)
         values: dict[str, np.ndarray] = {}
-        broken: list[int] = []
+        whole = np.zeros(size, dtype=bool)
         for index, names, fields in cdr.decode(
-                TOPICS[self.signal], [unpack(payload) for payload in payloads], broken):
+                TOPICS[self.signal], [unpack(payload) for payload in payloads]):
+            whole[index] = True
             if 'stamp' in fields:
                 stamps[index] = fields['stamp']
             for key, columns in self._columns(names, fields):
@@ -194,9 +192,8 @@ class _TopicReader:
                     values[key] = np.pad(
                         values[key], ((0, 0), (0, missing)), constant_values=np.nan)
                 values[key][index, :width] = columns
-        self.broken += len(broken)
-        whole = np.delete(np.arange(size), broken)
-        if len(whole):
+        self.broken += int(np.count_nonzero(~whole))
+        if whole.any():
             self._tracks.append(Track(
                 self.topic, self.signal, np.array(receive, dtype=np.int64)[whole], stamps[whole],
                 np.array(order, dtype=np.int64)[whole], list(self._names),
