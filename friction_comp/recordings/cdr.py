@@ -84,9 +84,10 @@ def _walk(cursor: _Cursor, kind: str) -> tuple[str, ...]:
             else:
                 # Labels may differ between messages: only their length is fixed.
                 cursor.advance(cursor.count(), 1)
-            cursor.values('size', 'u4')
-            cursor.values('stride', 'u4')
-        cursor.values('data_offset', 'u4')
+            # Size and stride of the dimension.
+            cursor.advance(8, 4)
+        # Offset of the data.
+        cursor.advance(4, 4)
         cursor.values('data', 'f8' if kind == FLOAT_ARRAY else 'i1', None)
         return unit
     cursor.values('sec', 'i4')
