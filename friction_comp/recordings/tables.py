@@ -30,12 +30,8 @@ from friction_comp.topics import TOPICS
 # Topic that corresponds to each column of a table besides the joint states and the reference.
 _TOPICS = {'load': 'interaction_wrench', 'temperature': 'motor_temperature',
            'command': 'current_command', 'direction': 'direction'}
-# Column to attribute of `Samples`; the effort is `current` with k_t = n = 1.
-_SIGNALS = {
-    'position': 'position', 'velocity': 'velocity', 'effort': 'current', 'command': 'command',
-    'direction': 'direction', 'load': 'load', 'temperature': 'temperature',
-    'reference_position': 'reference_position', 'reference_velocity': 'reference_velocity',
-}
+_SIGNALS = ('position', 'velocity', 'effort', 'command', 'direction', 'load', 'temperature',
+            'reference_position', 'reference_velocity')
 Columns = dict[str, np.ndarray]
 
 
@@ -225,11 +221,7 @@ class _Parquet:
     """A Parquet file, read with pyarrow."""
 
     def __init__(self, path: Path) -> None:
-        try:
-            from pyarrow.parquet import ParquetFile
-        except ModuleNotFoundError:
-            raise _without_pyarrow(path) from None
-        self._file, self._path = ParquetFile(path), path
+        self._file, self._path = _pyarrow(path).parquet.ParquetFile(path), path
         self.names: list[str] = list(self._file.schema_arrow.names)
 
     def blocks(self, wanted: list[str], rows: int) -> Iterator[tuple[Columns, float]]:
@@ -240,9 +232,14 @@ class _Parquet:
                                     self._path) for name in wanted}, read / total
 
 
-def _without_pyarrow(path: Path) -> InputError:
-    return InputError(f'{path}: Parquet files need pyarrow: pip install '
-                      '"friction_comp[parquet]", or pip install pyarrow')
+def _pyarrow(path: Path) -> Any:
+    """Return the library for Parquet files; raises InputError if it is not installed."""
+    try:
+        import pyarrow.parquet
+    except ModuleNotFoundError:
+        raise InputError(f'{path}: Parquet files need pyarrow: pip install '
+                         '"friction_comp[parquet]", or pip install pyarrow') from None
+    return pyarrow
 
 
 class _Npz:
@@ -280,8 +277,8 @@ def table_of(joints: Sequence[Samples]) -> dict[str, np.ndarray]:
     columns = {'time': joints[0].time}
     for samples in joints:
         prefix = f'{samples.joint}.' if samples.joint else ''
-        for name, signal in _SIGNALS.items():
-            values = getattr(samples, signal)
+        for name in _SIGNALS:
+            values = getattr(samples, 'current' if name == 'effort' else name)
             if values is not None:
                 columns[prefix + name] = values
     return columns
@@ -301,12 +298,8 @@ def write_table(path: Path, joints: Sequence[Samples]) -> None:
     if name.endswith('.npz'):
         np.savez_compressed(stream, **columns)  # type: ignore[arg-type] # its allow_pickle
     elif name.endswith('.parquet'):
-        try:
-            from pyarrow import table
-            from pyarrow.parquet import write_table as write
-        except ModuleNotFoundError:
-            raise _without_pyarrow(path) from None
-        write(table(columns), stream)
+        arrow = _pyarrow(path)
+        arrow.parquet.write_table(arrow.table(columns), stream)
     elif name.endswith('.csv'):
         stream.write((','.join(columns) + '\n').encode())
         np.savetxt(stream, np.column_stack(list(columns.values())), delimiter=',',
