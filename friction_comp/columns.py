@@ -151,6 +151,20 @@ def unit_factor(signal: str, unit: str) -> float:
     raise InputError(f'{signal} cannot be in {unit!r}; its units are {listed}{more}')
 
 
+def to_numbers(values: np.ndarray, name: str, where: object) -> np.ndarray:
+    """Return the values of a column as floats, and dates in s.
+
+    Raises InputError, which begins with `where`, if it does not contain numbers.
+    """
+    if np.issubdtype(values.dtype, np.datetime64):
+        dates = values.astype('datetime64[ns]')
+        return np.where(np.isnat(dates), np.nan, dates.astype(np.int64) * 1e-9)
+    try:
+        return values.astype(float)
+    except (TypeError, ValueError):
+        raise InputError(f'{where}: column {name!r} does not contain numbers') from None
+
+
 def read_pairs(text: str, what: str) -> dict[str, str]:
     """Parse ``a=b,c=d`` into a dictionary; raises InputError if the form is invalid."""
     pairs: dict[str, str] = {}

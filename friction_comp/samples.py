@@ -12,7 +12,7 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from friction_comp.checks import check_number
+from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 
 if TYPE_CHECKING:
@@ -186,6 +186,8 @@ class Samples:
                     joint: str = '', **signals: Any) -> Samples:
         """Create samples from arrays, lists or columns of a data frame.
 
+        Rows without finite time, position, current or velocity are dropped.
+
         Parameters
         ----------
         time : array_like, shape (N,)
@@ -208,7 +210,7 @@ class Samples:
         ------
         InputError
             If arrays differ in length or do not contain numbers, or not exactly one of `effort` and
-            `current` is given. Rows without finite time, position, current or velocity are dropped.
+            `current` is given.
 
         Examples
         --------
@@ -219,8 +221,7 @@ class Samples:
         """
         if (effort is None) == (current is None):
             raise InputError('samples need either effort or current, and not both')
-        for name, value in (('torque constant', torque_constant), ('gear ratio', gear_ratio)):
-            check_number(value, name, above=0.0)
+        torque_per_current = Drive(torque_constant, gear_ratio).torque_per_current
         given = {'time': time, 'position': position, 'velocity': velocity,
                  'current': current if effort is None else effort, **signals}
         unknown = sorted(set(signals) - set(_OPTIONAL))
@@ -238,7 +239,7 @@ class Samples:
                 raise InputError(f'samples.{name} has shape {arrays[name].shape}, but time has '
                                  f'{arrays["time"].shape}; both must have one axis')
         if effort is not None:
-            arrays['current'] = arrays['current'] / (torque_constant * gear_ratio)
+            arrays['current'] = arrays['current'] / torque_per_current
         needed = [name for name in ('time', 'position', 'current', 'velocity') if name in arrays]
         rows = np.nonzero(np.all([np.isfinite(arrays[name]) for name in needed], axis=0))[0]
         if not len(rows):
@@ -273,7 +274,7 @@ class Samples:
         >>> samples.position.round(3).tolist()
         [0.0, 1.571, 3.142]
         """
-        from friction_comp.columns import assign
+        from friction_comp.columns import assign, to_numbers
 
         names = [str(name) for name in (frame.columns if hasattr(frame, 'columns') else frame)]
         use = assign(names, layout, 'data frame')
@@ -287,13 +288,9 @@ class Samples:
         signals: dict[str, Any] = {}
         for signal in ('time', 'position', 'effort', 'velocity', *_OPTIONAL):
             column = use.of(signal, chosen)
-            if column is None:
-                continue
-            try:
-                signals[signal] = column.factor * np.asarray(frame[column.name], dtype=float)
-            except (TypeError, ValueError):
-                raise InputError(f'data frame: column {column.name!r} does not contain numbers'
-                                 ) from None
+            if column is not None:
+                signals[signal] = column.factor * to_numbers(
+                    np.asarray(frame[column.name]), column.name, 'data frame')
         if use.effort_is_current:
             signals['current'] = signals.pop('effort')
         return Samples.from_arrays(torque_constant=torque_constant, gear_ratio=gear_ratio,

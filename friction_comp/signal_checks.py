@@ -196,18 +196,17 @@ class Answer(NamedTuple):
 
     gain: float             # ratio of measured to commanded current
     correlation: float      # of both, without subtracting the means
-    error: float = 0.0      # standard error of the gain
-    delay: float = 0.0      # s by which the measured current is late
+    error: float            # standard error of the gain
+    delay: float            # s by which the measured current is late
     # RMS in A of the commanded current that has had at least `LATEST` to show a response.
-    old_command: float = math.inf
+    old_command: float
 
 
-def current_answer(command: np.ndarray, measured: np.ndarray) -> Answer:
-    """Return how the measured current follows the command without delay; finite, A, (N,)."""
+def current_answer(command: np.ndarray, measured: np.ndarray) -> tuple[float, float]:
+    """Return gain and correlation, as of `Answer`, without delay; finite currents in A, (N,)."""
     power, product = float(command @ command), float(command @ measured)
     correlation = product / math.sqrt(max(power * float(measured @ measured), 1e-300))
-    gain = product / max(power, 1e-300)
-    return Answer(gain, correlation, _error(gain, correlation, max(len(command) - 1, 1)))
+    return product / max(power, 1e-300), correlation
 
 
 def late_answer(time: np.ndarray, command: np.ndarray, measured: np.ndarray) -> Answer:
@@ -228,13 +227,10 @@ def late_answer(time: np.ndarray, command: np.ndarray, measured: np.ndarray) -> 
     gain = float(product[index] / max(power[index], 1e-300))
     correlation = float(correlations[index])
     # Smoothed values are independent after twice the time constant.
-    return Answer(gain, correlation, _error(gain, correlation, _MEMORY / (2.0 * _SMOOTHING)),
-                  float(delays[index]), float(np.sqrt(power[-1] / len(back))))
-
-
-def _error(gain: float, correlation: float, count: float) -> float:
-    """Return the standard error of a gain, from the correlation of `count` independent values."""
-    return abs(gain) * math.sqrt(max(1.0 / max(correlation ** 2, 1e-12) - 1.0, 0.0) / count)
+    count = _MEMORY / (2.0 * _SMOOTHING)
+    error = abs(gain) * math.sqrt(max(1.0 / max(correlation ** 2, 1e-12) - 1.0, 0.0) / count)
+    return Answer(gain, correlation, error, float(delays[index]),
+                  float(np.sqrt(power[-1] / len(back))))
 
 
 def current_fault(gain: float, drive: Drive) -> str:

@@ -90,7 +90,7 @@ def write_states(recording, numbers):
         _, message = joint_state(stamp, ['elbow'], [1e-3 * k], [], [float(k)])
         recording.write('joint_states', KIND, stamp, bytes(STORE.serialize_cdr(message, KIND)))
         if k % BATCH == BATCH - 1:
-            recording.flush(wait=True)
+            recording.flush()
 
 
 def record_with_diagnostics(path, samples, changes, change=lambda message: None):

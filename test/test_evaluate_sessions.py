@@ -34,7 +34,7 @@ trial = partial(made_trial, step=STEP)
 
 
 def info_of(path='trial', activity=(), model=None, start=1.0):
-    return RecordingInfo(path, 'elbow', ['elbow'], start=start, model=model, activity=[
+    return RecordingInfo(path, 'elbow', start=start, model=model, activity=[
         (since, Activity(0, 'active', law, name)) for since, law, name in activity])
 
 

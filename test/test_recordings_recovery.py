@@ -31,6 +31,7 @@ from friction_comp.errors import InputError
 from friction_comp.recordings import (
     find_recordings,
     read_arm,
+    read_joints,
     read_recording,
     read_recording_with_info,
     RecordingWriter,
@@ -206,12 +207,13 @@ def test_files_too_small_to_be_made_are_refused_before_anything_is(tmp_path, spl
 def test_a_message_that_cannot_be_decoded_costs_itself(tmp_path):
     with RecordingWriter(tmp_path / 'r') as recording:
         write_states(recording, range(100))
-        for payload in (b'', b'no message', b'\0\1\0\0' + b'\xff' * 30):
+        for payload in (b'', b'no message', b'\0\1\0\0' + b'\xff' * 30,
+                        b'\x28\xb5\x2f\xfd' + b'\xff' * 30):
             recording.write('joint_states', KIND, 1_100_000_000, payload)
         write_states(recording, range(100, 200))
     (samples, info), = read_recording_with_info(tmp_path / 'r')
     assert len(samples) == 200
-    assert any('3 of the messages of /joint_states left out' in note for note in info.notes)
+    assert any('4 of the messages of /joint_states left out' in note for note in info.notes)
 
 
 def test_metadata_cannot_point_outside_of_the_recording(tmp_path):
@@ -278,7 +280,7 @@ def test_single_stamps_far_off_are_left_out(tmp_path):
     record(tmp_path / 'r', states(400, stamp=stamp))
     (samples, info), = read_recording_with_info(tmp_path / 'r')
     np.testing.assert_array_equal(samples.position, np.delete(np.arange(400.0), [70, 200]))
-    assert info.dropped == {'stamp far off': 2}
+    assert '2 joint states left out: stamp far off' in info.notes
 
 
 def test_gaps_and_wraps_are_reported(tmp_path):
@@ -309,6 +311,32 @@ def test_joints_are_read_together(tmp_path):
     np.testing.assert_array_equal(first.current, np.arange(100.0))
     np.testing.assert_array_equal(second.current, -np.delete(np.arange(100.0), 40) / 10.0)
     np.testing.assert_allclose(second.arm.position[:, 0], -second.arm.position[:, 1], atol=1e-9)
+
+
+def test_joints_of_several_topics_are_converted_at_the_same_times(tmp_path):
+    messages = []
+    for k in range(100):
+        time = 1_000_000_000 + k * 1_000_000
+        for name in ('left', 'right') if k >= 10 else ('left',):
+            messages.append((f'/{name}/joint_states', time, joint_state(
+                time, [name], [1e-3 * k], [], [1.0])))
+    joints, _ = read_joints(record(tmp_path / 'r', messages))
+    for samples in joints:
+        np.testing.assert_array_equal(samples.position, 1e-3 * np.arange(10, 100))
+        np.testing.assert_array_equal(samples.time, joints[0].time)
+    # The motion of all joints belongs to each of them.
+    samples, = read_recording(tmp_path / 'r', 'right')
+    np.testing.assert_allclose(samples.arm.position[:, 0], samples.position, atol=1e-9)
+
+
+def test_a_recording_whose_only_values_are_far_off_is_refused(tmp_path):
+    messages = []
+    for k in range(20):
+        time = 1_000_000_000 + k * 1_000_000 + (10**12 if k == 10 else 0)
+        messages.append(('/joint_states', time, joint_state(
+            time, ['elbow'], [0.1 if k == 10 else np.nan], [], [1.0])))
+    with pytest.raises(InputError, match='never has position and effort'):
+        read_recording(record(tmp_path / 'r', messages))
 
 
 @pytest.mark.slow

@@ -167,8 +167,7 @@ def test_messages_too_short_for_their_fields(tmp_path):
     kind, message = joint_state(1, ['elbow'], [1.0], [], [2.0])
     raw = bytes(STORE.serialize_cdr(message, kind))
     for size in range(len(raw) - 1):
-        with pytest.raises(ValueError, match=r'shorter|encapsulation'):
-            list(cdr.decode(kind, [raw[:size]]))
+        assert not list(cdr.decode(kind, [raw[:size]]))
 
 
 def test_big_endian_recording(tmp_path):

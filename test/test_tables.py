@@ -18,7 +18,7 @@ from friction_comp.recordings import (
     stream_recording_with_info,
     write_samples,
 )
-from friction_comp.recordings.tables import table_of, write_table
+from friction_comp.recordings.tables import table_of, TableScanner, write_table
 
 SIGNALS = ('time', 'position', 'current', 'velocity', 'load', 'temperature', 'command', 'direction',
            'reference_position', 'reference_velocity')
@@ -98,6 +98,39 @@ def test_decimal_commas_compressed(tmp_path):
     with gzip.open(tmp_path / 'log.csv.gz', 'wt') as stream:
         stream.write(text)
     assert_alike(read_recording(tmp_path / 'log.csv.gz')[0], moving())
+
+
+def test_whole_numbers_have_no_decimal_comma(tmp_path):
+    (tmp_path / 'log.csv').write_text('t;q;tau\n0;0;0\n0,001;0,1;0,2\n')
+    samples, = read_recording(tmp_path / 'log.csv')
+    np.testing.assert_array_equal(samples.current, [0.0, 0.2])
+
+
+@pytest.mark.parametrize('suffix', ['csv', 'csv.gz'])
+def test_progress_is_the_share_of_rows_that_were_read(tmp_path, suffix):
+    rng = np.random.default_rng(0)
+    one = moving(4000, current=rng.normal(size=4000))
+    plain = write_csv(tmp_path / 'log.csv', one)
+    path = tmp_path / f'log.{suffix}'
+    path.write_bytes(plain.read_bytes() if suffix == 'csv' else gzip.compress(plain.read_bytes()))
+    scanner = TableScanner(path, batch=2000)
+    shares = [scanner.progress for _ in scanner.scans()]
+    assert shares == pytest.approx([0.5, 1.0], abs=0.1)
+
+
+def test_damaged_gzip_is_no_traceback(tmp_path):
+    packed = gzip.compress(write_csv(tmp_path / 'log.csv', moving()).read_bytes())
+    for content in (packed[:200], packed[:-100], packed[:2000] + bytes(500) + packed[2500:]):
+        (tmp_path / 'log.csv.gz').write_bytes(content)
+        with pytest.raises(InputError, match='not a readable recording'):
+            read_recording(tmp_path / 'log.csv.gz')
+
+
+def test_columns_that_are_not_used_may_be_text(tmp_path):
+    one = moving()
+    np.savez(tmp_path / 'log.npz', t=one.time, q=one.position, tau=one.current,
+             remark=np.array(['x'] * len(one)))
+    assert len(read_recording(tmp_path / 'log.npz')[0]) == len(one)
 
 
 @pytest.mark.parametrize(('units', 'factors'), [
@@ -223,6 +256,9 @@ def test_arrays_and_frames_are_samples():
     notes = []
     assert_alike(Samples.from_frame(frame.sample(frac=1.0, random_state=0), notes=notes), one)
     assert 'position=q_deg in deg' in notes[0]
+    dated = frame.assign(t_ms=pandas.to_datetime(one.time, unit='s').round('us')).rename(
+        columns={'t_ms': 'time'})
+    assert_alike(Samples.from_frame(dated), one)
     with pytest.raises(InputError, match='either effort or current'):
         Samples.from_arrays(one.time, one.position)
     with pytest.raises(InputError, match=r'shape \(1999,\)'):

@@ -305,18 +305,18 @@ def _check_current(seen: Observation, states: StatesSeen, joint: str, model: Fri
     smallest = _SMALL * model.drive.current_limit
     if len(command) < _FEWEST_SAMPLES or np.mean(command ** 2) < smallest ** 2:
         return []
-    answer = current_answer(command, measured)
-    if abs(answer.correlation) < _LEAST_CORRELATION:
+    gain, correlation = current_answer(command, measured)
+    if abs(correlation) < _LEAST_CORRELATION:
         return [Finding(WARNING, joint, 'the measured current does not follow the commanded one',
                         "check the driver's mode and limits, and whether another node commands")]
-    if answer.gain < 0.0:
+    if gain < 0.0:
         return [Finding(PROBLEM, joint, 'the measured current has the opposite sign of the '
                         'commanded one', 'stop compensating; reverse the sign of effort in the '
                         'driver, or that of the command, whichever is wrong: a positive current '
                         'must push the joint towards larger positions')]
-    if not _GAINS[0] < answer.gain < _GAINS[1]:
-        why = current_fault(answer.gain, model.drive)
-        return [Finding(WARNING, joint, f'the measured current is {answer.gain:.3g} times the '
+    if not _GAINS[0] < gain < _GAINS[1]:
+        why = current_fault(gain, model.drive)
+        return [Finding(WARNING, joint, f'the measured current is {gain:.3g} times the '
                         'commanded one' + (f': {why}' if why else ''),
                         'effort is k_t · n · current in N·m: compare torque constant and gear '
                         'ratio of driver and model file')]

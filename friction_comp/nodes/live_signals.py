@@ -86,8 +86,7 @@ class LiveSignals:
             stamps = np.array([stamp for stamp, _ in messages], dtype=np.int64)
             parts = defaultdict(list)
             # Messages that name the same joints are decoded together.
-            for index, names, fields in decode(
-                    TOPICS[topic], [cdr for _, cdr in messages], broken=[]):
+            for index, names, fields in decode(TOPICS[topic], [cdr for _, cdr in messages]):
                 for column, joint in enumerate(names):
                     if joint in self._gains:
                         parts[joint].append((index, _columns(topic, fields, column)))

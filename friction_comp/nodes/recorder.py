@@ -51,7 +51,6 @@ class RecorderNode(Node):
             data['model_file'] = model
         self._writer = RecordingWriter(
             output, data, compression, split_size=1e6 * size, split_duration=duration)
-        self._writer.__enter__()
         self._dated = DatedTopics(self, self._write)
         self._topics = self._dated.topics
         steady_timer(self, _FLUSH, self._flush)

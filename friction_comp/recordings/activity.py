@@ -85,8 +85,7 @@ def compensator_activity(status: Any, time: int = 0) -> Activity | None:
     if 'compensator' not in f'{status.name} {status.hardware_id}':
         return None
     values = {item.key: item.value for item in status.values}
-    model = next((values[key] for key in ('model_file', 'model_files', 'model')
-                  if values.get(key, '').strip('[] ')), '')
     # One file per joint is reported as a list: remove its brackets and quotes.
-    return Activity(time, values.get('state', ''), values.get('law', ''),
-                    re.sub(r"""['"\[\]]""", '', model), status.hardware_id)
+    model = re.sub(r"""['"\[\]]""", '', values.get('model_files', ''))
+    return Activity(time, values.get('state', ''), values.get('law', ''), model,
+                    status.hardware_id)

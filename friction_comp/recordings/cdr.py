@@ -84,9 +84,10 @@ def _walk(cursor: _Cursor, kind: str) -> tuple[str, ...]:
             else:
                 # Labels may differ between messages: only their length is fixed.
                 cursor.advance(cursor.count(), 1)
-            cursor.values('size', 'u4')
-            cursor.values('stride', 'u4')
-        cursor.values('data_offset', 'u4')
+            # Size and stride of the dimension.
+            cursor.advance(8, 4)
+        # Offset of the data.
+        cursor.advance(4, 4)
         cursor.values('data', 'f8' if kind == FLOAT_ARRAY else 'i1', None)
         return unit
     cursor.values('sec', 'i4')
@@ -102,9 +103,12 @@ def _walk(cursor: _Cursor, kind: str) -> tuple[str, ...]:
     return (frame,)
 
 
-def decode(type_name: str, payloads: Sequence[bytes], broken: list[int] | None = None
+def decode(type_name: str, payloads: Sequence[bytes]
            ) -> Iterator[tuple[np.ndarray, tuple[str, ...], dict[str, np.ndarray]]]:
     """Decode serialised messages of one type, in groups of the same layout.
+
+    Messages that are too short for their fields, are not CDR, or hold more than `MOST_VALUES`
+    values or names are left out.
 
     Parameters
     ----------
@@ -112,9 +116,6 @@ def decode(type_name: str, payloads: Sequence[bytes], broken: list[int] | None =
         One of the five message types named in this module.
     payloads : list of bytes
         The messages with their four-byte encapsulation header.
-    broken : list of int, optional
-        Receives the indices of messages that are too short for their fields, are not CDR, or hold
-        more than `MOST_VALUES` values or names. Without it, they raise ValueError.
 
     Yields
     ------
@@ -136,9 +137,6 @@ def decode(type_name: str, payloads: Sequence[bytes], broken: list[int] | None =
                 cursor = _Cursor(bytes(block[0]))
                 names = _walk(cursor, type_name)
             except ValueError:
-                if broken is None:
-                    raise
-                broken.append(int(index[0]))
                 index, block = index[1:], block[1:]
                 continue
             fixed_bytes = block[:, cursor.fixed]

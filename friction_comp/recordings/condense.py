@@ -18,7 +18,7 @@ import numpy as np
 
 from friction_comp.columns import Layout
 from friction_comp.errors import InputError
-from friction_comp.recordings.joint_samples import RecordingInfo
+from friction_comp.recordings.joint_samples import number_recordings, RecordingInfo
 from friction_comp.recordings.reader import read_recording_with_info, stream_recording_with_info
 from friction_comp.recordings.sources import find_recordings, part_of, Progress, size_of
 from friction_comp.recordings.storage import AnyPath
@@ -54,7 +54,7 @@ class Averaging:
         return samples.take((piece * _GOLDEN) % 1.0 < self.share)
 
     def __str__(self) -> str:
-        kept = f', and {100 * self.share:.2g} % of them kept' if self.share < 1.0 else ''
+        kept = f', and {100 * self.share:.3g} % of them kept' if self.share < 1.0 else ''
         return (f'{self.length} samples at a time were averaged{kept}: the recordings are long; '
                 'errors are those of the averages')
 
@@ -84,16 +84,12 @@ def read_condensed(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
     if averaging == Averaging():
         return read_recording_with_info(recordings, joint, torque_constant, gear_ratio,
                                         progress=progress, layout=layout)
-    results: list[tuple[Samples, RecordingInfo]] = []
-    for index, path in enumerate(recordings):
-        samples, info = _read(averaging, path, stream_recording_with_info(
-            path, joint, torque_constant, gear_ratio, _STRETCH, layout, others=True,
-            progress=part_of(progress, index, len(recordings))))
-        if results:
-            info.check_joint(results[0][1])
-        results.append((samples.with_(recording=np.full(len(samples), index)), info))
-    results[0][1].notes.append(str(averaging))
-    return results
+    read = number_recordings(_read(averaging, path, stream_recording_with_info(
+        path, joint, torque_constant, gear_ratio, _STRETCH, layout, others=True,
+        progress=part_of(progress, index, len(recordings))))
+        for index, path in enumerate(recordings))
+    read[0][1].notes.append(str(averaging))
+    return read
 
 
 def _choose_averaging(recordings: Sequence[Path], joint: str | None, layout: Layout | None,

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -27,26 +27,33 @@ class RecordingInfo:
 
     path: Path
     joint: str = ''  # the joint that was read
-    joints: list[str] = field(default_factory=list)  # all joints in the recording's joint states
     # Topic name to (message type, number of messages).
     topics: dict[str, tuple[str, int]] = field(default_factory=dict)
     start: float = 0.0  # stamp of the samples' time zero, s
     # (M,): times of all joint states in s since `start`, in the order received.
     stamps: np.ndarray | None = None
     rows: np.ndarray | None = None  # (N,): indices of the joint states used as samples
-    # Number of joint states that were left out, by reason.
-    dropped: dict[str, int] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)  # for readers of the results
     model: str | None = None  # active model file, if recorded
     # What the compensator reported, each with the time in s since `start` from which it is valid.
     activity: list[tuple[float, Activity]] = field(default_factory=list)
     effort_is_current: bool = False  # whether efforts were in A already, as a table may declare
 
-    def check_joint(self, other: RecordingInfo) -> None:
-        """Raise InputError if another recording is of another joint."""
-        if self.joint != other.joint:
-            raise InputError(f'{self.path}: contains joint {self.joint!r}, but {other.path} '
-                             f'contains {other.joint!r}: name one with --joint')
+
+def number_recordings(recordings: Iterable[tuple[Samples, RecordingInfo]]
+                      ) -> list[tuple[Samples, RecordingInfo]]:
+    """Return recordings of one joint, each with `recording` set to its index.
+
+    Raises InputError if they are of several joints.
+    """
+    numbered: list[tuple[Samples, RecordingInfo]] = []
+    for samples, info in recordings:
+        first = numbered[0][1] if numbered else info
+        if info.joint != first.joint:
+            raise InputError(f'{info.path}: contains joint {info.joint!r}, but {first.path} '
+                             f'contains {first.joint!r}: name one with --joint')
+        numbered.append((samples.with_(recording=np.full(len(samples), len(numbered))), info))
+    return numbered
 
 
 def without_compensation(samples: Samples, info: RecordingInfo) -> Samples:
@@ -76,7 +83,7 @@ def to_samples(scan: Scan, joint: str | None,
     if scan.effort_is_current:
         torque_per_current = 1.0
     track, joint, joints, values = _select_joint(scan, joint)
-    info = RecordingInfo(scan.path, joint, joints, scan.topics, notes=list(scan.notes),
+    info = RecordingInfo(scan.path, joint, scan.topics, notes=list(scan.notes),
                          model=scan.model, effort_is_current=scan.effort_is_current)
     stamp = time_base.message_times(track, info.notes)
     outlier = time_base.outliers(stamp)
@@ -84,20 +91,27 @@ def to_samples(scan: Scan, joint: str | None,
                                     info.notes)
     stamp = shifts.apply(stamp, track.order)
     position, velocity, effort = values.T
+    for name, signal in (('position', position), ('effort', effort)):
+        if not np.isfinite(signal).any():
+            raise InputError(f'{scan.path}: {track.topic} contains no finite {name} of joint '
+                             f'{joint!r}')
     finite = np.isfinite(position) & np.isfinite(effort)
-    _check_finite(scan, track.topic, joint, position, effort)
+    usable = finite & ~outlier
+    if not usable.any():
+        raise InputError(f'{scan.path}: {track.topic} never has position and effort of joint '
+                         f'{joint!r} together, with a stamp near the others')
     # Velocity may be empty; if it mostly is, it is ignored.
     has_velocity = np.isfinite(velocity)
-    if has_velocity[finite].mean() < 0.5:
+    if has_velocity[usable].mean() < 0.5:
         velocity = None
     else:
         finite &= has_velocity
     order, duplicates = _in_order(stamp, finite & ~outlier, info.notes)
-    info.dropped = {reason: count for reason, count in (
-        ('not finite', int(np.count_nonzero(~finite))), ('duplicate stamp', duplicates),
-        ('stamp far off', int(np.count_nonzero(finite & outlier)))) if count}
-    for reason, count in info.dropped.items():
-        info.notes.append(f'{count} joint states left out: {reason}')
+    for reason, count in (
+            ('not finite', np.count_nonzero(~finite)), ('duplicate stamp', duplicates),
+            ('stamp far off', np.count_nonzero(finite & outlier))):
+        if count:
+            info.notes.append(f'{count} joint states left out: {reason}')
     lost = scan.custom.get('messages_lost', '')
     if lost:
         info.notes.append(f'the recorder lost messages: {lost}')
@@ -105,11 +119,11 @@ def to_samples(scan: Scan, joint: str | None,
     info.start = origin * 1e-9
     info.stamps = (stamp - origin) * 1e-9
     info.rows = order
-    time_base.note_gaps(info.stamps[order], info.notes)
+    time = info.stamps[order]
+    time_base.note_gaps(time, info.notes)
     base = time_base.TimeBase(stamp[order], track.receive[order], bool(track.stamp.any()), shifts)
     info.activity = [(base.to_state_time(activity.time) - info.start, activity.of(joint))
                      for activity in scan.activity]
-    time = info.stamps[order]
     samples = Samples(
         time=time, position=_unwrap(time, position[order], info.notes),
         current=effort[order] / torque_per_current,
@@ -120,7 +134,7 @@ def to_samples(scan: Scan, joint: str | None,
     return samples, info
 
 
-def usable_joints(scan: Scan, torque_per_current: Callable[[str], float] = lambda joint: 1.0
+def usable_joints(scan: Scan, torque_per_current: Callable[[str], float]
                   ) -> dict[str, tuple[Samples, RecordingInfo]]:
     """Return every usable joint of a scan; raises InputError if there is none."""
     read: dict[str, tuple[Samples, RecordingInfo]] = {}
@@ -137,13 +151,6 @@ def usable_joints(scan: Scan, torque_per_current: Callable[[str], float] = lambd
     if not read and reason:
         raise reason
     return read
-
-
-def with_arm(samples: Samples, info: RecordingInfo, scan: Scan) -> Samples:
-    """Return one joint's samples with the motion of all joints, where there are several."""
-    if len(info.joints) < 2:
-        return samples
-    return samples.with_(arm=joint_states_at(samples, info, usable_joints(scan)))
 
 
 def joint_states_at(samples: Samples, info: RecordingInfo,
@@ -213,16 +220,6 @@ def _select_joint(scan: Scan, joint: str | None) -> tuple[Track, str, list[str],
             f'{", ".join(track.topic for track in matching)}')
     track = matching[0]
     return track, joint, list(track.names) if key else [joint], track.values[key]
-
-
-def _check_finite(scan: Scan, topic: str, joint: str, position: np.ndarray,
-                  effort: np.ndarray) -> None:
-    for name, values in (('position', position), ('effort', effort)):
-        if not np.isfinite(values).any():
-            raise InputError(f'{scan.path}: {topic} contains no finite {name} of joint {joint!r}')
-    if not (np.isfinite(position) & np.isfinite(effort)).any():
-        raise InputError(
-            f'{scan.path}: {topic} never has position and effort of joint {joint!r} together')
 
 
 def _in_order(stamp: np.ndarray, usable: np.ndarray,

@@ -90,7 +90,7 @@ def _fault_of_velocity(samples: Samples) -> str:
 def _fault_of_command(samples: Samples) -> str:
     command, current = samples.command, samples.current
     if (command is not None and len(samples) >= 200 and command.any() and current.any()
-            and current_answer(command, current).correlation < _OPPOSED):
+            and current_answer(command, current)[1] < _OPPOSED):
         return ('effort and commanded current have opposite signs: one of them has the '
                 'wrong sign')
     return ''

@@ -15,10 +15,10 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.recordings.joint_samples import (
     joint_states_at,
+    number_recordings,
     RecordingInfo,
     to_samples,
     usable_joints,
-    with_arm,
 )
 from friction_comp.recordings.scan import Scan, Track
 from friction_comp.recordings.sources import (
@@ -27,7 +27,6 @@ from friction_comp.recordings.sources import (
     open_scanner,
     part_of,
     Progress,
-    scan_recording,
 )
 from friction_comp.recordings.storage import AnyPath
 from friction_comp.recordings.time_base import gap_length, GAPS
@@ -85,15 +84,19 @@ def read_recording_with_info(paths: AnyPath | Sequence[AnyPath], joint: str | No
         Whether to add the motion of all joints as `arm`.
     """
     torque_per_current = Drive(torque_constant, gear_ratio).torque_per_current
-    results: list[tuple[Samples, RecordingInfo]] = []
-    for scan in _scan_all(paths, progress, None if others else joint, layout):
-        samples, info = to_samples(scan, joint, torque_per_current)
-        if others:
-            samples = with_arm(samples, info, scan)
-        if results:
-            info.check_joint(results[0][1])
-        results.append((samples.with_(recording=np.full(len(samples), len(results))), info))
-    return results
+    return number_recordings(
+        _read_joint(scan, joint, torque_per_current, others)
+        for scan in _scan_all(paths, progress, None if others else joint, layout))
+
+
+def _read_joint(scan: Scan, joint: str | None, torque_per_current: float, others: bool
+                ) -> tuple[Samples, RecordingInfo]:
+    """Return one joint's samples, if `others` with the motion of all joints, if several."""
+    samples, info = to_samples(scan, joint, torque_per_current)
+    if others and len(scan.joints) > 1:
+        joints = usable_joints(scan, lambda joint: 1.0)
+        samples = samples.with_(arm=joint_states_at(samples, info, joints))
+    return samples, info
 
 
 def read_arm(paths: AnyPath | Sequence[AnyPath],
@@ -133,10 +136,9 @@ def read_arm(paths: AnyPath | Sequence[AnyPath],
     return result
 
 
-def read_joints(path: AnyPath, joints: Sequence[str] | None = None,
-                progress: Progress | None = None, layout: Layout | None = None
-                ) -> tuple[list[Samples], list[str]]:
-    """Read several or all joints of one recording on one time base.
+def read_joints(path: AnyPath, joint: str | None = None, progress: Progress | None = None,
+                layout: Layout | None = None) -> tuple[list[Samples], list[str]]:
+    """Read one or all joints of one recording on one time base.
 
     `current` is the effort in N·m, as with k_t = n = 1.
 
@@ -153,12 +155,17 @@ def read_joints(path: AnyPath, joints: Sequence[str] | None = None,
         If the recording or a joint cannot be used.
     """
     scan, = _scan_all(find_recording(path), progress, None, layout)
-    wanted: list[str | None] = [*(scan.joints if joints is None else joints)] or [None]
-    read = [to_samples(scan, joint, 1.0) for joint in wanted]
-    common = reduce(np.intersect1d, [samples.time for samples, _ in read])
+    wanted: list[str | None] = [*scan.joints] if joint is None else [joint]
+    read = [to_samples(scan, name, 1.0) for name in wanted or [None]]
+    # In µs since the first joint's start: joints of several topics may begin at different times.
+    start = read[0][1].start
+    times = [np.round(1e6 * (samples.time + (info.start - start))) for samples, info in read]
+    common = reduce(np.intersect1d, times)
     if not len(common):
         raise InputError(f'{path}: the joints {", ".join(scan.joints)} never have values together')
-    return ([samples.take(np.searchsorted(samples.time, common)) for samples, _ in read],
+    joints = [samples.take(np.searchsorted(time, common))
+              for (samples, _), time in zip(read, times)]
+    return ([samples.with_(time=joints[0].time) for samples in joints],
             list(dict.fromkeys(note for _, info in read for note in info.notes)))
 
 
@@ -168,7 +175,13 @@ def _scan_all(paths: AnyPath | Sequence[AnyPath], progress: Progress | None, joi
     recordings = find_recordings(paths)
     for index, path in enumerate(recordings):
         report = part_of(progress, index, len(recordings))
-        yield scan_recording(path, report, joint, layout)
+        scanner = open_scanner(path, joint, layout)
+        parts: dict[str, list[Track]] = {}
+        for scan in scanner.scans():
+            for track in scan.tracks:
+                parts.setdefault(track.topic, []).append(track)
+            report(scanner.progress)
+        yield replace(scan, tracks=[Track.concatenate(tracks) for tracks in parts.values()])
         report(1.0)
 
 
@@ -190,8 +203,6 @@ def stream_recording_with_info(path: AnyPath, joint: str | None = None,
         If the recording, the joint or a value cannot be used.
     """
     gain = Drive(torque_constant, gear_ratio).torque_per_current
-    if not seconds > 0:
-        raise InputError(f'seconds must be positive, not {seconds}')
     scanner = open_scanner(find_recording(path), None if others else joint, layout)
     clock = _CommonClock()
     info = None
@@ -199,9 +210,7 @@ def stream_recording_with_info(path: AnyPath, joint: str | None = None,
         if info is not None and not scan.of('joint_states'):
             info.notes = list(scan.notes)
             break
-        samples, info = to_samples(scan, joint, gain)
-        if others:
-            samples = with_arm(samples, info, scan)
+        samples, info = _read_joint(scan, joint, gain, others)
         if progress:
             progress(scanner.progress)
         # Gaps are counted over all stretches.

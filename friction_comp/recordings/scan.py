@@ -7,14 +7,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from friction_comp.errors import InputError, one_line
 from friction_comp.recordings import cdr
 from friction_comp.recordings.activity import Activity, ActivityLog, DIAGNOSTICS
-from friction_comp.recordings.storage import Storage, unpack, unreadable
+from friction_comp.recordings.storage import Storage, unpack, unreadable_on_error
 from friction_comp.topics import TOPICS, TORQUE_UNIT
 
 
@@ -37,7 +35,7 @@ class Track:
     def __len__(self) -> int:
         return len(self.receive)
 
-    def take(self, index: slice) -> Track:
+    def take(self, index: slice | np.ndarray) -> Track:
         """Return the selected messages."""
         return Track(self.topic, self.signal, self.receive[index], self.stamp[index],
                      self.order[index], self.names,
@@ -93,12 +91,9 @@ class Scan:
 
     @property
     def model(self) -> str | None:
-        """Active model file, if recorded."""
-        for key in ('model_file', 'model_files', 'model'):
-            if self.custom.get(key):
-                return self.custom[key]
+        """Active model file, if recorded: that in the metadata, else the one reported last."""
         named = [activity.model for activity in self.activity if activity.model]
-        return named[-1] if named else None
+        return self.custom.get('model_file') or (named[-1] if named else None)
 
 
 def signal_of(topic: str, type_name: str) -> str | None:
@@ -113,10 +108,8 @@ class MessageScanner:
     """Reads one rosbag2 recording, of all joints or only one, in batches of messages per topic."""
 
     def __init__(self, path: Path, joint: str | None = None, batch: int = 20_000) -> None:
-        try:
+        with unreadable_on_error(path):
             self._storage = Storage(path)
-        except OSError as error:
-            raise unreadable(path, one_line(error)) from None
         self._joint, self._batch = joint, batch
         self._topics: dict[str, _TopicReader] = {}
         self._activity = ActivityLog()
@@ -129,7 +122,7 @@ class MessageScanner:
     def scans(self) -> Iterator[Scan]:
         """Yield a scan after each batch of joint states, and the rest at the end."""
         begin = 0
-        try:
+        with unreadable_on_error(self._storage.path):
             for index, (topic, kind, receive, raw) in enumerate(
                     self._storage.messages(_is_wanted)):
                 if not index:
@@ -148,11 +141,6 @@ class MessageScanner:
                     if reader.signal == 'joint_states':
                         yield self._scan()
             yield self._scan()
-        except InputError:
-            raise
-        # Corrupt files may raise anything in the storage libraries.
-        except Exception as error:
-            raise unreadable(self._storage.path, one_line(error)) from None
 
     def _scan(self) -> Scan:
         storage, readers = self._storage, self._topics.values()
@@ -176,62 +164,46 @@ class _TopicReader:
         self.messages: list[tuple[int, int, bytes]] = []    # (receive time in ns, index, payload)
         self.broken = 0                                     # messages that cannot be decoded
         self._joint = joint
-        self._names: dict[str, None] = {}
         self._tracks: list[Track] = []
 
     def decode(self) -> None:
-        """Decode the collected messages into a track, and release them.
-
-        If messages have arrays of different lengths, the shorter ones are padded with NaN.
-        """
+        """Decode the collected messages into a track, and release them."""
         receive, order, payloads = zip(*self.messages)
-        size = len(payloads)
-        stamps = np.zeros(size, dtype=np.int64)
-        values: dict[str, np.ndarray] = {}
-        broken: list[int] = []
+        times, orders = np.array(receive, dtype=np.int64), np.array(order, dtype=np.int64)
+        parts = []
         for index, names, fields in cdr.decode(
-                TOPICS[self.signal], [unpack(payload) for payload in payloads], broken):
-            if 'stamp' in fields:
-                stamps[index] = fields['stamp']
-            for key, columns in self._columns(names, fields):
-                width = columns.shape[1]
-                if key not in values:
-                    values[key] = np.full((size, width), np.nan)
-                missing = width - values[key].shape[1]
-                if missing > 0:
-                    values[key] = np.pad(
-                        values[key], ((0, 0), (0, missing)), constant_values=np.nan)
-                values[key][index, :width] = columns
-        self.broken += len(broken)
-        whole = np.delete(np.arange(size), broken)
-        if len(whole):
-            self._tracks.append(Track(
-                self.topic, self.signal, np.array(receive, dtype=np.int64)[whole], stamps[whole],
-                np.array(order, dtype=np.int64)[whole], list(self._names),
-                {key: value[whole] for key, value in values.items()}))
+                TOPICS[self.signal], [unpack(payload) for payload in payloads]):
+            names, values = self._values(names, fields)
+            stamps = fields.get('stamp', np.zeros(len(index), dtype=np.int64))
+            parts.append(Track(self.topic, self.signal, times[index], stamps, orders[index],
+                               list(names), values))
+        self.broken += len(payloads) - sum(map(len, parts))
         self.messages = []
+        if parts:
+            track = Track.concatenate(parts)
+            self._tracks.append(
+                track if len(parts) == 1 else track.take(np.argsort(track.order)))
 
-    def _columns(self, names: tuple[str, ...], fields: dict[str, Any]
-                 ) -> Iterator[tuple[str, np.ndarray]]:
-        """Yield each key of `Track.values` with its columns for messages of one layout."""
+    def _values(self, names: tuple[str, ...], fields: dict[str, np.ndarray]
+                ) -> tuple[tuple[str, ...], dict[str, np.ndarray]]:
+        """Return the names and values of a track for messages of one layout."""
         if 'data' in fields:
-            yield TORQUE_UNIT if names == (TORQUE_UNIT,) else '', fields['data'].astype(float)
-            return
-        if 'position' in fields:
-            # A single joint may have no name.
-            names = names or ('',) * min(fields['position'].shape[1], 1)
-        self._names.update(dict.fromkeys(names))
+            unit = TORQUE_UNIT if names == (TORQUE_UNIT,) else ''
+            return (), {unit: fields['data'].astype(float)}
+        if 'wrench' in fields:
+            return names, {names[0]: fields['wrench'][:, 5:6].copy()}
+        if 'temperature' in fields:
+            return names, {names[0]: fields['temperature'][:, :1].copy()}
+        # A single joint may have no name.
+        names = names or ('',) * min(fields['position'].shape[1], 1)
+        values = {}
         for k, name in enumerate(names):
-            if 'wrench' in fields:
-                yield name, fields['wrench'][:, 5:6]
-            elif 'temperature' in fields:
-                yield name, fields['temperature'][:, :1]
-            elif self._joint in (None, name) or not name:
-                columns = np.full((len(fields['position']), 3), np.nan)
+            if self._joint in (None, name) or not name:
+                values[name] = np.full((len(fields['position']), 3), np.nan)
                 for column, part in enumerate(('position', 'velocity', 'effort')):
                     if k < fields[part].shape[1]:
-                        columns[:, column] = fields[part][:, k]
-                yield name, columns
+                        values[name][:, column] = fields[part][:, k]
+        return names, values
 
     def take(self) -> Track | None:
         """Return the messages since the last call; None if there are none."""

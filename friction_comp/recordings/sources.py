@@ -10,7 +10,7 @@ from pathlib import Path
 
 from friction_comp.columns import Layout, TABLES
 from friction_comp.errors import InputError
-from friction_comp.recordings.scan import MessageScanner, Scan, Track
+from friction_comp.recordings.scan import MessageScanner
 from friction_comp.recordings.storage import AnyPath, is_split_recording, is_storage, METADATA
 from friction_comp.recordings.tables import is_table, TableScanner
 
@@ -92,20 +92,6 @@ def open_scanner(path: AnyPath, joint: str | None = None, layout: Layout | None 
     if path.is_file() and is_table(path):
         return TableScanner(path, layout, joint, **options)
     return MessageScanner(path, joint, **options)
-
-
-def scan_recording(path: AnyPath, progress: Progress | None = None, joint: str | None = None,
-                   layout: Layout | None = None) -> Scan:
-    """Read the signals of one recording; raises InputError if it cannot be read."""
-    scanner = open_scanner(path, joint, layout)
-    parts: dict[str, list[Track]] = {}
-    for scan in scanner.scans():
-        for track in scan.tracks:
-            parts.setdefault(track.topic, []).append(track)
-        if progress:
-            progress(scanner.progress)
-    scan.tracks = [Track.concatenate(tracks) for tracks in parts.values()]
-    return scan
 
 
 def recorded_joints(path: AnyPath, layout: Layout | None = None) -> list[str]:

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import closing, contextmanager, suppress
 from functools import partial
 from os import PathLike
 from pathlib import Path, PurePath
@@ -62,7 +62,7 @@ class Storage:
 
         Raises InputError if none of the files can be read, or wanted messages are not CDR.
         """
-        reasons = []
+        failed: list[tuple[str, str]] = []
         for index, file in enumerate(self.files):
             try:
                 with TemporaryDirectory() as folder, closing(_open(file, Path(folder))) as opened:
@@ -70,13 +70,11 @@ class Storage:
                         self.progress = (index + opened.progress) / len(self.files)
                         yield message
                     self._add_contents(file, opened)
-            except DamagedError as error:
-                reasons.append(f'{file.name}: {error}')
-            except OSError as error:
-                reasons.append(f'{file.name}: {error.strerror or error}')
-        if len(reasons) == len(self.files):
-            reason = '; '.join(reasons) if len(self.files) > 1 else reasons[0].split(': ', 1)[1]
-            raise unreadable(self.path, reason)
+            except (DamagedError, OSError) as error:
+                failed.append((file.name, getattr(error, 'strerror', None) or str(error)))
+        reasons = [f'{name}: {reason}' for name, reason in failed]
+        if len(failed) == len(self.files):
+            raise unreadable(self.path, '; '.join(reasons) if len(failed) > 1 else failed[0][1])
         self.notes.extend(f'{reason}: this file is missing' for reason in reasons)
 
     def _is_wanted(self, wanted: Wanted, opened: McapFile | SqliteFile, topic: str, kind: str
@@ -137,11 +135,26 @@ def unreadable(path: Path, reason: str) -> InputError:
     return InputError(f'{path}: not a readable recording: {reason}')
 
 
+@contextmanager
+def unreadable_on_error(path: Path) -> Iterator[None]:
+    """Raise the error for an unreadable recording instead of any other but InputError.
+
+    Corrupt files may raise anything in the libraries that read them.
+    """
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        raise unreadable(path, getattr(error, 'strerror', None) or one_line(error)) from None
+
+
 def unpack(payload: bytes) -> bytes:
-    """Return a message, decompressed if rosbag2 compressed it."""
-    if payload[:4] != _ZSTD:
-        return payload
-    return zstandard.ZstdDecompressor().decompressobj().decompress(payload)
+    """Return a message, decompressed if rosbag2 compressed it and it is not damaged."""
+    if payload[:4] == _ZSTD:
+        with suppress(zstandard.ZstdError):
+            return zstandard.ZstdDecompressor().decompressobj().decompress(payload)
+    return payload
 
 
 def _natural_key(path: Path) -> list[str | int]:

@@ -12,30 +12,26 @@ from collections.abc import Iterator, Sequence
 import csv
 import gzip
 import io
+from itertools import islice
 from pathlib import Path
 import re
-from typing import IO
-import zipfile
+from typing import Any, IO
 
 import numpy as np
 
-from friction_comp.columns import assign, Assignment, Layout, TABLES
-from friction_comp.errors import InputError, one_line
+from friction_comp.columns import assign, Assignment, Layout, TABLES, to_numbers
+from friction_comp.errors import InputError
 from friction_comp.files import write_atomically
 from friction_comp.recordings.scan import Scan, Track
-from friction_comp.recordings.storage import unreadable
+from friction_comp.recordings.storage import unreadable_on_error
 from friction_comp.samples import Samples
 from friction_comp.topics import TOPICS
 
 # Topic that corresponds to each column of a table besides the joint states and the reference.
 _TOPICS = {'load': 'interaction_wrench', 'temperature': 'motor_temperature',
            'command': 'current_command', 'direction': 'direction'}
-# Column to attribute of `Samples`; the effort is `current` with k_t = n = 1.
-_SIGNALS = {
-    'position': 'position', 'velocity': 'velocity', 'effort': 'current', 'command': 'command',
-    'direction': 'direction', 'load': 'load', 'temperature': 'temperature',
-    'reference_position': 'reference_position', 'reference_velocity': 'reference_velocity',
-}
+_SIGNALS = ('position', 'velocity', 'effort', 'command', 'direction', 'load', 'temperature',
+            'reference_position', 'reference_velocity')
 Columns = dict[str, np.ndarray]
 
 
@@ -52,17 +48,17 @@ class TableScanner:
                  batch: int = 250_000) -> None:
         self.progress = 0.0
         self._path, self._joint, self._batch = path, joint, batch
-        try:
-            self._table = _open(path)
-        except OSError as error:
-            raise InputError(f'{path}: cannot be read: {error.strerror or error}') from None
+        name = path.name.lower()
+        kind = _Parquet if name.endswith('.parquet') else _Npz if name.endswith('.npz') else _Csv
+        with unreadable_on_error(path):
+            self._table: _Csv | _Parquet | _Npz = kind(path)
         self._use = assign(self._table.names, layout, str(path))
 
     def scans(self) -> Iterator[Scan]:
         """Yield a scan of each block of rows."""
         wanted = [column.name for column in self._use.columns]
         rows = 0
-        try:
+        with unreadable_on_error(self._path):
             for columns, share in self._table.blocks(wanted, self._batch):
                 self.progress = share
                 size = len(columns[wanted[0]])
@@ -73,10 +69,6 @@ class TableScanner:
                                {track.topic: (TOPICS[track.topic], rows) for track in tracks},
                                list(self._use.notes),
                                effort_is_current=self._use.effort_is_current)
-        except InputError:
-            raise
-        except (OSError, EOFError, ValueError, zipfile.BadZipFile) as error:
-            raise unreadable(self._path, one_line(error)) from None
         if not rows:
             raise InputError(f'{self._path}: has no row below its header')
 
@@ -128,19 +120,13 @@ def _stamps(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return stamp, valid
 
 
-def _open(path: Path) -> _Csv | _Parquet | _Npz:
-    name = path.name.lower()
-    kind = _Parquet if name.endswith('.parquet') else _Npz if name.endswith('.npz') else _Csv
-    return kind(path)
-
-
 class _Csv:
     """A text file with one row per line; the separator is the most frequent one in its header."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        with self._stream() as stream:
-            lines = [line for _, line in zip(range(200), stream)]
+        with path.open('rb') as file:
+            lines = list(islice(self._text(file), 200))
         if any('\0' in line for line in lines):
             raise InputError(f'{path}: not a text file')
         # Skip comments before the header; numpy.savetxt writes the header itself as a comment.
@@ -168,29 +154,29 @@ class _Csv:
         cells = next(csv.reader([line.rstrip('\r\n')], delimiter=self._separator), [])
         return [cell.strip() for cell in cells]
 
-    def _stream(self) -> IO[str]:
-        if self._path.name.lower().endswith('.gz'):
-            return gzip.open(self._path, 'rt', encoding='utf-8-sig', errors='replace', newline='')
-        return self._path.open(encoding='utf-8-sig', errors='replace', newline='')
+    def _text(self, file: IO[bytes]) -> IO[str]:
+        """Return the text of the opened file."""
+        compressed = self._path.name.lower().endswith('.gz')
+        plain: Any = gzip.GzipFile(fileobj=file) if compressed else file
+        return io.TextIOWrapper(plain, encoding='utf-8-sig', errors='replace', newline='')
 
     def blocks(self, wanted: list[str], rows: int) -> Iterator[tuple[Columns, float]]:
         """Yield blocks of columns and the share of the file that has been read."""
         indices = [self.names.index(name) for name in wanted]
-        size = max(self._path.stat().st_size, 1)
-        read = 0
-        with self._stream() as stream:
-            for _ in range(self._skip):
-                stream.readline()
-            first_line = self._skip
-            while lines := [line for _, line in zip(range(rows), stream)]:
-                read += sum(map(len, lines))
-                yield dict(zip(wanted, self._parse(lines, indices, first_line).T)), min(
-                    read / size, 1.0)
+        size = self._path.stat().st_size
+        with self._path.open('rb') as file:
+            text = self._text(file)
+            first_line = sum(1 for _ in islice(text, self._skip))
+            while lines := list(islice(text, rows)):
+                columns = self._parse(lines, indices, first_line).T
+                # The position in the file, which may be compressed.
+                yield dict(zip(wanted, columns)), file.tell() / size
                 first_line += len(lines)
 
     def _parse(self, lines: list[str], indices: list[int], first_line: int) -> np.ndarray:
         """Return the selected cells, shape (rows, columns)."""
-        if self._separator == ';' and ',' in lines[0]:
+        if self._separator == ';':
+            # A comma between semicolons is a decimal one.
             lines = [line.replace(',', '.') for line in lines]
         try:
             return np.loadtxt(lines, delimiter=self._separator, usecols=indices, ndmin=2,
@@ -235,29 +221,25 @@ class _Parquet:
     """A Parquet file, read with pyarrow."""
 
     def __init__(self, path: Path) -> None:
-        try:
-            from pyarrow import ArrowException
-            from pyarrow.parquet import ParquetFile
-        except ModuleNotFoundError:
-            raise _without_pyarrow(path) from None
-        try:
-            self._file = ParquetFile(path)
-        except ArrowException as error:
-            raise unreadable(path, one_line(error)) from None
-        self._path = path
+        self._file, self._path = _pyarrow(path).parquet.ParquetFile(path), path
         self.names: list[str] = list(self._file.schema_arrow.names)
 
     def blocks(self, wanted: list[str], rows: int) -> Iterator[tuple[Columns, float]]:
         read, total = 0, max(self._file.metadata.num_rows, 1)
         for batch in self._file.iter_batches(batch_size=rows, columns=list(dict.fromkeys(wanted))):
             read += batch.num_rows
-            yield {name: _numbers(batch.column(name).to_numpy(zero_copy_only=False), name,
-                                  self._path) for name in wanted}, read / total
+            yield {name: to_numbers(batch.column(name).to_numpy(zero_copy_only=False), name,
+                                    self._path) for name in wanted}, read / total
 
 
-def _without_pyarrow(path: Path) -> InputError:
-    return InputError(f'{path}: Parquet files need pyarrow: pip install '
-                      '"friction_comp[parquet]", or pip install pyarrow')
+def _pyarrow(path: Path) -> Any:
+    """Return the library for Parquet files; raises InputError if it is not installed."""
+    try:
+        import pyarrow.parquet
+    except ModuleNotFoundError:
+        raise InputError(f'{path}: Parquet files need pyarrow: pip install '
+                         '"friction_comp[parquet]", or pip install pyarrow') from None
+    return pyarrow
 
 
 class _Npz:
@@ -265,18 +247,14 @@ class _Npz:
 
     def __init__(self, path: Path) -> None:
         self._columns: Columns = {}
-        try:
-            with np.load(path, allow_pickle=False) as file:
-                arrays = {name: file[name] for name in file.files}
-        except (ValueError, EOFError, zipfile.BadZipFile, AttributeError, KeyError) as error:
-            raise unreadable(path, one_line(error)) from None
-        for name, values in arrays.items():
-            if values.ndim == 1:
-                self._columns[name] = _numbers(values, name, path)
-            elif values.ndim == 2:
-                self._columns.update({f'{name}_{k + 1}': _numbers(values[:, k], name, path)
-                                      for k in range(values.shape[1])})
         self._path = path
+        with np.load(path, allow_pickle=False) as file:
+            for name, values in file.items():
+                if values.ndim == 1:
+                    self._columns[name] = values
+                elif values.ndim == 2:
+                    self._columns.update({f'{name}_{k + 1}': column
+                                          for k, column in enumerate(values.T)})
         self.names = list(self._columns)
 
     def blocks(self, wanted: list[str], rows: int) -> Iterator[tuple[Columns, float]]:
@@ -287,18 +265,8 @@ class _Npz:
                 f'{name} {count}' for name, count in sizes.items()))
         for first in range(0, size, rows):
             part = slice(first, first + rows)
-            yield ({name: self._columns[name][part] for name in wanted},
-                   min((first + rows) / size, 1.0))
-
-
-def _numbers(values: np.ndarray, name: str, path: Path) -> np.ndarray:
-    """Return a column as float; dates are converted to s."""
-    if np.issubdtype(values.dtype, np.datetime64):
-        return values.astype('datetime64[ns]').astype(np.int64) * 1e-9
-    try:
-        return values.astype(float)
-    except (TypeError, ValueError):
-        raise InputError(f'{path}: column {name!r} does not contain numbers') from None
+            yield ({name: to_numbers(self._columns[name][part], name, self._path)
+                    for name in wanted}, min((first + rows) / size, 1.0))
 
 
 def table_of(joints: Sequence[Samples]) -> dict[str, np.ndarray]:
@@ -309,8 +277,8 @@ def table_of(joints: Sequence[Samples]) -> dict[str, np.ndarray]:
     columns = {'time': joints[0].time}
     for samples in joints:
         prefix = f'{samples.joint}.' if samples.joint else ''
-        for name, signal in _SIGNALS.items():
-            values = getattr(samples, signal)
+        for name in _SIGNALS:
+            values = getattr(samples, 'current' if name == 'effort' else name)
             if values is not None:
                 columns[prefix + name] = values
     return columns
@@ -330,12 +298,8 @@ def write_table(path: Path, joints: Sequence[Samples]) -> None:
     if name.endswith('.npz'):
         np.savez_compressed(stream, **columns)  # type: ignore[arg-type] # its allow_pickle
     elif name.endswith('.parquet'):
-        try:
-            from pyarrow import table
-            from pyarrow.parquet import write_table as write
-        except ModuleNotFoundError:
-            raise _without_pyarrow(path) from None
-        write(table(columns), stream)
+        arrow = _pyarrow(path)
+        arrow.parquet.write_table(arrow.table(columns), stream)
     elif name.endswith('.csv'):
         stream.write((','.join(columns) + '\n').encode())
         np.savetxt(stream, np.column_stack(list(columns.values())), delimiter=',',

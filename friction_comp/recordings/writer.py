@@ -4,9 +4,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 import os
 from pathlib import Path
 import shutil
@@ -30,8 +30,6 @@ _INFINITE = {'sec': 9223372036, 'nsec': 854775807}
 _MIN_SIZE, _MIN_DURATION = 10_000, 0.1
 _COMPRESSIONS = ('none', 'message', 'storage')
 _CHUNK = 1 << 20
-# Number of bytes that may wait for a slow disk before `flush` blocks.
-_MAX_PENDING = 1 << 28
 
 
 def qos_profile(reliability: str = 'reliable', durability: str = 'volatile') -> Qos:
@@ -45,15 +43,15 @@ def qos_profile(reliability: str = 'reliable', durability: str = 'volatile') -> 
 class RecordingWriter:
     """A rosbag2 folder with mcap storage that is readable at any time while it is written.
 
-    Messages are collected in chunks. Each chunk has a checksum, and is written whole and synced
-    when it is full or `flush` is called. If the process is killed, only messages after the last
-    chunk are lost; a full disk loses nothing that was written. ``metadata.yaml`` exists from the
-    beginning and lists every file.
+    Messages are collected in chunks. Each chunk has a checksum, and is written whole when it is
+    full or `flush` is called; a thread syncs it to the disk. If the process is killed, only
+    messages after the last chunk are lost; a full disk loses nothing that was written.
+    ``metadata.yaml`` exists from the beginning and lists every file.
 
     Parameters
     ----------
     path : path-like
-        Folder to create; it must not exist.
+        Folder to create at once; it must not exist.
     custom_data : dict of str, optional
         Stored in metadata.yaml. ``model_file`` is the active model.
     compression : str, optional
@@ -93,18 +91,19 @@ class RecordingWriter:
         self._types = get_typestore(Stores.ROS2_JAZZY)
         self._topics: dict[str, tuple[str, str, list[Qos]]] = {}
         self._files: list[_McapFile] = []
-        self._is_open = False
+        self._is_open = True
         self.message_count = 0
-        if self.path.exists():
-            raise InputError(f'{self.path}: already exists, a recording needs a new folder')
-
-    def __enter__(self) -> RecordingWriter:
         try:
             self.path.mkdir(parents=True)
+        except FileExistsError:
+            raise InputError(
+                f'{self.path}: already exists, a recording needs a new folder') from None
+        except OSError as error:
+            raise InputError(f'{self.path}: cannot be written: {error.strerror or error}') from None
+        with self._closed_on_error():
             self._begin_file()
-        except (OSError, InputError) as error:
-            raise self._close_with_error(error) from None
-        self._is_open = True
+
+    def __enter__(self) -> RecordingWriter:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, value: BaseException | None,
@@ -135,8 +134,7 @@ class RecordingWriter:
                 raise InputError(f'{type_name}: not a message type of ROS 2 Jazzy')
             definition, _ = self._types.generate_msgdef(type_name, ros_version=2)
             self._topics[name] = type_name, definition, list(qos) or [qos_profile()]
-            if self._is_open:
-                self._files[-1].declare(name, *self._topics[name])
+            self._files[-1].declare(name, *self._topics[name])
         return name
 
     def write(self, topic: str, type_name: str, stamp_ns: int, cdr: bytes) -> None:
@@ -148,35 +146,23 @@ class RecordingWriter:
             If writing fails, for instance because the disk is full. The recording is then closed,
             and what was written before can be read.
         """
-        name = self.add_topic(topic, type_name)
         if not self._is_open:
             raise InputError(f'{self.path}: the recording is closed')
+        name = self.add_topic(topic, type_name)
         if self._compression == 'message':
             cdr = zstandard.compress(cdr)
-        try:
+        with self._closed_on_error():
             if self._is_full(stamp_ns):
                 self._finish_file()
                 self._begin_file()
             self._files[-1].write(name, int(stamp_ns), cdr)
-        except (OSError, InputError) as error:
-            raise self._close_with_error(error) from None
         self.message_count += 1
 
-    def flush(self, wait: bool = False) -> None:
-        """End the current chunk and write it; raises InputError as `write` does.
-
-        Parameters
-        ----------
-        wait : bool
-            Whether to wait until it is written, so that it survives the end of this process.
-        """
+    def flush(self) -> None:
+        """End the current chunk and write it; raises InputError as `write` does."""
         if self._is_open:
-            try:
+            with self._closed_on_error():
                 self._files[-1].flush()
-                if wait:
-                    self._files[-1].stream.wait()
-            except OSError as error:
-                raise self._close_with_error(error) from None
 
     def close(self) -> None:
         """Finish the recording.
@@ -191,13 +177,11 @@ class RecordingWriter:
         if not self.message_count:
             self.abort()
             raise InputError(f'{self.path}: nothing was recorded, so nothing is written')
-        try:
+        with self._closed_on_error():
             self._finish_file()
             for file in self._files:
                 file.stream.join()
             self._save_metadata()
-        except (OSError, InputError) as error:
-            raise self._close_with_error(error) from None
         self._is_open = False
 
     def abort(self) -> None:
@@ -234,14 +218,18 @@ class RecordingWriter:
             with suppress(OSError):
                 file.stream.join()
 
-    def _close_with_error(self, error: OSError | InputError) -> InputError:
-        """Close the files, delete the recording if it has no message, and return the error."""
-        self._drop_files()
-        kept = '; what was written before can be read' if self.message_count else ''
-        if not kept:
-            shutil.rmtree(self.path, ignore_errors=True)
-        reason = getattr(error, 'strerror', None) or error
-        return InputError(f'{self.path}: cannot be written: {reason}{kept}')
+    @contextmanager
+    def _closed_on_error(self) -> Iterator[None]:
+        """After an error, close the files, and delete the recording if it has no message."""
+        try:
+            yield
+        except (OSError, InputError) as error:
+            self._drop_files()
+            kept = '; what was written before can be read' if self.message_count else ''
+            if not kept:
+                shutil.rmtree(self.path, ignore_errors=True)
+            reason = getattr(error, 'strerror', None) or error
+            raise InputError(f'{self.path}: cannot be written: {reason}{kept}') from None
 
     def _metadata(self, files: Sequence[_McapFile]) -> dict[str, Any]:
         counts = {topic: sum(file.counts.get(topic, 0) for file in files)
@@ -303,7 +291,7 @@ class _McapFile:
         self.last = time if self.last is None else max(self.last, time)
 
     def flush(self) -> None:
-        """End the chunk and begin to write it."""
+        """End the chunk and write it."""
         self._writer.flush()
         self.stream.flush()
 
@@ -317,20 +305,18 @@ class _McapFile:
 
 
 class _SyncedFile:
-    """A new file that a thread writes block by block and syncs to the disk.
+    """A new file that is written in whole blocks, which a thread syncs to the disk.
 
-    Data are collected in memory until `flush`. The thread then writes and syncs them, so that a
-    slow disk does not block the caller; further blocks wait in memory meanwhile. If a block cannot
-    be written, for instance because the disk is full, the file is truncated to the blocks before
-    it.
+    Data are collected in memory until `flush`. If a block cannot be written, for instance because
+    the disk is full, the file is truncated to the blocks before it.
     """
 
     def __init__(self, path: Path) -> None:
         self._file = path.open('xb', buffering=0)
         self._block = bytearray()
-        self._size = self._written = 0
-        self._failure: OSError | None = None
+        self._written = 0
         self._thread = ThreadPoolExecutor(1)
+        self._sync = self._thread.submit(lambda: None)
 
     def write(self, data: bytes) -> int:
         """Append to the current block."""
@@ -341,51 +327,40 @@ class _SyncedFile:
 
     def tell(self) -> int:
         """Return the size, including what is not yet written."""
-        return self._size + len(self._block)
+        return self._written + len(self._block)
 
     def flush(self) -> None:
-        """End the block and hand it to the thread; raises OSError if an earlier block failed."""
-        if self._failure is not None:
-            raise self._failure
-        block, self._block = bytes(self._block), bytearray()
-        self._size += len(block)
-        self._thread.submit(self._write, block)
-        if self._size - self._written > _MAX_PENDING:
-            self.wait()
+        """Write the block, and begin to sync unless that is under way; raises OSError if it fails.
 
-    def wait(self) -> None:
-        """Wait until all blocks are written; raises OSError if one could not be."""
-        # The single thread runs its tasks in order: this empty one ends after all blocks.
-        self._thread.submit(lambda: None).result()
-        if self._failure is not None:
-            raise self._failure
-
-    def close(self) -> None:
-        """Close the file after the remaining blocks; `join` waits for it."""
-        self._thread.submit(self._file.close)
-        self._thread.shutdown(wait=False)
-
-    def join(self) -> None:
-        """Wait until all blocks are written, and close; raises OSError if one could not be."""
-        self._thread.shutdown()
-        self._file.close()
-        if self._failure is not None:
-            raise self._failure
-
-    def _write(self, block: bytes) -> None:
-        if self._failure is not None:
-            return
-        remaining = memoryview(block)
+        Data survive the end of this process from then on, and that of the machine once synced.
+        """
+        remaining, self._block = memoryview(self._block), bytearray()
+        size = len(remaining)
         try:
             while remaining:
                 remaining = remaining[self._file.write(remaining):]
-            self._written += len(block)
-            # Sync only after the last waiting block, once for all.
-            if self._written == self._size:
-                os.fsync(self._file.fileno())
-        except OSError as error:
-            self._failure = error
+        except OSError:
             self._file.truncate(self._written)
+            raise
+        self._written += size
+        if self._sync.done():
+            self._sync.result()
+            self._sync = self._thread.submit(os.fsync, self._file.fileno())
+
+    def close(self) -> None:
+        """Begin to sync and close the file; `join` waits for it."""
+        self._sync = self._thread.submit(self._sync_and_close)
+        self._thread.shutdown(wait=False)
+
+    def join(self) -> None:
+        """Wait until the file is synced, and close it; raises OSError if the sync failed."""
+        self._thread.shutdown()
+        self._file.close()
+        self._sync.result()
+
+    def _sync_and_close(self) -> None:
+        os.fsync(self._file.fileno())
+        self._file.close()
 
 
 def _span(files: Sequence[_McapFile]) -> dict[str, Any]:

@@ -34,8 +34,8 @@ def main(argv: list[str] | None = None) -> int:
         raise InputError(f'{output}: is the recording itself')
     with progress('reading') as report:
         joints, notes = read_joints(
-            arguments.recording, [arguments.joint] if arguments.joint is not None else None,
-            lambda share: report(0.5 * share), layout_of(arguments))
+            arguments.recording, arguments.joint, lambda share: report(0.5 * share),
+            layout_of(arguments))
         report(0.5, 'writing')
         output.parent.mkdir(parents=True, exist_ok=True)
         if to_table:
