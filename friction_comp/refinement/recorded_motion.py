@@ -57,7 +57,7 @@ def plain_columns(samples: Samples, transitions: Sequence[float],
 
 def candidate_settings(samples: Samples) -> list[dict[str, Any]]:
     """Return the differentiation settings to compare."""
-    rate = 1.0 / max(samples.sample_time, 1e-9)
+    rate = 1.0 / samples.sample_time
     values = [*(value for value in _BANDWIDTHS if value <= 0.3 * rate), None]
     recorded = samples.velocity is not None and np.any(samples.velocity)
     sources = ('position', 'velocity') if recorded else ('position',)
@@ -113,7 +113,7 @@ def in_motion(samples: Samples, unusable: np.ndarray, slowest: float,
     for part in samples.segments():
         ends[[part.start, part.stop - 1]] = True
     filter_samples = round(0.5 / (bandwidth * samples.sample_time)) if bandwidth else 0
-    rest_samples = round(thresholds.REST / max(samples.sample_time, 1e-9))
+    rest_samples = round(thresholds.REST / samples.sample_time)
     starts = maximum_filter1d(long_rests(still, rest_samples), 2 * rest_samples + 1)
     starts &= speed < thresholds.PRESLIDING_SPEED * np.percentile(speed, 95)
     blurred = 2 * filter_samples + 1
@@ -122,8 +122,11 @@ def in_motion(samples: Samples, unusable: np.ndarray, slowest: float,
         if remaining.sum() > 0.8 * moving.sum():
             moving = remaining
     if moving.sum() < thresholds.FEWEST_SAMPLES:
-        raise InputError('the joint hardly moves in the recordings: '
-                         f'{int(moving.sum())} samples of motion are too few')
+        limited = (unusable & ~still).sum() >= thresholds.FEWEST_SAMPLES
+        raise InputError(
+            ('the current is at a limit in nearly all motion of the recordings: '
+             if limited else 'the joint hardly moves in the recordings: ')
+            + f'{int(moving.sum())} samples of motion are too few')
     return moving
 
 
@@ -133,7 +136,7 @@ def blocks_of(samples: Samples, start: np.ndarray) -> np.ndarray:
     An edge between two blocks is moved to the nearest gap or recording's end within a third of a
     block.
     """
-    parts = samples.segments(max(0.5 / max(samples.sample_time, 1e-9), 20.0))
+    parts = samples.segments(max(0.5 / samples.sample_time, 20.0))
     run = np.searchsorted([part.start for part in parts], start, side='right')
     size, count = len(start), int(thresholds.BLOCKS)
     run_edges = np.nonzero(np.diff(run))[0] + 1
