@@ -73,12 +73,14 @@ class Move:
         return 2.0 * self.ramp + self.cruise
 
 
-def sample_moves(moves: Sequence[Move], start: float, time: np.ndarray
-                 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return position, velocity and acceleration, each (N,), of moves and rests between them.
+def samples_of(moves: Sequence[Move], start: float, seconds: float, rate: float,
+               joint: str) -> Samples:
+    """Return moves and rests between them sampled at a rate in Hz, with zero current.
 
-    The moves are in the order of time, and `start` is the position before the first, rad.
+    The moves are in the order of time, and `start` is the position before the first, rad. The last
+    sample is at the end or just after it.
     """
+    time = np.arange(math.ceil(seconds * rate - 1e-9) + 1) / rate
     position = np.full(len(time), start)
     velocity, acceleration = np.zeros(len(time)), np.zeros(len(time))
     for move in moves:
@@ -98,7 +100,8 @@ def sample_moves(moves: Sequence[Move], start: float, time: np.ndarray
         velocity[first:stop] = side * speed
         acceleration[first:stop] = side * np.where(before < after, slope, -slope)
         position[stop:] = move.start + move.distance
-    return position, velocity, acceleration
+    return Samples(time=time, position=position, velocity=velocity, acceleration=acceleration,
+                   current=np.zeros(len(time)), joint=joint)
 
 
 def _ramp_distance(move: Move, share: np.ndarray) -> np.ndarray:
@@ -128,15 +131,6 @@ def trajectory_of(plans: Sequence[JointPlan], rate: float) -> Trajectory:
     states = [np.column_stack([getattr(one, name) for one in motions])
               for name in ('position', 'velocity', 'acceleration')]
     return Trajectory(tuple(plan.limits.joint for plan in plans), motions[0].time, *states)
-
-
-def samples_of(moves: Sequence[Move], start: float, seconds: float, rate: float,
-               joint: str) -> Samples:
-    """Return moves sampled at a rate in Hz, up to the end at least, with zero current."""
-    time = np.arange(math.ceil(seconds * rate - 1e-9) + 1) / rate
-    position, velocity, acceleration = sample_moves(moves, start, time)
-    return Samples(time=time, position=position, velocity=velocity, acceleration=acceleration,
-                   current=np.zeros(len(time)), joint=joint)
 
 
 def moves_of_shape(shape: Sequence[float] | np.ndarray, limits: JointLimits, seconds: float,
