@@ -9,17 +9,14 @@ from datetime import date, datetime, timezone
 import math
 from pathlib import Path
 import re
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from friction_comp.evaluation.ensemble import grid, LEAD
-from friction_comp.evaluation.movements import measured_velocity, spectral_arc_length
-
-if TYPE_CHECKING:
-    from friction_comp.evaluation.movements import Movement
-    from friction_comp.recordings import RecordingInfo
-    from friction_comp.samples import Samples
+from friction_comp.evaluation.movements import measured_velocity, Movement, spectral_arc_length
+from friction_comp.recordings import RecordingInfo
+from friction_comp.samples import Samples
 
 # Time by which a joint may start before the movement of the reference, s.
 EARLY = 0.5
@@ -130,9 +127,8 @@ class Repetition:
         return self.compensation, self.movement.sign, self.movement.direction, self.duration_class
 
 
-def measure(samples: Samples, movement: Movement, name: str = '',
-            info: RecordingInfo | None = None,
-            residual: np.ndarray | None = None) -> Repetition:
+def measure(samples: Samples, movement: Movement, name: str, info: RecordingInfo | None,
+            residual: np.ndarray | None) -> Repetition:
     """Measure one movement of a recording.
 
     `info` contains the date and the active law and model; `residual` is the current by a model

@@ -39,7 +39,6 @@ class RefineResult:
     report: dict[str, Any]  # the content of report.json
     model: FrictionModel  # the refined model, fitted to all usable samples
     start: FrictionModel  # the initial model
-    given: bool  # whether it was given, and not fitted to the recordings
     samples: Samples  # all, with velocity and acceleration
     usable: np.ndarray  # (N,): which samples are in motion and fitted
     # (N,): residual of parts that were not fitted, by the initial and by the refined model, A.
@@ -101,8 +100,7 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
     report = report_of(problem, fit, refined, (own_before, before), (own_after, after),
                        unit or ('A' if declared else 'N·m'), keep_start)
     return RefineResult(
-        report, refined, start, model is not None, rows.samples, rows.usable, before, after,
-        rows.coverage)
+        report, refined, start, rows.samples, rows.usable, before, after, rows.coverage)
 
 
 def select_named(fit: Fit) -> Fit:

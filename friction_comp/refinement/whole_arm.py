@@ -109,7 +109,7 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
     refined = list(only or names)
     results: dict[str, RefineResult] = {}
     for index, name in enumerate(refined):
-        def report_joint(share: Any, word: Any, index: Any = index, name: Any = name) -> None:
+        def report_joint(share: float, word: str, index: int = index, name: str = name) -> None:
             report(_BODIES + (1.0 - _BODIES) * (index + share) / len(refined), f'{name}: {word}')
         samples = Samples.concatenate(recorded[name])
         samples = samples.with_(rigid_body=fit.torque(samples))
