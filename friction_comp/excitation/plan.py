@@ -189,12 +189,8 @@ def plan_joint(limits: JointLimits, pairs: Sequence[Pair], seconds: float, seed:
 
     def separation(shape: np.ndarray, own: JointLimits) -> dict[Pair, float]:
         start, moves = moves_of_shape(shape, own, seconds, points)
-        try:
-            return separations(samples_of(moves, start, seconds, _EVALUATED, own.joint), pairs,
-                               coverage)
-        except InputError:
-            # There is hardly any motion.
-            return dict.fromkeys(pairs, 0.0)
+        return separations(samples_of(moves, start, seconds, _EVALUATED, own.joint), pairs,
+                           coverage)
 
     def cost(shape: np.ndarray) -> float:
         shares = list(separation(shape, limits).values())
