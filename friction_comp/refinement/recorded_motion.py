@@ -13,7 +13,7 @@ import math
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
+from scipy.ndimage import grey_opening, maximum_filter1d
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
@@ -89,15 +89,6 @@ def standstill_speed(samples: Samples) -> float:
     return float(min(max(0.01 * top, noise), 0.05 * top))
 
 
-def long_rests(still: np.ndarray, length: int) -> np.ndarray:
-    """Return which samples are in a standstill of at least `length` samples, shape (N,)."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], still, [False])).astype(int)))
-    result = np.zeros(len(still), dtype=bool)
-    for first, stop in zip(edges[::2], edges[1::2]):
-        result[first:stop] = stop - first >= length
-    return result
-
-
 def in_motion(samples: Samples, unusable: np.ndarray, slowest: float,
               bandwidth: float | None) -> np.ndarray:
     """Return which samples show friction: the joint moves, and the filter does not blur its motion.
@@ -114,7 +105,9 @@ def in_motion(samples: Samples, unusable: np.ndarray, slowest: float,
         ends[[part.start, part.stop - 1]] = True
     filter_samples = round(0.5 / (bandwidth * samples.sample_time)) if bandwidth else 0
     rest_samples = round(thresholds.REST / samples.sample_time)
-    starts = maximum_filter1d(long_rests(still, rest_samples), 2 * rest_samples + 1)
+    # Opening removes runs that are shorter than a rest.
+    rest = grey_opening(still, max(rest_samples, 1), mode='constant')
+    starts = maximum_filter1d(rest, 2 * rest_samples + 1)
     starts &= speed < thresholds.PRESLIDING_SPEED * np.percentile(speed, 95)
     blurred = 2 * filter_samples + 1
     for mask in (maximum_filter1d(still, blurred), maximum_filter1d(ends, blurred), starts):
