@@ -32,8 +32,8 @@ from friction_comp.trajectory import Trajectory
 SHAPE = ((0.01, 0.5), (0.3, 4.0), (1.0, 15.0), (0.05, 3.0), (0.05, 1.2))
 # Share of the limits that is used: controllers interpolate and overshoot.
 MARGIN = 0.95
-SHORTEST = 20.0         # s, below which a plan has too few moves to be planned
-LONGEST = 1800.0        # s, beyond which it holds more moves than points are drawn
+# Shortest plan, s: below, it has too few moves; longest: beyond, it has more than points are drawn.
+_SHORTEST, _LONGEST = 20.0, 1800.0
 _POINTS, _EVALUATED = 2048, 50.0
 _POPULATION, _GENERATIONS = 6, 10
 # Factor by which a plan that needs too much effort is slowed down, and how often.
@@ -43,7 +43,7 @@ _MEAN = 0.3
 # Steepest slope of u³(10 - 15u + 6u²), the profile with which speed rises.
 _STEEPEST = 1.875
 # Shortest time in which speed rises, s: it limits jerk, in short moves too.
-_SHORTEST = 0.1
+_LEAST_RAMP = 0.1
 _SPEEDS, _HARMONICS = 8, 5
 
 
@@ -63,8 +63,8 @@ class Move:
                acceleration: float) -> Move:
         """Return a move at a speed, or at the highest one that distance and acceleration allow."""
         distance = abs(end - start)
-        speed = min(speed, math.sqrt(distance * acceleration / _STEEPEST), distance / _SHORTEST)
-        ramp = max(_STEEPEST * speed / acceleration, _SHORTEST)
+        speed = min(speed, math.sqrt(distance * acceleration / _STEEPEST), distance / _LEAST_RAMP)
+        ramp = max(_STEEPEST * speed / acceleration, _LEAST_RAMP)
         return cls(begin, start, end - start, speed, ramp, max(distance / speed - ramp, 0.0))
 
     @property
@@ -180,10 +180,10 @@ def plan_joint(limits: JointLimits, pairs: Sequence[Pair], seconds: float, seed:
     InputError
         If there is too little or too much time, or the effort limit cannot be kept.
     """
-    if seconds < SHORTEST:
-        raise InputError(f'{seconds:g} s are too short for a plan: at least {SHORTEST:g} s')
-    if seconds > LONGEST:
-        raise InputError(f'{seconds:g} s are too long for a plan: at most {LONGEST:g} s')
+    if seconds < _SHORTEST:
+        raise InputError(f'{seconds:g} s are too short for a plan: at least {_SHORTEST:g} s')
+    if seconds > _LONGEST:
+        raise InputError(f'{seconds:g} s are too long for a plan: at most {_LONGEST:g} s')
     coverage = coverage_within(limits, seconds, 1.0 / _EVALUATED)
     points = qmc.Sobol(3, scramble=True, seed=seed).random(_POINTS)
 

@@ -22,11 +22,14 @@ from friction_comp.model.differentiation import differentiate, METHOD
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.block_sums import held_out_error, sums_of
 from friction_comp.samples import Samples
+from friction_comp.statistics import rms
 
 _BANDWIDTHS = (5.0, 10.0, 20.0, 40.0, 80.0, 120.0, 200.0)
 _EXCERPT = 150_000
 # Shares of the top speed over which friction may change sign.
 TRANSITIONS = (0.3, 0.1, 0.03, 0.01, 0.003)
+# Share of the top speed above which a smooth velocity is right.
+_FAST = 0.1
 
 
 def plain_columns(samples: Samples, transitions: Sequence[float],
@@ -85,7 +88,7 @@ def standstill_speed(samples: Samples) -> float:
     speed = np.abs(np.asarray(samples.velocity))
     top = float(np.percentile(speed, 95))
     quiet = speed[speed < 0.02 * top]
-    noise = 3.0 * float(np.sqrt(np.mean(quiet ** 2))) if quiet.size > 50 else 0.0
+    noise = 3.0 * rms(quiet) if quiet.size > 50 else 0.0
     return float(min(max(0.01 * top, noise), 0.05 * top))
 
 
@@ -162,7 +165,7 @@ def smooth_motion(samples: Samples, unusable: np.ndarray) -> tuple[Samples, np.n
     moved = differentiate(samples, smooth)
     usable = in_motion(moved, unusable, standstill_speed(moved), smooth['bandwidth'])
     speed = np.abs(np.asarray(moved.velocity))
-    fast = usable & (speed > TRANSITIONS[1] * np.percentile(speed[usable], 95))
+    fast = usable & (speed > _FAST * np.percentile(speed[usable], 95))
     # A smooth velocity is wrong where friction changes its sign.
     usable = fast if fast.sum() > 0.5 * usable.sum() else usable
     return moved, row_starts(samples, usable, 1)[::max(1, int(usable.sum()) // 12000)]
