@@ -20,13 +20,13 @@ from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.best_fit import find_best_fit, Fit, fit_eq6_alone, Problem
 from friction_comp.refinement.effect_columns import eq6_columns, EQ6_LINEAR, MAX_SHIFT, Table, Term
-from friction_comp.refinement.judge import rms
 from friction_comp.refinement.prepare import join
 from friction_comp.refinement.recorded_motion import settings_for_arm
 from friction_comp.refinement.report import report_of
 from friction_comp.refinement.search import adjust_constants, at_limit
 from friction_comp.refinement.stability import intervals, LeftOutThirds, repeat_search
 from friction_comp.samples import Samples
+from friction_comp.statistics import rms
 
 _STEEPNESSES = 16
 _MOST_SAMPLES = 30_000

@@ -21,10 +21,10 @@ from friction_comp.refinement.judge import (
     findings,
     in_unit,
     noise_floor,
-    rms,
     verdict_of,
 )
 from friction_comp.refinement.stability import LeftOutThirds, Parameter
+from friction_comp.statistics import rms
 
 _MOST_PAIRS = 8
 
