@@ -100,7 +100,7 @@ def constants_of_the_grid():
     """Leave constants where the grid has them."""
     from friction_comp.refinement.search import _with_current_loads
 
-    everywhere('adjust_constants', lambda table, terms, rounds=3, only=None: _with_current_loads(
+    everywhere('adjust_constants', lambda table, terms, rounds: _with_current_loads(
         table, list(terms)))
 
 
