@@ -17,7 +17,7 @@ from friction_comp.excitation.plan import (
     fourier_series,
     moves_of_shape,
     plan_joint,
-    sample_moves,
+    samples_of,
     SHAPE,
     staircase,
 )
@@ -36,7 +36,8 @@ def leaves(limits, rng):
     """Tell whether a random plan leaves its limits, by finite differences at 1 kHz as well."""
     shape = [rng.uniform(low, high) for low, high in SHAPE]
     start, moves = moves_of_shape(shape, limits, 60.0, rng.uniform(size=(512, 3)))
-    q, v, a = sample_moves(moves, start, np.arange(60_001) / 1000.0)
+    motion = samples_of(moves, start, 60.0, 1000.0, 'j')
+    q, v, a = motion.position, motion.velocity, motion.acceleration
     return bool(q.min() < limits.lowest or q.max() > limits.highest
                 or max(np.abs(v).max(), 1e3 * np.abs(np.diff(q)).max()) > limits.velocity
                 or max(np.abs(a).max(), 1e6 * np.abs(np.diff(q, 2)).max()) > limits.acceleration)

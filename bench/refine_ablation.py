@@ -100,7 +100,7 @@ def constants_of_the_grid():
     """Leave constants where the grid has them."""
     from friction_comp.refinement.search import _with_current_loads
 
-    everywhere('adjust_constants', lambda table, terms, rounds=3, only=None: _with_current_loads(
+    everywhere('adjust_constants', lambda table, terms, rounds: _with_current_loads(
         table, list(terms)))
 
 
@@ -132,7 +132,7 @@ RULES = {
         'maximum_filter1d', lambda mask, size: np.zeros_like(mask)),
     'load by mechanics': lambda: everywhere(
         'load_coefficient', lambda samples, unusable, drive: 0.0),
-    'fast samples choose motion': lambda: everywhere('TRANSITIONS', (0.3, 0.0, 0.03, 0.01, 0.003)),
+    'fast samples choose motion': lambda: everywhere('_FAST', 0.0),
     'six of a kind compared': lambda: everywhere('SHORTLIST', 1.0),
     'at most 14': lambda: everywhere('MOST_EFFECTS', 99.0)}
 

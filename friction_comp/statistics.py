@@ -25,6 +25,11 @@ def holm(p_values: Sequence[float]) -> np.ndarray:
     return adjusted
 
 
+def rms(values: np.ndarray) -> float:
+    """Return the root mean square; NaN of an empty array."""
+    return float(np.sqrt(np.mean(np.square(values)))) if np.size(values) else np.nan
+
+
 def robust_std(values: np.ndarray, axis: int | None = None) -> Any:
     """Return the standard deviation about zero, estimated from the median of the magnitudes."""
     return 1.4826 * np.median(np.abs(values), axis=axis)

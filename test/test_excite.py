@@ -113,6 +113,10 @@ def test_separation_sees_what_cannot_be_told_apart():
                           coverage_within(limits, 40.0, 0.02))[pairs[0]]
               for limits in (ELBOW, narrow)]
     assert shares[1] < 0.1 * shares[0]
+    # Motion that counts as standstill, far below the limit of velocity, separates nothing.
+    short = JointLimits('j', -0.01, 0.01, 6.0, 20.0)
+    assert separations(fourier_series(short, 40.0, 50.0, 0), pairs,
+                       coverage_within(short, 40.0, 0.02)) == {pairs[0]: 0.0}
 
 
 @pytest.mark.slow

@@ -60,6 +60,15 @@ def test_too_little_is_refused_in_one_line(parts, words):
     assert '\n' not in str(caught.value)
 
 
+@pytest.mark.parametrize(('change', 'words'), [
+    ({'current': np.zeros(4000)}, 'current is zero'),
+    ({'current': np.sign(swings(1).velocity)}, 'at a limit in nearly all motion'),
+    ({'time': np.zeros(4000)}, 'time stamps')])
+def test_a_recording_that_shows_no_friction_is_refused(change, words):
+    with pytest.raises(InputError, match=words):
+        prepare(join([swings(1).with_(**change)]), DRIVE)
+
+
 @pytest.mark.parametrize('wrap', [lambda one: one, lambda one: [[one]], lambda one: 'file.mcap'])
 def test_other_than_a_list_of_samples_is_refused(wrap):
     samples = Samples(time=np.arange(3.0), position=np.zeros(3), velocity=None,

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from recording_maker import DATA, needs_data, record_with_diagnostics
 from scipy.signal import butter, sosfiltfilt
+from test_prepare import swings
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
@@ -148,6 +149,21 @@ def test_the_measured_torque_of_a_person_is_added_to_the_motors(drive, tmp_path,
 
 
 @pytest.mark.slow
+def test_a_load_takes_the_current_that_it_takes_where_the_drive_is_unknown(tmp_path):
+    """Of a table of current and load, without k_t and n: no coefficient is assumed."""
+    samples = swings(3)
+    load = 5.0 * np.sin(0.37 * samples.time) + 2.0 * np.sin(1.1 * samples.time)
+    np.savetxt(tmp_path / 'run.csv', np.column_stack((
+        samples.time, samples.position, samples.velocity, samples.current - 0.1 * load, load)),
+        delimiter=',', comments='', header='time,position,velocity,current,load')
+    assert run_refine([str(tmp_path / 'run.csv'), '--output', str(tmp_path / 'out')]) == 0
+    report = json.loads((tmp_path / 'out' / 'report.json').read_text())
+    assert report['unit'] == 'A'
+    assert report['after']['held_out_rmse'] < 0.025
+    effect, = report['effects']
+    assert effect['parameters']['coefficients'] == pytest.approx([-0.1], rel=0.05)
+
+
 def test_before_is_the_error_of_the_given_model(folder, drive, tmp_path, monkeypatch):
     # Its page is that of the fixture, with the drawings alone.
     monkeypatch.setitem(sys.modules, 'bokeh', None)

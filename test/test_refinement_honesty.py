@@ -205,6 +205,14 @@ def test_constant_speeds_are_not_taken_for_a_clipped_signal():
     assert report['samples_clipped'] == 0
 
 
+def test_a_current_at_its_limit_is_a_finding_and_no_dependence_of_the_error():
+    samples = swings(11)
+    report = refine([samples.with_(current=np.clip(samples.current, -0.7, 0.7))]).report
+    assert report['samples_clipped'] > 100
+    assert 'ceiling' in {finding['code'] for finding in report['findings']}
+    assert report['unexplained'] == []
+
+
 def test_an_encoder_that_stands_still_most_of_the_time_does_no_harm():
     samples = swings(10)
     counts = np.round(samples.position / 0.02) * 0.02

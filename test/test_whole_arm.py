@@ -11,6 +11,7 @@ import pytest
 from recording_maker import DATA, needs_data
 
 from friction_comp.compensation.law import CompensationLaw
+from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.recordings import read_arm, write_samples
@@ -177,6 +178,18 @@ def test_the_weight_of_the_arm_is_fed_forward_or_left_to_the_robot(refined):
     assert left.terms['effects'] == pytest.approx(np.zeros(3), abs=1e-9)
     assert any(effect == 'rigid_body' and 'robot' in why for _, effect, why in left.left_out)
     assert not any(effect == 'rigid_body' for _, effect, _ in carried.left_out)
+
+
+def test_a_load_takes_the_current_that_it_takes_where_the_drives_are_unknown(refined):
+    parts = {samples.joint: samples for samples in trial(3)}
+    name = PLANE[-1]
+    load = 2.0 * np.sin(3.7 * parts[name].time)
+    parts[name] = parts[name].with_(load=load, current=parts[name].current - SCALES[-1] * load)
+    result = refine_arm({joint: [samples] for joint, samples in parts.items()},
+                        refined / 'arm.urdf', {joint: Drive(1.0, 1.0) for joint in PLANE},
+                        only=[name]).results[name]
+    effects = {effect['name']: effect['parameters'] for effect in result.report['effects']}
+    assert effects['load_torque']['coefficients'] == pytest.approx([-SCALES[-1]], rel=0.1)
 
 
 def test_a_joint_alone_does_not_guess_the_weight_of_the_arm(refined):

@@ -17,7 +17,6 @@ from scipy import stats
 from friction_comp.evaluation.intervals import (
     CONFIDENCE,
     Interval,
-    is_significant,
     mean_interval,
     student_quantile,
 )
@@ -28,6 +27,7 @@ from friction_comp.statistics import holm
 # two need a torque sensor; smoothness needs only motion.
 COMPARED = ('peak_torque', 'rms_torque', 'residual_current', 'announcement_to_motion', 'onset',
             'smoothness')
+_SIGNIFICANT = 0.05
 
 
 @dataclass
@@ -52,7 +52,7 @@ class Comparison:
     @property
     def significant(self) -> bool:
         """Whether the difference is statistically significant."""
-        return is_significant(self.p_value)
+        return self.p_value is not None and self.p_value < _SIGNIFICANT
 
     def as_dict(self) -> dict[str, Any]:
         """Return the entry of report.json."""
@@ -153,7 +153,7 @@ class Trend:
     @property
     def significant(self) -> bool:
         """Whether the slope is statistically significant."""
-        return is_significant(self.p_value)
+        return self.p_value is not None and self.p_value < _SIGNIFICANT
 
     def as_dict(self) -> dict[str, Any]:
         """Return the entry of report.json."""

@@ -28,11 +28,12 @@ from friction_comp.evaluation.repetitions import (
     NAMES,
     Repetition,
 )
+from friction_comp.recordings import RecordingInfo
+from friction_comp.samples import Samples
 
 if TYPE_CHECKING:
+    # Importing it takes longer than all else, and few evaluations need it.
     from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.recordings import RecordingInfo
-    from friction_comp.samples import Samples
 
 __all__ = ['Condition', 'Evaluation', 'evaluate']
 

@@ -12,6 +12,7 @@ from friction_comp.errors import errors_name
 from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.recordings.history import History
+from friction_comp.statistics import rms
 
 # Share of the top speed above which a joint is sliding.
 _SLIDING = 0.1
@@ -55,6 +56,6 @@ def recorded_friction(history: History, model: FrictionModel) -> list[RecordedFr
             np.mean(friction ** 2) * max(seconds - 1.0, 1.0)))
         recorded.append(RecordedFriction(
             recording.name, recording.day, len(samples) * samples.sample_time, 1.0 + change,
-            level_error, float(np.sqrt(np.mean(residual ** 2))),
+            level_error, rms(residual),
             None if samples.temperature is None else float(np.mean(samples.temperature))))
     return recorded

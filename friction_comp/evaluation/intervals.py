@@ -11,7 +11,6 @@ import numpy as np
 from scipy import stats
 
 CONFIDENCE = 0.95
-_SIGNIFICANT = 0.05
 
 
 @dataclass(frozen=True)
@@ -36,11 +35,6 @@ class Interval:
     def as_dict(self) -> dict[str, float | int | None]:
         """Return the entry of report.json."""
         return asdict(self)
-
-
-def is_significant(p_value: float | None) -> bool:
-    """Return whether a difference or slope is significant."""
-    return p_value is not None and p_value < _SIGNIFICANT
 
 
 def mean_interval(values: Sequence[float]) -> Interval:

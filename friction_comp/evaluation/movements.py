@@ -7,12 +7,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from friction_comp.samples import Samples
+from friction_comp.samples import Samples
 
 # Share of the top speed above which the reference counts as moving, and as moving constantly.
 _MOVING, _CONSTANT = 0.01, 0.95

@@ -9,17 +9,15 @@ from datetime import date, datetime, timezone
 import math
 from pathlib import Path
 import re
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from friction_comp.evaluation.ensemble import grid, LEAD
-from friction_comp.evaluation.movements import measured_velocity, spectral_arc_length
-
-if TYPE_CHECKING:
-    from friction_comp.evaluation.movements import Movement
-    from friction_comp.recordings import RecordingInfo
-    from friction_comp.samples import Samples
+from friction_comp.evaluation.movements import measured_velocity, Movement, spectral_arc_length
+from friction_comp.recordings import RecordingInfo
+from friction_comp.samples import Samples
+from friction_comp.statistics import rms
 
 # Time by which a joint may start before the movement of the reference, s.
 EARLY = 0.5
@@ -130,9 +128,8 @@ class Repetition:
         return self.compensation, self.movement.sign, self.movement.direction, self.duration_class
 
 
-def measure(samples: Samples, movement: Movement, name: str = '',
-            info: RecordingInfo | None = None,
-            residual: np.ndarray | None = None) -> Repetition:
+def measure(samples: Samples, movement: Movement, name: str, info: RecordingInfo | None,
+            residual: np.ndarray | None) -> Repetition:
     """Measure one movement of a recording.
 
     `info` contains the date and the active law and model; `residual` is the current by a model
@@ -141,11 +138,11 @@ def measure(samples: Samples, movement: Movement, name: str = '',
     part = _slice_between(samples, movement.begin, movement.end)
     has_reference = samples.reference_position is not None or samples.reference_velocity is not None
     onset = _onset(samples, movement) if has_reference else None
-    figures = {'rms_current': _rms(samples.current[part])}
+    figures = {'rms_current': rms(samples.current[part])}
     if samples.load is not None:
         figures.update(_torque_figures(samples, samples.load, movement, onset, has_reference))
     if residual is not None:
-        figures['residual_current'] = _rms(residual[part])
+        figures['residual_current'] = rms(residual[part])
     if onset is not None:
         figures['onset'] = onset - movement.begin
         announced = _announcement(samples, movement)
@@ -169,10 +166,6 @@ def measure(samples: Samples, movement: Movement, name: str = '',
 def _slice_between(samples: Samples, begin: float, end: float) -> slice:
     first, last = np.searchsorted(samples.time, [begin, end])
     return slice(int(first), max(int(last), int(first) + 1))
-
-
-def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(values ** 2)))
 
 
 def counted_torque(time: np.ndarray, load: np.ndarray, movement: Movement, onset: float | None,
@@ -222,7 +215,7 @@ def _torque_figures(samples: Samples, load: np.ndarray, movement: Movement,
     return {
         'peak_torque': float(torque[peak]),
         'peak_time': float(samples.time[whole.start + peak] - movement.begin),
-        'rms_torque': _rms(load[_slice_between(samples, movement.begin, movement.end)]),
+        'rms_torque': rms(load[_slice_between(samples, movement.begin, movement.end)]),
         'constant_velocity_torque': float(movement.sign * np.mean(load[constant]))}
 
 
@@ -296,9 +289,9 @@ def _curves(samples: Samples, movement: Movement, shown_time: float) -> dict[str
 
 def _is_restless(samples: Samples, movement: Movement) -> bool:
     """Return whether the joint oscillated right before the movement."""
-    first, last = np.searchsorted(
-        samples.time, [max(movement.begin - EARLY, movement.rest_begin), movement.begin])
-    travelled = np.abs(np.diff(samples.position[first:last])).sum()
+    part = _slice_between(
+        samples, max(movement.begin - EARLY, movement.rest_begin), movement.begin)
+    travelled = np.abs(np.diff(samples.position[part])).sum()
     return bool(travelled > 2.0 * _START_SHARE * movement.travel)
 
 

@@ -130,9 +130,6 @@ def _in_order(outcomes: Iterable[tuple[int, MeasuredJoint | Failure]], count: in
         while following in waiting:
             yield waiting.pop(following)
             following += 1
-    # The rest, where an earlier outcome is missing because the work was interrupted.
-    for index in sorted(waiting):
-        yield waiting[index]
 
 
 def _measure_piece(piece: Piece, friction: FrictionModel | None, seconds: float) -> MeasuredJoint:

@@ -30,6 +30,7 @@ from friction_comp.refinement.judge import AGAIN, IN_PART, TRUST
 from friction_comp.refinement.recorded_motion import in_motion, standstill_speed
 from friction_comp.refinement.thresholds import GROWTH
 from friction_comp.samples import Samples
+from friction_comp.statistics import rms
 
 # Findings that more motion may resolve.
 _BY_MOTION = ('extrapolates', 'ambiguous', 'unexplained', 'one_direction', 'explains_part',
@@ -99,8 +100,7 @@ def prediction_error(model: FrictionModel, samples: Samples) -> float:
     moved = differentiate(samples, settings)
     moving = in_motion(moved, np.zeros(len(moved), dtype=bool), standstill_speed(moved),
                        settings.get('bandwidth'))
-    error = (model.measured(samples) - model.predict(samples))[moving]
-    return float(np.sqrt(np.mean(error ** 2)))
+    return rms((model.measured(samples) - model.predict(samples))[moving])
 
 
 def improve(play: Callable[[JointPlan], Samples], limits: JointLimits, drive: Drive, *,

@@ -32,8 +32,8 @@ from friction_comp.trajectory import Trajectory
 SHAPE = ((0.01, 0.5), (0.3, 4.0), (1.0, 15.0), (0.05, 3.0), (0.05, 1.2))
 # Share of the limits that is used: controllers interpolate and overshoot.
 MARGIN = 0.95
-SHORTEST = 20.0         # s, below which a plan has too few moves to be planned
-LONGEST = 1800.0        # s, beyond which it holds more moves than points are drawn
+# Shortest plan, s: below, it has too few moves; longest: beyond, it has more than points are drawn.
+_SHORTEST, _LONGEST = 20.0, 1800.0
 _POINTS, _EVALUATED = 2048, 50.0
 _POPULATION, _GENERATIONS = 6, 10
 # Factor by which a plan that needs too much effort is slowed down, and how often.
@@ -43,7 +43,7 @@ _MEAN = 0.3
 # Steepest slope of u³(10 - 15u + 6u²), the profile with which speed rises.
 _STEEPEST = 1.875
 # Shortest time in which speed rises, s: it limits jerk, in short moves too.
-_SHORTEST = 0.1
+_LEAST_RAMP = 0.1
 _SPEEDS, _HARMONICS = 8, 5
 
 
@@ -63,8 +63,8 @@ class Move:
                acceleration: float) -> Move:
         """Return a move at a speed, or at the highest one that distance and acceleration allow."""
         distance = abs(end - start)
-        speed = min(speed, math.sqrt(distance * acceleration / _STEEPEST), distance / _SHORTEST)
-        ramp = max(_STEEPEST * speed / acceleration, _SHORTEST)
+        speed = min(speed, math.sqrt(distance * acceleration / _STEEPEST), distance / _LEAST_RAMP)
+        ramp = max(_STEEPEST * speed / acceleration, _LEAST_RAMP)
         return cls(begin, start, end - start, speed, ramp, max(distance / speed - ramp, 0.0))
 
     @property
@@ -73,12 +73,14 @@ class Move:
         return 2.0 * self.ramp + self.cruise
 
 
-def sample_moves(moves: Sequence[Move], start: float, time: np.ndarray
-                 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return position, velocity and acceleration, each (N,), of moves and rests between them.
+def samples_of(moves: Sequence[Move], start: float, seconds: float, rate: float,
+               joint: str) -> Samples:
+    """Return moves and rests between them sampled at a rate in Hz, with zero current.
 
-    The moves are in the order of time, and `start` is the position before the first, rad.
+    The moves are in the order of time, and `start` is the position before the first, rad. The last
+    sample is at the end or just after it.
     """
+    time = np.arange(math.ceil(seconds * rate - 1e-9) + 1) / rate
     position = np.full(len(time), start)
     velocity, acceleration = np.zeros(len(time)), np.zeros(len(time))
     for move in moves:
@@ -98,7 +100,8 @@ def sample_moves(moves: Sequence[Move], start: float, time: np.ndarray
         velocity[first:stop] = side * speed
         acceleration[first:stop] = side * np.where(before < after, slope, -slope)
         position[stop:] = move.start + move.distance
-    return position, velocity, acceleration
+    return Samples(time=time, position=position, velocity=velocity, acceleration=acceleration,
+                   current=np.zeros(len(time)), joint=joint)
 
 
 def _ramp_distance(move: Move, share: np.ndarray) -> np.ndarray:
@@ -128,15 +131,6 @@ def trajectory_of(plans: Sequence[JointPlan], rate: float) -> Trajectory:
     states = [np.column_stack([getattr(one, name) for one in motions])
               for name in ('position', 'velocity', 'acceleration')]
     return Trajectory(tuple(plan.limits.joint for plan in plans), motions[0].time, *states)
-
-
-def samples_of(moves: Sequence[Move], start: float, seconds: float, rate: float,
-               joint: str) -> Samples:
-    """Return moves sampled at a rate in Hz, up to the end at least, with zero current."""
-    time = np.arange(math.ceil(seconds * rate - 1e-9) + 1) / rate
-    position, velocity, acceleration = sample_moves(moves, start, time)
-    return Samples(time=time, position=position, velocity=velocity, acceleration=acceleration,
-                   current=np.zeros(len(time)), joint=joint)
 
 
 def moves_of_shape(shape: Sequence[float] | np.ndarray, limits: JointLimits, seconds: float,
@@ -186,21 +180,17 @@ def plan_joint(limits: JointLimits, pairs: Sequence[Pair], seconds: float, seed:
     InputError
         If there is too little or too much time, or the effort limit cannot be kept.
     """
-    if seconds < SHORTEST:
-        raise InputError(f'{seconds:g} s are too short for a plan: at least {SHORTEST:g} s')
-    if seconds > LONGEST:
-        raise InputError(f'{seconds:g} s are too long for a plan: at most {LONGEST:g} s')
+    if seconds < _SHORTEST:
+        raise InputError(f'{seconds:g} s are too short for a plan: at least {_SHORTEST:g} s')
+    if seconds > _LONGEST:
+        raise InputError(f'{seconds:g} s are too long for a plan: at most {_LONGEST:g} s')
     coverage = coverage_within(limits, seconds, 1.0 / _EVALUATED)
     points = qmc.Sobol(3, scramble=True, seed=seed).random(_POINTS)
 
     def separation(shape: np.ndarray, own: JointLimits) -> dict[Pair, float]:
         start, moves = moves_of_shape(shape, own, seconds, points)
-        try:
-            return separations(samples_of(moves, start, seconds, _EVALUATED, own.joint), pairs,
-                               coverage)
-        except InputError:
-            # There is hardly any motion.
-            return dict.fromkeys(pairs, 0.0)
+        return separations(samples_of(moves, start, seconds, _EVALUATED, own.joint), pairs,
+                           coverage)
 
     def cost(shape: np.ndarray) -> float:
         shares = list(separation(shape, limits).values())

@@ -132,10 +132,14 @@ def separations(samples: Samples, pairs: Sequence[Pair], coverage: Coverage) -> 
     """Return for each pair the share of one effect that is independent of the other, 0..1.
 
     The samples have velocity and acceleration; their current is not used. The coverage is that of
-    `coverage_within`. Raises InputError if there is too little motion.
+    `coverage_within`. All shares are 0 if there is hardly any motion. Raises InputError if an
+    effect cannot be seen with this coverage.
     """
     nothing = np.zeros(len(samples), dtype=bool)
-    usable = in_motion(samples, nothing, coverage.slowest, None)
+    try:
+        usable = in_motion(samples, nothing, coverage.slowest, None)
+    except InputError:
+        return dict.fromkeys(pairs, 0.0)
     start = row_starts(samples, usable, 1)
     block = blocks_of(samples, start)
     table = Table(Rows(samples, samples.current, usable, nothing, coverage, start, 1, block,

@@ -119,12 +119,11 @@ class EffectSearch(Search):
             (term.kind.variable == 'time') == self._time_effects)]
 
     def after_addition(self, terms: list[Term]) -> list[Term]:
-        """Adjust the constants of the last term and the transition; update the candidates."""
-        return self._adjust(terms, only=terms[-1:])
+        """Adjust all constants and the transition; update the candidates."""
+        return self._adjust(terms, 3)
 
-    def _adjust(self, terms: Sequence[Term], rounds: int = 3, only: Sequence[Term] | None = None
-                ) -> list[Term]:
-        terms = adjust_constants(self.table, terms, rounds, only)
+    def _adjust(self, terms: Sequence[Term], rounds: int) -> list[Term]:
+        terms = adjust_constants(self.table, terms, rounds)
         self.table.fit_transition(terms)
         self.update_candidates(terms)
         return terms

@@ -31,25 +31,18 @@ _FLATTEST, _STEEPEST = 2.0, 6000.0
 MAX_SHIFT = 0.3
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Term:
     """An effect with its constants, or one group of terms of the effect `other_joints`."""
 
     kind: type[Effect]
-    constants: dict[str, Any] = field(default_factory=dict)
+    constants: dict[str, Any] = field(default_factory=dict, compare=False)
     group: Group | None = None
-    # Hashable, for comparison.
-    _identity: tuple[Any, ...] = field(init=False, repr=False)
+    # The values of the constants, which are compared and hashed.
+    _values: tuple[Any, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, '_identity', (
-            self.kind.name, tuple(self.constants.values()), self.group))
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Term) and self._identity == other._identity
-
-    def __hash__(self) -> int:
-        return hash(self._identity)
+        object.__setattr__(self, '_values', tuple(self.constants.values()))
 
     def columns(self, rows: Rows) -> np.ndarray:
         """Return the term's columns on all samples, shape (N, M)."""

@@ -26,7 +26,7 @@ from friction_comp.refinement.effect_columns import proposals, Table
 from friction_comp.refinement.prepare import blocks_of_samples, Rows
 from friction_comp.samples import Samples
 from friction_comp.signal_checks import velocity_fault, velocity_ratios
-from friction_comp.statistics import robust_std
+from friction_comp.statistics import rms, robust_std
 
 TRUST, IN_PART, AGAIN = 'trust', 'trust in part', 'record again'
 _ORDER = (AGAIN, IN_PART, TRUST)
@@ -145,11 +145,6 @@ def in_unit(text: str, unit: str) -> str:
     Effects describe themselves in A; a recording may hold torque in N·m or a servo's voltage.
     """
     return text if unit == 'A' else re.sub(r'(?<=\d) A\b', f' {unit}', text)
-
-
-def rms(values: np.ndarray) -> float:
-    """Return the root mean square; NaN of an empty array."""
-    return float(np.sqrt(np.mean(np.square(values)))) if np.size(values) else math.nan
 
 
 def errors_of(rows: Rows, fit: np.ndarray, held_out: np.ndarray, growth: float = 1.0

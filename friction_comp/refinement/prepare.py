@@ -113,6 +113,8 @@ def join(recordings: Sequence[Samples]) -> Samples:
     if len(samples) < thresholds.FEWEST_SAMPLES:
         raise InputError(f'{len(samples)} usable samples are too few: at least '
                          f'{thresholds.FEWEST_SAMPLES:.0f} are needed')
+    if not samples.sample_time > 0.0:
+        raise InputError('all time stamps of the recordings are equal')
     if np.ptp(samples.position) == 0:
         raise InputError('the joint never moves in the recordings: there is no friction to fit')
     return samples
@@ -154,8 +156,8 @@ def regions_of(position: np.ndarray) -> np.ndarray:
 
 def samples_per_row(samples: Samples, usable: int) -> int:
     """Return the fewest samples per row for which at most `ROWS` remain, at 100 Hz or more."""
-    rate = 1.0 / max(samples.sample_time, 1e-9)
-    return max(1, min(math.ceil(usable / thresholds.ROWS), int(rate / _SLOWEST_RATE)))
+    return max(1, min(math.ceil(usable / thresholds.ROWS),
+                      int(1.0 / samples.sample_time / _SLOWEST_RATE)))
 
 
 def thinned(start: np.ndarray) -> np.ndarray:
@@ -186,6 +188,8 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
     start = thinned(row_starts(moved, usable, length))
     block = blocks_of(moved, start)
     target = moved.current - load * np.asarray(moved.load) if load else moved.current
+    if not target[usable].any():
+        raise InputError('the current is zero throughout the motion: there is no friction to fit')
     coverage = coverage_of(moved, usable, drive, slowest)
     region = regions_of(motion[0][start]) if motion else np.zeros_like(block)
     rows = Rows(moved, target, usable, unusable, coverage, start, length, block, region, load,

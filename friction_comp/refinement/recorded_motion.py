@@ -13,7 +13,7 @@ import math
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
+from scipy.ndimage import grey_opening, maximum_filter1d
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
@@ -22,11 +22,14 @@ from friction_comp.model.differentiation import differentiate, METHOD
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.block_sums import held_out_error, sums_of
 from friction_comp.samples import Samples
+from friction_comp.statistics import rms
 
 _BANDWIDTHS = (5.0, 10.0, 20.0, 40.0, 80.0, 120.0, 200.0)
 _EXCERPT = 150_000
 # Shares of the top speed over which friction may change sign.
 TRANSITIONS = (0.3, 0.1, 0.03, 0.01, 0.003)
+# Share of the top speed above which a smooth velocity is right.
+_FAST = 0.1
 
 
 def plain_columns(samples: Samples, transitions: Sequence[float],
@@ -57,7 +60,7 @@ def plain_columns(samples: Samples, transitions: Sequence[float],
 
 def candidate_settings(samples: Samples) -> list[dict[str, Any]]:
     """Return the differentiation settings to compare."""
-    rate = 1.0 / max(samples.sample_time, 1e-9)
+    rate = 1.0 / samples.sample_time
     values = [*(value for value in _BANDWIDTHS if value <= 0.3 * rate), None]
     recorded = samples.velocity is not None and np.any(samples.velocity)
     sources = ('position', 'velocity') if recorded else ('position',)
@@ -85,17 +88,8 @@ def standstill_speed(samples: Samples) -> float:
     speed = np.abs(np.asarray(samples.velocity))
     top = float(np.percentile(speed, 95))
     quiet = speed[speed < 0.02 * top]
-    noise = 3.0 * float(np.sqrt(np.mean(quiet ** 2))) if quiet.size > 50 else 0.0
+    noise = 3.0 * rms(quiet) if quiet.size > 50 else 0.0
     return float(min(max(0.01 * top, noise), 0.05 * top))
-
-
-def long_rests(still: np.ndarray, length: int) -> np.ndarray:
-    """Return which samples are in a standstill of at least `length` samples, shape (N,)."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], still, [False])).astype(int)))
-    result = np.zeros(len(still), dtype=bool)
-    for first, stop in zip(edges[::2], edges[1::2]):
-        result[first:stop] = stop - first >= length
-    return result
 
 
 def in_motion(samples: Samples, unusable: np.ndarray, slowest: float,
@@ -113,8 +107,10 @@ def in_motion(samples: Samples, unusable: np.ndarray, slowest: float,
     for part in samples.segments():
         ends[[part.start, part.stop - 1]] = True
     filter_samples = round(0.5 / (bandwidth * samples.sample_time)) if bandwidth else 0
-    rest_samples = round(thresholds.REST / max(samples.sample_time, 1e-9))
-    starts = maximum_filter1d(long_rests(still, rest_samples), 2 * rest_samples + 1)
+    rest_samples = round(thresholds.REST / samples.sample_time)
+    # Opening removes runs that are shorter than a rest.
+    rest = grey_opening(still, max(rest_samples, 1), mode='constant')
+    starts = maximum_filter1d(rest, 2 * rest_samples + 1)
     starts &= speed < thresholds.PRESLIDING_SPEED * np.percentile(speed, 95)
     blurred = 2 * filter_samples + 1
     for mask in (maximum_filter1d(still, blurred), maximum_filter1d(ends, blurred), starts):
@@ -122,8 +118,11 @@ def in_motion(samples: Samples, unusable: np.ndarray, slowest: float,
         if remaining.sum() > 0.8 * moving.sum():
             moving = remaining
     if moving.sum() < thresholds.FEWEST_SAMPLES:
-        raise InputError('the joint hardly moves in the recordings: '
-                         f'{int(moving.sum())} samples of motion are too few')
+        limited = (unusable & ~still).sum() >= thresholds.FEWEST_SAMPLES
+        raise InputError(
+            ('the current is at a limit in nearly all motion of the recordings: '
+             if limited else 'the joint hardly moves in the recordings: ')
+            + f'{int(moving.sum())} samples of motion are too few')
     return moving
 
 
@@ -133,7 +132,7 @@ def blocks_of(samples: Samples, start: np.ndarray) -> np.ndarray:
     An edge between two blocks is moved to the nearest gap or recording's end within a third of a
     block.
     """
-    parts = samples.segments(max(0.5 / max(samples.sample_time, 1e-9), 20.0))
+    parts = samples.segments(max(0.5 / samples.sample_time, 20.0))
     run = np.searchsorted([part.start for part in parts], start, side='right')
     size, count = len(start), int(thresholds.BLOCKS)
     run_edges = np.nonzero(np.diff(run))[0] + 1
@@ -166,7 +165,7 @@ def smooth_motion(samples: Samples, unusable: np.ndarray) -> tuple[Samples, np.n
     moved = differentiate(samples, smooth)
     usable = in_motion(moved, unusable, standstill_speed(moved), smooth['bandwidth'])
     speed = np.abs(np.asarray(moved.velocity))
-    fast = usable & (speed > TRANSITIONS[1] * np.percentile(speed[usable], 95))
+    fast = usable & (speed > _FAST * np.percentile(speed[usable], 95))
     # A smooth velocity is wrong where friction changes its sign.
     usable = fast if fast.sum() > 0.5 * usable.sum() else usable
     return moved, row_starts(samples, usable, 1)[::max(1, int(usable.sum()) // 12000)]

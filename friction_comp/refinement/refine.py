@@ -20,13 +20,13 @@ from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.best_fit import find_best_fit, Fit, fit_eq6_alone, Problem
 from friction_comp.refinement.effect_columns import eq6_columns, EQ6_LINEAR, MAX_SHIFT, Table, Term
-from friction_comp.refinement.judge import rms
 from friction_comp.refinement.prepare import join
 from friction_comp.refinement.recorded_motion import settings_for_arm
 from friction_comp.refinement.report import report_of
 from friction_comp.refinement.search import adjust_constants, at_limit
 from friction_comp.refinement.stability import intervals, LeftOutThirds, repeat_search
 from friction_comp.samples import Samples
+from friction_comp.statistics import rms
 
 _STEEPNESSES = 16
 _MOST_SAMPLES = 30_000
@@ -39,7 +39,6 @@ class RefineResult:
     report: dict[str, Any]  # the content of report.json
     model: FrictionModel  # the refined model, fitted to all usable samples
     start: FrictionModel  # the initial model
-    given: bool  # whether it was given, and not fitted to the recordings
     samples: Samples  # all, with velocity and acceleration
     usable: np.ndarray  # (N,): which samples are in motion and fitted
     # (N,): residual of parts that were not fitted, by the initial and by the refined model, A.
@@ -101,8 +100,7 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
     report = report_of(problem, fit, refined, (own_before, before), (own_after, after),
                        unit or ('A' if declared else 'N·m'), keep_start)
     return RefineResult(
-        report, refined, start, model is not None, rows.samples, rows.usable, before, after,
-        rows.coverage)
+        report, refined, start, rows.samples, rows.usable, before, after, rows.coverage)
 
 
 def select_named(fit: Fit) -> Fit:

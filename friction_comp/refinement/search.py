@@ -10,7 +10,7 @@ lowers that error by `LEAST_SHARE`, and by two standard errors over the blocks.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Container, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 import math
 from typing import Any
@@ -247,11 +247,9 @@ def with_step(term: Term, name: str, step: float, coverage: Coverage) -> Term:
     return replace(term, constants={**term.constants, name: value})
 
 
-def free_constants(terms: Sequence[Term], only: Container[Term] | None = None
-                   ) -> list[tuple[int, str]]:
+def free_constants(terms: Sequence[Term]) -> list[tuple[int, str]]:
     """Return the constants of terms that have a search range: index of the term, and name."""
-    return [(index, name) for index, term in enumerate(terms)
-            if term.group is None and (only is None or term in only)
+    return [(index, name) for index, term in enumerate(terms) if term.group is None
             for name, search in term.kind.constants.items() if search is not None]
 
 
@@ -282,17 +280,16 @@ def constant_derivatives(table: Table, terms: Sequence[Term], free: Sequence[tup
     return np.array(rows).reshape(len(free), table.columns.shape[1])
 
 
-def adjust_constants(table: Table, terms: Sequence[Term], rounds: int = 3,
-                     only: Container[Term] | None = None) -> list[Term]:
+def adjust_constants(table: Table, terms: Sequence[Term], rounds: int) -> list[Term]:
     """Adjust the constants of terms together, by the Gauss-Newton method, and return the terms.
 
-    Each round solves for the coefficients and for small changes of the constants (of `only` some
-    terms) at once, and halves the step until the error decreases. Terms that depend on the load of
-    others get the loads of the new fit.
+    Each round solves for the coefficients and for small changes of the constants at once, and
+    halves the step until the error decreases. Terms that depend on the load of others get the loads
+    of the new fit.
     """
     terms = _with_current_loads(table, list(terms))
     for _ in range(rounds):
-        free = free_constants(terms, only)
+        free = free_constants(terms)
         if not free:
             break
         residual = table.residual(terms, derivatives=False)
@@ -314,9 +311,7 @@ def adjust_constants(table: Table, terms: Sequence[Term], rounds: int = 3,
                 break
         else:
             return terms
-        trial = table.add(changed)
-        only = only and [*trial]
-        terms = _with_current_loads(table, trial)
+        terms = _with_current_loads(table, table.add(changed))
         if error > (1.0 - 1e-3) * initial:
             break
     return terms

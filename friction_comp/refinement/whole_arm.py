@@ -109,15 +109,18 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
     refined = list(only or names)
     results: dict[str, RefineResult] = {}
     for index, name in enumerate(refined):
-        def report_joint(share: Any, word: Any, index: Any = index, name: Any = name) -> None:
+        def report_joint(share: float, word: str, index: int = index, name: str = name) -> None:
             report(_BODIES + (1.0 - _BODIES) * (index + share) / len(refined), f'{name}: {word}')
         samples = Samples.concatenate(recorded[name])
         samples = samples.with_(rigid_body=fit.torque(samples))
+        drive = drives.get(name)
         try:
-            result = refine([samples], models.get(name), drives.get(name), report_joint)
+            result = refine([samples], models.get(name), drive if declared else None,
+                            report_joint, 'A' if drive else None)
         except InputError as error:
             notes.append(f'joint {name!r}: {error}')
             continue
+        result.model.drive = drive or result.model.drive
         if any('rigid_body' in effect.needs for effect in result.model.effects):
             result.model.arm = arm
         results[name] = result

@@ -110,10 +110,13 @@ def refine_recordings(arguments: Namespace, paths: Sequence[Path], joint: str | 
         for samples, info in usable:
             history.add(samples, info)
         recorded = history.samples()
+    # Without its constants, a drive does not tell how much current a recorded load takes.
+    known = (model or arguments.torque_constant or arguments.gear_ratio) or unit == 'N·m'
     with errors_name(f'{paths[0]}: {joint}' if joint else paths[0]):
         result = refine(
-            recorded, model, drive, unit=unit,
+            recorded, model, drive if known else None, unit=unit,
             progress=lambda share, name: show(0.2 + 0.7 * share, f'trying {name}'))
+    result.model.drive = drive
     result.report['warnings'].extend(
         f'{info.path}: {note}' for _, info in recordings for note in info.notes)
     result.model.notes = {**result.model.notes, 'refined_from': [str(path) for path in paths],
