@@ -29,7 +29,6 @@ from friction_comp.identification.kinetic import (
     acceleration_of_cycle,
     constant_velocity_currents,
     KineticPoint,
-    merge_points,
 )
 from friction_comp.identification.motion import Motion, speed_over, STILL_TIME
 from friction_comp.identification.ramp_evaluation import (
@@ -100,8 +99,7 @@ class Script(Motion):
         goal, left = self.goal, 0.0
         for speed in goal.speeds[self._speeds_done:]:
             duration, width = goal.cycle(speed)
-            left += goal.velocity_cycles * (
-                duration + self._travel_time(0.5 * width) + STILL_TIME)
+            left += duration + self._travel_time(0.5 * width) + STILL_TIME
         ramps = 2 * goal.breakaway_cycles - len(self.ramps)
         share = 0.5 * (self._reached[1] + self._reached[-1])
         left += ramps * goal.ramp_period * (0.4 * share + REST_SHARE)
@@ -151,32 +149,30 @@ class Script(Motion):
                     f'{self.drive.current_limit:g} A: lower the speed or widen the range')
 
     def _constant_velocity(self, speed: float) -> Generator[float, Sample, None]:
-        """Run the cycles of Eq. 3 at one speed and average over the constant phases."""
-        for _ in range(self.goal.velocity_cycles):
-            best = None
-            for factor in GAIN_LADDER:
-                if factor > self._highest_gain:
-                    continue
-                driven = yield from self._one_cycle(speed, factor)
-                if driven is None:
-                    continue
-                scatter = _current_scatter(driven[0])
-                if best is not None and scatter > 0.7 * _current_scatter(best[0]):
-                    # The controller is not the cause: friction itself varies.
-                    self._uneven, self._highest_gain = True, math.inf
-                    break
-                best = driven
-                if self._uneven or scatter <= MAX_SCATTER:
-                    break
-                # Higher gains would only cause more oscillation, at other speeds too.
-                self._highest_gain = max(0.99 * factor, GAIN_LADDER[-1])
-            if best is None:
-                self.warnings.append(
-                    f'{speed:g} rad/s left out: stick-slip, or the joint oscillates')
-                return
-            self.points.extend(best[0])
-            self.commanded_points.extend(best[1])
-            self._note_friction()
+        """Run a cycle of Eq. 3 at one speed, with lower gains if the controller oscillates."""
+        best = None
+        for factor in GAIN_LADDER:
+            if factor > self._highest_gain:
+                continue
+            driven = yield from self._one_cycle(speed, factor)
+            if driven is None:
+                continue
+            scatter = _current_scatter(driven[0])
+            if best is not None and scatter > 0.7 * _current_scatter(best[0]):
+                # The controller is not the cause: friction itself varies.
+                self._uneven, self._highest_gain = True, math.inf
+                break
+            best = driven
+            if self._uneven or scatter <= MAX_SCATTER:
+                break
+            # Higher gains would only cause more oscillation, at other speeds too.
+            self._highest_gain = max(0.99 * factor, GAIN_LADDER[-1])
+        if best is None:
+            self.warnings.append(f'{speed:g} rad/s left out: stick-slip, or the joint oscillates')
+            return
+        self.points.extend(best[0])
+        self.commanded_points.extend(best[1])
+        self._note_friction()
 
     def _one_cycle(self, speed: float, factor: float) -> Generator[float, Sample, _Cycle | None]:
         """Run one cycle of Eq. 3; return both directions' currents, None if speed oscillated."""
@@ -282,7 +278,7 @@ class IdentificationRun(SupervisedRun):
             raise IdentificationError(f'identification is not complete: {self.error or self.phase}')
         if self._result is None:
             script = self._script
-            points = merge_points(script.points)
+            points = sorted(script.points, key=lambda point: point.speed)
             sigmoid, error = fit_sigmoid([p.speed for p in points], [p.current for p in points])
             self.warnings = script.warnings + script.supervision.warnings()
             acceleration = self._acceleration()

@@ -186,7 +186,7 @@ def _refuse_late(answer: Answer) -> None:
 
 
 def check_load(points: Sequence[KineticPoint], breakaway: tuple[float, float],
-           spread: float) -> tuple[str, str]:
+               spread: float) -> tuple[str, str]:
     """Return an error and a warning on loads during a finished run; each is empty if none.
 
     Friction is about equal in both directions. A load adds to one direction and reduces the other:
@@ -216,7 +216,6 @@ class SupervisedRun:
     """One run of a script, from standstill to zero current.
 
     Call `update` with every sample and apply the current that it returns, until `finished`.
-
     """
 
     def __init__(self, script: Motion) -> None:

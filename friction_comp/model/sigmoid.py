@@ -11,6 +11,7 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
+from friction_comp.checks import check_number
 from friction_comp.errors import InputError
 
 if TYPE_CHECKING:
@@ -52,10 +53,7 @@ class Sigmoid:
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if not math.isfinite(value):
-                raise InputError(f'sigmoid.{name} must be finite, not {value!r}')
-        if self.steepness <= 0:
-            raise InputError(f'sigmoid.steepness must be positive, not {self.steepness!r}')
+            check_number(value, f'sigmoid.{name}', above=0.0 if name == 'steepness' else -math.inf)
 
     def __call__(self, velocity: ArrayLike) -> Any:
         """Return the current in A at joint velocity in rad/s, of the same shape."""

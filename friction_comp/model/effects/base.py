@@ -143,7 +143,7 @@ class Effect(ABC):
 
     @classmethod
     def determines_offset(cls, coverage: Coverage) -> bool:
-        """Return whether the offset of Eq. 6 is part of this effect's load."""
+        """Return whether the offset of Eq. 6 is part of this effect's load, if it `gives_load`."""
         return False
 
     @classmethod

@@ -290,11 +290,6 @@ class OffsetDrift(Effect):
         return (f'The longest recording lasts {coverage.duration:.3g} s: warm-up and other drift '
                 'take minutes and cannot be seen.')
 
-    @classmethod
-    def determines_offset(cls, coverage: Coverage) -> bool:
-        """The offset is the value towards which the current drifts."""
-        return True
-
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         return (np.exp(-np.maximum(x.time, 0.0) / c.time_constant),)

@@ -143,10 +143,6 @@ class DirectionAsymmetry(Effect):
         return ('Motion was in one direction only: differences between directions, constant '
                 'offsets and reversals cannot be seen.')
 
-    @classmethod
-    def determines_offset(cls, coverage: Coverage) -> bool:
-        return True
-
     def live(self) -> LiveTerm:
         """Return a term that is zero at rest, where breakaway has its own two values."""
         return LiveTerm(DirectionAsymmetry({**self.parameters, 'offset': 0.0}))
