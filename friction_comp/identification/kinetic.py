@@ -61,7 +61,7 @@ def constant_velocity_currents(time: ArrayLike, position: ArrayLike, current: Ar
         bend, slope, _ = np.polyfit(t, x, 2)
         mean = float(np.mean(i))
         if acceleration_per_current is not None:
-            mean -= 2.0 * bend / acceleration_per_current
+            mean -= 2.0 * float(bend) / acceleration_per_current
         straight = x - np.polyval(np.polyfit(t, x, 1), t)
         distance = max(abs(slope) * (t[-1] - t[0]), 1e-12)
         points.append(KineticPoint(

@@ -262,8 +262,6 @@ class IdentificationRun(SupervisedRun):
     def __init__(self, goal: IdentificationGoal, drive: Drive) -> None:
         super().__init__(Script(goal, drive))
         self.goal = goal
-        self.warnings: list[str] = []
-        self._result: IdentificationResult | None = None
 
     def result(self) -> IdentificationResult:
         """Fit the curve of Eq. 6, evaluate the ramps and return an `IdentificationResult`.
@@ -276,30 +274,25 @@ class IdentificationRun(SupervisedRun):
         """
         if not self.finished:
             raise IdentificationError(f'identification is not complete: {self.error or self.phase}')
-        if self._result is None:
-            script = self._script
-            points = sorted(script.points, key=lambda point: point.speed)
-            sigmoid, error = fit_sigmoid([p.speed for p in points], [p.current for p in points])
-            self.warnings = script.warnings + script.supervision.warnings()
-            acceleration = self._acceleration()
-            ramps = evaluate_ramps(
-                script.ramps, script.stopping, self.goal.ramp_slope,
-                self.drive.position_resolution or 1e-6, acceleration, sigmoid.viscous)
-            self.warnings += ramps.warnings
-            statistics = ramps.records.statistics()
-            wrong, doubtful = check_load(
-                points, (statistics.positive_mean, statistics.negative_mean),
-                max(statistics.positive_std, statistics.negative_std))
-            if wrong:
-                raise IdentificationError(wrong)
-            self.warnings += [doubtful] if doubtful else []
-            self._result = IdentificationResult(
-                points=points, sigmoid=sigmoid, sigmoid_error=error,
-                breakaway=statistics, records=ramps.records,
-                acceleration_per_current=acceleration, goal=self.goal,
-                warnings=list(self.warnings), presliding=ramps.presliding,
-                backlash=ramps.backlash)
-        return self._result
+        script = self._script
+        points = sorted(script.points, key=lambda point: point.speed)
+        sigmoid, error = fit_sigmoid([p.speed for p in points], [p.current for p in points])
+        acceleration = self._acceleration()
+        ramps = evaluate_ramps(
+            script.ramps, script.stopping, self.goal.ramp_slope,
+            self.drive.position_resolution or 1e-6, acceleration, sigmoid.viscous)
+        breakaway = ramps.records.statistics()
+        wrong, doubtful = check_load(
+            points, (breakaway.positive_mean, breakaway.negative_mean),
+            max(breakaway.positive_std, breakaway.negative_std))
+        if wrong:
+            raise IdentificationError(wrong)
+        return IdentificationResult(
+            points=points, sigmoid=sigmoid, sigmoid_error=error, breakaway=breakaway,
+            records=ramps.records, acceleration_per_current=acceleration, goal=self.goal,
+            warnings=[*script.warnings, *script.supervision.warnings(), *ramps.warnings,
+                      *([doubtful] if doubtful else [])],
+            presliding=ramps.presliding, backlash=ramps.backlash)
 
     def _acceleration(self) -> float:
         """Return k_t·n/J in rad/s² per A from the cycles of Eq. 3, or else from the push."""

@@ -152,13 +152,12 @@ class Supervision:
 
     def _expect_motion(self, step: float, time: float, position: float, command: float,
                        friction: Sequence[float], acceleration: float) -> None:
+        self._window.append((time, position))
         sign = math.copysign(1.0, command)
         surplus = sign * command - _SURPLUS * abs(friction[0] if sign > 0.0 else friction[1])
         if surplus <= 0.0 or sign != self._sign or step > _STEP:
-            self._window.append((time, position))
             self._begin_answer(time, position, sign)
             return
-        self._window.append((time, position))
         self._speed += surplus * acceleration * step
         self._expected += self._speed * step
         if (self._expected < _EXPECTED_COUNTS * self._resolution

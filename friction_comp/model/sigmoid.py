@@ -12,6 +12,7 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from friction_comp.checks import check_number
+from friction_comp.compiling import njit
 from friction_comp.errors import InputError
 
 if TYPE_CHECKING:
@@ -25,11 +26,14 @@ def kinetic_current(velocity: Any, upper: float, lower: float, steepness: float,
     """Return Eq. 6 at a velocity; the only implementation of Eq. 6.
 
     `velocity` is an array or a number in rad/s. The result, current or torque, has the unit of the
-    plateaus; parameters are those of `Sigmoid`. `compiled.compiled_kinetic_current` is the same
-    function compiled.
+    plateaus; parameters are those of `Sigmoid`. `compiled_kinetic_current` is the same function
+    compiled.
     """
     return viscous * velocity + lower + (upper - lower) / (
         1.0 + np.exp(-steepness * (velocity - shift)))
+
+
+compiled_kinetic_current = njit(cache=True)(kinetic_current)
 
 
 @dataclass(frozen=True)

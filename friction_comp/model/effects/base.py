@@ -76,8 +76,8 @@ class Effect(ABC):
     range_margins: dict[str, float] = {}
     Constants: Any
 
-    def __init_subclass__(cls, **options: Any) -> None:
-        super().__init_subclass__(**options)
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
         # Compiled code also reads constants by name, and finds the type by this path.
         cls.Constants = namedtuple('Constants', tuple(cls.constants))  # type: ignore[misc]
         cls.Constants.__module__ = cls.__module__
@@ -281,11 +281,6 @@ def segment_starts(samples: Samples) -> np.ndarray:
     starts = np.zeros(len(samples), dtype=bool)
     starts[[part.start for part in samples.segments()]] = True
     return starts
-
-
-def geometric(lowest: float, highest: float, count: int) -> list[float]:
-    """Return numbers that grow by a constant factor."""
-    return [float(value) for value in np.geomspace(lowest, highest, count)]
 
 
 # Percentage of the samples below the low edge and above the high one, since a few outliers are
