@@ -130,7 +130,8 @@ def test_result_holds_table_fit_breakaway_and_model(quick, tmp_path):
     loaded = FrictionModel.load(path)
     assert loaded.joint == 'elbow'
     assert loaded.breakaway == result.breakaway
-    assert loaded.lookup_table == result.lookup_table()
+    for name, values in loaded.lookup_table.items():
+        assert values == getattr(result, name).tolist()
     np.testing.assert_allclose(loaded.sigmoid(result.speeds), result.sigmoid(result.speeds))
 
 

@@ -161,17 +161,13 @@ class IdentificationResult:
         """c1..c6 of Eq. 6 with velocity in rad/s."""
         return self.sigmoid.coefficients()
 
-    def lookup_table(self) -> dict[str, list[float]]:
-        """Return the look-up table as in the model file."""
-        return {'speeds': self.speeds.tolist(), 'currents': self.currents.tolist(),
-                'standard_deviations': self.standard_deviations.tolist()}
-
     def model(self, drive: Drive, joint: str = '') -> FrictionModel:
         """Return the `FrictionModel` of the drive; it is not saved."""
         return FrictionModel(
             drive=drive, sigmoid=self.sigmoid, breakaway=self.breakaway, joint=joint,
             presliding=self.presliding,
-            lookup_table=self.lookup_table(),
+            lookup_table={'speeds': self.speeds.tolist(), 'currents': self.currents.tolist(),
+                          'standard_deviations': self.standard_deviations.tolist()},
             notes={
                 'source': 'identification: constant velocities and current ramps',
                 'sigmoid_error': self.sigmoid_error,

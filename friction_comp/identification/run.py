@@ -4,8 +4,8 @@
 
 A ROS node or a plain loop runs the procedure by calling `IdentificationRun.update` with every
 sample. The movements are generators that yield currents and receive samples, one sample for each
-``yield``: `Script._movements` is the whole procedure in order, the methods below it are its steps.
-Measurements are stored in attributes.
+``yield``: `IdentificationMotion._movements` is the whole procedure in order, the methods below it
+are its steps. Measurements are stored in attributes.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ STOPPING_CYCLES, FIRST_STOP, STOP_STEP = 4, 0.8, 0.025
 _Cycle: TypeAlias = tuple[tuple[KineticPoint, ...], tuple[KineticPoint, ...]]
 
 
-class Script(Motion):
+class IdentificationMotion(Motion):
     """The steps of one identification and what they measured."""
 
     goal: IdentificationGoal
@@ -139,9 +139,9 @@ class Script(Motion):
         return self.start + share * PLACES_SHARE * self.goal.motion_range
 
     def _check_accelerations(self) -> None:
-        push = max(self._push[1], -self._push[-1])
+        push = max(self._push.values())
         for speed in self.goal.speeds:
-            needed = push + 10.0 * speed / self.goal.cycle(speed)[0] / self.acceleration
+            needed = push + self._accelerating_current(speed)
             if needed > 0.9 * self.drive.current_limit:
                 raise IdentificationError(
                     f'{speed:g} rad/s within {self.goal.motion_range:g} rad would take about '
@@ -172,7 +172,7 @@ class Script(Motion):
             return
         self.points.extend(best[0])
         self.commanded_points.extend(best[1])
-        self._note_friction()
+        self._update_friction()
 
     def _one_cycle(self, speed: float, factor: float) -> Generator[float, Sample, _Cycle | None]:
         """Run one cycle of Eq. 3; return both directions' currents, None if speed oscillated."""
@@ -215,7 +215,7 @@ class Script(Motion):
         while True:
             rise = time_of_ramp(sample.time - begin, goal.ramp_slope, stops)
             if rise > 0.4 * goal.ramp_period:
-                self._never_free(sign, goal.ramp_peak)
+                self._refuse_blocked(sign, goal.ramp_peak)
             sample = yield from self._step(
                 sign * ramp_current(rise, goal.ramp_slope, goal.ramp_period))
             samples.append(sample)
@@ -257,10 +257,10 @@ class IdentificationRun(SupervisedRun):
         If the drive cannot meet the goal.
     """
 
-    _script: Script
+    _motion: IdentificationMotion
 
     def __init__(self, goal: IdentificationGoal, drive: Drive) -> None:
-        super().__init__(Script(goal, drive))
+        super().__init__(IdentificationMotion(goal, drive))
         self.goal = goal
 
     def result(self) -> IdentificationResult:
@@ -274,12 +274,12 @@ class IdentificationRun(SupervisedRun):
         """
         if not self.finished:
             raise IdentificationError(f'identification is not complete: {self.error or self.phase}')
-        script = self._script
-        points = sorted(script.points, key=lambda point: point.speed)
+        motion = self._motion
+        points = sorted(motion.points, key=lambda point: point.speed)
         sigmoid, error = fit_sigmoid([p.speed for p in points], [p.current for p in points])
         acceleration = self._acceleration()
         ramps = evaluate_ramps(
-            script.ramps, script.stopping, self.goal.ramp_slope,
+            motion.ramps, motion.stopping, self.goal.ramp_slope,
             self.drive.position_resolution or 1e-6, acceleration, sigmoid.viscous)
         breakaway = ramps.records.statistics()
         wrong, doubtful = check_load(
@@ -290,14 +290,14 @@ class IdentificationRun(SupervisedRun):
         return IdentificationResult(
             points=points, sigmoid=sigmoid, sigmoid_error=error, breakaway=breakaway,
             records=ramps.records, acceleration_per_current=acceleration, goal=self.goal,
-            warnings=[*script.warnings, *script.supervision.warnings(), *ramps.warnings,
+            warnings=[*motion.warnings, *motion.supervision.warnings(), *ramps.warnings,
                       *([doubtful] if doubtful else [])],
             presliding=ramps.presliding, backlash=ramps.backlash)
 
     def _acceleration(self) -> float:
         """Return k_t·n/J in rad/s² per A from the cycles of Eq. 3, or else from the push."""
-        push = self._script.acceleration
-        rates = [acceleration_of_cycle(cycle) for cycle in self._script.cycles_driven]
+        push = self._motion.acceleration
+        rates = [acceleration_of_cycle(cycle) for cycle in self._motion.cycles_driven]
         plausible = [rate for rate in rates if push / 5.0 < rate < 5.0 * push]
         # The fastest cycle has the largest accelerations.
         return plausible[-1] if plausible else push

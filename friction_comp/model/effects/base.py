@@ -244,7 +244,7 @@ class Effect(ABC):
         for signal in self.needs:
             if getattr(samples, signal) is None:
                 raise InputError(f"effect '{self.name}' needs {signal}, which is not recorded")
-        matrix = self.matrix(inside(samples, self.valid_range), self.values)
+        matrix = self.matrix(_clip_to_ranges(samples, self.valid_range), self.values)
         if matrix.shape[1] != len(self.coefficients):
             raise InputError(f"effect '{self.name}' takes {matrix.shape[1]} coefficients, "
                              f'not {len(self.coefficients)}')
@@ -322,7 +322,7 @@ def with_range(effect: Effect, samples: Samples) -> Effect:
     return twin
 
 
-def inside(samples: Samples, ranges: dict[str, tuple[float, float]]) -> Samples:
+def _clip_to_ranges(samples: Samples, ranges: dict[str, tuple[float, float]]) -> Samples:
     """Return samples with signals limited to ranges."""
     known = {name: np.clip(getattr(samples, name), *ends) for name, ends in ranges.items()
              if getattr(samples, name) is not None}
