@@ -62,7 +62,7 @@ def main():
             rows = []
             for seed in range(half, arguments.seeds, 2):
                 limits = random_limits(np.random.default_rng(1000 + seed))
-                coverage = coverage_within(limits, 60.0, 0.02)
+                coverage = coverage_within(limits, 60.0)
                 others = (staircase(limits, 60.0, 50.0), fourier_series(limits, 60.0, 50.0, seed))
                 rows.append([plan_joint(limits, [pair], 60.0, seed).separation[pair], *(
                     separations(one, [pair], coverage)[pair] for one in others)])

@@ -56,7 +56,7 @@ _AXES = {'velocity': 'velocity (rad/s)', 'position': 'position (rad)', 'load': '
          'time': 'time (s)'}
 _AXIS_OF = {'direction': 'velocity', 'history': 'position', 'other joints': 'position'}
 COVERAGE = Coverage(transition=0.02, speed=1.0, slowest=0.01, lowest=-1.0, highest=1.0,
-                    duration=60.0, sample_time=60.0 / _SIZE, gear_ratio=10.0)
+                    duration=60.0)
 
 
 def write_pages(folder: Path) -> None:

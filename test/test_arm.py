@@ -88,7 +88,7 @@ def test_a_hanging_rod_weighs_what_a_hanging_rod_weighs():
 
 @pytest.mark.parametrize('change, words', [
     (lambda d: d['links'][0].pop('axis'), 'axis is missing'),
-    (lambda d: d['links'][1].update(parent='nobody'), 'arm: '),
+    (lambda d: d['links'][1].update(parent='nobody'), 'arm: nobody is missing'),
     (lambda d: d['links'][0].update(axis=[0, 0, 2]), 'unit vectors'),
     (lambda d: d['links'][0].update(rotation=[[1, 0, 0], [0, 1, 0], [0, 0, 2]]), 'rotation'),
     (lambda d: d['links'][0].update(inertial_parameters=[1.0]), 'arm'),

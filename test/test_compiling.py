@@ -80,7 +80,7 @@ def test_a_kernel_that_is_first_called_afterwards_is_compiled_then():
     from friction_comp import compiling
     compiling.defer_compilation()
     from friction_comp.low_pass import low_pass_weight
-    from friction_comp.model.compiled import compiled_kinetic_current
+    from friction_comp.model.sigmoid import compiled_kinetic_current
     before = low_pass_weight(1e-3, 1e-2)
     compiling.compile_deferred()
     print(before == low_pass_weight(1e-3, 1e-2), compiled_kinetic_current(0.1, 1, -1, 9, 0, 0) > 0,

@@ -17,7 +17,7 @@ from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
 
 COVERAGE = Coverage(transition=0.02, speed=1.0, slowest=0.01, lowest=-1.0, highest=1.0,
-                    duration=100.0, sample_time=0.01, resolution=1e-5)
+                    duration=100.0, resolution=1e-5)
 
 
 @pytest.mark.parametrize('name, constants', [

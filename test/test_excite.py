@@ -98,7 +98,7 @@ def test_the_same_seed_gives_the_same_plan_and_another_another(plan):
     ('stribeck', 'viscous_shape'), ('viscous_shape', 'warm_up'), ('hysteresis', 'rest_time')])
 def test_a_plan_tells_more_apart_than_a_staircase_or_a_fourier_series(pair):
     pairs = pairs_of(pair)
-    coverage = coverage_within(ELBOW, 40.0, 0.02)
+    coverage = coverage_within(ELBOW, 40.0)
     # After a few of its generations already.
     with short_search(3):
         planned = plan_joint(ELBOW, pairs, 40.0, 7).separation[pairs[0]]
@@ -110,7 +110,7 @@ def test_separation_sees_what_cannot_be_told_apart():
     narrow = JointLimits('j', -0.05, 0.05, 1.5, 6.0)
     pairs = pairs_of(['gravity', 'spring'])
     shares = [separations(staircase(limits, 40.0, 50.0), pairs,
-                          coverage_within(limits, 40.0, 0.02))[pairs[0]]
+                          coverage_within(limits, 40.0))[pairs[0]]
               for limits in (ELBOW, narrow)]
     assert shares[1] < 0.1 * shares[0]
     # Motion that counts as standstill, far below the limit of velocity, separates nothing.

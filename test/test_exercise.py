@@ -93,6 +93,7 @@ def changed(path, value):
 
 @pytest.mark.parametrize(('path', 'value', 'words'), [
     (['format'], 'other', 'format'), (['version'], 2, 'version'), (['unit'], 'grad', 'unit'),
+    (['unit'], ['deg'], 'unit'),
     (['joints'], ['elbow', 'elbow'], 'joints'), (['joints'], [], 'joints'),
     (['repetitions'], 0, 'repetitions'), (['announcement'], -1, 'announcement'),
     (['speed'], 1, 'unknown'), (['steps'], [], 'steps'),

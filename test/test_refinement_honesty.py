@@ -142,7 +142,7 @@ def test_a_joint_that_turns_round_slowly_has_not_rested():
     t, q, v, _ = strokes(2, duration=60.0)
     samples = recorded(t, q, friction(v), 2, velocity=v, acceleration=0.0 * v)
     coverage = Coverage(transition=0.02, speed=0.8, slowest=0.01, lowest=-0.8, highest=0.8,
-                  duration=60.0, sample_time=0.005)
+                        duration=60.0)
     grown = []
     for threshold in sorted({point['velocity'] for point in RestTime.grid(coverage)}):
         constants = {'time_constant': 0.5, 'distance': 0.1, 'velocity': threshold,

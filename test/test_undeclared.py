@@ -233,6 +233,7 @@ def test_example_file_is_read():
     ('{format: friction_comp_undeclared, version: 1, effects: 3}', 'not a list'),
     ('{format: friction_comp_undeclared, version: 1, effect: []}', 'unknown entries: effect;'),
     ('{format: friction_comp_undeclared, version: 1, effects: [{name: magic}]}', "'magic'"),
+    ('{format: friction_comp_undeclared, version: 1, effects: [{name: [magic]}]}', 'magic'),
     ('{format: friction_comp_undeclared, version: 1, effects: [{name: offset}]}', 'needs torque'),
     ('{format: friction_comp_undeclared, version: 1, effects: '
      '[{name: offset, parameters: {torque: .nan}}]}', 'torque must be a finite number'),

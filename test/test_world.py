@@ -242,7 +242,7 @@ def test_undeclared_effects_act_on_every_gear():
 
 def test_a_gear_that_is_not_known_is_refused():
     """Unknown gears, entries out of range, half a supply, and gear entries without a gear."""
-    for entries, word in (({'gear': 'worm'}, 'gear'), (
+    for entries, word in (({'gear': 'worm'}, 'gear'), ({'gear': ['clamp']}, 'gear'), (
             {'gear': 'lugre', 'delay_samples': 9}, 'delay_samples'), (
             {'gear': 'lugre', 'supply_voltage': 24.0}, 'winding_resistance'), (
             {'rotor_share': 0.5}, 'rotor_share needs a gear')):

@@ -131,7 +131,7 @@ def run_all(bank, runs):
     for j, run in enumerate(runs):
         try:
             results.append(run.result())
-            said.setdefault(j, '; '.join(run.warnings))
+            said.setdefault(j, '; '.join(results[-1].warnings))
         except Exception as error:
             said.setdefault(j, str(error))
             results.append(None)

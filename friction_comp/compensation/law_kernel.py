@@ -16,7 +16,7 @@ from friction_comp.compensation.friction_operator import continuous_current
 from friction_comp.compensation.guards import observe
 from friction_comp.compensation.records import CONTINUOUS, KINETIC, NONE
 from friction_comp.compiling import njit
-from friction_comp.model.compiled import compiled_kinetic_current
+from friction_comp.model.sigmoid import compiled_kinetic_current
 
 BUMP_TIME = 0.05
 """s; time constant with which an exchanged model takes effect under a law without slope limit."""

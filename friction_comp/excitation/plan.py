@@ -184,7 +184,7 @@ def plan_joint(limits: JointLimits, pairs: Sequence[Pair], seconds: float, seed:
         raise InputError(f'{seconds:g} s are too short for a plan: at least {_SHORTEST:g} s')
     if seconds > _LONGEST:
         raise InputError(f'{seconds:g} s are too long for a plan: at most {_LONGEST:g} s')
-    coverage = coverage_within(limits, seconds, 1.0 / _EVALUATED)
+    coverage = coverage_within(limits, seconds)
     points = qmc.Sobol(3, scramble=True, seed=seed).random(_POINTS)
 
     def separation(shape: np.ndarray, own: JointLimits) -> dict[Pair, float]:

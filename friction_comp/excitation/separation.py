@@ -107,12 +107,12 @@ def pairs_in(report: Any, source: str) -> list[Pair]:
     return pairs
 
 
-def coverage_within(limits: JointLimits, seconds: float, sample_time: float) -> Coverage:
+def coverage_within(limits: JointLimits, seconds: float) -> Coverage:
     """Return the coverage of motion that reaches all limits, for all plans within them."""
     return Coverage(
         transition=_TRANSITION * limits.velocity, speed=limits.velocity,
         slowest=_SLOWEST * limits.velocity, lowest=limits.lowest, highest=limits.highest,
-        duration=seconds, sample_time=sample_time)
+        duration=seconds)
 
 
 def terms_of(name: str, coverage: Coverage) -> list[Term]:

@@ -103,7 +103,7 @@ def exercise_of(document: Any) -> ExerciseScript:
     """Return the exercise that the content of a YAML file describes."""
     document = check_document(document, 'an exercise', FORMAT, VERSION, _KEYS)
     unit = document.get('unit')
-    if unit not in _UNITS:
+    if unit not in tuple(_UNITS):
         raise InputError(f'unit must be deg or rad, not {unit!r}')
     joints = document.get('joints')
     if (not isinstance(joints, list) or not joints or len(set(map(str, joints))) != len(joints)

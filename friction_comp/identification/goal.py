@@ -71,8 +71,6 @@ class IdentificationGoal(MotionGoal):
     breakaway_cycles : int
         Ramps per direction. After the 2nd, 6th, 10th ..., an extra ramp with pauses follows in
         each direction.
-    velocity_cycles : int
-        Cycles of Eq. 3 per speed.
     largest_speed : float
         Limit of ``|ω_c|`` in rad/s; the note's is 100 deg/s.
     longest_cycle : float
@@ -90,7 +88,6 @@ class IdentificationGoal(MotionGoal):
     ramp_slope: float = 0.1
     ramp_period: float = 10.0
     breakaway_cycles: int = 20
-    velocity_cycles: int = 1
     largest_speed: float = LARGEST_SPEED
     longest_cycle: float = 20.0
 
@@ -108,8 +105,7 @@ class IdentificationGoal(MotionGoal):
             check_number(getattr(self, name), name, above=0.0)
         if not self.longest_cycle > 0.0:
             raise InputError(f'longest_cycle must be positive, not {self.longest_cycle!r}')
-        for name in ('breakaway_cycles', 'velocity_cycles'):
-            check_whole_number(getattr(self, name), name, least=1, most=100_000)
+        check_whole_number(self.breakaway_cycles, 'breakaway_cycles', least=1, most=100_000)
         if speeds[-1] > 1.01 * self.largest_speed:
             raise InputError(
                 f'speeds: {speeds[-1]:g} rad/s is above the limit of {self.largest_speed:g} rad/s')
@@ -165,17 +161,13 @@ class IdentificationResult:
         """c1..c6 of Eq. 6 with velocity in rad/s."""
         return self.sigmoid.coefficients()
 
-    def lookup_table(self) -> dict[str, list[float]]:
-        """Return the look-up table as in the model file."""
-        return {'speeds': self.speeds.tolist(), 'currents': self.currents.tolist(),
-                'standard_deviations': self.standard_deviations.tolist()}
-
     def model(self, drive: Drive, joint: str = '') -> FrictionModel:
         """Return the `FrictionModel` of the drive; it is not saved."""
         return FrictionModel(
             drive=drive, sigmoid=self.sigmoid, breakaway=self.breakaway, joint=joint,
             presliding=self.presliding,
-            lookup_table=self.lookup_table(),
+            lookup_table={'speeds': self.speeds.tolist(), 'currents': self.currents.tolist(),
+                          'standard_deviations': self.standard_deviations.tolist()},
             notes={
                 'source': 'identification: constant velocities and current ramps',
                 'sigmoid_error': self.sigmoid_error,

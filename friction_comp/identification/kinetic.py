@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 from typing import TYPE_CHECKING
@@ -34,7 +34,6 @@ class KineticPoint:
     standard_deviation: float    # of the measured current over the phase, A
     actual_speed: float          # mean velocity over the phase, rad/s
     unsteadiness: float          # largest deviation from a straight line, as a share of its length
-    samples: int
 
 
 def constant_velocity_currents(time: ArrayLike, position: ArrayLike, current: ArrayLike,
@@ -62,34 +61,13 @@ def constant_velocity_currents(time: ArrayLike, position: ArrayLike, current: Ar
         bend, slope, _ = np.polyfit(t, x, 2)
         mean = float(np.mean(i))
         if acceleration_per_current is not None:
-            mean -= 2.0 * bend / acceleration_per_current
+            mean -= 2.0 * float(bend) / acceleration_per_current
         straight = x - np.polyval(np.polyfit(t, x, 1), t)
         distance = max(abs(slope) * (t[-1] - t[0]), 1e-12)
         points.append(KineticPoint(
             speed=sign * speed, current=mean, standard_deviation=float(np.std(i)),
-            actual_speed=float(slope), unsteadiness=float(np.max(np.abs(straight)) / distance),
-            samples=count))
+            actual_speed=float(slope), unsteadiness=float(np.max(np.abs(straight)) / distance)))
     return points[0], points[1]
-
-
-def merge_points(points: Iterable[KineticPoint]) -> list[KineticPoint]:
-    """Average repeated speeds; return the look-up table in ascending speed."""
-    groups: dict[float, list[KineticPoint]] = {}
-    for point in points:
-        groups.setdefault(round(point.speed, 9), []).append(point)
-    merged = []
-    for speed in sorted(groups):
-        group = groups[speed]
-        weights = np.array([point.samples for point in group], dtype=float)
-        means = np.array([point.current for point in group])
-        mean = float(np.average(means, weights=weights))
-        spread = np.array([point.standard_deviation for point in group])
-        variance = float(np.average(spread ** 2 + (means - mean) ** 2, weights=weights))
-        merged.append(KineticPoint(
-            speed=speed, current=mean, standard_deviation=variance ** 0.5,
-            actual_speed=float(np.average([p.actual_speed for p in group], weights=weights)),
-            unsteadiness=max(point.unsteadiness for point in group), samples=int(weights.sum())))
-    return merged
 
 
 def acceleration_of_push(pushed: Sequence[Sample], coasted: Sequence[Sample], strength: float,

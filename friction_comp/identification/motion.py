@@ -65,7 +65,7 @@ class Motion(ABC):
         self.commanded_points: list[KineticPoint] = []
         self.warnings: list[str] = []
         self._resolution = drive.position_resolution or 1e-6
-        self._push = {1: 0.0, -1: 0.0}     # current that overcomes friction, per direction
+        self._push = {1: 0.0, -1: 0.0}     # current that broke the joint free, magnitude in A
         self._slid = 0                     # direction of the latest slide
 
     def run(self) -> Generator[float, Sample, None]:
@@ -117,7 +117,7 @@ class Motion(ABC):
         for sign in (1, -1):
             rates.append((yield from self._short_push(sign)))
         # Typically, a joint's own breakaway torque accelerates it at 10 rad/s².
-        typical = 10.0 / max(self._push[1], -self._push[-1])
+        typical = 10.0 / max(self._push.values())
         rates = [rate for rate in rates if math.isfinite(rate) and rate > typical / 100.0]
         if not rates:
             self.warnings.append('the inertia could not be estimated; a typical one was assumed')
@@ -134,7 +134,7 @@ class Motion(ABC):
         while True:
             current = slope * (sample.time - begin)
             if current > peak:
-                self._never_free(sign, peak)
+                self._refuse_blocked(sign, peak)
             sample = yield from self._step(sign * current)
             window.append(sample)
             if speed_over(window, sign, 0.01) > _PUSH_SPEED / 10.0 and (
@@ -145,8 +145,8 @@ class Motion(ABC):
             yield from self._standstill(STILL_TIME + LATEST)
             self.supervision.require_confirmed_current()
             sample = self.sample
-        self._push[sign] = sign * current
-        self._note_friction()
+        self._push[sign] = current
+        self._update_friction()
         strong = min(1.3 * current, self.drive.current_limit)
         room = sample.position + sign * 0.04 * self.goal.motion_range
         pushed, begin = [sample], sample.time
@@ -163,17 +163,17 @@ class Motion(ABC):
         yield from self._standstill(STILL_TIME)
         return acceleration_of_push(pushed, coasted, strong, sign)
 
-    def _note_friction(self) -> None:
+    def _update_friction(self) -> None:
         """Update `friction` after a push or a cycle, not with every sample."""
         if 0.0 in self._push.values():
             return
         positive, negative = (
-            sign * max([abs(self._push[sign])] + [
+            sign * max([self._push[sign]] + [
                 abs(point.current) for point in self.commanded_points if point.speed * sign > 0.0])
             for sign in (1, -1))
         self.friction = positive, negative
 
-    def _never_free(self, sign: int, reached: float) -> NoReturn:
+    def _refuse_blocked(self, sign: int, reached: float) -> NoReturn:
         side = 'positive' if sign > 0 else 'negative'
         raise IdentificationError(
             f'the joint did not break free in the {side} direction up to {reached:.3g} A. '
@@ -184,36 +184,41 @@ class Motion(ABC):
 
     def _controller(self, bandwidth: float, speed: float) -> Controller:
         # A single encoder count must not change the current by more than friction.
-        push = min(self._push[1], -self._push[-1])
-        quiet = math.sqrt(0.06 * push * self.acceleration / self._resolution)
+        quiet = math.sqrt(
+            0.06 * min(self._push.values()) * self.acceleration / self._resolution)
         return Controller(
-            self.acceleration, float(self._plausible(speed)),
-            self._expected(1, speed), self._expected(-1, speed), max(min(bandwidth, quiet), 5.0))
+            self.acceleration, float(self._plausible_current(speed)),
+            self._expected_current(1, speed), self._expected_current(-1, speed),
+            max(min(bandwidth, quiet), 5.0))
 
-    def _plausible(self, speed: float) -> float:
+    def _plausible_current(self, speed: float) -> float:
         """Return the largest plausible current in A at a speed.
 
         Beyond measured speeds, friction grows at most in proportion to speed. Twice that, plus
         twice the current of the profile's acceleration, leaves room for gravity and control. If the
         joint is blocked or the encoder stuck, the controller exceeds this limit.
         """
-        push = max(self._push[1], -self._push[-1])
+        push = max(self._push.values())
         known = max([push] + [
             abs(point.current) * max(1.0, speed / abs(point.speed))
             for point in self.commanded_points[-2:]])
-        accelerating = 10.0 * speed / self.goal.cycle(max(speed, 1e-3))[0] / self.acceleration
-        return min(self.drive.current_limit, max(3.0 * push, 2.0 * known) + 2.0 * accelerating)
+        return min(self.drive.current_limit,
+                   max(3.0 * push, 2.0 * known) + 2.0 * self._accelerating_current(speed))
 
-    def _expected(self, sign: int, speed: float) -> float:
+    def _accelerating_current(self, speed: float) -> float:
+        """Return the current in A that accelerates the joint in a cycle at a speed."""
+        return 10.0 * speed / self.goal.cycle(speed)[0] / self.acceleration
+
+    def _expected_current(self, sign: int, speed: float) -> float:
         """Return the current expected at a speed, from the look-up table so far."""
         known = [point for point in self.commanded_points if point.speed * sign > 0.0][-2:]
         if not known:
-            return self._push[sign]
+            return sign * self._push[sign]
         current, last = known[-1].current, known[-1]
         if last.speed != known[0].speed:
             rise = (last.current - known[0].current) / (last.speed - known[0].speed)
             current += max(rise, 0.0) * (sign * speed - last.speed)
-        return current if current * sign > 0.0 else self._push[sign]
+        return current if current * sign > 0.0 else sign * self._push[sign]
 
     def _follow(self, reference: Callable[[float], tuple[float, float]], duration: float,
                 allowance: float, speed: float,

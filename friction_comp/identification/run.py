@@ -4,8 +4,8 @@
 
 A ROS node or a plain loop runs the procedure by calling `IdentificationRun.update` with every
 sample. The movements are generators that yield currents and receive samples, one sample for each
-``yield``: `Script._movements` is the whole procedure in order, the methods below it are its steps.
-Measurements are stored in attributes.
+``yield``: `IdentificationMotion._movements` is the whole procedure in order, the methods below it
+are its steps. Measurements are stored in attributes.
 """
 
 from __future__ import annotations
@@ -29,7 +29,6 @@ from friction_comp.identification.kinetic import (
     acceleration_of_cycle,
     constant_velocity_currents,
     KineticPoint,
-    merge_points,
 )
 from friction_comp.identification.motion import Motion, speed_over, STILL_TIME
 from friction_comp.identification.ramp_evaluation import (
@@ -69,7 +68,7 @@ STOPPING_CYCLES, FIRST_STOP, STOP_STEP = 4, 0.8, 0.025
 _Cycle: TypeAlias = tuple[tuple[KineticPoint, ...], tuple[KineticPoint, ...]]
 
 
-class Script(Motion):
+class IdentificationMotion(Motion):
     """The steps of one identification and what they measured."""
 
     goal: IdentificationGoal
@@ -100,8 +99,7 @@ class Script(Motion):
         goal, left = self.goal, 0.0
         for speed in goal.speeds[self._speeds_done:]:
             duration, width = goal.cycle(speed)
-            left += goal.velocity_cycles * (
-                duration + self._travel_time(0.5 * width) + STILL_TIME)
+            left += duration + self._travel_time(0.5 * width) + STILL_TIME
         ramps = 2 * goal.breakaway_cycles - len(self.ramps)
         share = 0.5 * (self._reached[1] + self._reached[-1])
         left += ramps * goal.ramp_period * (0.4 * share + REST_SHARE)
@@ -141,9 +139,9 @@ class Script(Motion):
         return self.start + share * PLACES_SHARE * self.goal.motion_range
 
     def _check_accelerations(self) -> None:
-        push = max(self._push[1], -self._push[-1])
+        push = max(self._push.values())
         for speed in self.goal.speeds:
-            needed = push + 10.0 * speed / self.goal.cycle(speed)[0] / self.acceleration
+            needed = push + self._accelerating_current(speed)
             if needed > 0.9 * self.drive.current_limit:
                 raise IdentificationError(
                     f'{speed:g} rad/s within {self.goal.motion_range:g} rad would take about '
@@ -151,32 +149,30 @@ class Script(Motion):
                     f'{self.drive.current_limit:g} A: lower the speed or widen the range')
 
     def _constant_velocity(self, speed: float) -> Generator[float, Sample, None]:
-        """Run the cycles of Eq. 3 at one speed and average over the constant phases."""
-        for _ in range(self.goal.velocity_cycles):
-            best = None
-            for factor in GAIN_LADDER:
-                if factor > self._highest_gain:
-                    continue
-                driven = yield from self._one_cycle(speed, factor)
-                if driven is None:
-                    continue
-                scatter = _current_scatter(driven[0])
-                if best is not None and scatter > 0.7 * _current_scatter(best[0]):
-                    # The controller is not the cause: friction itself varies.
-                    self._uneven, self._highest_gain = True, math.inf
-                    break
-                best = driven
-                if self._uneven or scatter <= MAX_SCATTER:
-                    break
-                # Higher gains would only cause more oscillation, at other speeds too.
-                self._highest_gain = max(0.99 * factor, GAIN_LADDER[-1])
-            if best is None:
-                self.warnings.append(
-                    f'{speed:g} rad/s left out: stick-slip, or the joint oscillates')
-                return
-            self.points.extend(best[0])
-            self.commanded_points.extend(best[1])
-            self._note_friction()
+        """Run a cycle of Eq. 3 at one speed, with lower gains if the controller oscillates."""
+        best = None
+        for factor in GAIN_LADDER:
+            if factor > self._highest_gain:
+                continue
+            driven = yield from self._one_cycle(speed, factor)
+            if driven is None:
+                continue
+            scatter = _current_scatter(driven[0])
+            if best is not None and scatter > 0.7 * _current_scatter(best[0]):
+                # The controller is not the cause: friction itself varies.
+                self._uneven, self._highest_gain = True, math.inf
+                break
+            best = driven
+            if self._uneven or scatter <= MAX_SCATTER:
+                break
+            # Higher gains would only cause more oscillation, at other speeds too.
+            self._highest_gain = max(0.99 * factor, GAIN_LADDER[-1])
+        if best is None:
+            self.warnings.append(f'{speed:g} rad/s left out: stick-slip, or the joint oscillates')
+            return
+        self.points.extend(best[0])
+        self.commanded_points.extend(best[1])
+        self._update_friction()
 
     def _one_cycle(self, speed: float, factor: float) -> Generator[float, Sample, _Cycle | None]:
         """Run one cycle of Eq. 3; return both directions' currents, None if speed oscillated."""
@@ -219,7 +215,7 @@ class Script(Motion):
         while True:
             rise = time_of_ramp(sample.time - begin, goal.ramp_slope, stops)
             if rise > 0.4 * goal.ramp_period:
-                self._never_free(sign, goal.ramp_peak)
+                self._refuse_blocked(sign, goal.ramp_peak)
             sample = yield from self._step(
                 sign * ramp_current(rise, goal.ramp_slope, goal.ramp_period))
             samples.append(sample)
@@ -261,13 +257,11 @@ class IdentificationRun(SupervisedRun):
         If the drive cannot meet the goal.
     """
 
-    _script: Script
+    _motion: IdentificationMotion
 
     def __init__(self, goal: IdentificationGoal, drive: Drive) -> None:
-        super().__init__(Script(goal, drive))
+        super().__init__(IdentificationMotion(goal, drive))
         self.goal = goal
-        self.warnings: list[str] = []
-        self._result: IdentificationResult | None = None
 
     def result(self) -> IdentificationResult:
         """Fit the curve of Eq. 6, evaluate the ramps and return an `IdentificationResult`.
@@ -280,35 +274,30 @@ class IdentificationRun(SupervisedRun):
         """
         if not self.finished:
             raise IdentificationError(f'identification is not complete: {self.error or self.phase}')
-        if self._result is None:
-            script = self._script
-            points = merge_points(script.points)
-            sigmoid, error = fit_sigmoid([p.speed for p in points], [p.current for p in points])
-            self.warnings = script.warnings + script.supervision.warnings()
-            acceleration = self._acceleration()
-            ramps = evaluate_ramps(
-                script.ramps, script.stopping, self.goal.ramp_slope,
-                self.drive.position_resolution or 1e-6, acceleration, sigmoid.viscous)
-            self.warnings += ramps.warnings
-            statistics = ramps.records.statistics()
-            wrong, doubtful = check_load(
-                points, (statistics.positive_mean, statistics.negative_mean),
-                max(statistics.positive_std, statistics.negative_std))
-            if wrong:
-                raise IdentificationError(wrong)
-            self.warnings += [doubtful] if doubtful else []
-            self._result = IdentificationResult(
-                points=points, sigmoid=sigmoid, sigmoid_error=error,
-                breakaway=statistics, records=ramps.records,
-                acceleration_per_current=acceleration, goal=self.goal,
-                warnings=list(self.warnings), presliding=ramps.presliding,
-                backlash=ramps.backlash)
-        return self._result
+        motion = self._motion
+        points = sorted(motion.points, key=lambda point: point.speed)
+        sigmoid, error = fit_sigmoid([p.speed for p in points], [p.current for p in points])
+        acceleration = self._acceleration()
+        ramps = evaluate_ramps(
+            motion.ramps, motion.stopping, self.goal.ramp_slope,
+            self.drive.position_resolution or 1e-6, acceleration, sigmoid.viscous)
+        breakaway = ramps.records.statistics()
+        wrong, doubtful = check_load(
+            points, (breakaway.positive_mean, breakaway.negative_mean),
+            max(breakaway.positive_std, breakaway.negative_std))
+        if wrong:
+            raise IdentificationError(wrong)
+        return IdentificationResult(
+            points=points, sigmoid=sigmoid, sigmoid_error=error, breakaway=breakaway,
+            records=ramps.records, acceleration_per_current=acceleration, goal=self.goal,
+            warnings=[*motion.warnings, *motion.supervision.warnings(), *ramps.warnings,
+                      *([doubtful] if doubtful else [])],
+            presliding=ramps.presliding, backlash=ramps.backlash)
 
     def _acceleration(self) -> float:
         """Return k_t·n/J in rad/s² per A from the cycles of Eq. 3, or else from the push."""
-        push = self._script.acceleration
-        rates = [acceleration_of_cycle(cycle) for cycle in self._script.cycles_driven]
+        push = self._motion.acceleration
+        rates = [acceleration_of_cycle(cycle) for cycle in self._motion.cycles_driven]
         plausible = [rate for rate in rates if push / 5.0 < rate < 5.0 * push]
         # The fastest cycle has the largest accelerations.
         return plausible[-1] if plausible else push

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Moves a joint sample by sample by a script, and commands zero current at the first fault.
+"""Moves a joint sample by sample, and commands zero current at the first fault.
 
 Measurements must agree with commands: the measured current is the commanded one, with little delay;
 the position changes as the measured velocity says; and a current well above breakaway accelerates
@@ -50,7 +50,7 @@ _EXPECTED_COUNTS, _ANSWERED, _ANSWER_TIME = 30.0, 0.1, 0.01
 
 
 class Sample(NamedTuple):
-    """A sample for the script: s, rad and A; current is NaN if unknown."""
+    """A sample for a motion: s, rad and A; current is NaN if unknown."""
 
     time: float
     position: float
@@ -152,13 +152,12 @@ class Supervision:
 
     def _expect_motion(self, step: float, time: float, position: float, command: float,
                        friction: Sequence[float], acceleration: float) -> None:
+        self._window.append((time, position))
         sign = math.copysign(1.0, command)
         surplus = sign * command - _SURPLUS * abs(friction[0] if sign > 0.0 else friction[1])
         if surplus <= 0.0 or sign != self._sign or step > _STEP:
-            self._window.append((time, position))
             self._begin_answer(time, position, sign)
             return
-        self._window.append((time, position))
         self._speed += surplus * acceleration * step
         self._expected += self._speed * step
         if (self._expected < _EXPECTED_COUNTS * self._resolution
@@ -186,7 +185,7 @@ def _refuse_late(answer: Answer) -> None:
 
 
 def check_load(points: Sequence[KineticPoint], breakaway: tuple[float, float],
-           spread: float) -> tuple[str, str]:
+               spread: float) -> tuple[str, str]:
     """Return an error and a warning on loads during a finished run; each is empty if none.
 
     Friction is about equal in both directions. A load adds to one direction and reduces the other:
@@ -213,20 +212,19 @@ def check_load(points: Sequence[KineticPoint], breakaway: tuple[float, float],
 
 
 class SupervisedRun:
-    """One run of a script, from standstill to zero current.
+    """One run of a motion, from standstill to zero current.
 
     Call `update` with every sample and apply the current that it returns, until `finished`.
-
     """
 
-    def __init__(self, script: Motion) -> None:
-        self.drive = script.drive
+    def __init__(self, motion: Motion) -> None:
+        self.drive = motion.drive
         self.error = ''             # why the run failed; empty if it did not
         self.finished = False       # whether the run is complete
         self.progress = 0.0         # 0 to 1, never falling
         self.remaining = math.nan   # estimated time to the end, s
-        self._script: Motion = script
-        self._run = script.run()
+        self._motion = motion
+        self._run = motion.run()
         next(self._run)
         self._begin: float | None = None
         self._last: float | None = None
@@ -237,7 +235,7 @@ class SupervisedRun:
         """Present step of the run."""
         if self.error:
             return 'failed'
-        return 'done' if self.finished else self._script.phase
+        return 'done' if self.finished else self._motion.phase
 
     def update(self, time: float, position: float, velocity: float | None = None,
                current: float = 0.0) -> float:
@@ -271,9 +269,9 @@ class SupervisedRun:
             self._check(time, position)
             if self._last is not None and time <= self._last:
                 return self._command
-            self._script.supervision.check(
+            self._motion.supervision.check(
                 float(time), float(position), velocity, float(current), self._command,
-                self._script.friction, self._script.acceleration)
+                self._motion.friction, self._motion.acceleration)
             command = self._run.send(Sample(
                 float(time), float(position),
                 float(current) if math.isfinite(current) else math.nan))
@@ -307,7 +305,7 @@ class SupervisedRun:
             what = 'no sample for' if time > self._last else 'time went back by'
             raise IdentificationError(
                 f'{what} {abs(time - self._last):.2g} s; the limit is {LONGEST_GAP} s')
-        low, high = self._script.bounds()
+        low, high = self._motion.bounds()
         if not low <= position <= high:
             raise IdentificationError(
                 f'the joint left its motion range of {high - low:.4g} rad')
@@ -320,6 +318,6 @@ class SupervisedRun:
             return
         self._estimated = now
         elapsed = now - self._begin
-        self.remaining = self._script.remaining()
+        self.remaining = self._motion.remaining()
         share = elapsed / max(elapsed + self.remaining, 1e-9)
         self.progress = max(self.progress, min(0.999, share))

@@ -74,7 +74,7 @@ class TrajectoryGoal(MotionGoal):
         return duration, 0.4 * speed * duration
 
 
-class FollowTrajectory(Motion):
+class TrajectoryMotion(Motion):
     """The steps of one trajectory."""
 
     goal: TrajectoryGoal
@@ -114,4 +114,4 @@ class TrajectoryRun(SupervisedRun):
     """One trajectory, from standstill to zero current; see `SupervisedRun`."""
 
     def __init__(self, goal: TrajectoryGoal, drive: Drive) -> None:
-        super().__init__(FollowTrajectory(goal, drive))
+        super().__init__(TrajectoryMotion(goal, drive))

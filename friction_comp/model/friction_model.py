@@ -132,9 +132,10 @@ class FrictionModel:
         InputError
             If an effect needs a signal that was not recorded.
         """
-        settings = self.differentiation or DEFAULT_SETTINGS
-        known = self if same_recording else self.for_other_recordings()
-        current = known.current(differentiate(self.with_arm(samples), settings))
+        effects = [effect for effect in self.effects
+                   if same_recording or effect.holds_on_another_day]
+        current = replace(self, effects=effects).current(
+            differentiate(self.with_arm(samples), self.differentiation or DEFAULT_SETTINGS))
         return np.nan_to_num(current, nan=0.0, posinf=0.0, neginf=0.0)
 
     def measured(self, samples: Samples) -> np.ndarray:
@@ -152,11 +153,6 @@ class FrictionModel:
     def largest_speed(self, default: float) -> float:
         """Return the largest speed in rad/s of the look-up table; a default where it has none."""
         return max(map(abs, (self.lookup_table or {}).get('speeds', ())), default=0.0) or default
-
-    def for_other_recordings(self) -> FrictionModel:
-        """Return the model without the effects that do not hold in another recording."""
-        lasting = [effect for effect in self.effects if effect.holds_on_another_day]
-        return self if len(lasting) == len(self.effects) else replace(self, effects=lasting)
 
     def with_arm(self, samples: Samples) -> Samples:
         """Return recorded samples with the torques of the rest of the arm on the joint."""

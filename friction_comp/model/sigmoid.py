@@ -11,6 +11,8 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
+from friction_comp.checks import check_number
+from friction_comp.compiling import njit
 from friction_comp.errors import InputError
 
 if TYPE_CHECKING:
@@ -24,11 +26,14 @@ def kinetic_current(velocity: Any, upper: float, lower: float, steepness: float,
     """Return Eq. 6 at a velocity; the only implementation of Eq. 6.
 
     `velocity` is an array or a number in rad/s. The result, current or torque, has the unit of the
-    plateaus; parameters are those of `Sigmoid`. `compiled.compiled_kinetic_current` is the same
-    function compiled.
+    plateaus; parameters are those of `Sigmoid`. `compiled_kinetic_current` is the same function
+    compiled.
     """
     return viscous * velocity + lower + (upper - lower) / (
         1.0 + np.exp(-steepness * (velocity - shift)))
+
+
+compiled_kinetic_current = njit(cache=True)(kinetic_current)
 
 
 @dataclass(frozen=True)
@@ -52,10 +57,7 @@ class Sigmoid:
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if not math.isfinite(value):
-                raise InputError(f'sigmoid.{name} must be finite, not {value!r}')
-        if self.steepness <= 0:
-            raise InputError(f'sigmoid.steepness must be positive, not {self.steepness!r}')
+            check_number(value, f'sigmoid.{name}', above=0.0 if name == 'steepness' else -math.inf)
 
     def __call__(self, velocity: ArrayLike) -> Any:
         """Return the current in A at joint velocity in rad/s, of the same shape."""

@@ -25,7 +25,6 @@ _TOP_SPEED = 1.0
 # Sweeps have these shares of the top speed; a joint that hardly moves does not show a plateau.
 _SPEEDS = np.geomspace(0.02, 1.0, 12)
 _POINTS = 720
-_ROOM = 20.0  # °C
 _LINKS = ('gravity', 'rigid_body', 'other_joints', 'load_torque')
 _OWN_ELEMENTS = ('inertia', 'spring')
 
@@ -70,7 +69,7 @@ def simulator_joint(model: FrictionModel, top_speed: float | None = None) -> Sim
                           error / rms_torque if rms_torque else 0.0, top_speed, left_out)
 
 
-def joint_friction_only(model: FrictionModel, known: tuple[str, ...] = ('acceleration', 'velocity')
+def joint_friction_only(model: FrictionModel, known: tuple[str, ...] = ('acceleration',)
                         ) -> tuple[FrictionModel, list[str]]:
     """Return the model with the friction that depends on known signals, and what is left out."""
     kept, left_out = [], []
@@ -98,12 +97,10 @@ def sweeps(model: FrictionModel, top_speed: float) -> tuple[Samples, np.ndarray]
     parts = []
     for speed in _SPEEDS * top_speed:
         for sign in (1.0, -1.0):
-            time = (path - low) / speed
             zero = np.zeros(_POINTS)
             parts.append(Samples(
-                time=time, position=path if sign > 0 else path[::-1], current=zero,
-                velocity=np.full(_POINTS, sign * speed), acceleration=zero, load=zero,
-                temperature=np.full(_POINTS, _ROOM), rigid_body=zero, coupling=zero))
+                time=(path - low) / speed, position=path if sign > 0 else path[::-1],
+                current=zero, velocity=np.full(_POINTS, sign * speed), acceleration=zero))
     late = np.tile(np.arange(_POINTS) >= _POINTS // 10, len(parts))
     return Samples.concatenate(parts), late
 
@@ -115,7 +112,7 @@ def friction_table(model: FrictionModel, loads: np.ndarray, top_speed: float | N
     Names of the columns (velocity, position, load, torque), and the rows, shape (N, 4). Loads,
     shape (L,), N·m, are used where friction depends on the load.
     """
-    kept, _ = joint_friction_only(model, ('acceleration', 'velocity', 'load'))
+    kept, _ = joint_friction_only(model, ('acceleration', 'load'))
     motion, late = sweeps(model, top_speed or model.largest_speed(_TOP_SPEED))
     if not any('load' in effect.needs for effect in kept.effects):
         loads = np.zeros(1)

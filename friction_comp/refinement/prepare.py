@@ -190,7 +190,7 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
     target = moved.current - load * np.asarray(moved.load) if load else moved.current
     if not target[usable].any():
         raise InputError('the current is zero throughout the motion: there is no friction to fit')
-    coverage = coverage_of(moved, usable, drive, slowest)
+    coverage = coverage_of(moved, usable, slowest)
     region = regions_of(motion[0][start]) if motion else np.zeros_like(block)
     rows = Rows(moved, target, usable, unusable, coverage, start, length, block, region, load,
                 motion, joints)
@@ -217,7 +217,7 @@ def choose_transition(rows: Rows) -> float:
     return best[1]
 
 
-def coverage_of(samples: Samples, usable: np.ndarray, drive: Drive, slowest: float) -> Coverage:
+def coverage_of(samples: Samples, usable: np.ndarray, slowest: float) -> Coverage:
     """Return the ranges that recordings cover."""
     moving = samples.take(usable)
     # Only within one recording can a time constant be observed.
@@ -236,8 +236,7 @@ def coverage_of(samples: Samples, usable: np.ndarray, drive: Drive, slowest: flo
         temperature_span = float(np.ptp(np.percentile(samples.temperature[usable], (1, 99))))
     return Coverage(
         transition=0.05 * float(speed), speed=float(speed), slowest=slowest, lowest=float(lowest),
-        highest=float(highest), duration=duration, sample_time=samples.sample_time,
-        temperature=temperature, gear_ratio=drive.gear_ratio,
+        highest=float(highest), duration=duration, temperature=temperature,
         resolution=float(steps.min()) if steps.size else 0.0,
         both_directions=0.02 < float(np.mean(velocity > 0)) < 0.98, slow=float(slow),
         reversals=float(np.count_nonzero(np.diff(np.sign(velocity)))),

@@ -209,7 +209,7 @@ def squared_errors(matrices: np.ndarray, bodies: Bodies, x: np.ndarray) -> np.nd
     unknowns = Unknowns(len(matrices))
     links = bodies.parameters(x[unknowns.links])[0].ravel()
     combinations = [np.concatenate((np.exp(scale) * links, x[unknowns.friction(joint)], [-1.0]))
-             for joint, scale in enumerate(x[unknowns.scales])]
+                    for joint, scale in enumerate(x[unknowns.scales])]
     return np.array([max(float(combination @ matrix @ combination), 0.0)
                      for combination, matrix in zip(combinations, matrices)])
 

@@ -171,11 +171,12 @@ def match_names(recorded: Sequence[str], described: Sequence[str],
     unknown: list[str] = []
     listed = ', '.join(map(repr, described))
     for name in recorded:
-        short = plain(name)
+        short = _short_name(name)
         matches = ([other for other in described if other == name]
-                   or [other for other in described if plain(other) == short]
+                   or [other for other in described if _short_name(other) == short]
                    or [other for other in described
-                       if plain(other).endswith(short) or short.endswith(plain(other))])
+                       if _short_name(other).endswith(short)
+                       or short.endswith(_short_name(other))])
         if len(matches) > 1 or (matches and matches[0] in pairs.values()):
             raise InputError(f'{path}: joint {name!r} of the recording matches several of the '
                              f'URDF, or one that is taken: {listed}')
@@ -189,7 +190,7 @@ def match_names(recorded: Sequence[str], described: Sequence[str],
     return pairs, unknown
 
 
-def plain(name: str) -> str:
+def _short_name(name: str) -> str:
     """Return a joint's name in lower case, without underscores and the words joint and axis."""
     words = re.findall(r'[a-z]+|[0-9]+', name.lower())
     kept = [word for word in words if word not in _GENERIC_WORDS]

@@ -17,7 +17,7 @@ import math
 from numba import njit
 import numpy as np
 
-from friction_comp.model.compiled import compiled_kinetic_current
+from friction_comp.model.sigmoid import compiled_kinetic_current
 from friction_comp.simulation.joint_parameters import Record
 from friction_comp.simulation.random_sequence import normal
 

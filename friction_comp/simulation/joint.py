@@ -125,15 +125,6 @@ def bank_sample(p: np.ndarray, s: np.ndarray, random: np.ndarray, tables: np.nda
                      reference_position[j], reference_velocity[j], held, out[j])
 
 
-@njit(cache=True)
-def start_bank(p: np.ndarray, s: np.ndarray, random: np.ndarray, sample_time: float,
-               out: np.ndarray) -> None:
-    """Start and measure all joints; each row is a joint."""
-    for j in range(p.shape[0]):
-        start_joint(p[j], s[j], random[j])
-        measure(p[j], s[j], random[j], sample_time, out[j])
-
-
 @dataclass(frozen=True)
 class PlantState:
     """Measured values of a plant at one instant; arrays of shape (J,)."""
@@ -161,7 +152,7 @@ class Plant:
             undeclared = [None] * len(models)
         if not models or len(undeclared) != len(models):
             raise InputError('the plant needs one model and one undeclared file or None per joint')
-        if not (math.isfinite(sample_time) and 0.0 < sample_time <= 0.01):
+        if not 0.0 < sample_time <= 0.01:
             raise InputError(f'sample_time must be in (0, 0.01] s, not {sample_time!r}')
         self.sample_time = float(sample_time)
         self.joints = len(models)
@@ -180,7 +171,9 @@ class Plant:
         self._shown = self._out.view(float).reshape(self.joints, -1).T
         self._zeros, self._nobody = np.zeros(self.joints), np.zeros(self.joints, dtype=bool)
         self._everybody = ~self._nobody
-        start_bank(self._parameters, self._states, self._random, self.sample_time, self._out)
+        for p, s, random, out in zip(self._parameters, self._states, self._random, self._out):
+            start_joint(p, s, random)
+            measure(p, s, random, self.sample_time, out)
         # Compile the step, or load it from the cache, before the first call.
         none = np.zeros(0)
         bank_sample(self._parameters[:0], self._states[:0], self._random[:0], self._tables[:0],

@@ -64,10 +64,6 @@ class ReferenceHold:
 
     def __init__(self, timeout: float = 0.5) -> None:
         self.timeout = float(timeout)
-        self.reset()
-
-    def reset(self) -> None:
-        """Forget the reference."""
         self._reference: tuple[float, np.ndarray, np.ndarray] | None = None
 
     def update(self, time: float, position: ArrayLike, velocity: ArrayLike) -> None:

@@ -114,7 +114,8 @@ class Undeclared:
         for entry in effects:
             if not isinstance(entry, dict) or 'name' not in entry:
                 raise InputError(f'an undeclared effect needs a name: {entry!r}')
-            name, where = entry['name'], f"undeclared effect '{entry['name']}'"
+            name = str(entry['name'])
+            where = f"undeclared effect '{name}'"
             check_mapping(entry, where, ('name', 'parameters'))
             given = entry.get('parameters') or {}
             if name in EFFECTS:
@@ -130,8 +131,8 @@ class Undeclared:
                 result.actuation_lag += own.get('lag', 0.0)
                 result.torque_constant_factor *= own.get('factor', 1.0)
             else:
-                raise InputError(f"unknown undeclared effect '{name}'; known: "
-                                 f"{', '.join([*EFFECTS, *JOINT_EFFECTS])}")
+                raise InputError(
+                    f"unknown {where}; known: {', '.join([*EFFECTS, *JOINT_EFFECTS])}")
         if rows:
             result.table = np.array(rows)
         if thermal is not None:

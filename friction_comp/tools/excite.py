@@ -78,7 +78,7 @@ def main(argv: list[str] | None = None) -> int:
                 own, pairs, seconds, seed, model,
                 lambda share, index=index: show(  # type: ignore[misc]
                     (index + share) / len(limits), f'planning {limits[index].joint}')))
-            coverage = coverage_within(own, seconds, 1.0 / rate)
+            coverage = coverage_within(own, seconds)
             others.append({
                 'staircase of speeds': separations(staircase(own, seconds, rate), pairs, coverage),
                 'random Fourier series': separations(

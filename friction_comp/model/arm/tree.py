@@ -105,7 +105,8 @@ class Tree:
         try:
             links = document['links']
             joints = tuple(str(link['joint']) for link in links)
-            parents = [-1 if link['parent'] is None else joints.index(str(link['parent']))
+            index = {name: k for k, name in enumerate(joints)}
+            parents = [-1 if link['parent'] is None else index[str(link['parent'])]
                        for link in links]
             rotations, places, axes, parameters = (
                 np.array([link[name] for link in links], dtype=float)

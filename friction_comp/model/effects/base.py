@@ -76,8 +76,8 @@ class Effect(ABC):
     range_margins: dict[str, float] = {}
     Constants: Any
 
-    def __init_subclass__(cls, **options: Any) -> None:
-        super().__init_subclass__(**options)
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
         # Compiled code also reads constants by name, and finds the type by this path.
         cls.Constants = namedtuple('Constants', tuple(cls.constants))  # type: ignore[misc]
         cls.Constants.__module__ = cls.__module__
@@ -143,7 +143,7 @@ class Effect(ABC):
 
     @classmethod
     def determines_offset(cls, coverage: Coverage) -> bool:
-        """Return whether the offset of Eq. 6 is part of this effect's load."""
+        """Return whether the offset of Eq. 6 is part of this effect's load, if it `gives_load`."""
         return False
 
     @classmethod
@@ -244,7 +244,7 @@ class Effect(ABC):
         for signal in self.needs:
             if getattr(samples, signal) is None:
                 raise InputError(f"effect '{self.name}' needs {signal}, which is not recorded")
-        matrix = self.matrix(inside(samples, self.valid_range), self.values)
+        matrix = self.matrix(_clip_to_ranges(samples, self.valid_range), self.values)
         if matrix.shape[1] != len(self.coefficients):
             raise InputError(f"effect '{self.name}' takes {matrix.shape[1]} coefficients, "
                              f'not {len(self.coefficients)}')
@@ -281,11 +281,6 @@ def segment_starts(samples: Samples) -> np.ndarray:
     starts = np.zeros(len(samples), dtype=bool)
     starts[[part.start for part in samples.segments()]] = True
     return starts
-
-
-def geometric(lowest: float, highest: float, count: int) -> list[float]:
-    """Return numbers that grow by a constant factor."""
-    return [float(value) for value in np.geomspace(lowest, highest, count)]
 
 
 # Percentage of the samples below the low edge and above the high one, since a few outliers are
@@ -327,7 +322,7 @@ def with_range(effect: Effect, samples: Samples) -> Effect:
     return twin
 
 
-def inside(samples: Samples, ranges: dict[str, tuple[float, float]]) -> Samples:
+def _clip_to_ranges(samples: Samples, ranges: dict[str, tuple[float, float]]) -> Samples:
     """Return samples with signals limited to ranges."""
     known = {name: np.clip(getattr(samples, name), *ends) for name, ends in ranges.items()
              if getattr(samples, name) is not None}

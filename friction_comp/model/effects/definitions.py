@@ -43,9 +43,7 @@ class Coverage:
     lowest: float             # ends of the range of position, 1st and 99th percentile, rad
     highest: float
     duration: float           # of the longest recording, s
-    sample_time: float        # s
     temperature: float = 25.0         # median, degrees Celsius
-    gear_ratio: float = 1.0           # n; a hint for spatial frequencies
     resolution: float = 0.0           # smallest step of the recorded position, rad
     both_directions: bool = True      # whether there is motion in both
     slow: float = 0.0                 # 5th percentile of the speed while moving, rad/s

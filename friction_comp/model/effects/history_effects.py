@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from friction_comp.compiling import njit
-from friction_comp.model.effects.base import Effect, geometric, segment_starts
+from friction_comp.model.effects.base import Effect, segment_starts
 from friction_comp.model.effects.definitions import (
     Coverage,
     NEITHER,
@@ -101,7 +101,7 @@ class Hysteresis(Effect):
             return []
         lowest = max(3e-4 * span, 3.0 * coverage.resolution)
         return [{'distance': value, 'exponent': 1.0, 'transition': coverage.transition}
-                for value in geometric(min(lowest, 0.02 * span), 0.15 * span, 12)]
+                for value in np.geomspace(min(lowest, 0.02 * span), 0.15 * span, 12).tolist()]
 
     step = staticmethod(dahl_step)
 
@@ -197,8 +197,8 @@ class RestTime(Effect):
         return [{'time_constant': constant, 'distance': distance,
                  'velocity': share * coverage.slowest, 'transition': coverage.transition}
                 for share in (1.0, 0.25, 0.06)
-                for constant in geometric(0.3, 30.0, 5)
-                for distance in geometric(2e-3 * span, 0.2 * span, 5)]
+                for constant in np.geomspace(0.3, 30.0, 5).tolist()
+                for distance in np.geomspace(2e-3 * span, 0.2 * span, 5).tolist()]
 
     step = staticmethod(rest_step)
 
@@ -280,8 +280,9 @@ class OffsetDrift(Effect):
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
         """Return time constants from a thirtieth of the recording to five times its length."""
+        duration = coverage.duration
         return [{'time_constant': value}
-                for value in geometric(coverage.duration / 30.0, 5.0 * coverage.duration, 9)]
+                for value in np.geomspace(duration / 30.0, 5.0 * duration, 9).tolist()]
 
     @classmethod
     def insufficient_data(cls, coverage: Coverage) -> str:
@@ -289,11 +290,6 @@ class OffsetDrift(Effect):
             return ''
         return (f'The longest recording lasts {coverage.duration:.3g} s: warm-up and other drift '
                 'take minutes and cannot be seen.')
-
-    @classmethod
-    def determines_offset(cls, coverage: Coverage) -> bool:
-        """The offset is the value towards which the current drifts."""
-        return True
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:

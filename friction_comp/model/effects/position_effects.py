@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.model.effects.base import Effect, geometric
+from friction_comp.model.effects.base import Effect
 from friction_comp.model.effects.definitions import (
     CARRIES,
     Coverage,
@@ -187,7 +187,7 @@ class Bump(Effect):
         if not coverage.span > 0:
             return []
         points = []
-        for width in geometric(0.008 * coverage.span, 0.12 * coverage.span, 5):
+        for width in np.geomspace(0.008 * coverage.span, 0.12 * coverage.span, 5).tolist():
             places = np.arange(coverage.lowest, coverage.highest + 0.5 * width, width)
             points += [{'position': float(position), 'width': width, 'exponent': 2.0,
                         'directional': directional, 'transition': coverage.transition}

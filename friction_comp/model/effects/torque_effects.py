@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from friction_comp.drive import Drive
-from friction_comp.model.effects.base import Effect, geometric
+from friction_comp.model.effects.base import Effect
 from friction_comp.model.effects.definitions import CARRIES, Coverage, NEITHER, SearchRange, Signals
 
 # Parts of the load that other effects put on the gear.
@@ -267,7 +267,7 @@ class InnerLoadFriction(Effect):
         still = dict.fromkeys(_LOADS, 0.0)
         shapes = [(1.0, 0.0, coverage.speed), (2.0, 0.0, coverage.speed)]
         shapes += [(1.0, 1.0, value)
-                   for value in geometric(0.05 * coverage.speed, coverage.speed, 4)]
+                   for value in np.geomspace(0.05 * coverage.speed, coverage.speed, 4).tolist()]
         return [{**still, 'with_inertia': with_inertia, 'exponent': exponent, 'fading': fading,
                  'velocity': velocity, 'transition': coverage.transition}
                 for exponent, fading, velocity in shapes for with_inertia in (0.0, 1.0)]

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.model.effects.base import Effect, geometric
+from friction_comp.model.effects.base import Effect
 from friction_comp.model.effects.definitions import Coverage, SearchRange, Signals
 from friction_comp.model.effects.live_term import LiveTerm
 
@@ -36,8 +36,8 @@ class Stribeck(Effect):
         """Return Stribeck velocities from just above standstill to two thirds of the top speed."""
         lowest = max(1.5 * coverage.transition, 1.5 * coverage.slowest, 0.003 * coverage.speed)
         return [{'velocity': velocity, 'exponent': exponent, 'transition': coverage.transition}
-                for velocity in geometric(
-                    min(lowest, 0.3 * coverage.speed), 0.7 * coverage.speed, 9)
+                for velocity in np.geomspace(
+                    min(lowest, 0.3 * coverage.speed), 0.7 * coverage.speed, 9).tolist()
                 for exponent in (1.0, 2.0)]
 
     @staticmethod
@@ -142,10 +142,6 @@ class DirectionAsymmetry(Effect):
             return ''
         return ('Motion was in one direction only: differences between directions, constant '
                 'offsets and reversals cannot be seen.')
-
-    @classmethod
-    def determines_offset(cls, coverage: Coverage) -> bool:
-        return True
 
     def live(self) -> LiveTerm:
         """Return a term that is zero at rest, where breakaway has its own two values."""
