@@ -48,7 +48,8 @@ compensation alone (d = 0) agrees with the note. **Everything with d = ±1 is a 
         'Dashed: the instants at which the joint breaks free. A ramp ends once the joint moves.'))
     report.heading('Kinetic friction')
     report.figure(friction_figure(outcomes), (
-        "Look-up table, fit of Eq. 6 and breakaway currents (the note's Fig. 4)."))
+        "Look-up table (dots), fit of Eq. 6 (lines) and breakaway currents ± standard deviation "
+        "(at standstill); the note's Fig. 4."))
     _add_table(report, outcomes)
     report.heading('Movements')
     report.figure(trial_figure(outcomes), (
@@ -70,32 +71,39 @@ def _verdict(outcomes: list[ExperimentOutcome]) -> str:
             f"Breakaway currents are within {100 * error:.1g} % of the note's.")
 
 
-def compared(outcome: ExperimentOutcome) -> list[tuple[str, str, str]]:
-    """Return rows for a configuration: name, the note's value or '', the simulation's value."""
-    experiment, both, peaks = outcome.experiment, outcome.breakaway, outcome.peaks
-    return [
-        ('breakaway, positive (mA)',
-         f'{1e3 * experiment.breakaway:.1f} ± {1e3 * experiment.breakaway_std:.1f}',
-         f'{1e3 * both.positive_mean:.1f} ± {1e3 * both.positive_std:.1f}'),
-        ('breakaway, negative (mA)', 'the same',
-         f'{1e3 * both.negative_mean:.1f} ± {1e3 * both.negative_std:.1f}'),
-        ('peak without compensation (N·m)', '', f'{peaks["none"]:.2f}'),
-        ('peak with d = 0, calibrated (N·m)', f'{experiment.peak_kinetic:.2f}',
-         f'{peaks["kinetic"]:.2f}'),
-        ('peak with d = ±1, printed law (N·m)', f'{experiment.peak_compensated:.2f}',
-         f'{peaks["paper"]:.2f}'),
-        ('peak with d = ±1, continuous law (N·m)', '', f'{peaks["continuous"]:.2f}'),
-        ('peak of the inertia alone (N·m)', '', f'{peaks["inertia"]:.2f}'),
-        ('reduction by the printed law', f'{100 * experiment.reduction:.0f} %',
-         f'{100 * outcome.reduction("paper"):.0f} %'),
-        ('reduction by the continuous law', '', f'{100 * outcome.reduction("continuous"):.0f} %')]
+def compared(outcomes: list[ExperimentOutcome]) -> list[list[str]]:
+    """Return rows: a name, and each configuration's value with the note's in brackets."""
+    columns = [_cells(outcome) for outcome in outcomes]
+    return [[name, *(column[name] for column in columns)] for name in columns[0]]
+
+
+def _cells(outcome: ExperimentOutcome) -> dict[str, str]:
+    note, both, peaks = outcome.experiment, outcome.breakaway, outcome.peaks
+    printed, continuous = (f'{100 * outcome.reduction(law):.0f} %'
+                           for law in ('paper', 'continuous'))
+    return {
+        'breakaway, positive (mA)':
+            f'{1e3 * both.positive_mean:.1f} ± {1e3 * both.positive_std:.1f} '
+            f'({1e3 * note.breakaway:.1f} ± {1e3 * note.breakaway_std:.1f})',
+        'breakaway, negative (mA)':
+            f'\u2212{1e3 * abs(both.negative_mean):.1f} ± {1e3 * both.negative_std:.1f} '
+            '(the same)',
+        'peak without compensation (N·m)': f'{peaks["none"]:.2f}',
+        'peak with d = 0, calibrated (N·m)':
+            f'{peaks["kinetic"]:.2f} ({note.peak_kinetic:.2f})',
+        'peak with d = ±1, printed law (N·m)':
+            f'{peaks["paper"]:.2f} ({note.peak_compensated:.2f})',
+        'peak with d = ±1, continuous law (N·m)': f'{peaks["continuous"]:.2f}',
+        'peak of the inertia alone (N·m)': f'{peaks["inertia"]:.2f}',
+        'reduction by the printed law': f'{printed} ({100 * note.reduction:.0f} %)',
+        'reduction by the continuous law': continuous}
 
 
 def _add_result(report: Report, outcomes: list[ExperimentOutcome]) -> None:
-    rows = [[name, outcome.experiment.number, note, here]
-            for outcome in outcomes for name, note, here in compared(outcome)]
-    report.table(['', 'configuration', 'note', 'simulation'], rows,
-                 'Peaks are those of the average over ten repetitions, mean of both directions.')
+    report.table(
+        ['', *(f'configuration {o.experiment.number}' for o in outcomes)], compared(outcomes),
+        'Simulation (note in brackets). Peaks are those of the average over ten repetitions, mean '
+        'of both directions.')
     ratios = ', '.join(
         f'{o.peaks["continuous"] / o.peaks["inertia"]:.1f} times this limit in configuration '
         f'{o.experiment.number}' for o in outcomes)
@@ -215,19 +223,18 @@ def friction_figure(outcomes: list[ExperimentOutcome]) -> Figure:
         speeds = np.degrees([point.speed for point in outcome.table.points])
         currents = [1e3 * point.current for point in outcome.table.points]
         fine = np.linspace(-105.0, 105.0, 1001)
-        number = outcome.experiment.number
         axes.plot(speeds, currents, 'o', markersize=3.5, color=COLOURS[colour],
-                  label=f'configuration {number}: table')
+                  label=f'configuration {outcome.experiment.number}')
         axes.plot(fine, 1e3 * outcome.model.sigmoid(np.radians(fine)), color=COLOURS[colour],
-                  linewidth=1.0, label='fit of Eq. 6')
+                  linewidth=1.0)
         both = outcome.breakaway
         axes.errorbar(
             [0.0, 0.0], [1e3 * both.positive_mean, 1e3 * both.negative_mean],
             [1e3 * both.positive_std, 1e3 * both.negative_std], fmt='_', markersize=14,
-            color=COLOURS[colour], capsize=3, label='breakaway ± standard deviation')
+            color=COLOURS[colour], capsize=3)
     axes.set_xlabel('joint velocity (deg/s)')
     axes.set_ylabel('motor current (mA)')
-    axes.legend(ncols=3, loc='upper left', fontsize=7.5)
+    axes.legend(loc='upper left')
     return figure
 
 

@@ -141,15 +141,13 @@ def averages(x: np.ndarray, y: np.ndarray, run: np.ndarray,
 
 
 @styled
-def spectrum_figure(result: RefineResult) -> Figure | None:
-    """Draw the residual's spectrum over position; None where the position hardly varied."""
+def spectrum_figure(result: RefineResult) -> Figure:
+    """Draw the residual's spectrum over position, where the position varied."""
     figure, axes = new_figure(height=2.8)
     for residual, legend, colour in ((result.before, 'before', 'orange'),
                                     (result.after, 'after', 'blue')):
-        k, size = spectrum(result, residual)
-        if not len(k):
-            return None
-        axes.plot(*largest_in_ranges(k, size), color=COLOURS[colour], label=legend)
+        axes.plot(*largest_in_ranges(*spectrum(result, residual)), color=COLOURS[colour],
+                  label=legend)
     axes.set(xscale='log', xlabel='periods per turn', ylabel=f"amplitude ({result.report['unit']})")
     axes.set_ylim(bottom=0.0)
     axes.legend(loc='upper right')
@@ -157,7 +155,10 @@ def spectrum_figure(result: RefineResult) -> Figure | None:
 
 
 def spectrum(result: RefineResult, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the residual's spectrum over position: periods per turn and amplitudes, each (K,)."""
+    """Return a residual's spectrum over position: periods per turn and amplitudes, each (K,).
+
+    K is zero where the position hardly varied.
+    """
     rows = result.usable
     samples: Any = result.samples
     highest = highest_frequency(samples.velocity[rows], samples.sample_time,

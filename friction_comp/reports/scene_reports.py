@@ -59,7 +59,7 @@ def two_joints_report(evaluations: list[Evaluation], shown: dict[str, Samples],
                 'joints, and announced directions (shaded: blue positive, orange negative).')
     for evaluation in evaluations:
         page.heading(f'The {evaluation.joint}')
-        add_evaluation(page, evaluation)
+        add_evaluation(page, evaluation, part=True)
     return page
 
 
@@ -148,7 +148,7 @@ def wear_report(evaluation: Evaluation, phases: dict[str, list[Repetition]],
               'refined model is compared with the previous one for some minutes of movement; if '
               'the previous one fits better, it is restored.')
     page.heading('The whole session')
-    add_evaluation(page, evaluation)
+    add_evaluation(page, evaluation, part=True)
     return page
 
 
@@ -212,7 +212,8 @@ def arm_scene_report(alone: Mapping[str, Samples], helped: Mapping[str, Samples]
                 'peak helped (N·m)', 'added to the model of the drive'],
                [[joint, peak['alone']['rms'], peak['helped']['rms'], peak['alone']['peak'],
                  peak['helped']['peak'],
-                 effect_names(result.results[joint].report['effects'])]
+                 effect_names(effect['name']
+                              for effect in result.results[joint].report['effects'])]
                 for joint, peak in peaks.items()])
     fitted = result.report()['rigid_bodies']
     page.table(['link after joint', 'mass in the URDF (kg)', 'mass found (kg)'],

@@ -46,9 +46,8 @@ def _print(outcomes: list[ExperimentOutcome]) -> None:
     table.add_column()
     for outcome in outcomes:
         table.add_column(f'configuration {outcome.experiment.number}', justify='right')
-    for cells in zip(*map(compared, outcomes)):
-        table.add_row(cells[0][0], *(
-            f'{here} ({note})' if note else here for _, note, here in cells))
+    for row in compared(outcomes):
+        table.add_row(*row)
     table.add_row('false starts in an hour, printed / continuous law', *(
         ' / '.join(str(still.false_starts) for still in outcome.standstills.values())
         for outcome in outcomes))
