@@ -86,6 +86,8 @@ def refinement_report(result: RefineResult, names: list[str]) -> Report:
               'errors when a third of position, speed, time or acceleration is left out of the '
               'fit.')
     page.heading('The residual, before and after')
+    page.text('The residual is the measured minus the predicted current of data not fitted. The '
+              'lines are its averages over ranges.')
     named = {entry['variable'] for part in ('effects', 'unexplained') for entry in report[part]}
     for name, label in (('velocity', 'velocity (rad/s)'), ('position', 'position (rad)'),
                         ('acceleration', 'acceleration (rad/s²)'), ('load', 'load (N·m)'),
@@ -93,10 +95,8 @@ def refinement_report(result: RefineResult, names: list[str]) -> Report:
                         ('temperature', 'motor temperature (°C)')):
         wanted = name != 'acceleration' or name in named
         if wanted and getattr(result.samples, name) is not None:
-            page.figure(residual_figure(result, name, label),
-                        f'Residual over {name}: measured minus predicted current of data not '
-                        'fitted. The lines are averages over ranges, separately for the positive '
-                        'and the negative direction.', interactive=True)
+            page.figure(residual_figure(result, name, label), f'Residual over {name}.',
+                        interactive=True)
     k, size = spectrum(result, result.after)
     # Where the position hardly varied, there is none.
     if len(k):
