@@ -5,12 +5,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
 from friction_comp.compensation.law_parameters import LOWERED
-from friction_comp.note.published import FALSE_START
+from friction_comp.note.published import EXPERIMENTS, FALSE_START
 from friction_comp.reports.figures import band, COLOURS, new_figure, styled, thin
 from friction_comp.reports.html import Report
 
@@ -20,9 +20,10 @@ if TYPE_CHECKING:
     from friction_comp.evaluation.conditions import Condition
     from friction_comp.note.condition_runs import ConditionRun
     from friction_comp.note.experiment_set import ExperimentOutcome
+    from friction_comp.note.published import Experiment
 
-_TRIALS = (('kinetic', 'grey', 'd = 0'), ('paper', 'orange', 'd = ±1, printed law'),
-           ('continuous', 'blue', 'd = ±1, continuous law'), ('inertia', 'green', 'inertia alone'))
+_TRIALS = (('kinetic', 'grey', 'd = 0'), ('paper', 'orange', "d = ±1, note's law"),
+           ('continuous', 'blue', 'd = ±1, continuous law'), ('inertia', 'green', 'no friction'))
 
 
 def reproduction_report(outcomes: list[ExperimentOutcome]) -> Report:
@@ -40,7 +41,12 @@ impedance and the speed of the movement) was chosen so that the peak torque with
 compensation alone (d = 0) agrees with the note. **Everything with d = ±1 is a prediction.**
 """)
     report.heading('Result')
-    _add_result(report, outcomes)
+    report.table(
+        ['', *(f'configuration {outcome.experiment.number}' for outcome in outcomes)],
+        compared({str(outcome.experiment.number): outcome.as_dict() for outcome in outcomes}),
+        'Simulation, with the note in brackets. Peaks are those of the average over ten '
+        'repetitions, mean of both directions. A joint of the same inertia without friction is the '
+        'limit of any friction compensation.')
     report.heading('Breakaway friction')
     shown = outcomes[min(1, len(outcomes) - 1)]
     report.figure(ramp_figure(shown), (
@@ -71,46 +77,37 @@ def _verdict(outcomes: list[ExperimentOutcome]) -> str:
             f"Breakaway currents are within {100 * error:.1g} % of the note's.")
 
 
-def compared(outcomes: list[ExperimentOutcome]) -> list[list[str]]:
-    """Return rows: a name, and each configuration's value with the note's in brackets."""
-    columns = [_cells(outcome) for outcome in outcomes]
+def compared(configurations: dict[str, Any]) -> list[list[str]]:
+    """Return a row of text for each result: its name, and the values of the configurations.
+
+    `configurations` are those of results.json; what the note measured is added in brackets.
+    """
+    columns = [_cells(configurations[str(note.number)], note) for note in EXPERIMENTS]
     return [[name, *(column[name] for column in columns)] for name in columns[0]]
 
 
-def _cells(outcome: ExperimentOutcome) -> dict[str, str]:
-    note, both, peaks = outcome.experiment, outcome.breakaway, outcome.peaks
-    printed, continuous = (f'{100 * outcome.reduction(law):.0f} %'
-                           for law in ('paper', 'continuous'))
+def _cells(result: dict[str, Any], note: Experiment) -> dict[str, str]:
+    breakaway, peak = result['breakaway'], result['peak_torque']
+    mean, std = (0.5 * (breakaway[f'positive_{name}'] + sign * breakaway[f'negative_{name}'])
+                 for name, sign in (('mean', -1.0), ('std', 1.0)))
+    removed = (peak['none'] - peak['continuous']) / (peak['none'] - peak['inertia'])
+    reduction = result['peak_reduction']
     return {
-        'breakaway, positive (mA)':
-            f'{1e3 * both.positive_mean:.1f} ± {1e3 * both.positive_std:.1f} '
-            f'({1e3 * note.breakaway:.1f} ± {1e3 * note.breakaway_std:.1f})',
-        'breakaway, negative (mA)':
-            f'\u2212{1e3 * abs(both.negative_mean):.1f} ± {1e3 * both.negative_std:.1f} '
-            '(the same)',
-        'peak without compensation (N·m)': f'{peaks["none"]:.2f}',
-        'peak with d = 0, calibrated (N·m)':
-            f'{peaks["kinetic"]:.2f} ({note.peak_kinetic:.2f})',
-        'peak with d = ±1, printed law (N·m)':
-            f'{peaks["paper"]:.2f} ({note.peak_compensated:.2f})',
-        'peak with d = ±1, continuous law (N·m)': f'{peaks["continuous"]:.2f}',
-        'peak of the inertia alone (N·m)': f'{peaks["inertia"]:.2f}',
-        'reduction by the printed law': f'{printed} ({100 * note.reduction:.0f} %)',
-        'reduction by the continuous law': continuous}
-
-
-def _add_result(report: Report, outcomes: list[ExperimentOutcome]) -> None:
-    report.table(
-        ['', *(f'configuration {o.experiment.number}' for o in outcomes)], compared(outcomes),
-        'Simulation (note in brackets). Peaks are those of the average over ten repetitions, mean '
-        'of both directions.')
-    ratios = ', '.join(
-        f'{o.peaks["continuous"] / o.peaks["inertia"]:.1f} times this limit in configuration '
-        f'{o.experiment.number}' for o in outcomes)
-    report.text(f"""
-The row *peak of the inertia alone* is for a joint of the same inertia without friction: the
-physical limit of any friction compensation. The peak under the continuous law is {ratios}.
-""")
+        'breakaway current, mA': (
+            f'{1e3 * mean:.1f} ± {1e3 * std:.1f} '
+            f'({1e3 * note.breakaway:.1f} ± {1e3 * note.breakaway_std:.1f})'),
+        'peak torque to start, N·m: no compensation': f'{peak["none"]:.2f}',
+        'peak torque: kinetic only, d = 0': f'{peak["kinetic"]:.2f} ({note.peak_kinetic:.2f})',
+        "peak torque: the note's law, d = ±1":
+            f'{peak["paper"]:.2f} ({note.peak_compensated:.2f})',
+        'peak torque: continuous law, d = ±1': f'{peak["continuous"]:.2f}',
+        'peak torque: no friction': f'{peak["inertia"]:.2f}',
+        "peak reduced from d = 0: the note's law":
+            f'{100 * reduction["paper"]:.0f} % ({100 * note.reduction:.0f} %)',
+        'peak reduced from d = 0: continuous law': f'{100 * reduction["continuous"]:.0f} %',
+        'friction removed from the uncompensated peak: continuous law': f'{100 * removed:.0f} %',
+        "false starts per hour, breakaway 10 % too large: note's / continuous law":
+            '{paper} / {continuous}'.format(**result['false_starts'])}
 
 
 def _add_table(report: Report, outcomes: list[ExperimentOutcome]) -> None:
@@ -140,7 +137,7 @@ def _add_table(report: Report, outcomes: list[ExperimentOutcome]) -> None:
 **Standstill under Eq. 6 as printed.** The fitted transition does not pass through zero: f̂(0) is
 {shown}. The table has no point there, so this value is arbitrary.
 Added to 0.9 · i_b it would give {1e3 * total:.0f} mA in configuration
-{worst.number}, where {1e3 * level:.0f} mA set the joint in motion. The printed law is
+{worst.number}, where {1e3 * level:.0f} mA set the joint in motion. The law is
 therefore read as follows: kinetic compensation acts on a joint that moves, breakaway compensation
 on one that does not.
 """)
@@ -161,7 +158,7 @@ def _add_standstill(report: Report, outcomes: list[ExperimentOutcome]) -> None:
     report.text(f"""
 A start is false if the joint moves more than {math.degrees(FALSE_START):.0f} degree. At a gain
 of 0.9 and with breakaway currents 10 % too large, the current is 99 % of the mean breakaway
-current: two joints of five slip. Under the printed law each slip ends by itself, since
+current: two joints of five slip. Under the note's law each slip ends by itself, since
 the first encoder count removes the breakaway term; the joint advances a few tenths of a degree
 until it sticks firmly enough. The continuous law lowers its current at standstill by
 {100.0 * (1.0 - LOWERED):.0f} % after each slip that it notices, until somebody moves the joint.

@@ -21,6 +21,7 @@ from friction_comp.reports.evaluation_words import (
     plain_names,
     plain_tiles,
     plain_verdict,
+    remarks,
     summary,
     verdict,
     with_interval,
@@ -144,7 +145,7 @@ def scenes_of(evaluation: Evaluation) -> list[MovingScene]:
 def add_evaluation(report: Report, evaluation: Evaluation, part: bool = False) -> None:
     """Add an evaluation to a report below its verdict: the main result first, then the details.
 
-    `part` is whether it is only one section of the page, with its own summary.
+    `part` is whether it is only one section of the page.
     """
     level = 3 if part else 2
     simple = bool(plain_verdict(evaluation))
@@ -153,14 +154,15 @@ def add_evaluation(report: Report, evaluation: Evaluation, part: bool = False) -
             moving_joint(scenes_of(evaluation)),
             'Mean motion of the joint in the direction that needed the larger torque, at the speed '
             'of the recording. The orange arrow is the torque that the person applies; the curve '
-            'below shows it over time. All other peaks are means over both directions.')
+            'below shows it over time. The boxes below give the means of both directions.')
     tiles = plain_tiles(evaluation) if simple else _tiles(evaluation)
     if tiles:
         report.numbers(tiles)
     if simple:
         report.heading('In detail', level)
-    if simple or part:
         report.text(summary(evaluation))
+    elif part:
+        report.text(remarks(evaluation))
     torque = ' and back-driving torque' if evaluation.measured else ''
     report.figure(
         evaluation_figure(evaluation),
