@@ -9,7 +9,7 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from friction_comp.compensation.law_parameters import LOWERED
+from friction_comp.note.condition_runs import STANDSTILLS
 from friction_comp.note.published import EXPERIMENTS, FALSE_START
 from friction_comp.reports.figures import band, COLOURS, new_figure, styled, thin
 from friction_comp.reports.html import Report
@@ -17,8 +17,7 @@ from friction_comp.reports.html import Report
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from friction_comp.evaluation.conditions import Condition
-    from friction_comp.note.condition_runs import ConditionRun
+    from friction_comp.evaluation.conditions import Condition, Evaluation
     from friction_comp.note.experiment_set import ExperimentOutcome
     from friction_comp.note.published import Experiment
 
@@ -88,8 +87,8 @@ def compared(configurations: dict[str, Any]) -> list[list[str]]:
 
 def _cells(result: dict[str, Any], note: Experiment) -> dict[str, str]:
     breakaway, peak = result['breakaway'], result['peak_torque']
-    mean, std = (0.5 * (breakaway[f'positive_{name}'] + sign * breakaway[f'negative_{name}'])
-                 for name, sign in (('mean', -1.0), ('std', 1.0)))
+    mean = 0.5 * (breakaway['positive_mean'] - breakaway['negative_mean'])
+    std = 0.5 * (breakaway['positive_std'] + breakaway['negative_std'])
     removed = (peak['none'] - peak['continuous']) / (peak['none'] - peak['inertia'])
     reduction = result['peak_reduction']
     return {
@@ -127,42 +126,20 @@ def _add_table(report: Report, outcomes: list[ExperimentOutcome]) -> None:
         ['configuration', 'c1 … c6 (ω in deg/s)', 'E (A)', 'E of Eq. 11 as printed (A)',
          'largest difference to Eq. 11 from 5 deg/s on (mA)'], rows,
         'Rows 2 and 3 of Eq. 11 are interchanged, as Fig. 4 and the breakaway currents require. '
-        'Eq. 6 leaves the scale of c1, c3, c4 and c5 free: here c4 + c5 = 2.')
-    rests = {o.experiment.number: float(o.experiment.model().sigmoid(0.0)) for o in outcomes}
-    worst = max(outcomes, key=lambda o: abs(rests[o.experiment.number])).experiment
-    level = worst.breakaway
-    total = abs(rests[worst.number]) + 0.9 * level
-    shown = ', '.join(f'{1e3 * rest:+.0f} mA in configuration {k}' for k, rest in rests.items())
-    report.text(f"""
-**Standstill under Eq. 6 as printed.** The fitted transition does not pass through zero: f̂(0) is
-{shown}. The table has no point there, so this value is arbitrary.
-Added to 0.9 · i_b it would give {1e3 * total:.0f} mA in configuration
-{worst.number}, where {1e3 * level:.0f} mA set the joint in motion. The law is
-therefore read as follows: kinetic compensation acts on a joint that moves, breakaway compensation
-on one that does not.
-""")
+        'Eq. 6 leaves the scale of c1, c3, c4 and c5 free: here c4 + c5 = 2. What else the note '
+        'leaves open is in docs/note_errors.md.')
 
 
 def _add_standstill(report: Report, outcomes: list[ExperimentOutcome]) -> None:
     report.heading('False starts')
-    rows = []
-    for outcome in outcomes:
-        for law, standstill in outcome.standstills.items():
-            rows.append([outcome.experiment.number, law, standstill.duration / 3600.0,
-                         standstill.standstills, standstill.false_starts,
-                         math.degrees(standstill.farthest)])
     report.table(
-        ['configuration', 'law', 'hours', 'standstills', 'false starts', 'farthest (deg)'], rows,
-        'Nobody touches the joint, d is ±1, and the breakaway currents of the law are 10 % too '
-        'large. Every standstill has new breakaway levels.')
-    report.text(f"""
-A start is false if the joint moves more than {math.degrees(FALSE_START):.0f} degree. At a gain
-of 0.9 and with breakaway currents 10 % too large, the current is 99 % of the mean breakaway
-current: two joints of five slip. Under the note's law each slip ends by itself, since
-the first encoder count removes the breakaway term; the joint advances a few tenths of a degree
-until it sticks firmly enough. The continuous law lowers its current at standstill by
-{100.0 * (1.0 - LOWERED):.0f} % after each slip that it notices, until somebody moves the joint.
-""")
+        ['configuration', 'law', 'false starts', 'farthest (deg)'],
+        [[outcome.experiment.number, law, outcome.false_starts(law),
+          math.degrees(distances.max())]
+         for outcome in outcomes for law, distances in outcome.standstills.items()],
+        f'One hour in {STANDSTILLS} standstills, each with new breakaway levels. Nobody touches '
+        'the joint, d is ±1, and the breakaway currents of the law are 10 % too large. A start is '
+        f'false if the joint moves more than {math.degrees(FALSE_START):.0f} degree.')
 
 
 def _add_sources(report: Report, outcomes: list[ExperimentOutcome]) -> None:
@@ -265,5 +242,5 @@ def trial_figure(outcomes: list[ExperimentOutcome]) -> Figure:
     return figure
 
 
-def _condition(trial: ConditionRun, name: str) -> Condition:
-    return next(c for c in trial.evaluation.conditions if c.movement == name)
+def _condition(trial: Evaluation, name: str) -> Condition:
+    return next(c for c in trial.conditions if c.movement == name)
