@@ -23,7 +23,9 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.note.note_report import compared
 from friction_comp.recordings import read_recording
 from friction_comp.reports.demo_report import EvaluatedTrial, torque_figure
+from friction_comp.reports.evaluation_words import peak_text
 from friction_comp.reports.figures import thin, to_svg
+from friction_comp.reports.html import number
 from friction_comp.tools.demo_loop import TRIALS
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -47,43 +49,37 @@ def demo_numbers(report: dict[str, Any]) -> dict[str, Any]:
 
 def demo_table(numbers: dict[str, Any]) -> list[str]:
     """Return the table of the demo."""
-    lines = ['| | peak, N·m | RMS, N·m | current error, mA |', '|---|---|---|---|']
     errors = dict(zip(('compensated', 'refined'), numbers['residual']))
-    for name, title in _TITLES.items():
-        _, rms, _ = numbers['trials'][name]
-        error = f'{1e3 * errors[name]:#.3g}' if name in errors else ''
-        lines.append(f'| {title} | {_peak(numbers, name)} | {rms:#.3g} | {error} |'.replace(
-            '|  |', '| |'))
-    return lines
+    return _markdown(['', 'peak, N·m', 'RMS, N·m', 'current error, mA'], [
+        [_TITLES[name], peak_text(peak, stuck), number(rms),
+         number(1e3 * errors[name]) if name in errors else '']
+        for name, (peak, rms, stuck) in numbers['trials'].items()])
 
 
-def _peak(numbers: dict[str, Any], name: str) -> str:
-    """Return a trial's peak torque; a bound where the joint did not set out."""
-    peak, _, stuck = numbers['trials'][name]
-    return f'{"> " if stuck else ""}{peak:#.3g}'
+def _markdown(head: list[str], rows: list[list[str]]) -> list[str]:
+    first, *others = (f'| {" | ".join(row)} |'.replace('|  |', '| |') for row in (head, *rows))
+    return [first, '|---' * len(head) + '|', *others]
 
 
 def reproduce_numbers(results: dict[str, Any]) -> dict[str, Any]:
     """Return what is quoted of the tool reproduce's results.json."""
     kept = ('breakaway', 'peak_torque', 'peak_reduction', 'false_starts')
     return {'command': 'python3 -m friction_comp reproduce --output reproduction --cycles 200',
-            'configurations': {number: {name: result[name] for name in kept}
-                               for number, result in results['configurations'].items()}}
+            'configurations': {name: {entry: result[entry] for entry in kept}
+                               for name, result in results['configurations'].items()}}
 
 
 def reproduce_table(numbers: dict[str, Any]) -> list[str]:
     """Return the table of the note's experiments."""
     configurations = numbers['configurations']
-    head = ['', *(f'configuration {number}' for number in configurations)]
-    first, *rows = (f'| {" | ".join(row)} |'.replace('|  |', '| |')
-                    for row in [head, *compared(configurations)])
-    return [first, '|---' * len(head) + '|', *rows]
+    return _markdown(['', *(f'configuration {name}' for name in configurations)],
+                     compared(configurations))
 
 
 def demo_words(numbers: dict[str, Any]) -> str:
     """Return what the demo's picture shows, for those who do not see it."""
-    peaks = ', '.join(f'{title} {_peak(numbers, name)}' for name, title in _TITLES.items())
-    peaks = peaks.replace('> ', 'more than ')
+    peaks = ', '.join(f'{_TITLES[name]} {peak_text(peak, stuck)}'.replace('> ', 'more than ')
+                      for name, (peak, _, stuck) in numbers['trials'].items())
     return f'Torque in N·m that a person needs to move the joint, over time. Peaks: {peaks}.'
 
 
