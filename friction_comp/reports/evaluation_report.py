@@ -243,6 +243,15 @@ def _add_trends(report: Report, evaluation: Evaluation) -> None:
             'The change is the slope of a straight line through the daily means.')
 
 
+def verdicts(evaluations: Sequence[Evaluation]) -> str:
+    """Return the verdict on each of several joints, once for joints with the same verdict."""
+    joints: dict[str, list[str]] = {}
+    for evaluation in evaluations:
+        joints.setdefault(
+            plain_verdict(evaluation) or verdict(evaluation), []).append(evaluation.joint)
+    return '\n\n'.join(f'**{", ".join(names)}.** {text}' for text, names in joints.items())
+
+
 def evaluation_report(evaluations: Sequence[Evaluation]) -> Report:
     """Return the page of `evaluate`, with one evaluation for each joint."""
     joints = ', '.join(evaluation.joint or 'the joint' for evaluation in evaluations)
@@ -257,12 +266,7 @@ def evaluation_report(evaluations: Sequence[Evaluation]) -> Report:
         report.verdict(plain_verdict(evaluations[0]) or summary(evaluations[0]))
         add_evaluation(report, evaluations[0])
     else:
-        same: dict[str, list[str]] = {}
-        for evaluation in evaluations:
-            same.setdefault(
-                plain_verdict(evaluation) or verdict(evaluation), []).append(evaluation.joint)
-        report.verdict('\n\n'.join(
-            f'**{", ".join(named)}.** {text}' for text, named in same.items()))
+        report.verdict(verdicts(evaluations))
         for evaluation in evaluations:
             report.heading(f'Joint {evaluation.joint}')
             add_evaluation(report, evaluation, part=True)

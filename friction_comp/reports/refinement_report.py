@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 # Units of the effects' constants.
 _UNITS = {'velocity': 'rad/s', 'reference': 'rad/s', 'speed': 'rad/s', 'transition': 'rad/s',
           'distance': 'rad', 'position': 'rad', 'width': 'rad', 'frequency': 'per turn',
-          'time_constant': 's', 'reference_temperature': '°C', 'lag': 's'}
+          'time_constant': 's', 'reference_temperature': '°C'}
 
 
 def refinement_report(result: RefineResult, names: list[str]) -> Report:

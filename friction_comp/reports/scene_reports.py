@@ -11,8 +11,8 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from friction_comp.evaluation.intervals import Interval, mean_interval
-from friction_comp.reports.evaluation_report import add_evaluation
-from friction_comp.reports.evaluation_words import compared_peaks, with_interval
+from friction_comp.reports.evaluation_report import add_evaluation, verdicts
+from friction_comp.reports.evaluation_words import with_interval
 from friction_comp.reports.figures import COLOURS, new_figure, styled, thin
 from friction_comp.reports.html import number, Report
 from friction_comp.reports.refinement_report import effect_names
@@ -41,20 +41,7 @@ def two_joints_report(evaluations: list[Evaluation], shown: dict[str, Samples],
     """
     page = Report('Two joints that reverse on the way',
                   f'Exercise {exercise.name}: directions announced separately for each joint')
-    tiles = []
-    changes = []
-    for evaluation in evaluations:
-        torques, peaks = evaluation.compared('peak_torque'), compared_peaks(evaluation)
-        if torques is None or peaks is None:
-            continue
-        tiles.append((f'{peaks[0]} → {peaks[1]} N·m', f'{evaluation.joint}, peak'))
-        change = round(100 * (torques[1] / torques[0] - 1))
-        changes.append(f'the {evaluation.joint} {"at least " if evaluation.is_bound else ""}'
-                       f'**{abs(change)} %** {"more" if change > 0 else "less"}')
-    page.verdict("Change of the person's peak torque for starting and reversing a joint when its "
-                 'direction is announced as it changes, relative to compensation of kinetic '
-                 f'friction alone: {", ".join(changes) or "not known"}.')
-    page.numbers(tiles)
+    page.verdict(verdicts(evaluations))
     page.figure(exercise_figure(shown), 'Positions shown to the person (dashed), positions of the '
                 'joints, and announced directions (shaded: blue positive, orange negative).')
     for evaluation in evaluations:
