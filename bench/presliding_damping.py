@@ -17,7 +17,7 @@ import sys
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from friction_comp.note.condition_runs import run_trial
+from friction_comp.note.condition_runs import mean_peak, run_trial
 from friction_comp.note.published import Experiment, EXPERIMENTS
 from friction_comp.simulation.joint_parameters import joint_parameters
 
@@ -55,7 +55,7 @@ def share_of(model):
 
 def peaks(experiment, seed):
     model = experiment.model()
-    return [run_trial(experiment, model, law, seed).peak for law in LAWS]
+    return [mean_peak(run_trial(experiment, model, law, seed)) for law in LAWS]
 
 
 def main():

@@ -15,7 +15,7 @@ from friction_comp.model.effects.definitions import Coverage
 from friction_comp.refinement.thresholds import table
 from friction_comp.samples import Samples
 
-# What a recording has to hold for effects of a variable to be found and told apart.
+# What a recording must contain so that effects of a variable can be found and distinguished.
 RECORD = {
     'velocity': """\
 Move at many speeds, slow ones included (below 0.05 rad/s for the Stribeck effect),
@@ -23,7 +23,7 @@ in both directions; constant velocities of a second and more show it best.""",
     'direction': 'Move with the same speeds in both directions over the same range.',
     'position': """\
 Move slowly and steadily over the whole range, several times in both directions. A
-ripple of n waves a turn needs ten samples a wave and more.""",
+ripple of n periods per turn needs ten samples per period and more.""",
     'acceleration': """\
 Change speed briskly: a sine sweep, or starts and stops. Constant velocities show
 nothing of it.""",
@@ -37,7 +37,7 @@ warm to cold: in one warm-up alone, temperature and time cannot be told apart.""
 Record for several times as long as the change takes, from a cold start, with the same
 movement throughout. It describes this recording, and is not expected to hold on another day.""",
     'history': """\
-Turn round often and rest for different times, with a fine encoder and 500 Hz and
+Reverse often and rest for different times, with a fine encoder and 500 Hz and
 more.""",
     'other joints': """\
 Record the whole arm, move the other joints as well, and give `refine` the URDF:
@@ -49,8 +49,8 @@ _ROLES = {
     'neither': 'It is no torque at the joint.'}
 _INTRODUCTION = """The drive's current is the sigmoid of Eq. 6 plus a sum of these. Each page comes
 from the class that computes the effect."""
-# Waves a turn where a spectrum would find them.
-_WAVES, _SIZE = 8.0, 800
+# Periods per turn of the ripple that is drawn, and number of samples.
+_PERIODS, _SIZE = 8.0, 800
 _AXES = {'velocity': 'velocity (rad/s)', 'position': 'position (rad)', 'load': 'load (N·m)',
          'acceleration': 'acceleration (rad/s²)', 'temperature': 'temperature (°C)',
          'time': 'time (s)'}
@@ -83,7 +83,7 @@ def page_of(name, kind, folder):
                   'column, and 0 for the others.', '']
     lines += ['## How to record for it', '', RECORD[kind.variable], '']
     if kind.needs:
-        lines += [f'It cannot do without: {", ".join(f"`{need}`" for need in kind.needs)}.', '']
+        lines += [f'It needs: {", ".join(f"`{need}`" for need in kind.needs)}.', '']
     lines += ['## In the model file', '', '| entry | meaning |', '|---|---|',
               '| `coefficients` | A, one for each column of the formula |']
     lines += [f'| `{constant}` | '
@@ -103,8 +103,8 @@ def draw(name, kind, path):
         return False
     axis = _AXIS_OF.get(kind.variable, kind.variable)
     samples = motion(axis)
-    # A ripple's frequency is proposed by a spectrum.
-    constants = {**({'frequency': _WAVES} if 'frequency' in kind.constants else {}),
+    # The frequency of a ripple is found by a spectrum, not in the grid.
+    constants = {**({'frequency': _PERIODS} if 'frequency' in kind.constants else {}),
                  **grid[len(grid) // 2]}
     column = kind.matrix(samples, constants)[:, 0]
     figure = Figure(figsize=(6.0, 2.6), layout='constrained')

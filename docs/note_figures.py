@@ -4,12 +4,15 @@
 
 from __future__ import annotations
 
-# As printed: Eq. 11 row by row, breakaway currents (A), gear ratios, peaks with d = 0 (N·m).
+from friction_comp.note.published import EXPERIMENTS
+
+# As printed: Eq. 11 row by row, gear ratios, breakaway currents (A), peaks with d = 0 (N·m).
 ROWS = ((0.1101, 1.2456, 0.1359, 1.1671, 1.4959, 0.0008),
         (0.8896, 3.0735, 0.3082, 2.4381, 0.8727, 0.0032),
         (0.3629, 1.1022, 0.3000, 2.2795, 1.8775, 0.0027))
-BREAKAWAY, BREAKAWAY_STD = (0.0995, 0.1377, 0.3357), (0.0034, 0.0043, 0.0172)
-RATIO, PEAK = (100.0, 100.0, 435.0), (0.98, 1.28, 6.02)
+RATIO = (100.0, 100.0, 435.0)
+BREAKAWAY = [experiment.breakaway for experiment in EXPERIMENTS]
+PEAK = [experiment.peak_kinetic for experiment in EXPERIMENTS]
 TORQUE_CONSTANT, GAIN = 0.119, 0.9
 # Which row belongs to which configuration, after the correction.
 SWAPPED = (0, 2, 1)
@@ -38,7 +41,7 @@ def sentences() -> list[str]:
     """Return the figures that stand in the page's sentences."""
     left = (1.0 - GAIN) * TORQUE_CONSTANT * RATIO[2] * BREAKAWAY[2]
     ramp = 0.06 * 2.35, 0.06 * (7.6 - 5.0)
-    off = (ramp[1] - BREAKAWAY[1]) / BREAKAWAY_STD[1]
+    off = (ramp[1] - BREAKAWAY[1]) / EXPERIMENTS[1].breakaway_std
     count = 360.0 / 4000.0 / RATIO[0] / 1e-3
     return [f'{left:.2f} N·m', f'{1e3 * ramp[0]:.0f} mA', f'{1e3 * ramp[1]:.0f} mA',
             f'{off:.1f} standard deviations', f'{count:.1f} deg/s']

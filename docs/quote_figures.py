@@ -14,23 +14,24 @@ stored with the experiments themselves.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
 import json
 from pathlib import Path
 import re
 from typing import Any
 
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.note.note_report import compared
 from friction_comp.recordings import read_recording
 from friction_comp.reports.demo_report import EvaluatedTrial, torque_figure
+from friction_comp.reports.evaluation_words import peak_text
 from friction_comp.reports.figures import thin, to_svg
+from friction_comp.reports.html import number
+from friction_comp.tools.demo_loop import TRIALS
 
 ROOT = Path(__file__).resolve().parent.parent
 STORED = ROOT / 'docs' / 'figures'
 PICTURE = ROOT / 'docs' / 'demo.svg'
-_CONFIGURATIONS = ('1', '2', '3')
-_TRIALS = {'none': 'no compensation', 'kinetic': 'kinetic friction only, d = 0',
-           'compensated': 'identified model, d = ±1', 'refined': 'refined model, d = ±1'}
+_TITLES = {name: title for name, title, *_ in TRIALS}
 # Neither page colour nor text colour is known where a page shows the picture: both are its own.
 _LOOK = """<style>
   svg { color: #1a2b3d; background: #ffffff }
@@ -48,76 +49,37 @@ def demo_numbers(report: dict[str, Any]) -> dict[str, Any]:
 
 def demo_table(numbers: dict[str, Any]) -> list[str]:
     """Return the table of the demo."""
-    lines = ['| | peak, N·m | RMS, N·m | current error, mA |', '|---|---|---|---|']
     errors = dict(zip(('compensated', 'refined'), numbers['residual']))
-    for name, title in _TRIALS.items():
-        _, rms, _ = numbers['trials'][name]
-        error = f'{1e3 * errors[name]:#.3g}' if name in errors else ''
-        lines.append(f'| {title} | {_peak(numbers, name)} | {rms:#.3g} | {error} |'.replace(
-            '|  |', '| |'))
-    return lines
+    return _markdown(['', 'peak, N·m', 'RMS, N·m', 'current error, mA'], [
+        [_TITLES[name], peak_text(peak, stuck), number(rms),
+         number(1e3 * errors[name]) if name in errors else '']
+        for name, (peak, rms, stuck) in numbers['trials'].items()])
 
 
-def _peak(numbers: dict[str, Any], name: str) -> str:
-    """Return a trial's peak torque; a bound where the joint did not set out."""
-    peak, _, stuck = numbers['trials'][name]
-    return f'{"> " if stuck else ""}{peak:#.3g}'
+def _markdown(head: list[str], rows: list[list[str]]) -> list[str]:
+    first, *others = (f'| {" | ".join(row)} |'.replace('|  |', '| |') for row in (head, *rows))
+    return [first, '|---' * len(head) + '|', *others]
 
 
 def reproduce_numbers(results: dict[str, Any]) -> dict[str, Any]:
     """Return what is quoted of the tool reproduce's results.json."""
-    kept = {}
-    for number in _CONFIGURATIONS:
-        found = results['configurations'][number]
-        breakaway = found['breakaway']
-        kept[number] = {
-            'breakaway': [0.5 * (breakaway['positive_mean'] - breakaway['negative_mean']),
-                          0.5 * (breakaway['positive_std'] + breakaway['negative_std'])],
-            **{name: found[name] for name in ('peak_torque', 'peak_reduction', 'false_starts')}}
+    kept = ('breakaway', 'peak_torque', 'peak_reduction', 'false_starts')
     return {'command': 'python3 -m friction_comp reproduce --output reproduction --cycles 200',
-            'configurations': kept}
+            'configurations': {name: {entry: result[entry] for entry in kept}
+                               for name, result in results['configurations'].items()}}
 
 
 def reproduce_table(numbers: dict[str, Any]) -> list[str]:
     """Return the table of the note's experiments."""
-    every = [numbers['configurations'][number] for number in _CONFIGURATIONS]
-
-    def row(title: str, cell: Callable[[dict[str, Any]], str], note: tuple[str, ...] = ()) -> str:
-        cells = [cell(one) for one in every]
-        if note:
-            cells = [f'{text} ({own})' for text, own in zip(cells, note)]
-        return f'| {title} | {" | ".join(cells)} |'
-
-    def torque(name: str) -> Callable[[dict[str, Any]], str]:
-        return lambda one: f'{one["peak_torque"][name]:.2f}'
-
-    def friction_part(one: dict[str, Any]) -> str:
-        peak = one['peak_torque']
-        share = (peak['none'] - peak['continuous']) / (peak['none'] - peak['inertia'])
-        return f'{100 * share:.0f} %'
-    return [
-        '| | configuration 1 | configuration 2 | configuration 3 |', '|---|---|---|---|',
-        row('breakaway current, mA', lambda one: '{:.1f} ± {:.1f}'.format(
-            *(1e3 * value for value in one['breakaway'])),
-            ('99.5 ± 3.4', '137.7 ± 4.3', '335.7 ± 17.2')),
-        row('peak torque to start, N·m: no compensation', torque('none')),
-        row('peak torque: kinetic only, d = 0', torque('kinetic'), ('0.98', '1.28', '6.02')),
-        row("peak torque: the note's law, d = ±1", torque('paper'), ('0.39', '0.44', '1.21')),
-        row('peak torque: continuous law, d = ±1', torque('continuous')),
-        row('peak torque: no friction', torque('inertia')),
-        row("peak reduced from d = 0: the note's law",
-            lambda one: f'{100 * one["peak_reduction"]["paper"]:.0f} %', ('60 %', '65 %', '80 %')),
-        row('peak reduced from d = 0: continuous law',
-            lambda one: f'{100 * one["peak_reduction"]["continuous"]:.0f} %'),
-        row('friction removed from the uncompensated peak: continuous law', friction_part),
-        row("false starts per hour, breakaway 10 % too large: note's / continuous law",
-            lambda one: '{paper} / {continuous}'.format(**one['false_starts']))]
+    configurations = numbers['configurations']
+    return _markdown(['', *(f'configuration {name}' for name in configurations)],
+                     compared(configurations))
 
 
 def demo_words(numbers: dict[str, Any]) -> str:
     """Return what the demo's picture shows, for those who do not see it."""
-    peaks = ', '.join(f'{title} {_peak(numbers, name)}' for name, title in _TRIALS.items())
-    peaks = peaks.replace('> ', 'more than ')
+    peaks = ', '.join(f'{_TITLES[name]} {peak_text(peak, stuck)}'.replace('> ', 'more than ')
+                      for name, (peak, _, stuck) in numbers['trials'].items())
     return f'Torque in N·m that a person needs to move the joint, over time. Peaks: {peaks}.'
 
 
@@ -126,7 +88,7 @@ def demo_picture(numbers: dict[str, Any], folder: Path) -> str:
     drive = FrictionModel.load(folder / 'models' / 'armin_1.yaml').drive
     trials = [EvaluatedTrial(name, title, read_recording(
         folder / 'recordings' / name, 'armin_1', drive.torque_constant, drive.gear_ratio)[0])
-        for name, title in _TRIALS.items()]
+        for name, title in _TITLES.items()]
     for condition in (one for trial in trials for one in trial.evaluation.conditions):
         condition.time, condition.torque, condition.torque_std = thin(
             condition.time, condition.torque, condition.torque_std, points=200)

@@ -8,6 +8,7 @@ import json
 import numpy as np
 import pytest
 
+from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.monitoring.checkup import check_joint, check_system
 from friction_comp.monitoring.observation import (
@@ -229,6 +230,14 @@ def test_under_a_compensator_only_a_measured_load_tells_about_the_model():
     seen.load[JOINT] = np.column_stack((seen.states.received, np.zeros(len(
         seen.states.received))))
     assert {finding.level for finding in check_joint(seen, JOINT, MODEL)} == {'ok'}
+
+
+def test_observing_for_longer_is_no_advice_where_a_signal_of_the_model_is_missing():
+    warm = EFFECTS['temperature'](
+        {'reference_temperature': 25.0, 'transition': 0.02, 'coefficients': [0.01, 0.0]})
+    found = check_joint(healthy(), JOINT, replace(MODEL, effects=[warm]))
+    assert 'temperature' in found[-1].what
+    assert not found[-1].do
 
 
 def test_without_a_running_system_it_says_so_and_ends_well():

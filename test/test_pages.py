@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pages are readable without training, animations match the recording, and scripts are optional."""
 
+from dataclasses import replace
 import importlib.util
 from pathlib import Path
 import re
@@ -80,6 +81,15 @@ def test_the_first_screen_has_no_technical_terms(evaluation):
     assert len(re.findall(r'class="tile"', page)) == 3
     for word in ('d\u00a0=', 'continuous', '.yaml', 'RMS', 'p ='):
         assert word not in first
+
+
+def test_joints_with_the_same_verdict_share_one_and_have_a_section_each(evaluation):
+    page = evaluation_report([evaluation, replace(evaluation, joint='shoulder')]).html()
+    assert page.count('class="verdict"') == 1
+    assert '<strong>elbow, shoulder.</strong>' in page
+    assert re.findall(r'href="#section-\d">([^<]*)</a>', page) == [
+        'Joint elbow', 'Joint shoulder', 'Sources']
+    assert len(re.findall('>In detail</h3>', page)) == 2
 
 
 def test_the_joint_moves_as_it_was_recorded(evaluation):

@@ -71,12 +71,12 @@ def drawing(points=50):
 
 def page_with_everything():
     report = Report('Friction of <joint> & *drive*', 'a `subtitle`')
-    report.text('## First\n\nWords with **weight**, 2 * 3 = 6 and x < y.\n\n'
-                '- one\n- two\n  more\n\n> a remark')
+    report.heading('First')
+    report.text('Words with **weight**, 2 * 3 = 6 and x < y.\n\n- one\n- two\n  more')
     report.numbers([('1.2 N·m', 'peak'), ('−65 %', 'change')])
-    report.figure(drawing(), 'A curve.', 'A curve that rises from 0 to 0.84.')
+    report.figure(drawing(), 'A curve that rises from **0** to 0.84.')
     report.figure(drawing(), 'The same "again".')
-    report.text('## Second')
+    report.heading('Second')
     report.table(['name', 'value'], [['a', 1.5], ['b', None], ['c', -20.25]], 'What was found')
     report.heading('Third')
     report.code('\nros2 run friction_comp plant <&>\n')

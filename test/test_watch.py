@@ -109,7 +109,7 @@ def test_one_model_shown_of_several_is_said():
 
 def test_the_page_seeks_plays_and_changes_the_joint(feed):
     document = Document()
-    live_page(feed, length=2.0)(document)
+    live_page(feed)(document)
     update = document.session_callbacks[0].callback
     slider, play = document.select_one({'type': Slider}), document.select_one(
         {'type': Toggle})
@@ -119,11 +119,11 @@ def test_the_page_seeks_plays_and_changes_the_joint(feed):
     slider.value = 0.5 * np.pi / 0.7
     update()
     assert np.isnan(overview.data['residual'][0])
-    slider.value = 6.0
+    slider.value = 11.0
     update()
     assert np.isfinite(overview.data['residual']).all()
-    assert source.data['time'][-1] == pytest.approx(6.0, abs=0.02)
-    assert source.data['time'][0] == pytest.approx(4.0, abs=0.02)
+    assert source.data['time'][-1] == pytest.approx(11.0, abs=0.02)
+    assert source.data['time'][0] == pytest.approx(1.0, abs=0.02)
     before = np.array(source.data['position'])
     next(s for s in document.select({'type': Select}) if s.title == 'Joint').value = 'elbow'
     update()
@@ -131,7 +131,7 @@ def test_the_page_seeks_plays_and_changes_the_joint(feed):
     play.active = True
     time.sleep(0.3)
     update()
-    assert slider.value > 6.2
+    assert slider.value > 11.2
     slider.value = feed.duration - 0.01
     time.sleep(0.05)
     update()

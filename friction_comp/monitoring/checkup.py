@@ -349,7 +349,9 @@ def _check_fit(seen: Observation, joint: str, model: FrictionModel, rows: np.nda
     residual = LiveResidual(model)
     residual.take(rows)
     verdict = residual.verdict()
-    if not verdict.known:
+    if residual.blind:
+        level, do = NOTE, ''
+    elif not verdict.known:
         level, do = NOTE, 'observe for longer: --seconds 60'
     elif verdict.fits:
         level, do = OK, ''

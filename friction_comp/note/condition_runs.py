@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +12,6 @@ import numpy as np
 from friction_comp.compensation.law import law_parameters
 from friction_comp.evaluation.conditions import evaluate, Evaluation
 from friction_comp.model.friction_model import Breakaway
-from friction_comp.note.published import FALSE_START
 from friction_comp.samples import Samples
 from friction_comp.simulation.batch import closed_loops
 from friction_comp.simulation.joint_parameters import FRICTION, joint_parameters
@@ -35,18 +34,6 @@ STANDSTILLS, STANDSTILL_TIME, ANNOUNCED = 360, 10.0, 0.5
 BREAKAWAY_ERROR = 0.1
 
 
-@dataclass(frozen=True)
-class ConditionRun:
-    """Evaluation of one condition, and its log with arrays of shape (R, N) for R repetitions.
-
-    `peak` is the peak torque of the ensemble average, mean of both directions, N·m.
-    """
-
-    evaluation: Evaluation
-    peak: float
-    log: dict[str, np.ndarray]
-
-
 def varied_reference(movement: ReferenceMovement, time: np.ndarray, repetitions: int,
                      seed: int) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
     """Return a person's varied reference in each repetition, and factors of the stiffness.
@@ -67,11 +54,11 @@ def varied_reference(movement: ReferenceMovement, time: np.ndarray, repetitions:
 
 
 def run_trial(experiment: Experiment, model: FrictionModel, name: str, seed: int,
-              repetitions: int = REPETITIONS) -> ConditionRun:
-    """Run the condition `name`, one of `CONDITIONS`; `model` is that of the compensation.
+              repetitions: int = REPETITIONS) -> Evaluation:
+    """Run and evaluate the condition `name`, one of `CONDITIONS`.
 
-    The seed determines all variation of person and joint, so that it is the same under every
-    condition.
+    `model` is that of the compensation. The seed determines all variation of person and joint, so
+    that it is the same under every condition.
     """
     movement = experiment.movement(compensated=name in ('paper', 'continuous'))
     count = round((movement.begins(1) + movement.movement_time + 1.0) / SAMPLE_TIME)
@@ -96,19 +83,12 @@ def run_trial(experiment: Experiment, model: FrictionModel, name: str, seed: int
             direction=shown[2].astype(float), reference_position=shown[0],
             reference_velocity=shown[1], joint=f'armin_{experiment.number}')
         for r in range(repetitions)]
-    evaluation = evaluate(recordings, [f'repetition {r + 1}' for r in range(repetitions)])
-    peak = float(np.mean([condition.peak_torque for condition in evaluation.conditions]))
-    return ConditionRun(evaluation, peak, log)
+    return evaluate(recordings, [f'repetition {r + 1}' for r in range(repetitions)])
 
 
-@dataclass(frozen=True)
-class Standstill:
-    """Outcome of many standstills; in a false start the joint moves more than `FALSE_START`."""
-
-    false_starts: int
-    farthest: float     # largest distance moved in any standstill, rad
-    standstills: int
-    duration: float     # of all standstills together, s
+def mean_peak(evaluation: Evaluation) -> float:
+    """Return the peak of the ensemble average, mean of both directions, N·m."""
+    return float(np.mean([condition.peak_torque for condition in evaluation.conditions]))
 
 
 def with_breakaway_error(model: FrictionModel) -> FrictionModel:
@@ -120,8 +100,10 @@ def with_breakaway_error(model: FrictionModel) -> FrictionModel:
         both.positive_std, both.negative_std))
 
 
-def stand_still(experiment: Experiment, model: FrictionModel, law: str, seed: int) -> Standstill:
-    """Simulate standstills of an untouched joint with an announced direction, one hour in total.
+def stand_still(experiment: Experiment, model: FrictionModel, law: str, seed: int) -> np.ndarray:
+    """Return how far an untouched joint moves in each of `STANDSTILLS`, rad; one hour in total.
+
+    A direction is announced in each.
 
     Each standstill has new breakaway levels, while a single one of an hour would test only one pair
     of levels. Half of them have d = 1, half d = -1. The law's breakaway currents are too large by
@@ -137,6 +119,4 @@ def stand_still(experiment: Experiment, model: FrictionModel, law: str, seed: in
         np.tile(law_parameters(model, law), STANDSTILLS),
         (still, still, direction), np.arange(STANDSTILLS) % 2, released=0,
         sample_time=SAMPLE_TIME, every=0)
-    farthest = np.abs(extremes).max(axis=1)
-    return Standstill(int(np.sum(farthest > FALSE_START)), float(farthest.max()), STANDSTILLS,
-                      STANDSTILLS * STANDSTILL_TIME)
+    return np.asarray(np.abs(extremes).max(axis=1))

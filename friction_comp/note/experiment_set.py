@@ -10,15 +10,15 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from friction_comp.note.condition_runs import CONDITIONS, run_trial, stand_still
+from friction_comp.note.condition_runs import CONDITIONS, mean_peak, run_trial, stand_still
 from friction_comp.note.identify import identified_model, identify_breakaway, identify_table
-from friction_comp.note.published import EXPERIMENTS
+from friction_comp.note.published import EXPERIMENTS, FALSE_START
 from friction_comp.parallel import child_process
 
 if TYPE_CHECKING:
+    from friction_comp.evaluation.conditions import Evaluation
     from friction_comp.identification.goal import IdentificationResult
     from friction_comp.model.friction_model import Breakaway, FrictionModel
-    from friction_comp.note.condition_runs import ConditionRun, Standstill
     from friction_comp.note.identify import Ramps
     from friction_comp.note.published import Experiment
 
@@ -29,16 +29,16 @@ LAWS = ('paper', 'continuous')
 class ExperimentOutcome:
     """Results of one configuration.
 
-    `model` is the identified one; `trials` are by condition, `standstills` by law. `drive_time` is
-    the simulated time in s that identification took.
+    `model` is the identified one; `trials` are by condition. `standstills` are the distances in rad
+    by law, as from `stand_still`. `drive_time` is the simulated time in s that identification took.
     """
 
     experiment: Experiment
     table: IdentificationResult
     ramps: Ramps
     model: FrictionModel
-    trials: dict[str, ConditionRun]
-    standstills: dict[str, Standstill]
+    trials: dict[str, Evaluation]
+    standstills: dict[str, np.ndarray]
     drive_time: float
 
     @property
@@ -50,11 +50,15 @@ class ExperimentOutcome:
     @property
     def peaks(self) -> dict[str, float]:
         """Peak torque per condition in N·m."""
-        return {name: trial.peak for name, trial in self.trials.items()}
+        return {name: mean_peak(trial) for name, trial in self.trials.items()}
 
     def reduction(self, law: str) -> float:
         """Share by which a law lowers the peak torque of the condition 'kinetic'."""
-        return 1.0 - self.trials[law].peak / self.trials['kinetic'].peak
+        return 1.0 - self.peaks[law] / self.peaks['kinetic']
+
+    def false_starts(self, law: str) -> int:
+        """Return the number of standstills in which the joint moved farther than `FALSE_START`."""
+        return int(np.sum(self.standstills[law] > FALSE_START))
 
     def as_dict(self) -> dict[str, Any]:
         """Return the configuration's entry of results.json."""
@@ -70,7 +74,7 @@ class ExperimentOutcome:
             'currents': [point.current for point in self.table.points],
             'peak_torque': self.peaks,
             'peak_reduction': {law: self.reduction(law) for law in LAWS},
-            'false_starts': {law: self.standstills[law].false_starts for law in LAWS}}
+            'false_starts': {law: self.false_starts(law) for law in LAWS}}
 
 
 def run_experiment(experiment: Experiment, table: Callable[[], tuple[IdentificationResult, float]],

@@ -5,24 +5,24 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from friction_comp.compensation.law_parameters import LOWERED
-from friction_comp.note.published import FALSE_START
+from friction_comp.note.condition_runs import STANDSTILLS
+from friction_comp.note.published import EXPERIMENTS, FALSE_START
 from friction_comp.reports.figures import band, COLOURS, new_figure, styled, thin
 from friction_comp.reports.html import Report
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from friction_comp.evaluation.conditions import Condition
-    from friction_comp.note.condition_runs import ConditionRun
+    from friction_comp.evaluation.conditions import Condition, Evaluation
     from friction_comp.note.experiment_set import ExperimentOutcome
+    from friction_comp.note.published import Experiment
 
-_TRIALS = (('kinetic', 'grey', 'd = 0'), ('paper', 'orange', 'd = ±1, printed law'),
-           ('continuous', 'blue', 'd = ±1, continuous law'), ('inertia', 'green', 'inertia alone'))
+_TRIALS = (('kinetic', 'grey', 'd = 0'), ('paper', 'orange', "d = ±1, note's law"),
+           ('continuous', 'blue', 'd = ±1, continuous law'), ('inertia', 'green', 'no friction'))
 
 
 def reproduction_report(outcomes: list[ExperimentOutcome]) -> Report:
@@ -40,7 +40,12 @@ impedance and the speed of the movement) was chosen so that the peak torque with
 compensation alone (d = 0) agrees with the note. **Everything with d = ±1 is a prediction.**
 """)
     report.heading('Result')
-    _add_result(report, outcomes)
+    report.table(
+        ['', *(f'configuration {outcome.experiment.number}' for outcome in outcomes)],
+        compared({str(outcome.experiment.number): outcome.as_dict() for outcome in outcomes}),
+        'Simulation, with the note in brackets. Peaks are those of the average over ten '
+        'repetitions, mean of both directions. A joint of the same inertia without friction is the '
+        'limit of any friction compensation.')
     report.heading('Breakaway friction')
     shown = outcomes[min(1, len(outcomes) - 1)]
     report.figure(ramp_figure(shown), (
@@ -48,7 +53,8 @@ compensation alone (d = 0) agrees with the note. **Everything with d = ±1 is a 
         'Dashed: the instants at which the joint breaks free. A ramp ends once the joint moves.'))
     report.heading('Kinetic friction')
     report.figure(friction_figure(outcomes), (
-        "Look-up table, fit of Eq. 6 and breakaway currents (the note's Fig. 4)."))
+        "Look-up table (dots), fit of Eq. 6 (lines) and breakaway currents ± standard deviation "
+        "(at standstill); the note's Fig. 4."))
     _add_table(report, outcomes)
     report.heading('Movements')
     report.figure(trial_figure(outcomes), (
@@ -70,39 +76,37 @@ def _verdict(outcomes: list[ExperimentOutcome]) -> str:
             f"Breakaway currents are within {100 * error:.1g} % of the note's.")
 
 
-def compared(outcome: ExperimentOutcome) -> list[tuple[str, str, str]]:
-    """Return rows for a configuration: name, the note's value or '', the simulation's value."""
-    experiment, both, peaks = outcome.experiment, outcome.breakaway, outcome.peaks
-    return [
-        ('breakaway, positive (mA)',
-         f'{1e3 * experiment.breakaway:.1f} ± {1e3 * experiment.breakaway_std:.1f}',
-         f'{1e3 * both.positive_mean:.1f} ± {1e3 * both.positive_std:.1f}'),
-        ('breakaway, negative (mA)', 'the same',
-         f'{1e3 * both.negative_mean:.1f} ± {1e3 * both.negative_std:.1f}'),
-        ('peak without compensation (N·m)', '', f'{peaks["none"]:.2f}'),
-        ('peak with d = 0, calibrated (N·m)', f'{experiment.peak_kinetic:.2f}',
-         f'{peaks["kinetic"]:.2f}'),
-        ('peak with d = ±1, printed law (N·m)', f'{experiment.peak_compensated:.2f}',
-         f'{peaks["paper"]:.2f}'),
-        ('peak with d = ±1, continuous law (N·m)', '', f'{peaks["continuous"]:.2f}'),
-        ('peak of the inertia alone (N·m)', '', f'{peaks["inertia"]:.2f}'),
-        ('reduction by the printed law', f'{100 * experiment.reduction:.0f} %',
-         f'{100 * outcome.reduction("paper"):.0f} %'),
-        ('reduction by the continuous law', '', f'{100 * outcome.reduction("continuous"):.0f} %')]
+def compared(configurations: dict[str, Any]) -> list[list[str]]:
+    """Return a row of text for each result: its name, and the values of the configurations.
+
+    `configurations` are those of results.json; what the note measured is added in brackets.
+    """
+    columns = [_cells(configurations[str(note.number)], note) for note in EXPERIMENTS]
+    return [[name, *(column[name] for column in columns)] for name in columns[0]]
 
 
-def _add_result(report: Report, outcomes: list[ExperimentOutcome]) -> None:
-    rows = [[name, outcome.experiment.number, note, here]
-            for outcome in outcomes for name, note, here in compared(outcome)]
-    report.table(['', 'configuration', 'note', 'simulation'], rows,
-                 'Peaks are those of the average over ten repetitions, mean of both directions.')
-    ratios = ', '.join(
-        f'{o.peaks["continuous"] / o.peaks["inertia"]:.1f} times this limit in configuration '
-        f'{o.experiment.number}' for o in outcomes)
-    report.text(f"""
-The row *peak of the inertia alone* is for a joint of the same inertia without friction: the
-physical limit of any friction compensation. The peak under the continuous law is {ratios}.
-""")
+def _cells(result: dict[str, Any], note: Experiment) -> dict[str, str]:
+    breakaway, peak = result['breakaway'], result['peak_torque']
+    mean = 0.5 * (breakaway['positive_mean'] - breakaway['negative_mean'])
+    std = 0.5 * (breakaway['positive_std'] + breakaway['negative_std'])
+    removed = (peak['none'] - peak['continuous']) / (peak['none'] - peak['inertia'])
+    reduction = result['peak_reduction']
+    return {
+        'breakaway current, mA': (
+            f'{1e3 * mean:.1f} ± {1e3 * std:.1f} '
+            f'({1e3 * note.breakaway:.1f} ± {1e3 * note.breakaway_std:.1f})'),
+        'peak torque to start, N·m: no compensation': f'{peak["none"]:.2f}',
+        'peak torque: kinetic only, d = 0': f'{peak["kinetic"]:.2f} ({note.peak_kinetic:.2f})',
+        "peak torque: the note's law, d = ±1":
+            f'{peak["paper"]:.2f} ({note.peak_compensated:.2f})',
+        'peak torque: continuous law, d = ±1': f'{peak["continuous"]:.2f}',
+        'peak torque: no friction': f'{peak["inertia"]:.2f}',
+        "peak reduced from d = 0: the note's law":
+            f'{100 * reduction["paper"]:.0f} % ({100 * note.reduction:.0f} %)',
+        'peak reduced from d = 0: continuous law': f'{100 * reduction["continuous"]:.0f} %',
+        'friction removed from the uncompensated peak: continuous law': f'{100 * removed:.0f} %',
+        "false starts per hour, breakaway 10 % too large: note's / continuous law":
+            '{paper} / {continuous}'.format(**result['false_starts'])}
 
 
 def _add_table(report: Report, outcomes: list[ExperimentOutcome]) -> None:
@@ -122,42 +126,20 @@ def _add_table(report: Report, outcomes: list[ExperimentOutcome]) -> None:
         ['configuration', 'c1 … c6 (ω in deg/s)', 'E (A)', 'E of Eq. 11 as printed (A)',
          'largest difference to Eq. 11 from 5 deg/s on (mA)'], rows,
         'Rows 2 and 3 of Eq. 11 are interchanged, as Fig. 4 and the breakaway currents require. '
-        'Eq. 6 leaves the scale of c1, c3, c4 and c5 free: here c4 + c5 = 2.')
-    rests = {o.experiment.number: float(o.experiment.model().sigmoid(0.0)) for o in outcomes}
-    worst = max(outcomes, key=lambda o: abs(rests[o.experiment.number])).experiment
-    level = worst.breakaway
-    total = abs(rests[worst.number]) + 0.9 * level
-    shown = ', '.join(f'{1e3 * rest:+.0f} mA in configuration {k}' for k, rest in rests.items())
-    report.text(f"""
-**Standstill under Eq. 6 as printed.** The fitted transition does not pass through zero: f̂(0) is
-{shown}. The table has no point there, so this value is arbitrary.
-Added to 0.9 · i_b it would give {1e3 * total:.0f} mA in configuration
-{worst.number}, where {1e3 * level:.0f} mA set the joint in motion. The printed law is
-therefore read as follows: kinetic compensation acts on a joint that moves, breakaway compensation
-on one that does not.
-""")
+        'Eq. 6 leaves the scale of c1, c3, c4 and c5 free: here c4 + c5 = 2. What else the note '
+        'leaves open is in docs/note_errors.md.')
 
 
 def _add_standstill(report: Report, outcomes: list[ExperimentOutcome]) -> None:
     report.heading('False starts')
-    rows = []
-    for outcome in outcomes:
-        for law, standstill in outcome.standstills.items():
-            rows.append([outcome.experiment.number, law, standstill.duration / 3600.0,
-                         standstill.standstills, standstill.false_starts,
-                         math.degrees(standstill.farthest)])
     report.table(
-        ['configuration', 'law', 'hours', 'standstills', 'false starts', 'farthest (deg)'], rows,
-        'Nobody touches the joint, d is ±1, and the breakaway currents of the law are 10 % too '
-        'large. Every standstill has new breakaway levels.')
-    report.text(f"""
-A start is false if the joint moves more than {math.degrees(FALSE_START):.0f} degree. At a gain
-of 0.9 and with breakaway currents 10 % too large, the current is 99 % of the mean breakaway
-current: two joints of five slip. Under the printed law each slip ends by itself, since
-the first encoder count removes the breakaway term; the joint advances a few tenths of a degree
-until it sticks firmly enough. The continuous law lowers its current at standstill by
-{100.0 * (1.0 - LOWERED):.0f} % after each slip that it notices, until somebody moves the joint.
-""")
+        ['configuration', 'law', 'false starts', 'farthest (deg)'],
+        [[outcome.experiment.number, law, outcome.false_starts(law),
+          math.degrees(distances.max())]
+         for outcome in outcomes for law, distances in outcome.standstills.items()],
+        f'One hour in {STANDSTILLS} standstills, each with new breakaway levels. Nobody touches '
+        'the joint, d is ±1, and the breakaway currents of the law are 10 % too large. A start is '
+        f'false if the joint moves more than {math.degrees(FALSE_START):.0f} degree.')
 
 
 def _add_sources(report: Report, outcomes: list[ExperimentOutcome]) -> None:
@@ -215,19 +197,18 @@ def friction_figure(outcomes: list[ExperimentOutcome]) -> Figure:
         speeds = np.degrees([point.speed for point in outcome.table.points])
         currents = [1e3 * point.current for point in outcome.table.points]
         fine = np.linspace(-105.0, 105.0, 1001)
-        number = outcome.experiment.number
         axes.plot(speeds, currents, 'o', markersize=3.5, color=COLOURS[colour],
-                  label=f'configuration {number}: table')
+                  label=f'configuration {outcome.experiment.number}')
         axes.plot(fine, 1e3 * outcome.model.sigmoid(np.radians(fine)), color=COLOURS[colour],
-                  linewidth=1.0, label='fit of Eq. 6')
+                  linewidth=1.0)
         both = outcome.breakaway
         axes.errorbar(
             [0.0, 0.0], [1e3 * both.positive_mean, 1e3 * both.negative_mean],
             [1e3 * both.positive_std, 1e3 * both.negative_std], fmt='_', markersize=14,
-            color=COLOURS[colour], capsize=3, label='breakaway ± standard deviation')
+            color=COLOURS[colour], capsize=3)
     axes.set_xlabel('joint velocity (deg/s)')
     axes.set_ylabel('motor current (mA)')
-    axes.legend(ncols=3, loc='upper left', fontsize=7.5)
+    axes.legend(loc='upper left')
     return figure
 
 
@@ -261,5 +242,5 @@ def trial_figure(outcomes: list[ExperimentOutcome]) -> Figure:
     return figure
 
 
-def _condition(trial: ConditionRun, name: str) -> Condition:
-    return next(c for c in trial.evaluation.conditions if c.movement == name)
+def _condition(trial: Evaluation, name: str) -> Condition:
+    return next(c for c in trial.conditions if c.movement == name)

@@ -15,7 +15,12 @@ from friction_comp.reports.figures import band, COLOURS, new_figure, styled
 from friction_comp.reports.html import number, Report
 from friction_comp.reports.moving_joint import moving_joint, MovingScene
 from friction_comp.reports.refinement_figures import residual_figure
-from friction_comp.reports.refinement_report import formula, limitations, model_words
+from friction_comp.reports.refinement_report import (
+    effect_names,
+    formula,
+    limitations,
+    model_words,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -128,7 +133,7 @@ def demo_report(trials: list[EvaluatedTrial], refined: RefineResult, model: Fric
     effects = refined.report['effects']
     page = Report('The whole loop, on a simulated joint',
                   'Identify, compensate, evaluate, refine, compensate again')
-    page.verdict(_summary(trials, effects, before, after))
+    page.verdict(_summary(trials, effects))
     page.numbers([
         (f'{kinetic.peak} N·m', 'to start the joint, direction unknown (d = 0)'),
         (f'{compensated.peak} N·m', 'with the direction known (d = ±1)'),
@@ -170,30 +175,21 @@ def demo_report(trials: list[EvaluatedTrial], refined: RefineResult, model: Fric
     return page
 
 
-def _summary(trials: list[EvaluatedTrial], effects: list[dict[str, Any]], before: float,
-             after: float) -> str:
+def _summary(trials: list[EvaluatedTrial], effects: list[dict[str, Any]]) -> str:
     none, kinetic, compensated, last = trials
     more, stuck = ('', '') if not none.stuck else (
         'more than ', f' (the joint did not move in {none.stuck} of '
         f'{sum(c.repetitions for c in none.evaluation.conditions)} movements)')
-    sentences = [
+    refined = 'The recordings show no effect that the identified model lacks.'
+    if effects:
+        named = effect_names(effect['name'] for effect in effects)
+        refined = (f'With the effects that the recordings show in addition ({named}) it is '
+                   f'**{last.peak} N·m**.')
+    starts = sum(trial.false_starts for trial in trials)
+    return (
         f'Without compensation the person needs {more}**{number(none.peak_torque)} N·m**{stuck} '
         'to set the joint in motion. Compensating kinetic friction alone leaves '
         f'{kinetic.peak} N·m, since the direction of friction is unknown before the joint moves. '
-        f'With the direction known it is **{compensated.peak} N·m**.']
-    if effects:
-        named = ', '.join(f"{effect['name'].replace('_', ' ')} ({effect['variable']})"
-                          for effect in effects)
-        sentences.append(
-            f'The recordings show what the identified model lacks: {named}. With this added, the '
-            'error of the predicted current falls from '
-            f'{number(1e3 * before)} to {number(1e3 * after)} mA. The person then needs '
-            f'**{last.peak} N·m** at most; the RMS torque is {number(last.rms_torque)} instead of '
-            f'{number(compensated.rms_torque)} N·m.')
-    else:
-        sentences.append('The recordings show no effect that the identified model lacks.')
-    starts = sum(trial.false_starts for trial in trials)
-    sentences.append('In no trial did the joint start by itself.' if not starts else
-                     f'In {starts} movements the joint started before the person pushed.')
-    return '\n\n'.join(sentences)
-
+        f'With the direction known it is **{compensated.peak} N·m**. {refined} ' + (
+            f'In {starts} movements the joint started before the person pushed.' if starts else
+            'In no trial did the joint start by itself.'))

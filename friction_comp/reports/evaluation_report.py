@@ -21,6 +21,7 @@ from friction_comp.reports.evaluation_words import (
     plain_names,
     plain_tiles,
     plain_verdict,
+    remarks,
     summary,
     verdict,
     with_interval,
@@ -141,34 +142,43 @@ def scenes_of(evaluation: Evaluation) -> list[MovingScene]:
             in zip(plain_names(pair), largest, ('grey', 'blue'))]
 
 
-def add_evaluation(report: Report, evaluation: Evaluation) -> None:
-    """Add an evaluation to a report: the main result first, then the details."""
-    simple = plain_verdict(evaluation)
-    report.verdict(simple or summary(evaluation))
-    scenes = scenes_of(evaluation)
-    if simple and scenes:
+def add_evaluation(report: Report, evaluation: Evaluation, part: bool = False) -> None:
+    """Add an evaluation to a report below its verdict: the main result first, then the details.
+
+    `part` is whether it is only one section of the page.
+    """
+    level = 3 if part else 2
+    simple = bool(plain_verdict(evaluation))
+    if simple:
         report.movie(
-            moving_joint(scenes),
-            'Mean motion of the joint in the direction that needed the larger torque. The orange '
-            'arrow is the torque that the person applies; the curve below shows it over time. '
-            'Both play at the speed of the recording.')
+            moving_joint(scenes_of(evaluation)),
+            'Mean motion of the joint in the direction that needed the larger torque, at the speed '
+            'of the recording. The orange arrow is the torque that the person applies; the curve '
+            'below shows it over time. The boxes below give the means of both directions.')
     tiles = plain_tiles(evaluation) if simple else _tiles(evaluation)
     if tiles:
         report.numbers(tiles)
     if simple:
-        report.text(f'## In detail\n\n{summary(evaluation)}')
+        report.heading('In detail', level)
+        report.text(summary(evaluation))
+    elif part:
+        report.text(remarks(evaluation))
     torque = ' and back-driving torque' if evaluation.measured else ''
     report.figure(
         evaluation_figure(evaluation),
         f'Trajectory{torque}, average and standard deviation over the repetitions, synchronised '
         "at the start of the movement (style of the note's Fig. 5).", interactive=True)
+    report.heading('Conditions', level)
     _add_conditions(report, evaluation)
-    _add_comparisons(report, evaluation)
-    _add_trends(report, evaluation)
+    if evaluation.comparisons:
+        report.heading('Comparisons', level)
+        _add_comparisons(report, evaluation)
+    if evaluation.trends:
+        report.heading('Day by day', level)
+        _add_trends(report, evaluation)
 
 
 def _add_conditions(report: Report, evaluation: Evaluation) -> None:
-    report.text('## Conditions')
     # In the first table only.
     counts = ['n', 'false starts']
     for title, names in _TABLES:
@@ -195,12 +205,9 @@ def _add_conditions(report: Report, evaluation: Evaluation) -> None:
 
 
 def _add_comparisons(report: Report, evaluation: Evaluation) -> None:
-    if not evaluation.comparisons:
-        return
     shown = sorted(evaluation.comparisons, key=lambda c: (
         list(FIGURES).index(c.figure), c.p_value is None, c.p_value or 0.0))
     shown = shown[:_MOST_COMPARISONS]
-    report.text('## Comparisons')
     report.table(
         ['measure', 'first condition', 'second condition', 'pairs', 'first mean', 'second mean',
          'difference', 'effect size (d_z)', 'p'],
@@ -222,9 +229,6 @@ def _add_comparisons(report: Report, evaluation: Evaluation) -> None:
 
 
 def _add_trends(report: Report, evaluation: Evaluation) -> None:
-    if not evaluation.trends:
-        return
-    report.text('## Day by day')
     for figure in dict.fromkeys(trend.figure for trend in evaluation.trends):
         trends = [trend for trend in evaluation.trends if trend.figure == figure]
         report.figure(trend_figure(trends, evaluation),
@@ -239,9 +243,17 @@ def _add_trends(report: Report, evaluation: Evaluation) -> None:
             'The change is the slope of a straight line through the daily means.')
 
 
+def verdicts(evaluations: Sequence[Evaluation]) -> str:
+    """Return the verdict on each of several joints, once for joints with the same verdict."""
+    joints: dict[str, list[str]] = {}
+    for evaluation in evaluations:
+        joints.setdefault(
+            plain_verdict(evaluation) or verdict(evaluation), []).append(evaluation.joint)
+    return '\n\n'.join(f'**{", ".join(names)}.** {text}' for text, names in joints.items())
+
+
 def evaluation_report(evaluations: Sequence[Evaluation]) -> Report:
     """Return the page of `evaluate`, with one evaluation for each joint."""
-    several = len(evaluations) > 1
     joints = ', '.join(evaluation.joint or 'the joint' for evaluation in evaluations)
     count = sum(len(evaluation.repetitions) for evaluation in evaluations)
     torque = any(evaluation.measured for evaluation in evaluations)
@@ -250,14 +262,15 @@ def evaluation_report(evaluations: Sequence[Evaluation]) -> Report:
     report = Report(
         f'{"Back-driving torque" if torque else "Movements"} of {joints}',
         f'{count} movements from {len(recordings)} recording{"s" if len(recordings) > 1 else ""}')
-    if several:
-        report.verdict('\n\n'.join(
-            f'**{evaluation.joint}.** {verdict(evaluation)}' for evaluation in evaluations))
-    for evaluation in evaluations:
-        if several:
-            report.text(f'## Joint {evaluation.joint}')
-        add_evaluation(report, evaluation)
-    report.text('## Sources')
+    if len(evaluations) == 1:
+        report.verdict(plain_verdict(evaluations[0]) or summary(evaluations[0]))
+        add_evaluation(report, evaluations[0])
+    else:
+        report.verdict(verdicts(evaluations))
+        for evaluation in evaluations:
+            report.heading(f'Joint {evaluation.joint}')
+            add_evaluation(report, evaluation, part=True)
+    report.heading('Sources')
     listed = [f'recording `{name}`' for name in recordings[:_MOST_RECORDINGS]]
     if len(recordings) > _MOST_RECORDINGS:
         listed.append(f'and {len(recordings) - _MOST_RECORDINGS} more, all named in '

@@ -72,9 +72,13 @@ def plain_tiles(evaluation: Evaluation) -> list[tuple[str, str]]:
 
 def summary(evaluation: Evaluation) -> str:
     """Return a summary of the trials in technical terms, the verdict first."""
-    sentences = [verdict(evaluation)]
-    sentences.extend(_trend_sentence(trend, evaluation) for trend in evaluation.trends
-                     if trend.significant)
+    return f'{verdict(evaluation)} {remarks(evaluation)}'
+
+
+def remarks(evaluation: Evaluation) -> str:
+    """Return sentences on trends, movements that failed and false starts."""
+    sentences = [_trend_sentence(trend, evaluation) for trend in evaluation.trends
+                 if trend.significant]
     for condition in dict.fromkeys(c.compensation for c in evaluation.conditions):
         if stuck := evaluation.stuck(condition):
             count = sum(r.compensation == condition for r in evaluation.repetitions)

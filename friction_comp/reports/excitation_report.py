@@ -4,7 +4,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+import itertools
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +14,7 @@ from friction_comp.excitation.plan import JointPlan
 from friction_comp.excitation.separation import Pair
 from friction_comp.reports.figures import COLOURS, new_figure, styled
 from friction_comp.reports.html import quantity, Report
+from friction_comp.reports.refinement_report import effect_names
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -32,7 +34,7 @@ def excitation_report(plans: Sequence[JointPlan],
     report = Report('Planned motion', f'{len(plans)} joint{"s" * (len(plans) > 1)}, {seconds:g} s')
     worst = min((share, pair, plan.limits.joint) for plan in plans
                 for pair, share in plan.separation.items())
-    report.verdict(f'**Hardest to distinguish: {" and ".join(worst[1])}** of joint {worst[2]}: '
+    report.verdict(f'**Hardest to distinguish: {_pair_text(worst[1])}** of joint {worst[2]}: '
                    f'{100 * worst[0]:.2g} % of one is independent of the other and of the friction '
                    'curve (Eq. 6).')
     for plan, other in zip(plans, others):
@@ -41,13 +43,17 @@ def excitation_report(plans: Sequence[JointPlan],
                       'velocity over position; dashed: the limits.')
         report.table(
             ['effects', 'this plan (%)', *(f'{name} (%)' for name in other)],
-            [[' and '.join(pair), 100 * share,
+            [[_pair_text(pair), 100 * share,
               *(100 * separation[pair] for separation in other.values())]
              for pair, share in plan.separation.items()])
     report.text('The percentage is the part of one effect that is independent of the other: the '
                 "smallest for several values of the effects' constants. It depends on the motion "
                 'alone; whether `refine` finds an effect also depends on noise and on its size.')
     return report
+
+
+def _pair_text(pair: Pair) -> str:
+    return ' and '.join(pair).replace('_', ' ')
 
 
 @styled
@@ -68,11 +74,10 @@ def _plan_figure(plan: JointPlan) -> Figure:
     return figure
 
 
-def improvement_report(improvement: Improvement, names: Sequence[str],
-                       command: Sequence[str] = ()) -> Report:
+def improvement_report(improvement: Improvement, names: Sequence[str]) -> Report:
     """Return the report of `improve`; the refined model has its own page, refinement.html.
 
-    `names` are the names of the recordings, `command` contains lines for the footer.
+    `names` are the names of the recordings.
     """
     last, report = improvement.rounds[-1], improvement.result.report
     unit = report['unit']
@@ -99,17 +104,13 @@ def improvement_report(improvement: Improvement, names: Sequence[str],
                 'was fitted, and on held-out parts after each fit. The dashed line is the noise '
                 'from sample to sample.')
     page.table(['round', 'planned for', 'prediction error', 'held-out error', 'effects', 'verdict'],
-               [[k + 1, _effect_names(name for pair in round_.asked for name in pair),
+               [[k + 1, effect_names(dict.fromkeys(itertools.chain(*round_.asked))),
                  quantity(round_.predicted_rmse, unit), quantity(round_.held_out_rmse, unit),
-                 _effect_names(round_.effects) or 'none', round_.verdict]
+                 effect_names(round_.effects), round_.verdict]
                 for k, round_ in enumerate(improvement.rounds)])
     page.bullets(last.reasons, 'What remains open:')
-    page.made_by(*command, f'Recordings: {", ".join(names)}')
+    page.made_by(f'Recordings: {", ".join(names)}')
     return page
-
-
-def _effect_names(names: Iterable[str]) -> str:
-    return ', '.join(dict.fromkeys(name.replace('_', ' ') for name in names))
 
 
 @styled

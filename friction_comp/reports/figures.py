@@ -29,9 +29,9 @@ COLOURS = {
 }
 # Placeholder for the page's text colour, which replaces it in the SVG.
 INK = '#1a2b3d'
-_GRID = '#87909a'
 # Size of an SVG from which a bitmap is used instead, characters.
 _LARGEST_SVG = 700_000
+_MOST_DOTS = 6000
 
 _STYLE: dict[Any, Any] = {
     'axes.prop_cycle': cycler(color=list(COLOURS.values())),
@@ -41,7 +41,7 @@ _STYLE: dict[Any, Any] = {
     'axes.spines.top': False, 'axes.spines.right': False, 'axes.linewidth': 0.8,
     'axes.titlesize': 10.5, 'axes.titleweight': 'bold', 'axes.titlelocation': 'left',
     'axes.labelsize': 9.5, 'xtick.labelsize': 8.5, 'ytick.labelsize': 8.5, 'font.size': 9.5,
-    'axes.grid': True, 'grid.color': _GRID, 'grid.alpha': 0.25, 'grid.linewidth': 0.6,
+    'axes.grid': True, 'grid.color': COLOURS['grey'], 'grid.alpha': 0.25, 'grid.linewidth': 0.6,
     'axes.axisbelow': True, 'lines.linewidth': 1.5, 'legend.frameon': False,
     'legend.fontsize': 8.5, 'font.family': ['DejaVu Sans'], 'svg.fonttype': 'path',
     'figure.dpi': 100, 'mathtext.default': 'regular', 'axes.formatter.useoffset': False,
@@ -86,11 +86,11 @@ def thin(x: np.ndarray, *curves: np.ndarray, points: int = 800) -> tuple[np.ndar
     return tuple(np.asarray(values)[::step] for values in (x, *curves))
 
 
-def scatter(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str, label: str | None = None,
-            points: int = 6000) -> None:
-    """Draw measured points as small dots, a random sample where there are more than `points`."""
-    if len(x) > points:
-        chosen = np.sort(np.random.default_rng(0).choice(len(x), points, replace=False))
+def scatter(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str, label: str | None = None
+            ) -> None:
+    """Draw measured points as small dots, a random sample where there are too many."""
+    if len(x) > _MOST_DOTS:
+        chosen = np.sort(np.random.default_rng(0).choice(len(x), _MOST_DOTS, replace=False))
         x, y = x[chosen], y[chosen]
     axes.plot(x, y, '.', color=COLOURS[colour], markersize=3.0, alpha=0.45, label=label,
               markeredgewidth=0, rasterized=True)
@@ -104,9 +104,9 @@ def to_svg(figure: Figure) -> str:
     return text.replace(INK, 'currentColor')
 
 
-def to_png(figure: Figure, resolution: int = 160) -> bytes:
+def to_png(figure: Figure) -> bytes:
     """Return a figure as PNG on white."""
-    return _saved(figure, format='png', dpi=resolution, facecolor='white')
+    return _saved(figure, format='png', facecolor='white')
 
 
 def _saved(figure: Figure, **options: Any) -> bytes:
@@ -117,7 +117,7 @@ def _saved(figure: Figure, **options: Any) -> bytes:
         if engine is not None:
             engine.execute(figure)
             figure.set_layout_engine(None)
-        figure.savefig(stream, **{'dpi': 160, **options})
+        figure.savefig(stream, dpi=160, **options)
     return stream.getvalue()
 
 

@@ -41,9 +41,6 @@ def history_report(model: str, recordings: Sequence[RecordedFriction],
                  [[recording.name, recording.day, round(recording.seconds),
                    round(100.0 * recording.level, 1), 1e3 * recording.error,
                    recording.temperature] for recording in recordings])
-    if notes:
-        report.heading('Notes')
-        report.table(['date', 'note'], notes)
     return report
 
 
@@ -60,7 +57,7 @@ def _figure(recordings: Sequence[RecordedFriction], notes: Sequence[tuple[str, s
     axes[0].set_ylabel('friction\n(% of the model)')
     axes[1].plot(order, [1e3 * recording.error for recording in recordings], 'o',
                  color=COLOURS['orange'])
-    axes[1].set_ylim(bottom=0.0)
+    axes[1].set_ylim(0.0, 1.2e3 * max(recording.error for recording in recordings))
     axes[1].set_ylabel('error (mA)')
     if rows == 3:
         axes[2].plot(order, np.array(warm, dtype=float), 'o', color=COLOURS['red'])

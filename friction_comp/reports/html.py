@@ -8,7 +8,6 @@ import base64
 from collections.abc import Iterable, Sequence
 from datetime import datetime
 from html import escape
-from itertools import pairwise
 import math
 from pathlib import Path
 import re
@@ -36,7 +35,7 @@ def _keep_formulas_together(state: StateCore) -> None:
                 child.content = re.sub(r'\b(\w) = (?=\S)', '\\1\u00a0=\u00a0', child.content)
 
 
-_MARKDOWN = MarkdownIt('zero').enable(['emphasis', 'backticks', 'heading', 'list', 'blockquote'])
+_MARKDOWN = MarkdownIt('zero').enable(['emphasis', 'backticks', 'list'])
 _MARKDOWN.core.ruler.push('formulas', _keep_formulas_together)
 
 
@@ -51,7 +50,7 @@ class Report:
     """A page that grows from top to bottom.
 
     Texts may contain Markdown: ``**strong**``, ``*emphasis*`` and ```code```; `text` and `verdict`
-    also take several paragraphs with headings, lists and block quotes.
+    also take several paragraphs and lists.
 
     Parameters
     ----------
@@ -78,17 +77,16 @@ class Report:
         self._origin: list[str] = []
 
     def heading(self, text: str, level: int = 2) -> None:
-        """Begin a section (level 2) or subsection (level 3)."""
-        self.text(f'{"#" * level} {text}')
+        """Begin a section (level 2), which the page's head links to, or a subsection (level 3)."""
+        anchor = ''
+        if level == 2:
+            self._sections.append(_plain(text))
+            anchor = f' id="section-{len(self._sections)}"'
+        self._parts.append(f'<h{level}{anchor}>{_inline(text)}</h{level}>')
 
     def text(self, text: str) -> None:
-        """Add paragraphs, headings, lists and block quotes."""
-        tokens = _MARKDOWN.parse(text)
-        for token, content in pairwise(tokens):
-            if token.type == 'heading_open' and token.tag == 'h2':
-                self._sections.append(_plain(content.content))
-                token.attrSet('id', f'section-{len(self._sections)}')
-        self._parts.append(_MARKDOWN.renderer.render(tokens, _MARKDOWN.options, {}))
+        """Add paragraphs and lists."""
+        self._parts.append(_MARKDOWN.render(text))
 
     def bullets(self, lines: Iterable[str], title: str = '') -> None:
         """Add a bullet list after a paragraph `title`; without lines, add nothing."""
@@ -132,21 +130,18 @@ class Report:
             f'<div class="wide" tabindex="0"><table>{title}<thead><tr>{head}</tr></thead>'
             f'<tbody>{body}</tbody></table></div>')
 
-    def figure(self, figure: Figure, caption: str, alternative: str | None = None,
-               interactive: bool = False) -> None:
-        """Add a figure with a text below it.
+    def figure(self, figure: Figure, caption: str, interactive: bool = False) -> None:
+        """Add a figure with a text below it, which screen readers read in place of the figure.
 
         Parameters
         ----------
         figure : matplotlib.figure.Figure
         caption : str
-        alternative : str, optional
-            Alternative text for screen readers; the caption by default.
         interactive : bool
             Whether a plot of the same curves with hover and zoom replaces the drawing on a screen
             where scripts run. Without Bokeh, and on paper, the drawing is shown.
         """
-        alternative = _plain(alternative or caption)
+        alternative = _plain(caption)
         live, kind = '', ''
         if interactive and bokeh_is_installed():
             plot, note = interactive_plot(figure)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.lines import Line2D
 
 # Largest numbers of points of a line (two per pixel column of a screen are enough) and of dots.
-POINTS, _DOTS = 2000, 1500
+_POINTS, _DOTS = 2000, 1500
 _FONT = 'system-ui, sans-serif'
 
 
@@ -57,21 +57,17 @@ def interactive_plot(figure: Figure) -> tuple[str, str]:
     panels = ''.join(f'<div>{element}</div>' for element in elements)
     lines = [line for axes in figure.axes for line in _lines(axes)]
     most = max((len(line.get_path()) for line in lines if not _is_dots(line)), default=0)
-    note = (f' Curves have up to {most} points: the lowest and highest of each of {POINTS // 2} '
-            'stretches are drawn.') if most > POINTS else ''
+    note = (f' Curves have up to {most} points: the lowest and highest of each of {_POINTS // 2} '
+            'stretches are drawn.') if most > _POINTS else ''
     return (f'{_legend(lines)}<div class="panels" style="--columns:{1 + max(plots)[1]}">{panels}'
             f'</div>{script.strip()}', note)
 
 
-def thin_extremes(x: np.ndarray, y: np.ndarray, points: int = POINTS
-                  ) -> tuple[np.ndarray, np.ndarray]:
-    """Thin out a curve to at most `points`, the lowest and highest of each stretch.
-
-    In this way, its peaks are kept.
-    """
-    if len(x) <= points:
+def thin_extremes(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Thin out a long curve to the lowest and highest point of each stretch, to keep its peaks."""
+    if len(x) <= _POINTS:
         return x, y
-    edges = np.linspace(0, len(x), points // 2 + 1).astype(int)
+    edges = np.linspace(0, len(x), _POINTS // 2 + 1).astype(int)
     chosen = []
     for first, last in zip(edges[:-1], edges[1:]):
         part = y[first:last]

@@ -46,6 +46,8 @@ _LEVELS = {'ok': '#0a7d4f', 'note': '#4a5765', 'warning': '#a85b00', 'problem': 
 # Gap across which no line is drawn, s, and velocity below which friction balances the other
 # torques instead of following the model, rad/s.
 _GAP, _STANDSTILL = 0.25, 0.01
+# Length of the time axis, s.
+_LENGTH = 10.0
 # Time between updates, ms, and playback speeds of a recording as multiples of real time.
 _PERIOD = 200
 _PLAYBACK_SPEEDS = ('0.1', '0.5', '1', '2', '5', '20')
@@ -85,10 +87,10 @@ class Feed(Protocol):
         """Return level ('ok', 'note', 'warning', 'problem'), name and text, the worst first."""
 
 
-def live_page(feed: Feed, length: float = 10.0) -> Callable[[Any], None]:
-    """Return the Bokeh application that shows a feed, with a time axis of `length` s."""
+def live_page(feed: Feed) -> Callable[[Any], None]:
+    """Return the Bokeh application that shows a feed."""
     def application(document: Any) -> None:
-        page = _Page(feed, length)
+        page = _Page(feed)
         document.title = feed.title
         document.template = _TEMPLATE
         document.add_root(page.layout)
@@ -99,8 +101,8 @@ def live_page(feed: Feed, length: float = 10.0) -> Callable[[Any], None]:
 class _Page:
     """One visitor's view; its controls do not affect other visitors."""
 
-    def __init__(self, feed: Feed, length: float):
-        self._feed, self._length = feed, length
+    def __init__(self, feed: Feed):
+        self._feed = feed
         self._updated = time.monotonic()
         self._source = ColumnDataSource({name: [] for name in SIGNALS})
         self._overview = ColumnDataSource({'joint': [], **{name: [] for name in _TABLE}})
@@ -112,7 +114,7 @@ class _Page:
         self._play = Toggle(label='Play', button_type='primary', width=80, align='end')
         self._speed = Select(title='Speed', value='1', options=list(_PLAYBACK_SPEEDS), width=80)
         self._seek = Slider(title='Time (s)', start=0.0, end=feed.duration or 1.0, step=0.05,
-                            value=min(length, feed.duration), min_width=240,
+                            value=min(_LENGTH, feed.duration), min_width=240,
                             sizing_mode='stretch_width')
         playback = [self._play, self._speed, self._seek] if feed.duration else []
         self.layout = column(
@@ -151,7 +153,7 @@ class _Page:
             self._joint.options = list(self._feed.joints)
             self._joint.value = self._joint.value or next(iter(self._feed.joints), '')
         if self._joint.value:
-            data = self._feed.window(self._joint.value, self._seek.value, self._length)
+            data = self._feed.window(self._joint.value, self._seek.value, _LENGTH)
             self._source.data = with_gaps(data)
             self._drawing.text = self._draw_joint(self._joint.value, data)
         last = {joint: with_gaps(self._feed.window(joint, self._seek.value, 1.0))

@@ -16,10 +16,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from friction_comp.refinement.refine import RefineResult
-    from friction_comp.samples import Samples
 
 # Shortest and longest excerpt over time, s, and the number of reversals that it should contain.
 _SHORTEST, _LONGEST, _REVERSALS = 4.0, 60.0, 8
+# Number of ranges of a variable in which the residual is averaged.
+_RANGES = 40
 # Colours of the contributions to the predicted current, Eq. 6 first.
 _CONTRIBUTION_COLOURS = ('violet', 'green', 'pink', 'red', 'yellow', 'orange', 'blue', 'grey')
 
@@ -91,10 +92,6 @@ def residual_figure(result: RefineResult, name: str, label: str) -> Figure:
     """Draw the residual over a signal, before and after side by side."""
     samples, rows = result.samples, result.usable
     x = getattr(samples, name)[rows]
-    # No line is drawn across gaps.
-    run = _runs(samples)[rows]
-    if name != 'time' or np.any(np.diff(run[np.argsort(x, kind='stable')]) < 0):
-        run = np.zeros(len(x), dtype=int)
     positive = np.asarray(samples.velocity)[rows] > 0
     sides = [(np.ones(len(x), dtype=bool), 'blue', 'average')] if name == 'velocity' else [
         (positive, 'blue', 'positive direction'), (~positive, 'orange', 'negative direction')]
@@ -104,8 +101,7 @@ def residual_figure(result: RefineResult, name: str, label: str) -> Figure:
         scatter(axes, x, y, 'grey')
         for mask, colour, legend in sides:
             if mask.sum() > 20:
-                axes.plot(*averages(x[mask], y[mask], run[mask]), color=COLOURS[colour],
-                          label=legend)
+                axes.plot(*averages(x[mask], y[mask]), color=COLOURS[colour], label=legend)
         axes.set(title=title, xlabel=label)
     limit = float(np.percentile(np.abs(result.before[rows]), 99.5))
     both[0].set_ylim(-1.2 * limit, 1.2 * limit)
@@ -114,26 +110,16 @@ def residual_figure(result: RefineResult, name: str, label: str) -> Figure:
     return figure
 
 
-def _runs(samples: Samples) -> np.ndarray:
-    """Return the index of each sample's run, shape (N,); a gap of 0.5 s ends a run."""
-    run = np.empty(len(samples), dtype=int)
-    for index, part in enumerate(samples.segments(max(20.0, 0.5 / samples.sample_time))):
-        run[part] = index
-    return run
+def averages(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the means of x and y in about `_RANGES` ranges with equal numbers of samples.
 
-
-def averages(x: np.ndarray, y: np.ndarray, run: np.ndarray,
-             count: int = 40) -> tuple[np.ndarray, np.ndarray]:
-    """Return the means of x and y in about `count` ranges with equal numbers of samples.
-
-    `run` is the index of each sample's run. NaN separates ranges of different runs, and ranges with
-    a gap in x of more than a tenth of its span, so that no line is drawn there.
+    NaN separates ranges with a gap in x of more than a tenth of its span, so that no line is drawn
+    there.
     """
     order = np.argsort(x, kind='stable')
-    x, y, run = x[order], y[order], run[order]
-    wide = max(0.1 * float(np.ptp(x)), 1e-300)
-    apart = (np.diff(x) > wide) | (np.diff(run) != 0)
-    ends = np.linspace(0, len(x), count + 1).astype(int)
+    x, y = x[order], y[order]
+    apart = np.diff(x) > max(0.1 * float(np.ptp(x)), 1e-300)
+    ends = np.linspace(0, len(x), _RANGES + 1).astype(int)
     edges = np.union1d(ends, np.nonzero(apart)[0] + 1)
     middles, means = (np.add.reduceat(values, edges[:-1]) / np.diff(edges) for values in (x, y))
     gaps = np.nonzero(apart[edges[1:-1] - 1])[0] + 1
@@ -141,15 +127,13 @@ def averages(x: np.ndarray, y: np.ndarray, run: np.ndarray,
 
 
 @styled
-def spectrum_figure(result: RefineResult) -> Figure | None:
-    """Draw the residual's spectrum over position; None where the position hardly varied."""
+def spectrum_figure(result: RefineResult) -> Figure:
+    """Draw the residual's spectrum over position, where the position varied."""
     figure, axes = new_figure(height=2.8)
     for residual, legend, colour in ((result.before, 'before', 'orange'),
                                     (result.after, 'after', 'blue')):
-        k, size = spectrum(result, residual)
-        if not len(k):
-            return None
-        axes.plot(*largest_in_ranges(k, size), color=COLOURS[colour], label=legend)
+        axes.plot(*largest_in_ranges(*spectrum(result, residual)), color=COLOURS[colour],
+                  label=legend)
     axes.set(xscale='log', xlabel='periods per turn', ylabel=f"amplitude ({result.report['unit']})")
     axes.set_ylim(bottom=0.0)
     axes.legend(loc='upper right')
@@ -157,7 +141,10 @@ def spectrum_figure(result: RefineResult) -> Figure | None:
 
 
 def spectrum(result: RefineResult, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the residual's spectrum over position: periods per turn and amplitudes, each (K,)."""
+    """Return a residual's spectrum over position: periods per turn and amplitudes, each (K,).
+
+    K is zero where the position hardly varied.
+    """
     rows = result.usable
     samples: Any = result.samples
     highest = highest_frequency(samples.velocity[rows], samples.sample_time,

@@ -75,7 +75,8 @@ def each_report(content: dict[str, Any]) -> Report:
          'unexplained'],
         [[Link(Path(row['recording']).name, f"{row['folder']}/report.html"), row['joint'],
           row['verdict'], row['before'], row['after'], row['noise_floor'], row['unit'],
-          effect_names(row['effects']), ', '.join(row['unexplained'])] for row in rows],
+          effect_names(effect['name'] for effect in row['effects']),
+          ', '.join(row['unexplained'])] for row in rows],
         'RMS of measured minus predicted on parts that were not fitted. The page and the model '
         'file of each recording are in its folder beside this page.')
     if content['failed']:
@@ -142,14 +143,14 @@ def arm_report(result: ArmResult, names: list[str], folders: dict[str, str]) -> 
     page.table(
         ['joint', f'before ({unit})', f'after ({unit})', f'noise ({unit})', 'verdict', 'found'],
         [[Link(name, f'{folders[name]}/report.html'), *row.values(), report['verdict'],
-          effect_names(report['effects'])]
+          effect_names(effect['name'] for effect in report['effects'])]
          for (name, report), row in zip(reports.items(), errors)],
         'RMS of measured minus predicted on parts that were not fitted, by the initial model '
         'and by the refined one; each name links to the report on that joint.')
     page.figure(
         errors_figure([{'joint': name, **row} for name, row in zip(reports, errors)], unit),
         'The same on a logarithmic scale. What lies between the error after refinement and the '
-        'noise is not explained yet.', 'Errors before and after, and the noise, of each joint')
+        'noise is not explained yet.')
     page.heading('What was found, joint by joint')
     for name, report in reports.items():
         page.heading(name, 3)

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
@@ -29,15 +29,11 @@ if TYPE_CHECKING:
 # Units of the effects' constants.
 _UNITS = {'velocity': 'rad/s', 'reference': 'rad/s', 'speed': 'rad/s', 'transition': 'rad/s',
           'distance': 'rad', 'position': 'rad', 'width': 'rad', 'frequency': 'per turn',
-          'time_constant': 's', 'reference_temperature': '°C', 'lag': 's'}
+          'time_constant': 's', 'reference_temperature': '°C'}
 
 
-def refinement_report(result: RefineResult, names: list[str], command: Sequence[str] = ()
-                      ) -> Report:
-    """Return the report on a `RefineResult`.
-
-    `names` are the names of the recordings, `command` contains lines for the footer.
-    """
+def refinement_report(result: RefineResult, names: list[str]) -> Report:
+    """Return the report on a `RefineResult`; `names` are the names of the recordings."""
     report = result.report
     joint = f"joint {report['joint']}" if report['joint'] else 'the joint'
     page = Report(f'What the friction model of {joint} lacked',
@@ -59,7 +55,7 @@ def refinement_report(result: RefineResult, names: list[str], command: Sequence[
                 'contribution of each effect of the new model.', interactive=True)
     page.figure(friction_figure(result), 'Friction over velocity: the measured current minus the '
                 'effects, and Eq. 6 before and after.', interactive=True)
-    page.heading('What was found')
+    page.heading('Parameters')
     page.table(['effect', 'parameter', 'before', 'after', 'unit', '95 % interval'],
                parameter_rows(result))
     page.bullets(
@@ -79,10 +75,9 @@ def refinement_report(result: RefineResult, names: list[str], command: Sequence[
         ['model', f'RMS, fitted ({unit})', f'RMS, held out ({unit})', f'worst part ({unit})',
          f'at standstill ({unit})', f'with standstill ({unit})', f'elsewhere ({unit})',
          f'largest, held out ({unit})', 'R², held out'],
-        [[row['model'], row['fit_rmse'], row['held_out_rmse'], row['worst_part_rmse'],
-          row['standstill_rmse'], row['overall_rmse'], row['elsewhere_rmse'],
-          row['held_out_max'], row['held_out_r2']]
-         for row in (before, after)])
+        [[row['model'].replace('_', ' '), *(row[key] for key in (
+            'fit_rmse', 'held_out_rmse', 'worst_part_rmse', 'standstill_rmse', 'overall_rmse',
+            'elsewhere_rmse', 'held_out_max', 'held_out_r2'))] for row in (before, after)])
     page.text(f"Held out: {report['held_out']}. Of {report['samples']} samples "
               f"{report['samples_in_motion']} are fitted: those in which the joint moves and the "
               'current signal is not clipped. While the joint sticks, the current does not show '
@@ -91,6 +86,8 @@ def refinement_report(result: RefineResult, names: list[str], command: Sequence[
               'errors when a third of position, speed, time or acceleration is left out of the '
               'fit.')
     page.heading('The residual, before and after')
+    page.text('The residual is the measured minus the predicted current of data not fitted. The '
+              'lines are its averages over ranges.')
     named = {entry['variable'] for part in ('effects', 'unexplained') for entry in report[part]}
     for name, label in (('velocity', 'velocity (rad/s)'), ('position', 'position (rad)'),
                         ('acceleration', 'acceleration (rad/s²)'), ('load', 'load (N·m)'),
@@ -98,15 +95,14 @@ def refinement_report(result: RefineResult, names: list[str], command: Sequence[
                         ('temperature', 'motor temperature (°C)')):
         wanted = name != 'acceleration' or name in named
         if wanted and getattr(result.samples, name) is not None:
-            page.figure(residual_figure(result, name, label),
-                        f'Residual over {name}: measured minus predicted current of data not '
-                        'fitted. The lines are averages over ranges, separately for the positive '
-                        'and the negative direction.', interactive=True)
-    spectrum_drawing = spectrum_figure(result)
-    if spectrum_drawing is not None:
-        page.figure(spectrum_drawing, 'Spectrum of the residual over position: ripple shows as a '
-                    'peak at its number of periods per turn. ' + largest_ripple(result),
-                    interactive=True)
+            page.figure(residual_figure(result, name, label), f'Residual over {name}.',
+                        interactive=True)
+    k, size = spectrum(result, result.after)
+    # Where the position hardly varied, there is none.
+    if len(k):
+        page.figure(spectrum_figure(result), 'Spectrum of the residual over position: ripple shows '
+                    'as a peak at its number of periods per turn. '
+                    + largest_ripple(result, k, size), interactive=True)
     page.heading('The model')
     page.bullets(model_words(result.model, unit))
     page.code(formula(result.model, unit))
@@ -116,13 +112,13 @@ def refinement_report(result: RefineResult, names: list[str], command: Sequence[
         else 'applied by the compensator') for effect in result.model.effects)
     page.heading('What the recordings cannot tell')
     page.bullets(limitations(report))
-    page.made_by(*command, f'Recordings: {", ".join(names)}')
+    page.made_by(f'Recordings: {", ".join(names)}')
     return page
 
 
-def effect_names(effects: Sequence[dict[str, Any]]) -> str:
-    """Return the names of effects with their counts, or 'nothing'."""
-    counts = Counter(effect['name'].replace('_', ' ') for effect in effects)
+def effect_names(names: Iterable[str]) -> str:
+    """Return the names of effects as text with their counts, or 'nothing'."""
+    counts = Counter(name.replace('_', ' ') for name in names)
     return ', '.join(f'{name} × {count}' if count > 1 else name
                      for name, count in counts.items()) or 'nothing'
 
@@ -192,14 +188,13 @@ def _name_and_unit(names: Sequence[tuple[str, str]], index: int, unit: str) -> t
     return names[index][0], names[index][1].replace('A', unit, 1)
 
 
-def largest_ripple(result: RefineResult) -> str:
-    """Return a sentence on the residual's largest ripple, and why it is not an effect."""
-    k, size = spectrum(result, result.after)
-    residual = result.after[result.usable]
-    if not len(k) or not np.any(residual):
+def largest_ripple(result: RefineResult, k: np.ndarray, size: np.ndarray) -> str:
+    """Return a sentence on the largest ripple of the residual's spectrum: no effect, and why."""
+    mean_square = float(np.mean(result.after[result.usable] ** 2))
+    if not mean_square:
         return ''
     largest = int(np.argmax(size))
-    share = 0.5 * size[largest] ** 2 / float(np.mean(residual ** 2))
+    share = 0.5 * size[largest] ** 2 / mean_square
     reason = (f'an effect must remove at least {100 * LEAST_SHARE:.0f} %' if share < LEAST_SHARE
               else 'parts of the recording did not agree on it')
     amplitude = quantity(float(size[largest]), result.report['unit'])

@@ -11,8 +11,8 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from friction_comp.evaluation.intervals import Interval, mean_interval
-from friction_comp.reports.evaluation_report import add_evaluation
-from friction_comp.reports.evaluation_words import compared_peaks, with_interval
+from friction_comp.reports.evaluation_report import add_evaluation, verdicts
+from friction_comp.reports.evaluation_words import with_interval
 from friction_comp.reports.figures import COLOURS, new_figure, styled, thin
 from friction_comp.reports.html import number, Report
 from friction_comp.reports.refinement_report import effect_names
@@ -41,25 +41,12 @@ def two_joints_report(evaluations: list[Evaluation], shown: dict[str, Samples],
     """
     page = Report('Two joints that reverse on the way',
                   f'Exercise {exercise.name}: directions announced separately for each joint')
-    tiles = []
-    changes = []
-    for evaluation in evaluations:
-        torques, peaks = evaluation.compared('peak_torque'), compared_peaks(evaluation)
-        if torques is None or peaks is None:
-            continue
-        tiles.append((f'{peaks[0]} → {peaks[1]} N·m', f'{evaluation.joint}, peak'))
-        change = round(100 * (torques[1] / torques[0] - 1))
-        changes.append(f'the {evaluation.joint} {"at least " if evaluation.is_bound else ""}'
-                       f'**{abs(change)} %** {"more" if change > 0 else "less"}')
-    page.verdict("Change of the person's peak torque for starting and reversing a joint when its "
-                 'direction is announced as it changes, relative to compensation of kinetic '
-                 f'friction alone: {", ".join(changes) or "not known"}.')
-    page.numbers(tiles)
+    page.verdict(verdicts(evaluations))
     page.figure(exercise_figure(shown), 'Positions shown to the person (dashed), positions of the '
                 'joints, and announced directions (shaded: blue positive, orange negative).')
     for evaluation in evaluations:
         page.heading(f'The {evaluation.joint}')
-        add_evaluation(page, evaluation)
+        add_evaluation(page, evaluation, part=True)
     return page
 
 
@@ -148,7 +135,7 @@ def wear_report(evaluation: Evaluation, phases: dict[str, list[Repetition]],
               'refined model is compared with the previous one for some minutes of movement; if '
               'the previous one fits better, it is restored.')
     page.heading('The whole session')
-    add_evaluation(page, evaluation)
+    add_evaluation(page, evaluation, part=True)
     return page
 
 
@@ -212,7 +199,8 @@ def arm_scene_report(alone: Mapping[str, Samples], helped: Mapping[str, Samples]
                 'peak helped (N·m)', 'added to the model of the drive'],
                [[joint, peak['alone']['rms'], peak['helped']['rms'], peak['alone']['peak'],
                  peak['helped']['peak'],
-                 effect_names(result.results[joint].report['effects'])]
+                 effect_names(effect['name']
+                              for effect in result.results[joint].report['effects'])]
                 for joint, peak in peaks.items()])
     fitted = result.report()['rigid_bodies']
     page.table(['link after joint', 'mass in the URDF (kg)', 'mass found (kg)'],

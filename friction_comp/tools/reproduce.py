@@ -7,12 +7,10 @@ It prints the results of the simulation next to those of the note.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 from friction_comp.tools.common import Arguments, output_folder, progress, to_json, whole_number
 
-if TYPE_CHECKING:
-    from friction_comp.note.experiment_set import ExperimentOutcome
 
 def main(argv: list[str] | None = None) -> int:
     """Repeat the note's experiments and write results.json and report.html; returns 0."""
@@ -27,16 +25,17 @@ def main(argv: list[str] | None = None) -> int:
 
     with output_folder(arguments.output) as folder, progress('starting') as report:
         outcomes = run_experiments(arguments.cycles, arguments.seed, report)
-        results = {'configurations': {
-            str(outcome.experiment.number): outcome.as_dict() for outcome in outcomes}}
-        (folder / 'results.json').write_text(to_json(results), encoding='utf-8')
+        configurations = {
+            str(outcome.experiment.number): outcome.as_dict() for outcome in outcomes}
+        (folder / 'results.json').write_text(
+            to_json({'configurations': configurations}), encoding='utf-8')
         reproduction_report(outcomes).save(folder / 'report.html')
-    _print(outcomes)
+    _print(configurations)
     print(arguments.output / 'report.html')
     return 0
 
 
-def _print(outcomes: list[ExperimentOutcome]) -> None:
+def _print(configurations: dict[str, Any]) -> None:
     from rich.console import Console
     from rich.table import Table
 
@@ -44,12 +43,8 @@ def _print(outcomes: list[ExperimentOutcome]) -> None:
 
     table = Table(title='The note and its repetition (the note in brackets)')
     table.add_column()
-    for outcome in outcomes:
-        table.add_column(f'configuration {outcome.experiment.number}', justify='right')
-    for cells in zip(*map(compared, outcomes)):
-        table.add_row(cells[0][0], *(
-            f'{here} ({note})' if note else here for _, note, here in cells))
-    table.add_row('false starts in an hour, printed / continuous law', *(
-        ' / '.join(str(still.false_starts) for still in outcome.standstills.values())
-        for outcome in outcomes))
+    for number in configurations:
+        table.add_column(f'configuration {number}', justify='right')
+    for row in compared(configurations):
+        table.add_row(*row)
     Console().print(table)
