@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What happens to the motor's current when something goes wrong, with real nodes over DDS.
 
-    python3 bench/fault_table.py [--times N] [--json FILE] [--only WORD]
+    python3 bench/fault_table.py [--times N] [--only WORD]
 
 For each fault a compensator in a process of its own drives a joint with more than 50 mA; then the
 fault comes. It is held when the last command is zero within the time given for it (the
@@ -12,16 +12,31 @@ stands at the end, with what the driver must do.
 """
 
 import argparse
-import json
+from array import array
 import os
 from pathlib import Path
 import signal
-import sys
 import tempfile
 import time
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / 'test')]
+from bench_tools import ROOT
+from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+from ros_system import (
+    BEST_EFFORT,
+    FakeDriver,
+    joint_state,
+    MODELS,
+    own_domain,
+    probe_node,
+    Process,
+    RELIABLE,
+)
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
 TIMEOUT = 0.1
 SLACK = 0.06
@@ -30,10 +45,9 @@ SLACK = 0.06
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
     parser.add_argument('--times', type=int, default=3)
-    parser.add_argument('--json', metavar='FILE')
     parser.add_argument('--only', default='')
     arguments = parser.parse_args()
-    table = {}
+    table = []
     print('fault                                      tried  held  lost   zero after, ms (largest)')
     with tempfile.TemporaryDirectory() as folder:
         for name, make in FAULTS.items():
@@ -43,23 +57,18 @@ def main():
                     for k in range(arguments.times)]
             delays = [delay for held, delay in rows if held]
             held = len(delays)
-            table[name] = {'tried': len(rows), 'held': held, 'lost': len(rows) - held,
-                           'longest': max(delays, default=None)}
+            table.append((len(rows), held, len(rows) - held))
             longest = f'{1e3 * max(delays):8.0f}' if delays else '       -'
             print(f'{name:42s} {len(rows):5d} {held:5d} {len(rows) - held:5d} {longest}',
                   flush=True)
-    total = [sum(row[key] for row in table.values()) for key in ('tried', 'held', 'lost')]
+    total = [sum(column) for column in zip(*table)]
     print(f'{"all":42s} {total[0]:5d} {total[1]:5d} {total[2]:5d}')
-    if arguments.json:
-        Path(arguments.json).write_text(json.dumps(table, indent=1), encoding='utf-8')
 
 
 class Rig:
     """A driver by hand before a compensator, and an eye on the current."""
 
     def __init__(self, probe, process, simulated):
-        from ros_system import BEST_EFFORT, FakeDriver, RELIABLE
-        from rosgraph_msgs.msg import Clock
         self.probe, self.process, self.simulated = probe, process, simulated
         self.driver = FakeDriver(probe, ['elbow'], BEST_EFFORT)
         self.ticks = probe.talk(Clock, '/clock', RELIABLE) if simulated else None
@@ -67,13 +76,11 @@ class Rig:
         self.stopped_clock = False
 
     def tick(self):
-        from rosgraph_msgs.msg import Clock
         message = Clock()
         message.clock.sec, message.clock.nanosec = divmod(time.time_ns(), 10**9)
         self.ticks.publish(message)
 
     def send(self, stamp=None, position=(0.0,), velocity=(0.0,), names=('elbow',)):
-        from ros_system import joint_state
         if self.simulated and not self.stopped_clock:
             self.tick()
         stamp = time.time_ns() + self.ahead if stamp is None else stamp
@@ -99,7 +106,6 @@ class Rig:
 
 def try_once(folder, make):
     """Return whether a fault was held, and after how many s the current was zero."""
-    from ros_system import MODELS, own_domain, probe_node, Process
     simulated = getattr(make, 'simulated', False)
     with own_domain(), probe_node() as probe, Process(folder, 'compensator', {
             'joints': ['elbow'], 'model_files': MODELS[:1], 'law': 'paper',
@@ -202,8 +208,6 @@ def _(rig):
 # The next three are seen from what comes over a while, so that no true signal is taken for one.
 @fault('two publishers of the joint', within=0.3)
 def _(rig):
-    from ros_system import BEST_EFFORT, joint_state
-    from sensor_msgs.msg import JointState
     rival = rig.probe.create_publisher(JointState, 'joint_states', BEST_EFFORT)
     rig.probe.until(lambda: rival.get_subscription_count(), 'a second publisher')
 
@@ -216,10 +220,6 @@ def _(rig):
 
 @fault('two planners, one +1 and one -1', within=0.3)
 def _(rig):
-    from array import array
-
-    from ros_system import BEST_EFFORT
-    from std_msgs.msg import Int8MultiArray
     rival = rig.probe.create_publisher(Int8MultiArray, 'direction', BEST_EFFORT)
     rig.probe.until(lambda: rival.get_subscription_count(), 'a second planner')
 
@@ -253,8 +253,6 @@ def _(rig):
 
 @fault('another commander')
 def _(rig):
-    from ros_system import RELIABLE
-    from std_msgs.msg import Float64MultiArray
     # Alone for long enough that the other is a newcomer.
     end = time.monotonic() + 3.5
     while time.monotonic() < end:
@@ -281,7 +279,6 @@ signals()
 
 @fault('deactivated', within=0.5)
 def _(rig):
-    from lifecycle_msgs.srv import ChangeState
     request = ChangeState.Request()
     request.transition.label = 'deactivate'
     client = rig.probe.create_client(ChangeState, '/compensator/change_state')
@@ -292,9 +289,6 @@ def _(rig):
 
 def model_fault(name, write):
     def load(rig):
-        from rcl_interfaces.msg import Parameter as ParameterMessage
-        from rcl_interfaces.srv import SetParameters
-        from rclpy.parameter import Parameter
         path = Path(tempfile.mkdtemp()) / 'model.yaml'
         write(path)
         client = rig.probe.create_client(SetParameters, '/compensator/set_parameters')

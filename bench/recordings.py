@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What recording and reading cost, and what attacks on them cost.
 
-    python3 bench/recordings.py [--seconds N] [--joints J] [--json FILE]
+    python3 bench/recordings.py [--seconds N] [--joints J]
 
 record   recorder and a publisher of six topics at 1 kHz in processes of their own, for N seconds:
          messages of each topic published and recorded, losses the recorder counted, its CPU
@@ -25,8 +25,18 @@ import sys
 import tempfile
 import time
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))
+from bench_tools import ROOT
+
+from friction_comp.errors import InputError
+from friction_comp.recordings import (
+    read_recording,
+    read_recording_with_info,
+    RecordingWriter,
+    stream_recording_with_info,
+)
+from friction_comp.recordings.storage import Storage
+from friction_comp.tools.ros_domain import leased_domain
+
 TOPICS = ('joint_states', 'current_command', 'direction', 'reference', 'interaction_wrench',
           'motor_temperature')
 RATE, DAMAGES = 1000, 40
@@ -74,8 +84,6 @@ def publish(seconds, joints):
 
 def record(folder, seconds, joints, domain):
     """Return what was published and recorded of each topic, losses counted, and CPU in s."""
-    from friction_comp.recordings import read_recording_with_info
-
     environment = dict(os.environ, PYTHONPATH=str(ROOT), ROS_LOG_DIR=str(folder / 'log'),
                        ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST', ROS_DOMAIN_ID=str(domain))
     recorder = subprocess.Popen(
@@ -100,8 +108,6 @@ def record(folder, seconds, joints, domain):
 
 def stream(path, joint):
     """Print the number of samples and the peak of memory in MB."""
-    from friction_comp.recordings import stream_recording_with_info
-
     count = sum(len(part) for part, _ in stream_recording_with_info(
         path, joint, seconds=10.0))
     # The peak that getrusage knows is inherited from the process that started this one.
@@ -113,8 +119,6 @@ def stream(path, joint):
 def read(folder, joint):
     """Return times of reading over that of rosbags listing the messages, median of three."""
     from rosbags.rosbag2 import Reader
-
-    from friction_comp.recordings import read_recording, stream_recording_with_info
 
     def listing():
         with Reader(folder) as reader:
@@ -136,9 +140,6 @@ def read(folder, joint):
 
 def memory(folder, seconds, joint):
     """Return the peak of memory over that for a tenth of the recording."""
-    from friction_comp.recordings import RecordingWriter
-    from friction_comp.recordings.storage import Storage
-
     short, first = folder.parent / 'tenth', None
     with RecordingWriter(short) as writer:
         for topic, kind, when, payload in Storage(folder).messages(lambda *_: True):
@@ -157,9 +158,6 @@ def memory(folder, seconds, joint):
 
 def damage(file, joint, room):
     """Return how many damaged copies were read, refused, and said nothing."""
-    from friction_comp.errors import InputError
-    from friction_comp.recordings import read_recording_with_info
-
     content = file.read_bytes()
     draw = random.Random(1)
     told = refused = silent = 0
@@ -185,7 +183,6 @@ def main():
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--seconds', type=float, default=60.0)
     parser.add_argument('--joints', type=int, default=7)
-    parser.add_argument('--json', type=Path)
     parser.add_argument('--publish', nargs=2, type=float, help=argparse.SUPPRESS)
     parser.add_argument('--stream', nargs=2, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
@@ -195,8 +192,6 @@ def main():
     if arguments.stream:
         stream(*arguments.stream)
         return
-    from friction_comp.tools.ros_domain import leased_domain
-
     with tempfile.TemporaryDirectory() as name:
         folder, joint = Path(name), 'joint_0'
         with leased_domain() as domain:
@@ -208,8 +203,6 @@ def main():
         for key, value in values.items():
             text = f'{value:.2f}' if isinstance(value, float) else value
             print(f'{title:8} {key}: {text}')
-    if arguments.json:
-        arguments.json.write_text(json.dumps(found, indent=1), encoding='utf-8')
 
 
 if __name__ == '__main__':

@@ -9,7 +9,6 @@ a recording tells, and over both scores, of the same amplitude and of another.
 
 from __future__ import annotations
 
-import inspect
 import time
 
 import numpy as np
@@ -88,8 +87,8 @@ def judge(seed):
     -------
     dict
         Errors `least_squares`, `start`, `refined` and `held_out` as multiples of the noise,
-        `noise` in N·m, `seconds` of processor time that refinement took, `package` the file it is
-        from; `failed` instead of what refinement says where it ended with an error.
+        `noise` in N·m, `seconds` of processor time that refinement took; `failed` instead of what
+        refinement says where it ended with an error.
     """
     drawn = case(seed)
 
@@ -106,7 +105,7 @@ def judge(seed):
 
     result = {
         'seed': seed, 'kind': drawn.kind, 'joint': drawn.joint + 1,
-        'joints': drawn.arm.model.nv, 'noise': drawn.noise, 'package': inspect.getfile(refine),
+        'joints': drawn.arm.model.nv, 'noise': drawn.noise,
         'least_squares': error(least_squares(
             drawn, [speed(recording) > lowest for recording in drawn.fit]))}
     score = [drawn.samples(recording) for recording in drawn.score]

@@ -20,17 +20,13 @@ class Bank:
     documents: list
     seed: int
 
-    def among(self, kind):
-        """Return the indices of the gears of a kind."""
-        return [g for g, name in enumerate(self.kinds) if name == kind]
-
     def chosen(self, gears, documents):
         """Return a bank of some of the gears, with other models."""
         return Bank(self.world, [self.kinds[g] for g in gears], self.gears[gears], documents,
                     self.seed)
 
 
-def make_bank(world, kinds, draws, seed, repetitions=48, without=()):
+def make_bank(world, kinds, draws, seed, repetitions=24, without=()):
     """Draw gears of several kinds and find their true models.
 
     Parameters

@@ -25,9 +25,9 @@ LEAST = 0.05     # share of friction in the peak
 COUNTS = 10.0   # of presliding, from which on an unannounced push is to be helped
 
 
-def peak(bank, law, quick=False):
+def peak(bank, law):
     """Return rows for announcements ahead, with the push, and none."""
-    joints = Joints(bank, repetition=list(range(2 if quick else 4)), side=[1.0, -1.0])
+    joints = Joints(bank, repetition=[0, 1], side=[1.0, -1.0])
     persons, seconds = _movements(joints)
     floor = _peaks(joints, persons, seconds, NONE, bank.world.frictionless(joints.gears))
     bare = _peaks(joints, persons, seconds, NONE, joints.gears)
@@ -41,8 +41,8 @@ def peak(bank, law, quick=False):
         detail = {f'{kind} {g}': round(float(s), 1) for g, (kind, s) in enumerate(
             zip(bank.kinds, share))}
         if tenth is not None:
-            rows += [Row(name, law, float(np.nanmedian(share)), median, ' %', True, detail=detail),
-                     Row(f'{name}: worst tenth', law, float(np.nanpercentile(share, 10)), tenth,
+            rows += [Row(name, float(np.nanmedian(share)), median, ' %', True, detail=detail),
+                     Row(f'{name}: worst tenth', float(np.nanpercentile(share, 10)), tenth,
                          ' %', True)]
             continue
         known = np.array(['presliding' in document and document['presliding']['distance']
@@ -51,9 +51,9 @@ def peak(bank, law, quick=False):
         for which, among, least in (('presliding known, ≥ 10 counts', known, median),
                                     ('otherwise', ~known, None)):
             if among.any():
-                rows.append(Row(f'{name}, {which}', law, float(np.nanmedian(share[among])), least,
+                rows.append(Row(f'{name}, {which}', float(np.nanmedian(share[among])), least,
                                 ' %', True, detail=detail))
-        rows.append(Row(f'{name}: worst', law, float(np.nanmin(share)), -2.0, ' %', True))
+        rows.append(Row(f'{name}: worst', float(np.nanmin(share)), -2.0, ' %', True))
     return rows
 
 

@@ -16,7 +16,7 @@ AHEAD = (0.1, 0.3)     # s before the turn at which the other direction is annou
 FIRMER = (30.0,)     # than who is just able to move the joint: leads it through the turn
 
 
-def reversal(bank, law, quick=False):
+def reversal(bank, law):
     """Return by how much peak and RMS of the torque about the turn are lower than bare, %."""
     joints = Joints(bank, side=[1.0, -1.0], ahead=AHEAD, firmer=FIRMER)
     torque = bank.gears['static'] + bank.gears['link_coulomb']
@@ -35,7 +35,7 @@ def reversal(bank, law, quick=False):
     rows = []
     for k, (name, least) in enumerate((('peak', 20.0), ('RMS', 65.0))):
         lower = 100.0 * (1.0 - with_law[k] / bare[k])
-        rows.append(Row(f'reversal announced: {name} lower than bare', law,
+        rows.append(Row(f'reversal announced: {name} lower than bare',
                         float(np.median(lower)), least, ' %', True,
                         detail={'worst': float(lower.min()), 'each': lower.round(1).tolist()}))
     return rows
