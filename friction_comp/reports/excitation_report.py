@@ -68,11 +68,10 @@ def _plan_figure(plan: JointPlan) -> Figure:
     return figure
 
 
-def improvement_report(improvement: Improvement, names: Sequence[str],
-                       command: Sequence[str] = ()) -> Report:
+def improvement_report(improvement: Improvement, names: Sequence[str]) -> Report:
     """Return the report of `improve`; the refined model has its own page, refinement.html.
 
-    `names` are the names of the recordings, `command` contains lines for the footer.
+    `names` are the names of the recordings.
     """
     last, report = improvement.rounds[-1], improvement.result.report
     unit = report['unit']
@@ -104,7 +103,7 @@ def improvement_report(improvement: Improvement, names: Sequence[str],
                  _effect_names(round_.effects) or 'none', round_.verdict]
                 for k, round_ in enumerate(improvement.rounds)])
     page.bullets(last.reasons, 'What remains open:')
-    page.made_by(*command, f'Recordings: {", ".join(names)}')
+    page.made_by(f'Recordings: {", ".join(names)}')
     return page
 
 

@@ -32,12 +32,8 @@ _UNITS = {'velocity': 'rad/s', 'reference': 'rad/s', 'speed': 'rad/s', 'transiti
           'time_constant': 's', 'reference_temperature': '°C', 'lag': 's'}
 
 
-def refinement_report(result: RefineResult, names: list[str], command: Sequence[str] = ()
-                      ) -> Report:
-    """Return the report on a `RefineResult`.
-
-    `names` are the names of the recordings, `command` contains lines for the footer.
-    """
+def refinement_report(result: RefineResult, names: list[str]) -> Report:
+    """Return the report on a `RefineResult`; `names` are the names of the recordings."""
     report = result.report
     joint = f"joint {report['joint']}" if report['joint'] else 'the joint'
     page = Report(f'What the friction model of {joint} lacked',
@@ -116,7 +112,7 @@ def refinement_report(result: RefineResult, names: list[str], command: Sequence[
         else 'applied by the compensator') for effect in result.model.effects)
     page.heading('What the recordings cannot tell')
     page.bullets(limitations(report))
-    page.made_by(*command, f'Recordings: {", ".join(names)}')
+    page.made_by(f'Recordings: {", ".join(names)}')
     return page
 
 

@@ -175,8 +175,9 @@ def _write(arguments: Namespace, names: list[str], improvement: Improvement) -> 
     model: Any = improvement.result.model
     model.notes = {**model.notes, 'refined_from': list(names), 'unit': 'A'}
     with output_folder(arguments.output) as folder:
-        write_report(folder, improvement.report(), improvement_report(
-            improvement, names, [arguments.command]))
-        refinement_report(improvement.result, names, [arguments.command]).save(
-            folder / 'refinement.html')
+        write_report(folder, improvement.report(), improvement_report(improvement, names),
+                     arguments.command)
+        page = refinement_report(improvement.result, names)
+        page.made_by(arguments.command)
+        page.save(folder / 'refinement.html')
         model.save(folder / 'model.yaml')

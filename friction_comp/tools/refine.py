@@ -70,8 +70,8 @@ def main(argv: list[str] | None = None) -> int:
             arguments, arguments.recordings, arguments.joint, show)
         show(0.9, 'writing')
         with output_folder(arguments.output) as folder:
-            write_report(folder, result.report, refinement_report(
-                result, names, [arguments.command]))
+            write_report(folder, result.report, refinement_report(result, names),
+                         arguments.command)
             result.model.save(folder / 'model.yaml')
             if history is not None:
                 history.save(folder / 'model.yaml')
