@@ -7,12 +7,12 @@
 For each fault a compensator in a process of its own drives a joint with more than 50 mA; then the
 fault comes. It is held when the last command is zero within the time given for it (the
 compensator's joint_state_timeout, and 60 ms for two processes on a machine that does something
-else), and stays zero while the fault lasts. Counts: tried, held, lost. What no process can help
-stands at the end, with what the driver must do.
+else), and stays zero while the fault lasts. Counts: tried, held, lost.
 """
 
 import argparse
 from array import array
+from functools import partial
 import os
 from pathlib import Path
 import signal
@@ -61,7 +61,7 @@ def main():
             longest = f'{1e3 * max(delays):8.0f}' if delays else '       -'
             print(f'{name:42s} {len(rows):5d} {held:5d} {len(rows) - held:5d} {longest}',
                   flush=True)
-    total = [sum(column) for column in zip(*table)]
+    total = [sum(row[k] for row in table) for k in range(3)]
     print(f'{"all":42s} {total[0]:5d} {total[1]:5d} {total[2]:5d}')
 
 
@@ -69,20 +69,17 @@ class Rig:
     """A driver by hand before a compensator, and an eye on the current."""
 
     def __init__(self, probe, process, simulated):
-        self.probe, self.process, self.simulated = probe, process, simulated
+        self.probe, self.process = probe, process
         self.driver = FakeDriver(probe, ['elbow'], BEST_EFFORT)
         self.ticks = probe.talk(Clock, '/clock', RELIABLE) if simulated else None
         self.ahead = 0
         self.stopped_clock = False
 
-    def tick(self):
-        message = Clock()
-        message.clock.sec, message.clock.nanosec = divmod(time.time_ns(), 10**9)
-        self.ticks.publish(message)
-
     def send(self, stamp=None, position=(0.0,), velocity=(0.0,), names=('elbow',)):
-        if self.simulated and not self.stopped_clock:
-            self.tick()
+        if self.ticks and not self.stopped_clock:
+            now = Clock()
+            now.clock.sec, now.clock.nanosec = divmod(time.time_ns(), 10**9)
+            self.ticks.publish(now)
         stamp = time.time_ns() + self.ahead if stamp is None else stamp
         self.driver.states.publish(joint_state(stamp, names, position, velocity))
         self.probe.spin_for(0.002)
@@ -106,11 +103,10 @@ class Rig:
 
 def try_once(folder, make):
     """Return whether a fault was held, and after how many s the current was zero."""
-    simulated = getattr(make, 'simulated', False)
     with own_domain(), probe_node() as probe, Process(folder, 'compensator', {
             'joints': ['elbow'], 'model_files': MODELS[:1], 'law': 'paper',
-            'joint_state_timeout': TIMEOUT, 'use_sim_time': simulated}) as process:
-        rig = Rig(probe, process, simulated)
+            'joint_state_timeout': TIMEOUT, 'use_sim_time': make.simulated}) as process:
+        rig = Rig(probe, process, make.simulated)
         rig.drive()
         # What was sent before the fault is answered before it.
         probe.spin_for(0.02)
@@ -126,23 +122,22 @@ def try_once(folder, make):
                 delay = delay if delay is not None else time.monotonic() - begin
             elif delay is not None:
                 return False, 0.0
-        allowed = make.within if hasattr(make, 'within') else TIMEOUT + SLACK
-        return delay is not None and delay <= allowed, delay or 0.0
+        return delay is not None and delay <= make.within, delay or 0.0
 
 
 class BrokeOffError(Exception):
     """The current ended where it should have gone on."""
 
 
-# The faults: each is done once, and returns what goes on while it lasts.
+# The faults: each is called once, and returns what is done again and again while it lasts.
 
 FAULTS = {}
 
 
-def fault(name, **options):
+def fault(name, simulated=False, within=TIMEOUT + SLACK):
+    """Register a fault; the current must be zero `within` s."""
     def register(function):
-        for key, value in options.items():
-            setattr(function, key, value)
+        function.simulated, function.within = simulated, within
         FAULTS[name] = function
         return function
     return register
@@ -180,29 +175,17 @@ def _(rig):
     return rig.send
 
 
-@fault('/clock and states stop', simulated=True)
-def _(rig):
-    return listening(rig)
+fault('/clock and states stop', simulated=True)(lambda rig: listening(rig))
 
-
-@fault('position not a number')
-def _(rig):
-    return lambda: rig.send(position=[float('nan')])
-
-
-@fault('velocity infinite')
-def _(rig):
-    return lambda: rig.send(velocity=[float('inf')])
-
-
-@fault('position of 1e300 rad')
-def _(rig):
-    return lambda: rig.send(position=[1e300])
-
-
-@fault('joint named twice')
-def _(rig):
-    return lambda: rig.send(names=['elbow', 'elbow'], position=[0.0, 0.1], velocity=[0.0, 0.0])
+for name, state in {
+        'position not a number': {'position': [float('nan')]},
+        'velocity infinite': {'velocity': [float('inf')]},
+        'position of 1e300 rad': {'position': [1e300]},
+        'joint named twice': {'names': ['elbow', 'elbow'], 'position': [0.0, 0.1],
+                              'velocity': [0.0, 0.0]},
+        'arrays of different lengths': {'position': [0.0, 0.0]},
+        'joint no more in the states': {'names': ['wrist']}}.items():
+    fault(name)(lambda rig, state=state: partial(rig.send, **state))
 
 
 # The next three are seen from what comes over a while, so that no true signal is taken for one.
@@ -241,17 +224,7 @@ def _(rig):
     return move
 
 
-@fault('arrays of different lengths')
-def _(rig):
-    return lambda: rig.send(position=[0.0, 0.0])
-
-
-@fault('joint no more in the states')
-def _(rig):
-    return lambda: rig.send(names=['wrist'])
-
-
-@fault('another commander')
+@fault('another commander', within=0.5)
 def _(rig):
     # Alone for long enough that the other is a newcomer.
     end = time.monotonic() + 3.5
@@ -262,19 +235,12 @@ def _(rig):
     return rig.send
 
 
-FAULTS['another commander'].within = 0.5
-
-
-def signals():
-    for name in ('SIGINT', 'SIGTERM', 'SIGHUP', 'SIGQUIT', 'SIGABRT', 'SIGUSR1', 'SIGUSR2',
-                 'SIGALRM'):
-        def end(rig, name=name):
-            rig.process.send(getattr(signal, name))
-            return rig.send
-        fault(f'{name} to the compensator')(end)
-
-
-signals()
+for name in ('SIGINT', 'SIGTERM', 'SIGHUP', 'SIGQUIT', 'SIGABRT', 'SIGUSR1', 'SIGUSR2',
+             'SIGALRM'):
+    @fault(f'{name} to the compensator')
+    def _(rig, name=name):
+        rig.process.send(getattr(signal, name))
+        return rig.send
 
 
 @fault('deactivated', within=0.5)
@@ -287,8 +253,19 @@ def _(rig):
     return rig.send
 
 
-def model_fault(name, write):
-    def load(rig):
+MODEL = (ROOT / 'config' / 'armin_configuration_1.yaml').read_text(encoding='utf-8')
+NOTE = '  n{}: ' + 80 * 'x' + '\n'
+for name, write in {
+        'model file is a pipe': os.mkfifo,
+        'model file of 1.8 MB': lambda path: path.write_text(
+            MODEL + 'notes:\n' + ''.join(map(NOTE.format, range(20_000)))),
+        'model file of 0.9 MB': lambda path: path.write_text(
+            MODEL + 'notes:\n' + ''.join(map(NOTE.format, range(10_000)))),
+        'model with 99.5 A of breakaway': lambda path: path.write_text(
+            MODEL.replace('mean: 0.0995', 'mean: 99.5'))}.items():
+    # Here the current must not break off: the old model goes on, and so does the loop.
+    @fault(name, within=1.0)
+    def _(rig, write=write):
         path = Path(tempfile.mkdtemp()) / 'model.yaml'
         write(path)
         client = rig.probe.create_client(SetParameters, '/compensator/set_parameters')
@@ -298,43 +275,27 @@ def model_fault(name, write):
             name='model_files',
             value=Parameter('x', value=[str(path)]).get_parameter_value())]))
         return goes_on(rig)
-    # Here the current must not break off: the old model goes on, and so does the loop.
-    load.within = 1.0
-    FAULTS[name] = load
 
 
 def goes_on(rig):
     """Stream on, with a current throughout, and end in silence."""
-    begin = time.monotonic()
-    sent, calm = [begin], [0]
+    begin = sent = time.monotonic()
+    calm = 0
 
     def step():
+        nonlocal sent, calm
         now = time.monotonic()
         if now - begin > 0.7:
             rig.probe.spin_for(0.002)
             return
         # Where this process itself was held up, the watchdog was right.
-        calm[0] = 0 if now - sent[0] > TIMEOUT / 3 else calm[0] + 1
-        sent[0] = now
+        calm = 0 if now - sent > TIMEOUT / 3 else calm + 1
+        sent = now
         rig.driver.announce([1])
         rig.send()
-        if calm[0] > 20 and rig.current < 0.05:
+        if calm > 20 and rig.current < 0.05:
             raise BrokeOffError
     return step
-
-
-def model_faults():
-    text = (ROOT / 'config' / 'armin_configuration_1.yaml').read_text(encoding='utf-8')
-    model_fault('model file is a pipe', lambda path: os.mkfifo(path))
-    model_fault('model file of 1.8 MB', lambda path: path.write_text(
-        text + 'notes:\n' + ''.join(f'  n{k}: {"x" * 80}\n' for k in range(20_000))))
-    model_fault('model file of 0.9 MB', lambda path: path.write_text(
-        text + 'notes:\n' + ''.join(f'  n{k}: {"x" * 80}\n' for k in range(10_000))))
-    model_fault('model with 99.5 A of breakaway', lambda path: path.write_text(
-        text.replace('mean: 0.0995', 'mean: 99.5')))
-
-
-model_faults()
 
 
 if __name__ == '__main__':
