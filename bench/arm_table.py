@@ -35,7 +35,7 @@ def line(result):
     if 'none' in result:
         return f"{result['seed']:4d} {result['none']}"
     text = (f"{result['seed']:4d} {result['kind']:15s}{result['joint']}/{result['joints']} "
-            f"{result['noise']:9.2g} {result['least_squares']:8.2f} ")
+            f"{result['noise']:9.2g} ")
     if 'failed' in result:
         return text + f"{result['seconds']:.1f} s  FAILED {result['failed']}"
     return text + (f"{result['start']:8.2f} {result['refined']:8.2f} {result['held_out']:8.2f} "
@@ -58,15 +58,13 @@ def trusted_too_far(results):
 
 def print_summary(results):
     """Print medians and 90th percentiles by type of motion and in total."""
-    print(f'\n{"":16s}seeds failed   least squares           refined   '
-          f'trusted, yet beyond {TOO_FAR:.0f} x held-out\n'
-          f'{"":29s}   median     90 %   median     90 %')
+    print(f'\n{"":16s}seeds failed           refined   '
+          f'trusted, yet beyond {TOO_FAR:.0f} x held-out\n{"":29s}   median     90 %')
     for kind in (*dict.fromkeys(r['kind'] for r in results), 'total'):
         chosen = [r for r in results if kind in (r['kind'], 'total')]
         answered = [r for r in chosen if 'failed' not in r]
         beyond, trusted = trusted_too_far(answered)
         print(f"{kind:16s}{len(chosen):5d} {len(chosen) - len(answered):6d} "
-              f"{quantiles([r['least_squares'] for r in chosen])} "
               f"{quantiles([r['refined'] for r in answered])}   {beyond} of {trusted}")
 
 
@@ -78,7 +76,7 @@ def main():
                         help='the first, and the one after the last')
     parser.add_argument('--jobs', type=int, default=1)
     arguments = parser.parse_args()
-    print('seed motion      joint/of noise N·m  least sq    start  refined held-out   '
+    print('seed motion      joint/of noise N·m    start  refined held-out   '
           'time    verdict        effects')
     results = []
     with processes(arguments.jobs) as pool:

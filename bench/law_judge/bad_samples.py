@@ -40,7 +40,7 @@ CLOCKS = ('equal times', 'time back by 10 ms', 'time NaN', 'time ahead by 10 s',
 def bad_samples(bank, law):
     """Return how many joints travel, or do not get their current back, over all faults."""
     # One joint of each row is spared: noise and rest of a run of its own would be others.
-    joints = Joints(bank, direction=[0, 1], factor=[1.0], fault=['none', *FAULTS])
+    joints = Joints(bank, direction=[0, 1], fault=['none', *FAULTS])
     found = _run(joints, law, _spoil(joints))
     normal, rows = found['i'][:, joints['fault'] == 'none'], []
     for fault, (_, _, last) in FAULTS.items():
@@ -50,7 +50,7 @@ def bad_samples(bank, law):
         end = None if always else AT if last == FOREVER else last
         rows.append(_fails({name: found[name][:, here] for name in ('x', 'i')},
                            normal, joints.breakaway[here], end))
-    reference = Joints(bank, direction=[0, 1], factor=[1.0], fault=['none'])
+    reference = Joints(bank, direction=[0, 1], fault=['none'])
     normal = _run(reference, law, None)['i']
     for fault in CLOCKS:
         spoiled = _run(reference, law, _spoil_clock(fault))
@@ -58,7 +58,7 @@ def bad_samples(bank, law):
         rows.append(_fails(spoiled, normal, reference.breakaway,
                            AT + 300 if fault.startswith('300') else AT))
     each = dict(zip([*FAULTS, *CLOCKS], (int(row.sum()) for row in rows)))
-    everyone = Joints(bank, direction=[0, 1], factor=[1.0], fault=[*FAULTS, *CLOCKS])
+    everyone = Joints(bank, direction=[0, 1], fault=[*FAULTS, *CLOCKS])
     return [count(f'bad samples, {len(rows)} kinds: travels, or no current after', everyone,
                   np.stack(rows, axis=1).ravel(), 0.01, each=each, raised=found['raised'])]
 

@@ -20,6 +20,11 @@ class Bank:
     documents: list
     seed: int
 
+    @property
+    def torque(self):
+        """True friction at rest of every gear, N·m."""
+        return self.gears['static'] + self.gears['link_coulomb']
+
     def chosen(self, gears, documents):
         """Return a bank of some of the gears, with other models."""
         return Bank(self.world, [self.kinds[g] for g in gears], self.gears[gears], documents,
@@ -115,7 +120,7 @@ class Joints:
     @property
     def torque(self):
         """True friction at rest of every joint, N·m."""
-        return self.gears['static'] + self.gears['link_coulomb']
+        return self.bank.torque[self.gear]
 
     @property
     def breakaway(self):

@@ -35,7 +35,7 @@ def quiet(bank, law):
     """Let persons hold, start and move slowly."""
     joints = Joints(bank, grip=[SOFT, FIRM, LEANING], speed=[3.0, 10.0, SWAY],
                     # announced ahead, with the push, not at all
-                    announce=[1.0, START, np.inf], factor=[1.0])
+                    announce=[1.0, START, np.inf])
     # who sways is told nothing, whenever
     found, bare = (watch_vibration(joints, name) for name in (law, NONE))
     rows = []
