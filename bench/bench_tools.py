@@ -15,7 +15,8 @@ sys.path[:0] = [str(ROOT), str(ROOT / 'test')]
 def processes(number, **options):
     """Return a pool of fresh processes, since numba's and BLAS's threads do not survive a fork.
 
-    Each uses one thread: the threads of several processes would mostly wait for each other.
+    Each, and this process from now on, uses one thread: the threads of several processes would
+    mostly wait for each other.
     """
     for library in ('OMP', 'OPENBLAS', 'MKL'):
         os.environ.setdefault(f'{library}_NUM_THREADS', '1')

@@ -16,10 +16,13 @@ refine       80 000 samples over every fourth of them, 20 000; 4 is proportional
 """
 
 import argparse
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+import multiprocessing
 import os
 import time
 
-from bench_tools import processes, ROOT
+from bench_tools import ROOT
 
 CONFIG = ROOT / 'config' / 'armin_configuration_2.yaml'
 
@@ -175,8 +178,8 @@ def main():
     parser.add_argument('--refine-pairs', type=int, default=3)
     arguments = parser.parse_args()
     print('                ratio   quartiles                slow /      fast')
-    with processes(1, initializer=begin, initargs=(True,)) as compiled, \
-            processes(1, initializer=begin, initargs=(False,)) as plain:
+    fresh = partial(ProcessPoolExecutor, 1, multiprocessing.get_context('spawn'), begin)
+    with fresh((True,)) as compiled, fresh((False,)) as plain:
         for name, what, counts in (
                 ('law step', 'law', (2000, 20000)), ('plant step', 'plant', (300, 20000))):
             show(name, side_by_side(
