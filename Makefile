@@ -80,7 +80,7 @@ bench: setup
 		echo "$$file"; $(BIN)/python "$$file"; done
 
 bench-full: setup
-	@set -e; for file in bench/*.py; do echo "$$file"; $(BIN)/python "$$file"; done
+	@set -e; for file in $(filter-out bench/bench_tools.py,$(wildcard bench/*.py)); do echo "$$file"; $(BIN)/python "$$file"; done
 
 clean:
 	rm -rf $(VENV) build install log

@@ -2,26 +2,41 @@
 # SPDX-License-Identifier: Apache-2.0
 """What happens to the motor's current when something goes wrong, with real nodes over DDS.
 
-    python3 bench/fault_table.py [--times N] [--json FILE] [--only WORD]
+    python3 bench/fault_table.py [--times N] [--only WORD]
 
 For each fault a compensator in a process of its own drives a joint with more than 50 mA; then the
 fault comes. It is held when the last command is zero within the time given for it (the
 compensator's joint_state_timeout, and 60 ms for two processes on a machine that does something
-else), and stays zero while the fault lasts. Counts: tried, held, lost. What no process can help
-stands at the end, with what the driver must do.
+else), and stays zero while the fault lasts. Counts: tried, held, lost.
 """
 
 import argparse
-import json
+from array import array
+from functools import partial
 import os
 from pathlib import Path
 import signal
-import sys
 import tempfile
 import time
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / 'test')]
+from bench_tools import ROOT
+from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+from ros_system import (
+    BEST_EFFORT,
+    FakeDriver,
+    joint_state,
+    MODELS,
+    own_domain,
+    probe_node,
+    Process,
+    RELIABLE,
+)
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
 TIMEOUT = 0.1
 SLACK = 0.06
@@ -30,10 +45,9 @@ SLACK = 0.06
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
     parser.add_argument('--times', type=int, default=3)
-    parser.add_argument('--json', metavar='FILE')
     parser.add_argument('--only', default='')
     arguments = parser.parse_args()
-    table = {}
+    table = []
     print('fault                                      tried  held  lost   zero after, ms (largest)')
     with tempfile.TemporaryDirectory() as folder:
         for name, make in FAULTS.items():
@@ -43,39 +57,29 @@ def main():
                     for k in range(arguments.times)]
             delays = [delay for held, delay in rows if held]
             held = len(delays)
-            table[name] = {'tried': len(rows), 'held': held, 'lost': len(rows) - held,
-                           'longest': max(delays, default=None)}
+            table.append((len(rows), held, len(rows) - held))
             longest = f'{1e3 * max(delays):8.0f}' if delays else '       -'
             print(f'{name:42s} {len(rows):5d} {held:5d} {len(rows) - held:5d} {longest}',
                   flush=True)
-    total = [sum(row[key] for row in table.values()) for key in ('tried', 'held', 'lost')]
+    total = [sum(row[k] for row in table) for k in range(3)]
     print(f'{"all":42s} {total[0]:5d} {total[1]:5d} {total[2]:5d}')
-    if arguments.json:
-        Path(arguments.json).write_text(json.dumps(table, indent=1), encoding='utf-8')
 
 
 class Rig:
     """A driver by hand before a compensator, and an eye on the current."""
 
     def __init__(self, probe, process, simulated):
-        from ros_system import BEST_EFFORT, FakeDriver, RELIABLE
-        from rosgraph_msgs.msg import Clock
-        self.probe, self.process, self.simulated = probe, process, simulated
+        self.probe, self.process = probe, process
         self.driver = FakeDriver(probe, ['elbow'], BEST_EFFORT)
         self.ticks = probe.talk(Clock, '/clock', RELIABLE) if simulated else None
         self.ahead = 0
         self.stopped_clock = False
 
-    def tick(self):
-        from rosgraph_msgs.msg import Clock
-        message = Clock()
-        message.clock.sec, message.clock.nanosec = divmod(time.time_ns(), 10**9)
-        self.ticks.publish(message)
-
     def send(self, stamp=None, position=(0.0,), velocity=(0.0,), names=('elbow',)):
-        from ros_system import joint_state
-        if self.simulated and not self.stopped_clock:
-            self.tick()
+        if self.ticks and not self.stopped_clock:
+            now = Clock()
+            now.clock.sec, now.clock.nanosec = divmod(time.time_ns(), 10**9)
+            self.ticks.publish(now)
         stamp = time.time_ns() + self.ahead if stamp is None else stamp
         self.driver.states.publish(joint_state(stamp, names, position, velocity))
         self.probe.spin_for(0.002)
@@ -99,12 +103,10 @@ class Rig:
 
 def try_once(folder, make):
     """Return whether a fault was held, and after how many s the current was zero."""
-    from ros_system import MODELS, own_domain, probe_node, Process
-    simulated = getattr(make, 'simulated', False)
     with own_domain(), probe_node() as probe, Process(folder, 'compensator', {
             'joints': ['elbow'], 'model_files': MODELS[:1], 'law': 'paper',
-            'joint_state_timeout': TIMEOUT, 'use_sim_time': simulated}) as process:
-        rig = Rig(probe, process, simulated)
+            'joint_state_timeout': TIMEOUT, 'use_sim_time': make.simulated}) as process:
+        rig = Rig(probe, process, make.simulated)
         rig.drive()
         # What was sent before the fault is answered before it.
         probe.spin_for(0.02)
@@ -120,23 +122,22 @@ def try_once(folder, make):
                 delay = delay if delay is not None else time.monotonic() - begin
             elif delay is not None:
                 return False, 0.0
-        allowed = make.within if hasattr(make, 'within') else TIMEOUT + SLACK
-        return delay is not None and delay <= allowed, delay or 0.0
+        return delay is not None and delay <= make.within, delay or 0.0
 
 
 class BrokeOffError(Exception):
     """The current ended where it should have gone on."""
 
 
-# The faults: each is done once, and returns what goes on while it lasts.
+# The faults: each is called once, and returns what is done again and again while it lasts.
 
 FAULTS = {}
 
 
-def fault(name, **options):
+def fault(name, simulated=False, within=TIMEOUT + SLACK):
+    """Register a fault; the current must be zero `within` s."""
     def register(function):
-        for key, value in options.items():
-            setattr(function, key, value)
+        function.simulated, function.within = simulated, within
         FAULTS[name] = function
         return function
     return register
@@ -174,36 +175,22 @@ def _(rig):
     return rig.send
 
 
-@fault('/clock and states stop', simulated=True)
-def _(rig):
-    return listening(rig)
+fault('/clock and states stop', simulated=True)(lambda rig: listening(rig))
 
-
-@fault('position not a number')
-def _(rig):
-    return lambda: rig.send(position=[float('nan')])
-
-
-@fault('velocity infinite')
-def _(rig):
-    return lambda: rig.send(velocity=[float('inf')])
-
-
-@fault('position of 1e300 rad')
-def _(rig):
-    return lambda: rig.send(position=[1e300])
-
-
-@fault('joint named twice')
-def _(rig):
-    return lambda: rig.send(names=['elbow', 'elbow'], position=[0.0, 0.1], velocity=[0.0, 0.0])
+for name, state in {
+        'position not a number': {'position': [float('nan')]},
+        'velocity infinite': {'velocity': [float('inf')]},
+        'position of 1e300 rad': {'position': [1e300]},
+        'joint named twice': {'names': ['elbow', 'elbow'], 'position': [0.0, 0.1],
+                              'velocity': [0.0, 0.0]},
+        'arrays of different lengths': {'position': [0.0, 0.0]},
+        'joint no more in the states': {'names': ['wrist']}}.items():
+    fault(name)(lambda rig, state=state: partial(rig.send, **state))
 
 
 # The next three are seen from what comes over a while, so that no true signal is taken for one.
 @fault('two publishers of the joint', within=0.3)
 def _(rig):
-    from ros_system import BEST_EFFORT, joint_state
-    from sensor_msgs.msg import JointState
     rival = rig.probe.create_publisher(JointState, 'joint_states', BEST_EFFORT)
     rig.probe.until(lambda: rival.get_subscription_count(), 'a second publisher')
 
@@ -216,10 +203,6 @@ def _(rig):
 
 @fault('two planners, one +1 and one -1', within=0.3)
 def _(rig):
-    from array import array
-
-    from ros_system import BEST_EFFORT
-    from std_msgs.msg import Int8MultiArray
     rival = rig.probe.create_publisher(Int8MultiArray, 'direction', BEST_EFFORT)
     rig.probe.until(lambda: rival.get_subscription_count(), 'a second planner')
 
@@ -241,20 +224,8 @@ def _(rig):
     return move
 
 
-@fault('arrays of different lengths')
+@fault('another commander', within=0.5)
 def _(rig):
-    return lambda: rig.send(position=[0.0, 0.0])
-
-
-@fault('joint no more in the states')
-def _(rig):
-    return lambda: rig.send(names=['wrist'])
-
-
-@fault('another commander')
-def _(rig):
-    from ros_system import RELIABLE
-    from std_msgs.msg import Float64MultiArray
     # Alone for long enough that the other is a newcomer.
     end = time.monotonic() + 3.5
     while time.monotonic() < end:
@@ -264,24 +235,16 @@ def _(rig):
     return rig.send
 
 
-FAULTS['another commander'].within = 0.5
-
-
-def signals():
-    for name in ('SIGINT', 'SIGTERM', 'SIGHUP', 'SIGQUIT', 'SIGABRT', 'SIGUSR1', 'SIGUSR2',
-                 'SIGALRM'):
-        def end(rig, name=name):
-            rig.process.send(getattr(signal, name))
-            return rig.send
-        fault(f'{name} to the compensator')(end)
-
-
-signals()
+for name in ('SIGINT', 'SIGTERM', 'SIGHUP', 'SIGQUIT', 'SIGABRT', 'SIGUSR1', 'SIGUSR2',
+             'SIGALRM'):
+    @fault(f'{name} to the compensator')
+    def _(rig, name=name):
+        rig.process.send(getattr(signal, name))
+        return rig.send
 
 
 @fault('deactivated', within=0.5)
 def _(rig):
-    from lifecycle_msgs.srv import ChangeState
     request = ChangeState.Request()
     request.transition.label = 'deactivate'
     client = rig.probe.create_client(ChangeState, '/compensator/change_state')
@@ -290,11 +253,19 @@ def _(rig):
     return rig.send
 
 
-def model_fault(name, write):
-    def load(rig):
-        from rcl_interfaces.msg import Parameter as ParameterMessage
-        from rcl_interfaces.srv import SetParameters
-        from rclpy.parameter import Parameter
+MODEL = (ROOT / 'config' / 'armin_configuration_1.yaml').read_text(encoding='utf-8')
+NOTE = '  n{}: ' + 80 * 'x' + '\n'
+for name, write in {
+        'model file is a pipe': os.mkfifo,
+        'model file of 1.8 MB': lambda path: path.write_text(
+            MODEL + 'notes:\n' + ''.join(map(NOTE.format, range(20_000)))),
+        'model file of 0.9 MB': lambda path: path.write_text(
+            MODEL + 'notes:\n' + ''.join(map(NOTE.format, range(10_000)))),
+        'model with 99.5 A of breakaway': lambda path: path.write_text(
+            MODEL.replace('mean: 0.0995', 'mean: 99.5'))}.items():
+    # Here the current must not break off: the old model goes on, and so does the loop.
+    @fault(name, within=1.0)
+    def _(rig, write=write):
         path = Path(tempfile.mkdtemp()) / 'model.yaml'
         write(path)
         client = rig.probe.create_client(SetParameters, '/compensator/set_parameters')
@@ -304,43 +275,27 @@ def model_fault(name, write):
             name='model_files',
             value=Parameter('x', value=[str(path)]).get_parameter_value())]))
         return goes_on(rig)
-    # Here the current must not break off: the old model goes on, and so does the loop.
-    load.within = 1.0
-    FAULTS[name] = load
 
 
 def goes_on(rig):
     """Stream on, with a current throughout, and end in silence."""
-    begin = time.monotonic()
-    sent, calm = [begin], [0]
+    begin = sent = time.monotonic()
+    calm = 0
 
     def step():
+        nonlocal sent, calm
         now = time.monotonic()
         if now - begin > 0.7:
             rig.probe.spin_for(0.002)
             return
         # Where this process itself was held up, the watchdog was right.
-        calm[0] = 0 if now - sent[0] > TIMEOUT / 3 else calm[0] + 1
-        sent[0] = now
+        calm = 0 if now - sent > TIMEOUT / 3 else calm + 1
+        sent = now
         rig.driver.announce([1])
         rig.send()
-        if calm[0] > 20 and rig.current < 0.05:
+        if calm > 20 and rig.current < 0.05:
             raise BrokeOffError
     return step
-
-
-def model_faults():
-    text = (ROOT / 'config' / 'armin_configuration_1.yaml').read_text(encoding='utf-8')
-    model_fault('model file is a pipe', lambda path: os.mkfifo(path))
-    model_fault('model file of 1.8 MB', lambda path: path.write_text(
-        text + 'notes:\n' + ''.join(f'  n{k}: {"x" * 80}\n' for k in range(20_000))))
-    model_fault('model file of 0.9 MB', lambda path: path.write_text(
-        text + 'notes:\n' + ''.join(f'  n{k}: {"x" * 80}\n' for k in range(10_000))))
-    model_fault('model with 99.5 A of breakaway', lambda path: path.write_text(
-        text.replace('mean: 0.0995', 'mean: 99.5')))
-
-
-model_faults()
 
 
 if __name__ == '__main__':

@@ -13,17 +13,16 @@ Even seeds and odd ones are reported apart.
 """
 
 import argparse
-from concurrent.futures import ProcessPoolExecutor
-import os
-from pathlib import Path
-import sys
 
-for variable in ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS'):
-    os.environ.setdefault(variable, '1')
-ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / 'bench')]
+from bench_tools import processes
+import numpy as np
 
-import numpy as np  # noqa: E402
+from friction_comp.excitation.improve import improve, prediction_error, Schedule
+from friction_comp.excitation.joint_limits import JointLimits
+from friction_comp.excitation.plan import fourier_series, plan_joint, staircase
+from simulated_recordings.drives import random_drive, STEP
+from simulated_recordings.motion import mixed_motion
+from simulated_recordings.played import PlayedDrive
 
 BUDGET = 180.0
 PAIRS = {
@@ -45,30 +44,21 @@ class Given:
         return self._samples
 
 
-def motions():
-    """Return the ways to choose a motion, by name."""
-    from friction_comp.excitation.plan import fourier_series, plan_joint, staircase
-
-    return {
-        'plan': plan_joint,
-        'staircase': lambda limits, pairs, seconds, seed, model=None: Given(
-            staircase(limits, seconds, 1000.0), seconds),
-        'fourier': lambda limits, pairs, seconds, seed, model=None: Given(
-            fourier_series(limits, seconds, 1000.0, seed), seconds)}
+# The ways to choose a motion, by name.
+MOTIONS = {
+    'plan': plan_joint,
+    'staircase': lambda limits, pairs, seconds, seed, model=None: Given(
+        staircase(limits, seconds, 1000.0), seconds),
+    'fourier': lambda limits, pairs, seconds, seed, model=None: Given(
+        fourier_series(limits, seconds, 1000.0, seed), seconds)}
 
 
 def judged(pair, seed, motion, seconds):
     """Return seconds, whether trusted, whether right, and the error elsewhere."""
-    from friction_comp.excitation.improve import improve, prediction_error, Schedule
-    from friction_comp.excitation.joint_limits import JointLimits
-    from simulated_recordings.drives import random_drive, STEP
-    from simulated_recordings.motion import mixed_motion
-    from simulated_recordings.played import PlayedDrive
-
     drive = random_drive(seed, pair.split(', '))
     limits = JointLimits('joint', -1.5, 1.5, 1.2, 6.0)
     result = improve(PlayedDrive(drive, seed), limits, drive.model.drive,
-                     schedule=Schedule(seconds, BUDGET, seed), plan=motions()[motion])
+                     schedule=Schedule(seconds, BUDGET, seed), plan=MOTIONS[motion])
     elsewhere = PlayedDrive(drive, seed + 1).follow(mixed_motion(
         60.0, STEP, np.random.default_rng([seed, 7]), 3.0, 1.2, True))
     named = set(result.rounds[-1].effects) - {'inertia'}
@@ -85,9 +75,9 @@ def main():
     arguments = parser.parse_args()
     seeds = range(arguments.first, arguments.first + arguments.drives)
     print('pair, motion, half: right, trusted, of; median s; error elsewhere', flush=True)
-    with ProcessPoolExecutor(arguments.jobs) as pool:
+    with processes(arguments.jobs) as pool:
         for pair in PAIRS:
-            for motion in motions():
+            for motion in MOTIONS:
                 rows = list(pool.map(judged, [pair] * len(seeds), seeds, [motion] * len(seeds),
                                      [arguments.seconds] * len(seeds)))
                 for half in (0, 1):

@@ -12,14 +12,12 @@ it is compiled, in a process of its own and with a cache of its own, which takes
 """
 
 import argparse
-from concurrent.futures import ProcessPoolExecutor
 import importlib
 import math
-import multiprocessing
 import os
 import tempfile
 
-import law_table
+from bench_tools import processes
 from law_table import bank_of, FLOORS, WORLDS
 from numba import njit
 
@@ -92,13 +90,11 @@ def main():
 
 def without(rule, options):
     """Yield each world and its figures, by column, with a rule switched off."""
-    context = multiprocessing.get_context('spawn')
     with tempfile.TemporaryDirectory() as cache:
         if any(not name.startswith(PARAMETERS) for name in RULES[rule]):
             os.environ['NUMBA_CACHE_DIR'] = cache
         try:
-            with ProcessPoolExecutor(options.workers, mp_context=context,
-                                     initializer=switch_off, initargs=(rule,)) as pool:
+            with processes(options.workers, initializer=switch_off, initargs=(rule,)) as pool:
                 jobs = [(world, floor, options.models, options.seed, options.draws)
                         for world in options.worlds for floor in options.floors]
                 found = list(pool.map(figures, jobs))
@@ -121,9 +117,9 @@ def switch_off(rule):
 def figures(job):
     """Return one floor's figures on one world, by column."""
     world, floor, models, seed, draws = job
-    bank, _ = bank_of(world, models, None, draws, seed, False)
+    bank, _ = bank_of(world, models, seed, draws)
     cells = {}
-    for row in law_table.FLOORS[floor](bank, 'continuous', True):
+    for row in FLOORS[floor](bank, 'continuous'):
         short = next((s for begin, s in COLUMNS.items() if row.floor.startswith(begin)), None)
         if short is not None and short not in cells:
             cells[short] = row.measured.replace(' of ', '/')

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """How fast the simulated loop runs over ROS 2: plant in lockstep, compensator, recorder, exercise.
 
-    python3 bench/lockstep.py [--seconds S] [--joints N] [--without-recorder] [--json FILE]
+    python3 bench/lockstep.py [--seconds S] [--joints N]
 
 A movement to and fro is repeated for S seconds of the joint's time at 1 kHz. Printed are the
 joint's time over real time, from the first diagnostics of the movement to the last, and what each
@@ -10,56 +10,44 @@ process takes of the processor for one sample, in µs.
 """
 
 import argparse
-import json
-import os
 from pathlib import Path
-import sys
 import tempfile
 import time
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / 'test')]
+from bench_tools import processor_time
+from ros_system import MODELS, own_domain, probe_node, Process, value_of
+
 MOVEMENT = {'amplitude': 0.7, 'speed': 0.5, 'acceleration_time': 0.5, 'standstill': 1.0,
             'announcement': 0.7, 'repetitions': 1000}
 RATE = 1000.0
 
 
-def processor_time(process):
-    fields = Path(f'/proc/{process._process.pid}/stat').read_text().rpartition(')')[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
-
-
-def measure(seconds, count, recorded, folder):
+def measure(seconds, count, folder):
     """Return the joint's s over real s, and µs of processor time a sample by process."""
-    from ros_system import MODELS, own_domain, probe_node, Process, value_of
     joints = [f'joint_{k}' for k in range(count)]
     models = {'joints': joints, 'model_files': [MODELS[k % 3] for k in range(count)]}
     follower = {'use_sim_time': True, 'input_reliability': 'reliable'}
-    listeners = 3 if recorded else 2
     with own_domain(), probe_node() as probe, \
             Process(folder, 'plant', {
                 **models, 'clock': 'lockstep', 'wait_for_reference': True, 'wrench_period': 0.004,
-                'wait_for_listeners': listeners}) as plant, \
+                'wait_for_listeners': 3}) as plant, \
             Process(folder, 'compensator', {
                 **models, **follower, 'joint_state_timeout': 10.0}) as compensator, \
             Process(folder, 'exercise', {
                 'joints': joints, **follower, **MOVEMENT, 'clock': 'ticks',
-                'wait_for_listeners': listeners - 1}) as exercise:
-        nodes = {'plant': plant, 'compensator': compensator, 'exercise': exercise}
-        if recorded:
-            nodes['recorder'] = Process(folder, 'recorder', {
-                **follower, 'output': str(folder / 'recording')})
-        try:
-            marks = []
-            while not marks or marks[-1][0] - marks[0][0] < seconds:
-                status = probe.status_of(
-                    'exercise', lambda one: float(value_of(one, 'time [s]') or 0.0) > 1.0)
-                # The first second has what happens once.
-                marks.append((float(value_of(status, 'time [s]')), time.perf_counter(),
-                              {name: processor_time(node) for name, node in nodes.items()}))
-        finally:
-            if recorded:
-                nodes['recorder'].__exit__()
+                'wait_for_listeners': 2}) as exercise, \
+            Process(folder, 'recorder', {
+                **follower, 'output': str(folder / 'recording')}) as recorder:
+        nodes = {'plant': plant, 'compensator': compensator, 'exercise': exercise,
+                 'recorder': recorder}
+        marks = []
+        while not marks or marks[-1][0] - marks[0][0] < seconds:
+            status = probe.status_of(
+                'exercise', lambda one: float(value_of(one, 'time [s]') or 0.0) > 1.0)
+            # The first second has what happens once.
+            marks.append((float(value_of(status, 'time [s]')), time.perf_counter(),
+                          {name: processor_time(node._process.pid)
+                           for name, node in nodes.items()}))
     first, last = marks[0], marks[-1]
     simulated = last[0] - first[0]
     cost = {name: 1e6 * (last[2][name] - first[2][name]) / (RATE * simulated) for name in nodes}
@@ -70,19 +58,13 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
     parser.add_argument('--seconds', type=float, default=20.0)
     parser.add_argument('--joints', type=int, default=1)
-    parser.add_argument('--without-recorder', action='store_true')
-    parser.add_argument('--json', metavar='FILE')
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        speed, cost = measure(arguments.seconds, arguments.joints,
-                              not arguments.without_recorder, Path(folder))
+        speed, cost = measure(arguments.seconds, arguments.joints, Path(folder))
     print(f"the joint's time over real time: {speed:.2f}")
     print('processor, µs a sample: ' + ', '.join(
         f'{name} {value:.0f}' for name, value in cost.items())
         + f'; together {sum(cost.values()):.0f}')
-    if arguments.json:
-        Path(arguments.json).write_text(json.dumps(
-            {'speed': speed, 'microseconds': cost}, indent=1), encoding='utf-8')
 
 
 if __name__ == '__main__':

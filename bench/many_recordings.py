@@ -21,19 +21,18 @@ import sys
 import tempfile
 import time
 
+from bench_tools import ROOT
 import numpy as np
 
-ROOT = Path(__file__).resolve().parent.parent
-sys.path[:0] = [str(ROOT), str(ROOT / 'bench')]
+from friction_comp.recordings import RecordingWriter, write_samples
+from simulated_recordings.drives import excitation_for, random_drive, record
+
 KINDS = ('gravity', 'friction_ripple', 'stribeck', 'inertia')
 JOINTS = 7
 
 
 def write_recordings(folder, count, seconds, rate):
     """Write recordings of four drives, each of which hides one effect."""
-    from friction_comp.recordings import write_samples
-    from simulated_recordings.drives import excitation_for, random_drive, record
-
     for k in range(count):
         kind = KINDS[k % len(KINDS)]
         samples = record(random_drive(900 + k % len(KINDS), [kind]), 5000 + k, excitation_for(
@@ -44,8 +43,6 @@ def write_recordings(folder, count, seconds, rate):
 def write_hour(path, seconds, rate=1000.0):
     """Write joints that move to and fro, minute by minute; all with an announced direction."""
     from rosbags.typesys import get_typestore, Stores
-
-    from friction_comp.recordings import RecordingWriter
 
     store = get_typestore(Stores.ROS2_JAZZY)
     kinds = {'joint_states': 'sensor_msgs/msg/JointState',
@@ -122,7 +119,6 @@ def main():
     parser.add_argument('--recordings', type=int, default=20)
     parser.add_argument('--seconds', type=float, default=20.0)
     parser.add_argument('--rate', type=float, default=125.0)
-    parser.add_argument('--tool', choices=['refine', 'evaluate'], help='this one only')
     parser.add_argument('--hour', action='store_true')
     parser.add_argument('--length', type=float, default=3600.0, help='s of the "hour"')
     arguments = parser.parse_args()
@@ -140,8 +136,6 @@ def main():
             return
         write_recordings(room / 'all', arguments.recordings, arguments.seconds, arguments.rate)
         for tool in (['refine', '--each'], ['evaluate']):
-            if arguments.tool not in (None, tool[0]):
-                continue
             found, times = [], []
             for jobs in (1, 2):
                 output = room / f'{tool[0]}_{jobs}'

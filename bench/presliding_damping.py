@@ -12,10 +12,8 @@ damping of presliding is what config/ has (a share of critical damping, printed)
 import argparse
 from dataclasses import dataclass, replace
 import math
-from pathlib import Path
-import sys
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+import bench_tools  # noqa: F401
 
 from friction_comp.note.condition_runs import mean_peak, run_trial
 from friction_comp.note.published import Experiment, EXPERIMENTS

@@ -1,20 +1,16 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What recording and reading cost, and what attacks on them cost.
+"""Whether all is recorded, and what damage to a recording costs.
 
-    python3 bench/recordings.py [--seconds N] [--joints J] [--json FILE]
+    python3 bench/recordings.py [--seconds N] [--joints J]
 
 record   recorder and a publisher of six topics at 1 kHz in processes of their own, for N seconds:
          messages of each topic published and recorded, losses the recorder counted, its CPU
-read     one joint of that recording into arrays, over the time rosbags takes to merely list its
-         messages; the same stretch by stretch
-memory   peak of a process that streams the recording, over that of one that streams a tenth of it
 damage   zeroed blocks of 4096 bytes at random places of the first file: recovered, and told
 """
 
 import argparse
 from array import array
-import json
 import os
 from pathlib import Path
 import random
@@ -25,8 +21,12 @@ import sys
 import tempfile
 import time
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))
+from bench_tools import ROOT
+
+from friction_comp.errors import InputError
+from friction_comp.recordings import read_recording_with_info
+from friction_comp.tools.ros_domain import leased_domain
+
 TOPICS = ('joint_states', 'current_command', 'direction', 'reference', 'interaction_wrench',
           'motor_temperature')
 RATE, DAMAGES = 1000, 40
@@ -74,8 +74,6 @@ def publish(seconds, joints):
 
 def record(folder, seconds, joints, domain):
     """Return what was published and recorded of each topic, losses counted, and CPU in s."""
-    from friction_comp.recordings import read_recording_with_info
-
     environment = dict(os.environ, PYTHONPATH=str(ROOT), ROS_LOG_DIR=str(folder / 'log'),
                        ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST', ROS_DOMAIN_ID=str(domain))
     recorder = subprocess.Popen(
@@ -98,68 +96,8 @@ def record(folder, seconds, joints, domain):
             'recorder user CPU / time': cpu / seconds}
 
 
-def stream(path, joint):
-    """Print the number of samples and the peak of memory in MB."""
-    from friction_comp.recordings import stream_recording_with_info
-
-    count = sum(len(part) for part, _ in stream_recording_with_info(
-        path, joint, seconds=10.0))
-    # The peak that getrusage knows is inherited from the process that started this one.
-    peak = next(line.split()[1] for line in Path('/proc/self/status').read_text(
-        encoding='ascii').splitlines() if line.startswith('VmHWM'))
-    print(json.dumps([count, int(peak) / 1024]))
-
-
-def read(folder, joint):
-    """Return times of reading over that of rosbags listing the messages, median of three."""
-    from rosbags.rosbag2 import Reader
-
-    from friction_comp.recordings import read_recording, stream_recording_with_info
-
-    def listing():
-        with Reader(folder) as reader:
-            return sum(1 for _ in reader.messages())
-
-    def timed(work):
-        begin = time.perf_counter()
-        work()
-        return time.perf_counter() - begin
-
-    whole, parts = [], []
-    for _ in range(3):
-        base = timed(listing)
-        whole.append(timed(lambda: read_recording(folder, joint)) / base)
-        parts.append(timed(lambda: list(stream_recording_with_info(folder, joint))) / base)
-    return {'read / listing by rosbags': sorted(whole)[1],
-            'stream / listing by rosbags': sorted(parts)[1]}
-
-
-def memory(folder, seconds, joint):
-    """Return the peak of memory over that for a tenth of the recording."""
-    from friction_comp.recordings import RecordingWriter
-    from friction_comp.recordings.storage import Storage
-
-    short, first = folder.parent / 'tenth', None
-    with RecordingWriter(short) as writer:
-        for topic, kind, when, payload in Storage(folder).messages(lambda *_: True):
-            first = when if first is None else first
-            if when - first > seconds * 1e8:
-                break
-            writer.write(topic, kind, when, payload)
-    peaks = []
-    for path in (short, folder):
-        done = subprocess.run([sys.executable, __file__, '--stream', str(path), joint],
-                              check=True, capture_output=True, text=True)
-        peaks.append(json.loads(done.stdout)[1])
-    return {'streaming, peak MB of a tenth': peaks[0], 'peak / that of a tenth':
-            peaks[1] / peaks[0]}
-
-
-def damage(file, joint, room):
+def damage(file, room):
     """Return how many damaged copies were read, refused, and said nothing."""
-    from friction_comp.errors import InputError
-    from friction_comp.recordings import read_recording_with_info
-
     content = file.read_bytes()
     draw = random.Random(1)
     told = refused = silent = 0
@@ -168,7 +106,7 @@ def damage(file, joint, room):
         copy = room / 'damaged.mcap'
         copy.write_bytes(content[:at] + bytes(4096) + content[at + 4096:])
         try:
-            (_, info), = read_recording_with_info(copy, joint)
+            (_, info), = read_recording_with_info(copy, 'joint_0')
         except InputError:
             refused += 1
         else:
@@ -185,31 +123,20 @@ def main():
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--seconds', type=float, default=60.0)
     parser.add_argument('--joints', type=int, default=7)
-    parser.add_argument('--json', type=Path)
     parser.add_argument('--publish', nargs=2, type=float, help=argparse.SUPPRESS)
-    parser.add_argument('--stream', nargs=2, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.publish:
         publish(arguments.publish[0], int(arguments.publish[1]))
         return
-    if arguments.stream:
-        stream(*arguments.stream)
-        return
-    from friction_comp.tools.ros_domain import leased_domain
-
     with tempfile.TemporaryDirectory() as name:
-        folder, joint = Path(name), 'joint_0'
+        folder = Path(name)
         with leased_domain() as domain:
             found = {'record': record(folder, arguments.seconds, arguments.joints, domain)}
-        found['read'] = read(folder / 'load', joint)
-        found['memory'] = memory(folder / 'load', arguments.seconds, joint)
-        found['damage'] = damage(folder / 'load' / 'load_0.mcap', joint, folder)
+        found['damage'] = damage(folder / 'load' / 'load_0.mcap', folder)
     for title, values in found.items():
         for key, value in values.items():
             text = f'{value:.2f}' if isinstance(value, float) else value
             print(f'{title:8} {key}: {text}')
-    if arguments.json:
-        arguments.json.write_text(json.dumps(found, indent=1), encoding='utf-8')
 
 
 if __name__ == '__main__':

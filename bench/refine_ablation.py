@@ -2,9 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """What each rule of refinement earns: the same worlds with it and without it.
 
-    python bench/refine_ablation.py [--rules exchange 'lag + bandwidth again' ...] [--jobs 1]
-                                    [--first 0] [--draws 1] [--output results.json]
-    python bench/refine_ablation.py --show results.json
+    python3 bench/refine_ablation.py [--rules exchange 'lag + bandwidth again' ...] [--jobs N]
+                                     [--worlds second single none arms measured] [--first N]
+                                     [--draws N] [--output results.json]
+
+With --output, results of earlier runs are read from the file and not computed again.
 
 Worlds: the second world (tuning half), drives of `refine_table` with one hidden effect and with
 none, simulated arms (tuning seeds), and the measured recordings, where they are there. Columns:
@@ -18,20 +20,14 @@ worse     cases whose error is more than a tenth above that with all rules; and 
 from __future__ import annotations
 
 import argparse
-from concurrent.futures import as_completed, ProcessPoolExecutor
-from dataclasses import replace
+from concurrent.futures import as_completed
+import importlib
 import json
-import multiprocessing
-import os
 from pathlib import Path
 import sys
 
-for variable in ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS'):
-    os.environ.setdefault(variable, '1')
-ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / 'bench')]
-
-import numpy as np  # noqa: E402
+from bench_tools import processes, ROOT
+import numpy as np
 
 DATA = ROOT.parent / 'shared' / 'data'
 WORLDS = ('second', 'single', 'none', 'arms', 'measured')
@@ -42,22 +38,18 @@ def everywhere(name, value):
     """Replace a name in all modules of refinement that hold it."""
     import friction_comp.refinement.refine  # noqa: F401
 
-    for module in [module for key, module in sys.modules.items()
-                   if key.startswith('friction_comp.refinement.')]:
-        if name in vars(module):
-            setattr(module, name, value)
+    found = [module for key, module in sys.modules.items()
+             if key.startswith('friction_comp.refinement.') and name in vars(module)]
+    if not found:
+        raise LookupError(f'{name} is not in refinement any more')
+    for module in found:
+        setattr(module, name, value)
 
 
 def method(module, owner, name, value):
-    """Replace a method or function of a module of refinement."""
-    __import__(f'friction_comp.refinement.{module}')
-    found = sys.modules[f'friction_comp.refinement.{module}']
-    setattr(getattr(found, owner) if owner else found, name, value)
-
-
-def no_regions(number):
-    """Return one region of posture whatever the posture."""
-    return lambda position: np.zeros(len(position), dtype=int)
+    """Replace a method of a class of refinement."""
+    found = importlib.import_module(f'friction_comp.refinement.{module}')
+    setattr(getattr(found, owner), name, value)
 
 
 def without_lag(before):
@@ -109,7 +101,8 @@ RULES = {
     'two standard errors': lambda: everywhere('STANDARD_ERRORS', 0.0),
     'a share worth naming': lambda: everywhere('LEAST_SHARE', 0.0),
     'own share of a column': lambda: everywhere('OWN_SHARE', 0.0),
-    'regions of posture': lambda: everywhere('regions_of', no_regions(1)),
+    'regions of posture': lambda: everywhere(
+        'regions_of', lambda position: np.zeros(len(position), dtype=int)),
     "own term beside a group's": lambda: method(
         'search', 'Search', 'with_own_terms', lambda self, terms: list(terms)),
     'exchange': lambda: method('search', 'Search', 'exchange', lambda self, terms: list(terms)),
@@ -160,8 +153,7 @@ def cases(worlds, draws, first=0):
         found += [('arms', (seed,)) for seed in range(10 * first, 10 * (first + draws))]
     if 'measured' in worlds and DATA.exists():
         import measured_table
-        rows = [replace(row, urdf=None) for row in measured_table.ROWS]
-        found += [('measured', (row.data, row.joint, row.error)) for row in rows
+        found += [('measured', (row.data, row.joint, row.error)) for row in measured_table.ROWS
                   if (DATA / row.data / 'fit').exists()]
     return found
 
@@ -177,7 +169,7 @@ def judged(world, name):
     if world in ('single', 'none'):
         import refine_table
         kinds = (name[0],) if name[0] else ()
-        result = refine_table.one_draw((kinds, '', 900 + name[1], False))
+        result = refine_table.one_draw((kinds, '', 900 + name[1]))
         false = {variable for _, variable in result['found']} - set(result['wanted'])
         return {'error': result['ratio'], 'asked': 1, 'found': int(result['named']),
                 'false': len(false)}
@@ -196,11 +188,10 @@ def measured(data, joint, error):
     from friction_comp.refinement.refine import refine
 
     result = refine(read_recording(DATA / data / 'fit', joint=joint))
-    errors, tables = [], []
-    for part in read_recording(DATA / data / 'score', joint=joint):
-        tables.append(np.column_stack([part.time, part.current, result.model.predict(part)]))
-    errors.append(score_error(error, np.concatenate(tables)))
-    return {'error': errors[0], 'asked': 0, 'found': 0, 'false': 0}
+    tables = [np.column_stack([part.time, part.current, result.model.predict(part)])
+              for part in read_recording(DATA / data / 'score', joint=joint)]
+    return {'error': score_error(error, np.concatenate(tables)), 'asked': 0, 'found': 0,
+            'false': 0}
 
 
 def one(rule, world, name):
@@ -246,11 +237,7 @@ def main():
     parser.add_argument('--first', type=int, default=0, help='number of the first draw')
     parser.add_argument('--jobs', type=int, default=1)
     parser.add_argument('--output', type=Path, help='JSON file for the single results')
-    parser.add_argument('--show', type=Path, help='print the table of saved results and end')
     arguments = parser.parse_args()
-    if arguments.show:
-        show(json.loads(arguments.show.read_text()))
-        return
     unknown = {name for rule in arguments.rules for name in rule.split(' + ')} - set(RULES)
     if unknown:
         parser.error(f'no such rule: {", ".join(sorted(unknown))}; there are {", ".join(RULES)}')
@@ -261,9 +248,7 @@ def main():
     for rule in dict.fromkeys(('nothing', *arguments.rules)):
         if rule in have:
             continue
-        own = []
-        with ProcessPoolExecutor(arguments.jobs, multiprocessing.get_context('spawn'),
-                                 initializer=off, initargs=(rule,)) as pool:
+        with processes(arguments.jobs, initializer=off, initargs=(rule,)) as pool:
             waiting = [pool.submit(one, rule, world, name)
                        for world, name in cases(arguments.worlds, arguments.draws, arguments.first)]
             own = [done.result() for done in as_completed(waiting)]

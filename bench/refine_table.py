@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """How often refinement finds what a simulated drive was not declared to have.
 
-    python3 bench/refine_table.py [--draws N] [--none N] [--kinds single pair outside none]
+    python3 bench/refine_table.py [--draws N] [--pairs N] [--none N] [--seed N] [--jobs N]
+                                  [--kinds single pair outside none] [--cases gravity ...]
 
 Every draw is a new random drive with undeclared effects of random strength; refinement gets one
 set of recordings, and the error is taken on another that it has not seen. Columns:
@@ -10,33 +11,21 @@ set of recordings, and the error is taken on another that it has not seen. Colum
 named     the variable named first is the effect's (pairs: one of them first, and both)
 only      and no other variable is named
 ≤ 1.3     error on the fresh recording at most 1.3 times the noise floor, while the joint moves
-          (with --servo: while it slides, 50 ms away from standstill and reversal)
 ratio     median of error over noise floor
 before    the same for the note's sigmoid alone
 """
 
 import argparse
-from concurrent.futures import ProcessPoolExecutor
-import json
-import multiprocessing
-import os
-from pathlib import Path
 import sys
 import time
 
-for variable in ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS'):
-    os.environ.setdefault(variable, '1')
-ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / 'test')]
+from bench_tools import processes
+import numpy as np
+from outside_effects import OUTSIDE
 
-import numpy as np  # noqa: E402
-from outside_effects import OUTSIDE  # noqa: E402
-from scipy.ndimage import minimum_filter1d  # noqa: E402
-from scipy.signal import butter, filtfilt  # noqa: E402
-
-from friction_comp.refinement import refine  # noqa: E402
-from simulated_recordings.cases import CASES  # noqa: E402
-from simulated_recordings.drives import excitation_for, random_drive, record  # noqa: E402
+from friction_comp.refinement import refine
+from simulated_recordings.cases import CASES
+from simulated_recordings.drives import excitation_for, random_drive, record
 
 LIMIT = 1.3
 MOVING = 0.01
@@ -50,69 +39,35 @@ def moving(samples):
     return np.abs(way) > MOVING * 2 * reach * samples.sample_time
 
 
-def sliding(samples):
-    """Return where the joint has moved for 50 ms and goes on moving as long.
-
-    At standstill and reversal the simulated joint sticks and gives before it slips; there its
-    current is what the servo happens to ask for, not friction.
-    """
-    reach = max(1, round(0.05 / samples.sample_time))
-    return minimum_filter1d(moving(samples).astype(int), 2 * reach + 1) > 0
-
-
-def error(model, trials, where):
+def error(model, trials):
     """Return the RMS of measured minus predicted current in A where the joint moves."""
     # All recordings of a drive begin in the same state: what drifts in one drifts in the others.
-    parts = [(model.predict(part, same_recording=True) - part.current)[where(part)]
+    parts = [(model.predict(part, same_recording=True) - part.current)[moving(part)]
              for part in (trial.samples for trial in trials)]
     return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
 
 
-def noise_floor(drive, trials, servo):
-    """Return the error in A that a perfect model would have on the trials.
-
-    A servo answers the steps of the encoder with current that moves the joint by less than a
-    count: nothing in the recording tells of it, and it counts as noise. It is taken as the current
-    above 40 Hz, by its median so that breakaway does not count.
-    """
-    if not servo:
-        return drive.noise_floor
-    dither = []
-    for trial in trials:
-        b, a = butter(2, 40.0, fs=1.0 / trial.samples.sample_time)
-        high = trial.noise_free - filtfilt(b, a, trial.noise_free)
-        dither.append(np.abs(high[moving(trial.samples)]))
-    return float(np.hypot(drive.noise_floor, 1.4826 * np.median(np.concatenate(dither))))
-
-
-def recordings(drive, seed, cases, outside, servo):
+def recordings(drive, seed, cases, outside):
     """Return the trials of one set of recordings."""
-    trials = record(drive, seed, excitation_for(cases, servo=servo))
+    trials = record(drive, seed, excitation_for(cases))
     if outside:
-        trials = [OUTSIDE[outside][0](trial, drive, np.random.default_rng([drive_seed(seed), 9]))
+        # Both recordings of a drive share the effect.
+        trials = [OUTSIDE[outside][0](trial, drive, np.random.default_rng([seed // 10, 9]))
                   for trial in trials]
     return trials
 
 
-def drive_seed(seed):
-    """Return the drive's seed of a recording's: both recordings of a drive share the effect."""
-    return seed // 10
-
-
 def one_draw(task):
     """Refine one drive and judge the report; returns a plain dictionary."""
-    cases, outside, seed, servo = task
+    cases, outside, seed = task
     drive = random_drive(seed, cases)
-    fit = recordings(drive, 10 * seed + 1, cases, outside, servo)
-    score = recordings(drive, 10 * seed + 2, cases, outside, servo)
+    fit = recordings(drive, 10 * seed + 1, cases, outside)
+    score = recordings(drive, 10 * seed + 2, cases, outside)
     started = time.perf_counter()
     result = refine([trial.samples for trial in fit], model=None, drive=drive.model.drive)
     seconds = time.perf_counter() - started
     report = result.report
     found = [effect['variable'] for effect in report['effects']]
-    # The simulated joint under its servo has inertia, which the note's model lacks too.
-    if servo and 'acceleration' not in drive.variables:
-        found = [variable for variable in found if variable != 'acceleration']
     unexplained = [entry['variable'] for entry in report['unexplained']]
     wanted = list(drive.variables)
     if outside:
@@ -124,18 +79,14 @@ def one_draw(task):
         only = named and set(found) == set(wanted)
     else:
         named = only = not found
-    floor = noise_floor(drive, score, servo)
-    where = sliding if servo else moving
+    floor = drive.noise_floor
     return {
-        'cases': list(cases), 'outside': outside, 'seed': seed, 'servo': servo, 'wanted': wanted,
+        'cases': cases, 'outside': outside, 'seed': seed, 'wanted': wanted,
         'found': [[effect['name'], effect['variable']] for effect in report['effects']],
         'unexplained': unexplained,
         'ambiguous': [entry['between'] for entry in report['ambiguous']],
-        'named': named, 'only': only, 'ratio': error(result.model, score, where) / floor,
-        'before': report['before']['held_out_rmse'] / floor,
-        'floor_estimate': report['noise_floor'] / floor, 'seconds': seconds,
-        'secret': drive.effects,
-    }
+        'named': named, 'only': only, 'ratio': error(result.model, score) / floor,
+        'before': report['before']['held_out_rmse'] / floor, 'seconds': seconds}
 
 
 def tasks(options):
@@ -144,20 +95,20 @@ def tasks(options):
     names = options.cases or list(CASES)
     seeds = range(options.seed, options.seed + options.draws)
     if 'single' in options.kinds:
-        rows += [(name, [((name,), '', seed, options.servo) for seed in seeds])
+        rows += [(name, [((name,), '', seed) for seed in seeds])
                  for name in names]
     if 'pair' in options.kinds:
         rng = np.random.default_rng(options.seed)
         pairs = []
         for seed in range(options.seed, options.seed + options.pairs):
             pair = tuple(sorted(str(name) for name in rng.choice(names, 2, replace=False)))
-            pairs.append((pair, '', seed, options.servo))
+            pairs.append((pair, '', seed))
         rows.append(('random pairs', pairs))
     if 'outside' in options.kinds:
-        rows += [(f'outside: {name}', [((), name, seed, options.servo) for seed in seeds])
+        rows += [(f'outside: {name}', [((), name, seed) for seed in seeds])
                  for name in OUTSIDE]
     if 'none' in options.kinds:
-        rows.append(('none', [((), '', seed, options.servo)
+        rows.append(('none', [((), '', seed)
                               for seed in range(options.seed, options.seed + options.none)]))
     return rows
 
@@ -194,7 +145,7 @@ def misses(rows):
     return lines
 
 
-def main(argv=None):
+def main():
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--draws', type=int, default=10, help='drives for each effect')
@@ -203,16 +154,12 @@ def main(argv=None):
     parser.add_argument('--kinds', nargs='+', default=['single', 'pair', 'outside', 'none'],
                         choices=['single', 'pair', 'outside', 'none'])
     parser.add_argument('--cases', nargs='+', choices=list(CASES), help='only these effects')
-    parser.add_argument('--servo', action='store_true',
-                        help='joint with inertia and stiction under a servo')
     parser.add_argument('--seed', type=int, default=1000)
     parser.add_argument('--jobs', type=int, default=2)
-    parser.add_argument('--output', type=Path, help='JSON file with every draw')
-    options = parser.parse_args(argv)
+    options = parser.parse_args()
     rows = tasks(options)
     flat = [task for _, group in rows for task in group]
-    # Fresh processes: numba's and BLAS's threads do not survive a fork.
-    with ProcessPoolExecutor(options.jobs, multiprocessing.get_context('spawn')) as pool:
+    with processes(options.jobs) as pool:
         draws, started = [], time.perf_counter()
         for draw in pool.map(one_draw, flat):
             draws.append(draw)
@@ -228,12 +175,7 @@ def main(argv=None):
     if lines:
         print('\nDraws that fell short:')
         print('\n'.join('- ' + line for line in lines))
-    if options.output:
-        options.output.parent.mkdir(parents=True, exist_ok=True)
-        options.output.write_text(json.dumps(
-            {'rows': [{'title': title, 'draws': group} for title, group in done]}, indent=1))
-    return 0
 
 
 if __name__ == '__main__':
-    sys.exit(main())
+    main()

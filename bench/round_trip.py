@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the compensator adds to DDS: its round trip and its start beside a bare rclpy node's.
 
-    python3 bench/round_trip.py [--seconds S] [--pairs N] [--joints J …] [--json FILE]
+    python3 bench/round_trip.py [--seconds S] [--pairs N] [--joints J …]
 
 A driver publishes joint states at 1 kHz and takes the time until the current that answers each;
 the compensator and a bare node, which sends back the positions that it gets, take turns. The table
@@ -10,12 +10,11 @@ has the ratios of median, 99th percentile, and processor time, each the median o
 the ratio of the times from a process's start to its first answer, and of the processor time that
 it took, which depends less on what else the machine does. The longest pause is the longest
 time between two answers in the SETTLING seconds after the first, while the compensator loads or
-compiles what it has begun with in plain Python; all pauses stand in the JSON.
+compiles what it has begun with in plain Python.
 """
 
 import argparse
 from array import array
-import json
 import os
 from pathlib import Path
 import subprocess
@@ -23,10 +22,12 @@ import sys
 import tempfile
 import time
 
+from bench_tools import processor_time, ROOT
+from node_process import ros_arguments
 import numpy as np
-
-ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / 'test')]
+from ros_system import BEST_EFFORT, MODELS, own_domain, probe_node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
 SETTLING = 3.0
 
@@ -63,17 +64,10 @@ def start(kind, joints, folder):
     if kind == 'echo':
         command = [sys.executable, '-c', ECHO]
     else:
-        from node_process import ros_arguments
-        from ros_system import MODELS
         command = [sys.executable, '-m', 'friction_comp', 'compensator', *ros_arguments({
             'joints': joints, 'model_files': [MODELS[k % 3] for k in range(len(joints))]})]
     log = (Path(folder) / f'{kind}.log').open('ab')
     return subprocess.Popen(command, env=environment(), stdout=log, stderr=log)
-
-
-def processor_time(pid):
-    fields = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
 
 
 def measure(kind, count, seconds, folder):
@@ -81,9 +75,6 @@ def measure(kind, count, seconds, folder):
 
     And what it took of the processor until that answer.
     """
-    from ros_system import BEST_EFFORT, own_domain, probe_node
-    from sensor_msgs.msg import JointState
-    from std_msgs.msg import Float64MultiArray, Int8MultiArray
     joints = [f'joint_{k}' for k in range(count)]
     with own_domain(), probe_node() as probe:
         states = probe.create_publisher(JointState, 'joint_states', BEST_EFFORT)
@@ -148,9 +139,7 @@ def main():
     parser.add_argument('--seconds', type=float, default=8.0)
     parser.add_argument('--pairs', type=int, default=5)
     parser.add_argument('--joints', type=int, nargs='+', default=[1, 7])
-    parser.add_argument('--json', metavar='FILE')
     arguments = parser.parse_args()
-    results = {}
     print('joints   median   99th percentile   processor   first answer   its processor   '
           'compensator / echo: '
           'median µs, first answer s, longest pause ms')
@@ -168,14 +157,9 @@ def main():
                 times.append([1e6 * np.median(ours), 1e6 * np.median(bare), first, soon,
                               1e3 * pause, 1e3 * rest])
             ratios, sizes = np.median(rows, axis=0), np.median(times, axis=0)
-            results[count] = {'ratios': ratios.tolist(), 'all': np.array(rows).tolist(),
-                              'median_us': sizes[:2].tolist(), 'first_s': sizes[2:4].tolist(),
-                              'pauses_ms': np.array(times)[:, 4:].tolist()}
             print(f'{count:6d} {ratios[0]:8.2f} {ratios[1]:17.2f} {ratios[2]:11.2f} '
                   f'{ratios[3]:14.2f} {ratios[4]:15.2f}   {sizes[0]:.0f} / {sizes[1]:.0f}, '
                   f'{sizes[2]:.2f} / {sizes[3]:.2f}, {sizes[4]:.1f} / {sizes[5]:.1f}', flush=True)
-    if arguments.json:
-        Path(arguments.json).write_text(json.dumps(results, indent=1), encoding='utf-8')
 
 
 if __name__ == '__main__':

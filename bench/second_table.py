@@ -2,9 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """How refinement does on recordings of a second world, by families of hidden effects.
 
-    python bench/second_table.py [--half tuning|kept|both] [--draws 2] [--families ripple ...]
-                                 [--jobs 2] [--output results.json]
-    python bench/second_table.py --show results.json
+    python3 bench/second_table.py [--half tuning|kept|both] [--draws N] [--start N]
+                                  [--families ripple ...] [--jobs N] [--limit S]
 
 Even seeds are the tuning half, odd ones the kept half: change nothing by what the kept half says.
 """
@@ -13,21 +12,14 @@ from __future__ import annotations
 
 import argparse
 from collections import Counter
-from concurrent.futures import as_completed, ProcessPoolExecutor
-import json
-import multiprocessing
-import os
-from pathlib import Path
+from concurrent.futures import as_completed
 import signal
-import sys
 import time
 
-# Each process works alone; threads of the linear algebra would only get into one another's way.
-for name in ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS'):
-    os.environ.setdefault(name, '1')
+from bench_tools import processes
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / 'bench')]
+from second_world.families import FAMILIES
+from second_world.judging import judge, summary
 
 
 class TooLongError(Exception):
@@ -36,8 +28,6 @@ class TooLongError(Exception):
 
 def attempt(family, seed, limit):
     """Judge one case; an error or the time limit is a result too."""
-    from second_world.judging import judge
-
     def stop(*_):
         raise TooLongError(f'took more than {limit:.0f} s')
 
@@ -74,8 +64,6 @@ def line(result):
 
 def print_table(results, title):
     """Print one line per family and the total as a table."""
-    from second_world.families import FAMILIES
-    from second_world.judging import summary
     print(f'\n{title}')
     header = None
     for family in (*FAMILIES, None):
@@ -102,47 +90,31 @@ def print_false_names(results):
                                or 'nothing'))
 
 
-def print_halves(results):
-    """Print the table of each half that there are results of."""
-    for half, odd in (('tuning', 0), ('kept', 1)):
-        chosen = [r for r in results if r['seed'] % 2 == odd]
-        if chosen:
-            print_table(chosen, f'{half} half')
-            print_false_names(chosen)
-
-
 def main():
     """Judge cases side by side and print the table of each half."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--half', choices=('tuning', 'kept', 'both'), default='tuning')
     parser.add_argument('--draws', type=int, default=1, help='seeds of each half and family')
     parser.add_argument('--start', type=int, default=0, help='number of the first draw')
-    parser.add_argument('--families', nargs='*')
+    parser.add_argument('--families', nargs='+', default=list(FAMILIES), choices=FAMILIES,
+                        metavar='NAME')
     parser.add_argument('--jobs', type=int, default=1)
     parser.add_argument('--limit', type=float, default=240.0, help='seconds for one case')
-    parser.add_argument('--output', type=Path, help='JSON file for the single results')
-    parser.add_argument('--show', type=Path, help='print the tables of saved results and end')
     arguments = parser.parse_args()
-    if arguments.show:
-        print_halves(json.loads(arguments.show.read_text()))
-        return
-    from second_world.families import FAMILIES
-    unknown = set(arguments.families or ()) - set(FAMILIES)
-    if unknown:
-        parser.error(f'no such family: {", ".join(sorted(unknown))}; there are '
-                     f'{", ".join(FAMILIES)}')
     work = [(f, s) for s in seeds_of(arguments.half, arguments.draws, arguments.start)
-            for f in arguments.families or FAMILIES]
+            for f in arguments.families]
     results, began = [], time.monotonic()
-    with ProcessPoolExecutor(arguments.jobs, multiprocessing.get_context('spawn')) as pool:
+    with processes(arguments.jobs) as pool:
         waiting = [pool.submit(attempt, f, s, arguments.limit) for f, s in work]
         for done in as_completed(waiting):
             results.append(done.result())
             print(f'[{len(results)}/{len(work)} {time.monotonic() - began:5.0f} s] '
                   + line(results[-1]), flush=True)
-            if arguments.output:
-                arguments.output.write_text(json.dumps(results, indent=1))
-    print_halves(results)
+    for half, odd in (('tuning', 0), ('kept', 1)):
+        chosen = [r for r in results if r['seed'] % 2 == odd]
+        if chosen:
+            print_table(chosen, f'{half} half')
+            print_false_names(chosen)
 
 
 if __name__ == '__main__':

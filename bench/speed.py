@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """How fast the package is, as ratios of two ways that run side by side.
 
-    python3 bench/speed.py [--pairs N] [--refine-pairs N] [--json FILE]
+    python3 bench/speed.py [--pairs N] [--refine-pairs N]
 
 Times depend on the machine and on what else it does, ratios hardly: the two ways of each line
 take turns, whichever was second before comes first, and every pair gives one ratio. The table
@@ -16,16 +16,15 @@ refine       80 000 samples over every fourth of them, 20 000; 4 is proportional
 """
 
 import argparse
-import json
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+import multiprocessing
 import os
-from pathlib import Path
-import subprocess
-import sys
 import time
 
-ROOT = Path(__file__).resolve().parents[1]
+from bench_tools import ROOT
+
 CONFIG = ROOT / 'config' / 'armin_configuration_2.yaml'
-sys.path.insert(0, str(ROOT))
 
 
 class Steps:
@@ -82,30 +81,19 @@ class Steps:
         return (time.perf_counter() - begin) / count
 
 
-class Worker:
-    """The same steps in another process, with compilation switched on or off."""
-
-    def __init__(self, compiled):
-        self._process = subprocess.Popen(
-            [sys.executable, __file__, '--worker'], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-            text=True, env={**os.environ, 'NUMBA_DISABLE_JIT': '0' if compiled else '1'})
-
-    def measure(self, what, count):
-        self._process.stdin.write(json.dumps([what, count]) + '\n')
-        self._process.stdin.flush()
-        return json.loads(self._process.stdout.readline())
-
-    def close(self):
-        self._process.stdin.close()
-        self._process.wait()
+steps = None
 
 
-def serve():
-    """Answer a Worker until its end of the pipe is closed."""
+def begin(compiled):
+    """Prepare a process whose steps are compiled or plain Python."""
+    global steps
+    os.environ['NUMBA_DISABLE_JIT'] = '0' if compiled else '1'
     steps = Steps()
-    for line in sys.stdin:
-        what, count = json.loads(line)
-        print(json.dumps(getattr(steps, what)(count)), flush=True)
+
+
+def step_time(what, count):
+    """Return s a sample in a process that `begin` has prepared."""
+    return getattr(steps, what)(count)
 
 
 def loops(joints=40):
@@ -188,30 +176,20 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
     parser.add_argument('--pairs', type=int, default=15)
     parser.add_argument('--refine-pairs', type=int, default=3)
-    parser.add_argument('--json', metavar='FILE')
-    parser.add_argument('--worker', action='store_true', help=argparse.SUPPRESS)
     arguments = parser.parse_args()
-    if arguments.worker:
-        serve()
-        return
     print('                ratio   quartiles                slow /      fast')
-    results = {}
-    compiled, plain = Worker(True), Worker(False)
-    for name, what, counts in (
-            ('law step', 'law', (2000, 20000)), ('plant step', 'plant', (300, 20000))):
-        results[name] = side_by_side(
-            lambda what=what, counts=counts: plain.measure(what, counts[0]),
-            lambda what=what, counts=counts: compiled.measure(what, counts[1]), arguments.pairs)
-        show(name, results[name])
-    compiled.close()
-    plain.close()
+    fresh = partial(ProcessPoolExecutor, 1, multiprocessing.get_context('spawn'), begin)
+    with fresh((True,)) as compiled, fresh((False,)) as plain:
+        for name, what, counts in (
+                ('law step', 'law', (2000, 20000)), ('plant step', 'plant', (300, 20000))):
+            show(name, side_by_side(
+                lambda what=what, counts=counts: plain.submit(step_time, what, counts[0]).result(),
+                lambda what=what, counts=counts: compiled.submit(
+                    step_time, what, counts[1]).result(), arguments.pairs))
     for name, make, pairs in (('closed loop', loops, arguments.pairs),
                               ('refine', refinements, arguments.refine_pairs)):
         if pairs > 0:
-            results[name] = side_by_side(*make(), pairs)
-            show(name, results[name])
-    if arguments.json:
-        Path(arguments.json).write_text(json.dumps(results, indent=1), encoding='utf-8')
+            show(name, side_by_side(*make(), pairs))
 
 
 if __name__ == '__main__':

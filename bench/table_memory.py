@@ -11,6 +11,7 @@ import resource
 import tempfile
 import time
 
+import bench_tools  # noqa: F401
 import numpy as np
 
 from friction_comp.recordings import stream_recording_with_info

@@ -12,13 +12,7 @@ have to push, by which it tells a controller.
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
-import sys
-
-os.environ.setdefault('OMP_NUM_THREADS', '1')
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-
+import bench_tools  # noqa: F401
 from numba import njit
 import numpy as np
 

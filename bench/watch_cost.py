@@ -2,21 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """What `watch` costs the compensator: its processor time for each joint state, without and with.
 
-    python3 bench/watch_cost.py [--beside KIND] [--pieces N] [--without-driver]
+    python3 bench/watch_cost.py [--pieces N]
     python3 bench/watch_cost.py --readers
 
 Seven joints at 1 kHz under a driver that hears the commands, as every robot has one: DDS takes much
-longer for the first reader of a topic than for the next (--without-driver shows it). Pieces without
-company take turns with pieces with it. The company is the page with a client that opens it; or, to
-see where its cost comes from, one reader of a topic that does nothing with it
-(--beside current_command), or a process that only computes (--beside work). It is
-processor time, not wall-clock time, over the states that the compensator says it has taken; but
-processes that share caches and clock make each other slower, which `work` shows. --readers measures
-what is behind it, also on a busy machine: what publishing one command takes with no reader, one and
-two, while readers come and go every two seconds.
+longer for the first reader of a topic than for the next. Pieces without the page take turns with
+pieces with it and a client that opens it. It is processor time, not wall-clock time, over the
+states that the compensator says it has taken; but processes that share caches and clock make each
+other slower. --readers measures what is behind it, also on a busy machine: what publishing one
+command takes with no reader, one and two, while readers come and go every two seconds.
 """
 
 import argparse
+from array import array
 from contextlib import ExitStack
 import os
 from pathlib import Path
@@ -26,53 +24,53 @@ import sys
 import tempfile
 import time
 
+from bench_tools import processor_time, ROOT
+from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
+from ros_system import (
+    joint_state,
+    MODELS,
+    own_domain,
+    probe_node,
+    Process,
+    RELIABLE,
+    value_of,
+)
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
 
-ROOT = Path(__file__).resolve().parent.parent
-sys.path[:0] = [str(ROOT), str(ROOT / 'test')]
 JOINTS = [f'joint_{k}' for k in range(1, 8)]
 SECONDS, RATE = 5.0, 1000.0
+# Programs that read the commands and do nothing with them: for good, or every other two seconds.
 READER = """
-from importlib import import_module
-import sys
+import time
 import rclpy
 from rclpy.qos import qos_profile_sensor_data
+from std_msgs.msg import Float64MultiArray
 rclpy.init()
 node = rclpy.create_node('reader')
-room, _, name = sys.argv[2].partition('/')
-node.create_subscription(getattr(import_module(f'{room}.msg'), name), sys.argv[1], lambda _: None,
-                         qos_profile_sensor_data, raw=True)
+def read():
+    node.create_subscription(
+        Float64MultiArray, 'current_command', lambda _: None, qos_profile_sensor_data, raw=True)
+read()
 try:
     rclpy.spin(node)
 except rclpy.executors.ExternalShutdownException:
     pass
 """
-COMES_AND_GOES = READER.replace('try:\n    rclpy.spin(node)', """import time
-try:
+COMES_AND_GOES = READER.replace('    rclpy.spin(node)', """\
     while True:
         for found in list(node.subscriptions):
             node.destroy_subscription(found)
         time.sleep(2.0)
-        node.create_subscription(getattr(import_module(f'{room}.msg'), name), sys.argv[1],
-                                 lambda _: None, qos_profile_sensor_data, raw=True)
+        read()
         end = time.monotonic() + 2.0
         while time.monotonic() < end:
             rclpy.spin_once(node, timeout_sec=0.1)""")
-KINDS = {'current_command': 'std_msgs/Float64MultiArray',
-         'joint_states': 'sensor_msgs/JointState',
-         '/diagnostics': 'diagnostic_msgs/DiagnosticArray'}
-
-
-def processor_time(pid):
-    """Return the processor time of a process in s."""
-    fields = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
 
 
 def drive(probe, publisher, seconds):
     """Publish joint states for a time; return how many a second were taken."""
-    from ros_system import joint_state, value_of
-
     probe.spin_for(0.01)
     probe.heard['/diagnostics'].clear()
     begin, count = time.monotonic(), 0
@@ -91,44 +89,29 @@ def drive(probe, publisher, seconds):
     return float(np.mean(rates[1:] or rates or [np.nan]))
 
 
-def beside(kind, patience=4.0):
-    """Start the company of a kind and wait some s; return its processes, the last to end first."""
-    if kind == 'page':
-        server = subprocess.Popen(
-            [sys.executable, '-m', 'friction_comp', 'watch', '--port', '0', '--joint', *JOINTS],
-            cwd=ROOT, stdout=subprocess.PIPE, text=True)
-        address = server.stdout.readline().split()[0]
-        started = [subprocess.Popen([sys.executable, '-c', (
-            'import time\nfrom bokeh.client import pull_session\n'
-            f's = pull_session(url={address!r})\nwhile True:\n    s.force_roundtrip()\n'
-            '    time.sleep(0.2)')]), server]
-    elif kind == 'work':
-        # As much as the page and its client do: a tenth of the time each.
-        work = ('import time\nwhile True:\n    end = time.process_time() + 0.01\n'
-                '    while time.process_time() < end:\n        sum(range(1000))\n'
-                '    time.sleep(0.04)')
-        started = [subprocess.Popen([sys.executable, '-c', work])]
-    else:
-        started = [subprocess.Popen([sys.executable, '-c', READER, kind, KINDS[kind]])]
-    time.sleep(patience)
-    return started
+def start_page():
+    """Start the page and a client that opens it; return both, the last to end first."""
+    server = subprocess.Popen(
+        [sys.executable, '-m', 'friction_comp', 'watch', '--port', '0', '--joint', *JOINTS],
+        cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    address = server.stdout.readline().split()[0]
+    client = subprocess.Popen([sys.executable, '-c', (
+        'import time\nfrom bokeh.client import pull_session\n'
+        f's = pull_session(url={address!r})\nwhile True:\n    s.force_roundtrip()\n'
+        '    time.sleep(0.2)')])
+    time.sleep(4.0)
+    return [client, server]
 
 
 def publishing(seconds=60.0):
     """Print what publishing a command takes of the processor, by the number of its readers."""
-    from array import array
-
-    from ros_system import own_domain, probe_node, RELIABLE
-    from std_msgs.msg import Float64MultiArray
-
     with own_domain(), probe_node() as probe:
         port = probe.talk(Float64MultiArray, 'current_command', RELIABLE)
         message = Float64MultiArray(data=array('d', [0.1] * 7))
         took = {}
         for steady in ([], [READER]):
-            started = [subprocess.Popen([
-                sys.executable, '-c', text, 'current_command', KINDS['current_command']],
-                stderr=subprocess.DEVNULL) for text in (*steady, COMES_AND_GOES)]
+            started = [subprocess.Popen([sys.executable, '-c', text], stderr=subprocess.DEVNULL)
+                       for text in (*steady, COMES_AND_GOES)]
             begin, count, readers = time.monotonic(), 0, 0
             while (passed := time.monotonic() - begin) < 0.5 * seconds:
                 if count < passed * RATE:
@@ -151,19 +134,13 @@ def publishing(seconds=60.0):
 def main():
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--beside', choices=['page', 'work', *KINDS], default='page')
     parser.add_argument('--pieces', type=int, default=5)
-    parser.add_argument('--without-driver', action='store_true')
     parser.add_argument('--readers', action='store_true')
     arguments = parser.parse_args()
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     if arguments.readers:
         publishing()
         return
-    from diagnostic_msgs.msg import DiagnosticArray
-    from ros_system import MODELS, own_domain, probe_node, Process
-    from sensor_msgs.msg import JointState
-
     costs, taken, shares = ([], []), ([], []), []
     with ExitStack() as stack:
         stack.enter_context(own_domain())
@@ -171,17 +148,16 @@ def main():
         probe = stack.enter_context(probe_node())
         compensator = stack.enter_context(Process(room, 'compensator', {
             'joints': JOINTS, 'model_files': [MODELS[0]] * 7, 'joint_state_timeout': 1.0}))
-        if not arguments.without_driver:
-            driver, = beside('current_command', patience=0.0)
-            stack.callback(driver.wait)
-            stack.callback(driver.terminate)
-            probe.until(lambda: probe.count_subscribers('current_command'), 'a driver')
+        driver = subprocess.Popen([sys.executable, '-c', READER])
+        stack.callback(driver.wait)
+        stack.callback(driver.terminate)
+        probe.until(lambda: probe.count_subscribers('current_command'), 'a driver')
         publisher = probe.talk(JointState, 'joint_states')
         probe.matched(publisher)
         probe.listen(DiagnosticArray, '/diagnostics')
         drive(probe, publisher, 2.0)
         for piece in range(2 * arguments.pieces):
-            company = beside(arguments.beside) if piece % 2 else []
+            company = start_page() if piece % 2 else []
             before = processor_time(compensator._process.pid)
             theirs = [processor_time(one.pid) for one in company]
             rate = drive(probe, publisher, SECONDS)
@@ -196,11 +172,11 @@ def main():
                 one.wait()
     plain, watched = (np.array(one) for one in costs)
     print(f'compensator, 7 joints: {np.median(plain):.0f} us of processor time a joint state, '
-          f'{np.median(watched):.0f} us beside {arguments.beside}: ratio '
+          f'{np.median(watched):.0f} us beside the page: ratio '
           f'{np.median(watched) / np.median(plain):.3f} '
           f'(pieces without {plain.min():.0f} to {plain.max():.0f}, with {watched.min():.0f} to '
           f'{watched.max():.0f}); {np.median(taken[0]):.0f} and {np.median(taken[1]):.0f} states a '
-          f'second were taken; its company took '
+          f'second were taken; page and client took '
           f'{100 * sum(shares) / arguments.pieces:.0f} % of a processor')
 
 

@@ -67,6 +67,8 @@ def test_each_recording_has_its_own_report_and_one_page_tells_of_all(folder, tmp
     assert 'broken.mcap' in content['failed'][0]
     page = (out / 'report.html').read_text(encoding='utf-8')
     assert 'href="day_0/report.html"' in page
+    for text in (page, (out / 'day_0' / 'report.html').read_text(encoding='utf-8')):
+        assert 'friction_comp refine' in text
     assert 'broken.mcap' in page
     told = capsys.readouterr().out
     assert told.startswith('2 of 3 refined')

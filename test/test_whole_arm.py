@@ -64,7 +64,9 @@ def test_every_joint_has_its_report_and_the_arm_has_one(refined):
         first = whole['joints'][name]['effects'][0]
         assert (first['name'], first['variable']) == ('rigid_body', 'other joints')
     assert [row['joint'] for row in whole['arm']['rigid_bodies']] == list(PLANE)
-    assert 'kg' in (refined / 'out' / 'report.html').read_text(encoding='utf-8')
+    page = (refined / 'out' / 'report.html').read_text(encoding='utf-8')
+    assert 'kg' in page
+    assert 'friction_comp refine' in page
 
 
 @pytest.mark.parametrize('joint', PLANE)

@@ -23,7 +23,7 @@ import math
 
 from numba import njit
 
-from independent_gear.state import BOUC_WEN, CLAMP, DAHL, ELEMENTS, LUGRE, MAXWELL_SLIP
+from independent_gear.state import BOUC_WEN, DAHL, ELEMENTS, LUGRE, MAXWELL_SLIP
 
 RENEWED = 8.0
 
@@ -149,6 +149,3 @@ def clamped(p, s, v, shaft, push, h):
     if abs(free) <= stopping:
         return 0.0
     return free - math.copysign(stopping, free)
-
-
-__all__ = ['BOUC_WEN', 'CLAMP', 'clamped', 'level', 'motor_friction', 'turned']

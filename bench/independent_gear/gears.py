@@ -41,6 +41,7 @@ from independent_gear.state import (
     LUGRE,
     MAXWELL_SLIP,
 )
+from law_judge.persons import log_uniform
 
 DEGREE = math.pi / 180.0
 ARMIN = ('armin_1', 'armin_2', 'armin_3')
@@ -56,11 +57,6 @@ _ARMIN = {
     'armin_2': (100.0, 0.101, 0.1595, 0.1377, 0.0043, 0.0027, (4700.0, 7100.0)),
     'armin_3': (435.0, 1.911, 0.3590, 0.3357, 0.0172, 0.0032, (1.9e4, 8.4e4)),
 }
-
-
-def log_uniform(random, low, high):
-    """Return a number whose logarithm is uniform."""
-    return math.exp(random.uniform(math.log(low), math.log(high)))
 
 
 def draw_gears(kind, draws, seed):

@@ -14,7 +14,7 @@ import numpy as np
 
 from independent_gear.friction import clamped, motor_friction, turned
 from independent_gear.state import CLAMP, DIFFERENCE, FILTERED, LONGEST_COMMAND_DELAY, STATE
-from law_judge.person import arm_inertia, person_torque, remember
+from law_judge.person import person_torque, remember
 
 STILL = 2e-3  # rad/s below which a joint counts as resting
 REST = 0.2  # s of rest after which a start finds other breakaway friction
@@ -64,7 +64,7 @@ def advance(p, s, who, time, command, sample_time, steps):
     if p.heating != 0.0:
         s.temperature = p.heating * (1.0 - math.exp(-time / p.heating_time))
     touched = who.touch <= time < who.release
-    inertia = p.link_inertia + (arm_inertia(who) if touched else 0.0)
+    inertia = p.link_inertia + (who.arm if touched else 0.0)
     remember(who, s, time)
     work = resisting = 0.0
     for k in range(steps):

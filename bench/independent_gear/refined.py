@@ -7,16 +7,17 @@ import math
 import numpy as np
 
 from independent_gear import truth
-from independent_gear.gears import draw_gears, KINDS, log_uniform, set_presliding
+from independent_gear.gears import draw_gears, KINDS, set_presliding
 from independent_gear.state import BOUC_WEN, DAHL, LUGRE
 from independent_gear.truth import steady_friction
 from law_judge.model import REFERENCE_TEMPERATURE, SPEEDS, true_models
+from law_judge.persons import log_uniform
 
 REFINED = ('with_gravity', 'with_cogging', 'with_friction_ripple', 'with_temperature',
            'with_load_friction', 'with_stribeck', 'with_hysteresis')
 
 
-def draw_refined(kind, draws, seed, repetitions=48):
+def draw_refined(kind, draws, seed, repetitions):
     """Return gears of all kinds of friction with one effect, and documents of their models."""
     random = np.random.default_rng([seed, 1000 + REFINED.index(kind)])
     gears = np.concatenate([

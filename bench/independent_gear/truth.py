@@ -2,11 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a gear's friction is, from its own numbers and its own slow ramps."""
 
+from numba import njit
 import numpy as np
 
-from independent_gear.first_curve import presliding_and_stiffness
+from independent_gear.friction import motor_friction
 from independent_gear.plant import Plant
+from independent_gear.state import CLAMP, STATE
 from law_judge.person import nobody
+
+SLOW = 1e-7  # rad/s: neither damping nor viscous friction takes anything
+GONE = 0.95
 
 
 def steady_friction(gear, speeds, side=0.0):
@@ -34,7 +39,7 @@ def steady_friction(gear, speeds, side=0.0):
     return torque / g['torque_per_current']
 
 
-def breakaway_currents(gears, seed, repetitions=48):
+def breakaway_currents(gears, seed, repetitions):
     """Return the currents at which slow ramps set each joint going.
 
     Parameters
@@ -72,4 +77,29 @@ def breakaway_currents(gears, seed, repetitions=48):
     return found.reshape(len(gears), repetitions)
 
 
-__all__ = ['breakaway_currents', 'presliding_and_stiffness', 'steady_friction']
+def presliding(gear):
+    """Return the way to 95 % of breakaway, and by how much it differs from rest to rest, rad.
+
+    What is on the link's side counts: an encoder cannot tell whose friction it is. A clamp does
+    not give way: NaN.
+    """
+    if gear['friction'] == CLAMP:
+        return np.nan, 0.0
+    way, torque = _first_curve(gear)
+    return way[int(np.argmax(torque >= GONE * torque[-1]))], 0.0
+
+
+def _first_curve(gear):
+    """Return ways in rad and the friction of rotor and link together at them, N·m."""
+    way = np.linspace(0.0, 6.0 * max(gear['presliding'], 3.0 * gear['link_bristle']), 4000)
+    torque = np.zeros(len(way))
+    _load(gear, np.zeros(1, dtype=STATE)[0], way[1], torque)
+    link = gear['link_coulomb'] * -np.expm1(-way / gear['link_bristle'])
+    return way, torque + link
+
+
+@njit(cache=True)
+def _load(gear, state, step, torque):
+    """Write the rotor's friction along a slow way of even steps."""
+    for k in range(1, len(torque)):
+        torque[k] = motor_friction(gear, state, SLOW, 0.0, step / SLOW)

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Experiments that evaluate the compensation law on any set of simulated gears.
 
-A world is a module with ``KINDS``, ``draw(kind, draws, seed)``, ``true_models(gears, seed,
-repetitions)`` and a class ``Plant``; `independent_gear` and `mujoco_gear` are two. The package is
-touched in one place, `subject`.
+A world is a module with the names of `independent_gear.world` or `mujoco_gear.world`. Of the
+package, only public names are used.
 """

@@ -20,10 +20,6 @@ EVERY = 50
 FOREVER = 10**9
 
 
-def _at(k):
-    return k == AT
-
-
 # name: (what of the sample, value or function of it, when, last bad sample)
 FAULTS = {
     'velocity 100 rad/s': ('velocity', 100.0, AT),
@@ -41,10 +37,10 @@ CLOCKS = ('equal times', 'time back by 10 ms', 'time NaN', 'time ahead by 10 s',
           '20 samples missing', '300 samples missing')
 
 
-def bad_samples(bank, law, quick=False):
+def bad_samples(bank, law):
     """Return how many joints travel, or do not get their current back, over all faults."""
     # One joint of each row is spared: noise and rest of a run of its own would be others.
-    joints = Joints(bank, direction=[0, 1], factor=[1.0], fault=['none', *FAULTS])
+    joints = Joints(bank, direction=[0, 1], fault=['none', *FAULTS])
     found = _run(joints, law, _spoil(joints))
     normal, rows = found['i'][:, joints['fault'] == 'none'], []
     for fault, (_, _, last) in FAULTS.items():
@@ -54,7 +50,7 @@ def bad_samples(bank, law, quick=False):
         end = None if always else AT if last == FOREVER else last
         rows.append(_fails({name: found[name][:, here] for name in ('x', 'i')},
                            normal, joints.breakaway[here], end))
-    reference = Joints(bank, direction=[0, 1], factor=[1.0], fault=['none'])
+    reference = Joints(bank, direction=[0, 1], fault=['none'])
     normal = _run(reference, law, None)['i']
     for fault in CLOCKS:
         spoiled = _run(reference, law, _spoil_clock(fault))
@@ -62,8 +58,8 @@ def bad_samples(bank, law, quick=False):
         rows.append(_fails(spoiled, normal, reference.breakaway,
                            AT + 300 if fault.startswith('300') else AT))
     each = dict(zip([*FAULTS, *CLOCKS], (int(row.sum()) for row in rows)))
-    everyone = Joints(bank, direction=[0, 1], factor=[1.0], fault=[*FAULTS, *CLOCKS])
-    return [count(f'bad samples, {len(rows)} kinds: travels, or no current after', law, everyone,
+    everyone = Joints(bank, direction=[0, 1], fault=[*FAULTS, *CLOCKS])
+    return [count(f'bad samples, {len(rows)} kinds: travels, or no current after', everyone,
                   np.stack(rows, axis=1).ravel(), 0.01, each=each, raised=found['raised'])]
 
 
@@ -103,7 +99,7 @@ def _spoil_clock(fault):
         if fault.endswith('missing'):
             missing = int(fault.split()[0])
             return None if AT <= k < AT + missing else (time, position, velocity)
-        if _at(k):
+        if k == AT:
             time = {'equal times': time - 1e-3, 'time back by 10 ms': time - 0.01,
                     'time NaN': np.nan, 'time ahead by 10 s': time + 10.0}[fault]
         return time, position, velocity

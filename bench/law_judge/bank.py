@@ -20,9 +20,10 @@ class Bank:
     documents: list
     seed: int
 
-    def among(self, kind):
-        """Return the indices of the gears of a kind."""
-        return [g for g, name in enumerate(self.kinds) if name == kind]
+    @property
+    def torque(self):
+        """True friction at rest of every gear, N·m."""
+        return self.gears['static'] + self.gears['link_coulomb']
 
     def chosen(self, gears, documents):
         """Return a bank of some of the gears, with other models."""
@@ -30,7 +31,7 @@ class Bank:
                     self.seed)
 
 
-def make_bank(world, kinds, draws, seed, repetitions=48, without=()):
+def make_bank(world, kinds, draws, seed, repetitions=24, without=()):
     """Draw gears of several kinds and find their true models.
 
     Parameters
@@ -119,7 +120,7 @@ class Joints:
     @property
     def torque(self):
         """True friction at rest of every joint, N·m."""
-        return self.gears['static'] + self.gears['link_coulomb']
+        return self.bank.torque[self.gear]
 
     @property
     def breakaway(self):

@@ -4,10 +4,13 @@
 
 import numpy as np
 
+from friction_comp import Drive, IdentificationGoal, IdentificationRun
 from law_judge.person import nobody
 from law_judge.rows import DEGREE, Row
-from law_judge.subject import Drive, IdentificationGoal, IdentificationRun
 
+# What is asked for: speeds in rad/s, the period of a current ramp in s, and ramps a direction.
+SPEEDS = np.array([3, 10, 40, 90]) * DEGREE
+PERIOD, CYCLES = 6.0, 8
 # An identification that shakes the joint, or throws it, is no good whatever it finds.
 SHAKING = 2.0  # times the fastest speed asked for
 TRUTH_REPETITIONS = 64
@@ -15,12 +18,10 @@ COUNTS = 10.0   # of presliding, from which on it is to be known
 LEAST_BACKLASH = 4.0    # counts, from which on it is to be said
 
 
-def identify(bank, quick=True):
+def identify(bank):
     """Return result (None where refused), what was said and the fastest speed, one a gear."""
-    speeds = speeds_of(quick)
-    return run_all(bank, [
-        IdentificationRun(_goal(document, speeds, quick), Drive(**document['drive']))
-        for document in bank.documents])
+    return run_all(bank, [IdentificationRun(_goal(document), Drive(**document['drive']))
+                          for document in bank.documents])
 
 
 def identified_bank(bank):
@@ -37,75 +38,68 @@ def identified_bank(bank):
     return bank.chosen(kept, documents), refused
 
 
-def speeds_of(quick):
-    """Return the speeds that are asked for, rad/s."""
-    return np.array([3, 10, 40, 90] if quick else [2, 5, 10, 20, 40, 60, 80, 100]) * DEGREE
-
-
-def identification(bank, law='identification', quick=False):
+def identification(bank, _law=None):
     """Identify each gear once and return rows.
 
     Breakaway is off by what is beyond two standard errors of both means. Kinetic friction is off
     by the RMS over the speeds, relative to the friction at each. Presliding, where identification
     gives it, is compared with the way at which a gear that is loaded slowly from rest, its teeth
-    touching, has reached 95 % of its level, and stiffness with the slope up to a third of it; the
-    way is off by what is beyond the count by which an encoder cannot tell.
+    touching, has reached 95 % of its level; it is off by what is beyond the count by which an
+    encoder cannot tell.
     """
-    results, said, fastest = identify(bank, quick)
+    results, said, fastest = identify(bank)
     truth = bank.world.breakaway_currents(bank.gears, bank.seed + 1000, TRUTH_REPETITIONS)
-    cycles = _goal(bank.documents[0], speeds_of(quick), quick).breakaway_cycles
-    found = [_judge(bank.world, gear, true, result, cycles, speeds_of(quick))
+    found = [_judge(bank.world, gear, true, result)
              for gear, true, result in zip(bank.gears, truth, results)]
     table = {name: np.array([entry[name] for entry in found]) for name in found[0]}
     loose = (bank.gears['backlash'] if 'backlash' in bank.gears.dtype.names
              else np.zeros(len(bank.gears)))
-    rows = [Row('identification: refused', law, sum(r is None for r in results), 1.0 / 3.0,
+    rows = [Row('identification: refused', sum(r is None for r in results), 1.0 / 3.0,
                 joints=len(results), detail=said)]
     for name, which in (('', loose == 0.0), (' with backlash', loose > 0.0)):
-        rows += _rows(f'identification: breakaway{name}', law, bank, table['breakaway'][which],
+        rows += _rows(f'identification: breakaway{name}', bank, table['breakaway'][which],
                       which, None, 5.0)
-    rows += _rows('identification: kinetic', law, bank, table['kinetic'], None, None, 5.0)
+    rows += _rows('identification: kinetic', bank, table['kinetic'], None, None, 5.0)
     seen = table['way'] >= COUNTS * bank.gears['resolution']
-    rows += _rows('identification: presliding, ≥ 10 counts', law, bank,
+    rows += _rows('identification: presliding, ≥ 10 counts', bank,
                   table['presliding'][seen], seen, 10.0, 25.0)
-    rows.append(Row('identification: presliding, ≥ 10 counts: not given', law,
+    rows.append(Row('identification: presliding, ≥ 10 counts: not given',
                     int(np.isnan(table['presliding'][seen]).sum()), 0.1, joints=int(seen.sum())))
     large = loose >= LEAST_BACKLASH * bank.gears['resolution']
     if large.any():
         off = np.abs(table['backlash'] / np.maximum(loose, 1e-12) - 1.0)
-        rows += _rows('identification: backlash', law, bank, off[large], large, 25.0, None)
+        rows += _rows('identification: backlash', bank, off[large], large, 25.0, None)
         unsaid = np.array([r is not None for r in results]) & np.isnan(table['backlash'])
-        rows.append(Row('identification: backlash ≥ 4 counts, not said', law,
+        rows.append(Row('identification: backlash ≥ 4 counts, not said',
                         int(unsaid[large].sum()), 0.1, joints=int(large.sum())))
     if not loose.all():
         wrong = np.isfinite(table['backlash'])[loose == 0.0]
-        rows.append(Row('identification: backlash said where there is none', law,
+        rows.append(Row('identification: backlash said where there is none',
                         int(wrong.sum()), 0.0, joints=len(wrong)))
-    rows.append(Row('identification: faster than twice what was asked', law,
-                    int((fastest > SHAKING * speeds_of(quick)[-1]).sum()), 0.0,
+    rows.append(Row('identification: faster than twice what was asked',
+                    int((fastest > SHAKING * SPEEDS[-1]).sum()), 0.0,
                     joints=len(fastest)))
     return rows
 
 
-def _rows(floor, law, bank, values, which, median, worst):
+def _rows(floor, bank, values, which, median, worst):
     gears = np.arange(len(bank.gears)) if which is None else np.flatnonzero(which)
     finite = np.isfinite(values)
     detail = {f'{bank.kinds[g]} {g}': round(100.0 * float(v), 1) for g, v in zip(gears, values)}
     values = 100.0 * values[finite]
     if not len(values):
         return []
-    return [Row(f'{floor} off, {name}', law, float(figure), floor_of, ' %', detail=detail)
+    return [Row(f'{floor} off, {name}', float(figure), floor_of, ' %', detail=detail)
             for name, figure, floor_of in (('median', np.median(values), median),
                                            ('worst', values.max(), worst))]
 
 
-def _goal(document, speeds, quick):
+def _goal(document):
     level = document['breakaway']['positive']['mean']
-    period = 6.0 if quick else 10.0
     # twice the level at the end of the ramp, as in the note
     return IdentificationGoal(
-        speeds=tuple(speeds), motion_range=1.0, ramp_slope=2.0 * level / (0.4 * period),
-        ramp_period=period, breakaway_cycles=8 if quick else 20, longest_cycle=10.0)
+        speeds=tuple(SPEEDS), motion_range=1.0, ramp_slope=2.0 * level / (0.4 * PERIOD),
+        ramp_period=PERIOD, breakaway_cycles=CYCLES, longest_cycle=10.0)
 
 
 def run_all(bank, runs):
@@ -138,28 +132,23 @@ def run_all(bank, runs):
     return results, said, fastest
 
 
-def _judge(world, gear, truth, result, cycles, speeds):
-    way, slope = world.presliding_and_stiffness(gear)
-    names = ('breakaway', 'kinetic', 'presliding', 'stiffness', 'backlash')
+def _judge(world, gear, truth, result):
+    way, _ = world.presliding(gear)
     if result is None:
-        return {'way': way, **dict.fromkeys(names, np.nan)}
+        return {'way': way, **dict.fromkeys(
+            ('breakaway', 'kinetic', 'presliding', 'backlash'), np.nan)}
     found = result.breakaway
     means = (found.positive_mean, -found.negative_mean)
-    error = 2.0 * np.std(truth) * np.sqrt(1.0 / cycles + 2.0 / truth.size)
+    error = 2.0 * np.std(truth) * np.sqrt(1.0 / CYCLES + 2.0 / truth.size)
     off = [abs(mean - np.mean(side)) for mean, side in zip(means, (truth[::2], truth[1::2]))]
     kinetic = []
     for sign in (1, -1):
-        curve = world.steady_friction(gear, speeds, sign)
-        kinetic.append((np.abs(result.sigmoid(sign * speeds)) - curve) / curve)
-    distance = getattr(result.presliding, 'distance', None) or np.nan
-    stiffness = getattr(result.presliding, 'stiffness', None) or np.nan
-    backlash = getattr(result, 'backlash', None)
+        curve = world.steady_friction(gear, SPEEDS, sign)
+        kinetic.append((np.abs(result.sigmoid(sign * SPEEDS)) - curve) / curve)
+    distance = result.presliding.distance if result.presliding else np.nan
     return {
         'way': way, 'breakaway': max(0.0, max(off) - error) / np.mean(truth),
         'kinetic': float(np.sqrt(np.mean(np.square(kinetic)))),
         'presliding': max(0.0, abs(distance - way) - gear['resolution']) / way
         if np.isfinite(distance) else np.nan,
-        'stiffness': abs(stiffness / slope - 1.0),
-        'backlash': np.nan if backlash is None else float(backlash)}
-
-
+        'backlash': np.nan if result.backlash is None else result.backlash}

@@ -4,8 +4,8 @@
 
 import numpy as np
 
+from friction_comp import CompensationLaw
 from law_judge.model import REFERENCE_TEMPERATURE
-from law_judge.subject import CompensationLaw
 
 NONE = 'none'
 
@@ -23,34 +23,9 @@ class Bare:
         return self._size * np.cos(position - self._phase)
 
 
-class Slower:
-    """A law that gets every so many samples only, or has to differentiate the position."""
-
-    def __init__(self, law, every=1, velocity=True):
-        self._law, self._every, self._velocity, self._count = law, every, velocity, 0
-
-    def update(self, time, position, velocity, direction, **extra):
-        """Return the currents, A, shape (J,)."""
-        if self._count % self._every == 0:
-            self._held = self._law.update(
-                time, position, velocity if self._velocity else None, direction, **extra)
-        self._count += 1
-        return self._held
-
-
 def make_law(name, joints):
-    """Return the law under test for an experiment.
-
-    One of CompensationLaw's, or 'none'. ``continuous:position`` gets no velocity,
-    ``continuous:4`` every fourth sample.
-    """
-    if name == NONE:
-        return Bare(joints.gears)
-    name, _, option = name.partition(':')
-    law = CompensationLaw(joints.models, law=name)
-    if option == 'position':
-        return Slower(law, velocity=False)
-    return Slower(law, every=int(option)) if option else law
+    """Return the law under test for an experiment: one of CompensationLaw's, or 'none'."""
+    return Bare(joints.gears) if name == NONE else CompensationLaw(joints.models, law=name)
 
 
 def run(plant, law, seconds, direction, watch, every=1, corrupt=None, knock=None):

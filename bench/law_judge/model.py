@@ -10,7 +10,7 @@ import math
 import numpy as np
 from scipy.optimize import minimize
 
-from law_judge.subject import FrictionModel
+from friction_comp import FrictionModel
 
 DEGREE = math.pi / 180.0
 SPEEDS = np.array([1, 2, 3, 5, 7.5, 10, 15, 20, 30, 40, 50, 60, 70, 80, 90, 100]) * DEGREE
@@ -37,7 +37,7 @@ def fit_sigmoid(speeds, currents):
     return level, min(steepness, STEEPEST), viscous
 
 
-def true_models(world, gears, seed, repetitions=48):
+def true_models(world, gears, seed, repetitions):
     """Return the documents of the model files of gears, shape (J,), as `scaled` takes them.
 
     Every other one knows its presliding distance, and its backlash if the encoder shows it.
@@ -57,9 +57,8 @@ def true_models(world, gears, seed, repetitions=48):
         more = float(np.mean(tables[0] - tables[1])) / 2.0
         sigmoid = [level + more, steepness, level - more, 1.0, 1.0, viscous]
         written = document(gear, sigmoid, (measured[::2], measured[1::2]), tables)
-        distance, _ = world.presliding_and_stiffness(gear)
+        distance, scatter = world.presliding(gear)
         if k % 2 == 1 and np.isfinite(distance):
-            scatter = getattr(world, 'presliding_scatter', lambda gear: 0.0)(gear)
             written['presliding'] = {'distance': float(distance),
                                      'std': math.hypot(STD * float(distance), scatter)}
             if 'backlash' in gears.dtype.names and gear['backlash'] >= SEEN * gear['resolution']:

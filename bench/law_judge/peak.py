@@ -25,15 +25,15 @@ LEAST = 0.05     # share of friction in the peak
 COUNTS = 10.0   # of presliding, from which on an unannounced push is to be helped
 
 
-def peak(bank, law, quick=False):
+def peak(bank, law):
     """Return rows for announcements ahead, with the push, and none."""
-    joints = Joints(bank, repetition=list(range(2 if quick else 4)), side=[1.0, -1.0])
-    persons, seconds = _movements(joints)
-    floor = _peaks(joints, persons, seconds, NONE, bank.world.frictionless(joints.gears))
-    bare = _peaks(joints, persons, seconds, NONE, joints.gears)
+    joints = Joints(bank, repetition=[0, 1], side=[1.0, -1.0])
+    persons = _movements(joints)
+    floor = _peaks(joints, persons, NONE, bank.world.frictionless(joints.gears))
+    bare = _peaks(joints, persons, NONE, joints.gears)
     rows = []
     for when, (at, median, tenth) in WHEN.items():
-        with_law = _peaks(joints, persons, seconds, law, joints.gears, at)
+        with_law = _peaks(joints, persons, law, joints.gears, at)
         # Where friction has no part in the peak, there is nothing to take away.
         share = np.where(bare - floor > LEAST * bare, 100.0 * (bare - with_law) / (bare - floor),
                          np.nan)
@@ -41,8 +41,8 @@ def peak(bank, law, quick=False):
         detail = {f'{kind} {g}': round(float(s), 1) for g, (kind, s) in enumerate(
             zip(bank.kinds, share))}
         if tenth is not None:
-            rows += [Row(name, law, float(np.nanmedian(share)), median, ' %', True, detail=detail),
-                     Row(f'{name}: worst tenth', law, float(np.nanpercentile(share, 10)), tenth,
+            rows += [Row(name, float(np.nanmedian(share)), median, ' %', True, detail=detail),
+                     Row(f'{name}: worst tenth', float(np.nanpercentile(share, 10)), tenth,
                          ' %', True)]
             continue
         known = np.array(['presliding' in document and document['presliding']['distance']
@@ -51,33 +51,32 @@ def peak(bank, law, quick=False):
         for which, among, least in (('presliding known, ≥ 10 counts', known, median),
                                     ('otherwise', ~known, None)):
             if among.any():
-                rows.append(Row(f'{name}, {which}', law, float(np.nanmedian(share[among])), least,
+                rows.append(Row(f'{name}, {which}', float(np.nanmedian(share[among])), least,
                                 ' %', True, detail=detail))
-        rows.append(Row(f'{name}: worst', law, float(np.nanmin(share)), -2.0, ' %', True))
+        rows.append(Row(f'{name}: worst', float(np.nanmin(share)), -2.0, ' %', True))
     return rows
 
 
 def _movements(joints):
     bank = joints.bank
     # each gear has one person and one movement, whatever the repetition
-    torque = bank.gears['static'] + bank.gears['link_coulomb']
-    persons = draw_persons([ABLE] * len(bank.gears), torque, bank.seed)
+    persons = draw_persons([ABLE] * len(bank.gears), bank.torque, bank.seed)
     random = np.random.default_rng([bank.seed, 91])
     number = len(bank.gears)
     persons['start'] = START
     persons['speed'] = random.uniform(8.0, 25.0, number) * DEGREE
     persons['acceleration_time'] = random.uniform(0.5, 2.0, number)
     persons['cruise_time'] = 10.0
-    persons['tremor'] = random.uniform(0.0, 0.01, number) * torque
+    persons['tremor'] = random.uniform(0.0, 0.01, number) * bank.torque
     persons = persons[joints.gear]
     persons['speed'] *= joints['side']
-    return persons, START + 2.0 + 2.0
+    return persons
 
 
-def _peaks(joints, persons, seconds, law, gears, at=np.inf):
+def _peaks(joints, persons, law, gears, at=np.inf):
     plant = joints.plant(persons, gears)
     side = joints['side']
-    record = run(plant, make_law(law, joints), seconds,
+    record = run(plant, make_law(law, joints), START + 4.0,
                  lambda time: side * (at <= time), {'torque': 'person'})
     rate, first = 1.0 / plant.sample_time, round(START / plant.sample_time)
     torque = sosfiltfilt(butter(2, BAND, fs=rate, output='sos'), record['torque'] * side, axis=0)

@@ -45,12 +45,6 @@ def nobody(joints):
 
 
 @njit(cache=True)
-def arm_inertia(who):
-    """Return what the arm adds to the link's inertia, kg·m²."""
-    return who.arm
-
-
-@njit(cache=True)
 def reference(who, time):
     """Return position and velocity of the movement shown to the person, rad from the origin."""
     t = time - who.start

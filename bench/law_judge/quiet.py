@@ -31,11 +31,11 @@ FEW = (7.0, 12.0)       # counts of presliding: a coarse encoder
 RINGS, RING_BAND = 0.1 * DEGREE, 4.0    # RMS of the velocity above so many Hz
 
 
-def quiet(bank, law, quick=False):
+def quiet(bank, law):
     """Let persons hold, start and move slowly."""
     joints = Joints(bank, grip=[SOFT, FIRM, LEANING], speed=[3.0, 10.0, SWAY],
                     # announced ahead, with the push, not at all
-                    announce=[1.0, START, np.inf], factor=[1.0] if quick else [1.0, 1.1])
+                    announce=[1.0, START, np.inf])
     # who sways is told nothing, whenever
     found, bare = (watch_vibration(joints, name) for name in (law, NONE))
     rows = []
@@ -43,7 +43,7 @@ def quiet(bank, law, quick=False):
                         ('second of start or stop', ('start', 'stop'))):
         loud = np.max([found[p] for p in parts], axis=0)
         than = np.max([bare[p] for p in parts], axis=0)
-        rows.append(count(f'vibrates, {name}', law, joints, loud > np.maximum(LIMIT, MORE * than),
+        rows.append(count(f'vibrates, {name}', joints, loud > np.maximum(LIMIT, MORE * than),
                           0.02, worst=float(loud.max() / DEGREE)))
     return rows
 
@@ -76,7 +76,7 @@ def watch_vibration(joints, law):
     return parts
 
 
-def knock(bank, law, quick=False):
+def knock(bank, law):
     """Knock on joints at rest, with and without a preload: who still rings after two seconds?"""
     return [_rings(name, gears, law) for name, gears in (
         ('rings 2 s after a knock', bank),
@@ -86,7 +86,7 @@ def knock(bank, law, quick=False):
 def _few_counts(bank):
     """Return the gears with a coarser encoder, and models that know their presliding."""
     counts = np.random.default_rng([bank.seed, 73]).uniform(*FEW, len(bank.gears))
-    distance = np.array([bank.world.presliding_and_stiffness(g)[0] for g in bank.gears])
+    distance = np.array([bank.world.presliding(g)[0] for g in bank.gears])
     known = np.flatnonzero(np.isfinite(distance))
     gears, documents = bank.gears.copy(), []
     gears['resolution'][known] = (distance / counts)[known]
@@ -114,11 +114,11 @@ def _rings(name, bank, law):
         return sosfiltfilt(sos, record['v'], axis=0)[first:].std(axis=0)
     found, bare = ringing(law), ringing(NONE)
     at_rest = bare < 0.5 * RINGS
-    return count(name, law, joints, found > RINGS, which=at_rest,
+    return count(name, joints, found > RINGS, which=at_rest,
                  worst=float(found[at_rest].max() / DEGREE))
 
 
-def flicker(bank, law, quick=False):
+def flicker(bank, law):
     """Announce a direction to and fro to joints at rest, untouched or held."""
     joints = Joints(bank, frequency=[2.0, 3.5, 5.0], low=[-1, 0], held=[0, 1])
     persons = draw_persons([SOFT] * len(joints), joints.torque, bank.seed)
@@ -130,5 +130,5 @@ def flicker(bank, law, quick=False):
     plant = joints.plant(persons)
     record = run(plant, make_law(law, joints), 5.0, direction, {'v': 'motor_velocity'})
     shaken = np.sqrt(np.mean(record['v'][2000:] ** 2, axis=0))
-    return [count('announcement flickers at 2 to 5 Hz: shakes', law, joints, shaken > LIMIT, 0.02,
+    return [count('announcement flickers at 2 to 5 Hz: shakes', joints, shaken > LIMIT, 0.02,
                   worst=float(shaken.max() / DEGREE))]

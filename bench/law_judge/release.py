@@ -22,29 +22,26 @@ LIMIT = 1.25 * SPEEDS[-1]
 LOST = 1.0 / 0.7
 
 
-def release(bank, law, quick=False):
+def release(bank, law):
     """Bring each joint to a speed and let go, or push it by 2 deg and let go."""
-    joints = Joints(bank, speed=[5, 40, 80] if quick else [5, 10, 20, 40, 80],
-                    direction=[0, 1] if quick else [-1, 0, 1],
-                    factor=[1.0, 1.05, 1.1, LOST] if quick
-                    else [1.0, 1.01, 1.05, 1.1, 1.2, 1.3, LOST, 1.5])
+    joints = Joints(bank, speed=[5, 40, 80], direction=[0, 1], factor=[1.0, 1.05, 1.1, LOST])
     found = watch_release(joints, law)
     factor = joints['factor']
     rows = [
-        count('let go, model ≤ 1.10: gains speed', law, joints, found['gained'],
+        count('let go, model ≤ 1.10: gains speed', joints, found['gained'],
               which=factor <= 1.10),
-        count('let go, model ≤ 1.05: not at rest in 6 s', law, joints, found['moving'], 0.01,
+        count('let go, model ≤ 1.05: not at rest in 6 s', joints, found['moving'], 0.01,
               which=factor <= 1.05),
-        count('let go, model ≤ 1.5: beyond 1.25 of the identified speeds', law, joints,
+        count('let go, model ≤ 1.5: beyond 1.25 of the identified speeds', joints,
               found['beyond'], fastest=float(found['fastest'].max() / DEGREE)),
-        count('let go, friction 0.70 of the model: still moves after 6 s', law, joints,
+        count('let go, friction 0.70 of the model: still moves after 6 s', joints,
               found['moving'], None, which=factor == LOST)]
-    pushed = Joints(bank, factor=[1.0, 1.05, 1.1], copy=list(range(2 if quick else 6)))
+    pushed = Joints(bank, factor=[1.0, 1.05, 1.1], copy=[0, 1])
     sent = watch_push(pushed, law)
     few = pushed['factor'] <= 1.05
     return [*rows,
-            count('pushed by 2 deg, model ≤ 1.10: gains speed', law, pushed, sent['gained'], 0.02),
-            count('pushed by 2 deg, model ≤ 1.05: not at rest in 6 s', law, pushed,
+            count('pushed by 2 deg, model ≤ 1.10: gains speed', pushed, sent['gained'], 0.02),
+            count('pushed by 2 deg, model ≤ 1.05: not at rest in 6 s', pushed,
                   sent['moving'], 0.02, which=few, unmoved=int(sent['unmoved'].sum()))]
 
 

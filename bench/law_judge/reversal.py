@@ -13,14 +13,13 @@ from law_judge.rows import DEGREE, Row
 START, CRUISE, AFTER = 1.5, 1.0, 1.0
 BAND = 20.0
 AHEAD = (0.1, 0.3)     # s before the turn at which the other direction is announced
-FIRMER = (30.0,)     # than who is just able to move the joint: leads it through the turn
+FIRMER = 30.0     # than who is just able to move the joint: leads it through the turn
 
 
-def reversal(bank, law, quick=False):
+def reversal(bank, law):
     """Return by how much peak and RMS of the torque about the turn are lower than bare, %."""
-    joints = Joints(bank, side=[1.0, -1.0], ahead=AHEAD, firmer=FIRMER)
-    torque = bank.gears['static'] + bank.gears['link_coulomb']
-    persons = draw_persons([ABLE] * len(bank.gears), torque, bank.seed)
+    joints = Joints(bank, side=[1.0, -1.0], ahead=AHEAD)
+    persons = draw_persons([ABLE] * len(bank.gears), bank.torque, bank.seed)
     random = np.random.default_rng([bank.seed, 92])
     persons['start'], persons['returns'] = START, 1
     persons['speed'] = random.uniform(8.0, 25.0, len(bank.gears)) * DEGREE
@@ -28,14 +27,14 @@ def reversal(bank, law, quick=False):
     persons['acceleration_time'], persons['cruise_time'] = ramp, CRUISE
     persons = persons[joints.gear]
     persons['speed'] *= joints['side']
-    persons['stiffness'] *= joints['firmer']
-    persons['damping'] *= np.sqrt(joints['firmer'])
+    persons['stiffness'] *= FIRMER
+    persons['damping'] *= np.sqrt(FIRMER)
     turn = (START + CRUISE + 2.0 * ramp)[joints.gear]
     bare, with_law = (_felt(joints, persons, turn, name) for name in (NONE, law))
     rows = []
     for k, (name, least) in enumerate((('peak', 20.0), ('RMS', 65.0))):
         lower = 100.0 * (1.0 - with_law[k] / bare[k])
-        rows.append(Row(f'reversal announced: {name} lower than bare', law,
+        rows.append(Row(f'reversal announced: {name} lower than bare',
                         float(np.median(lower)), least, ' %', True,
                         detail={'worst': float(lower.min()), 'each': lower.round(1).tolist()}))
     return rows

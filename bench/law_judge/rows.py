@@ -15,7 +15,7 @@ class Row:
 
     Attributes
     ----------
-    floor, law : str
+    floor : str
     value : float
         What was measured; joints that fail where `joints` is set.
     wanted : float or None
@@ -29,7 +29,6 @@ class Row:
     """
 
     floor: str
-    law: str
     value: float
     wanted: float | None = None
     unit: str = ''
@@ -63,12 +62,12 @@ class Row:
         return f'{"≥" if self.at_least else "≤"} {self.wanted:g}{self.unit}'
 
 
-def count(floor, law, joints, fails, wanted=0.0, which=None, **detail):
+def count(floor, joints, fails, wanted=0.0, which=None, **detail):
     """Return a row that counts joints, with the gears that fail.
 
     Parameters
     ----------
-    floor, law : str
+    floor : str
     joints : Joints
     fails : ndarray of bool, shape (J,)
     wanted : float or None
@@ -79,5 +78,5 @@ def count(floor, law, joints, fails, wanted=0.0, which=None, **detail):
     fails = np.asarray(fails, dtype=bool)
     which = np.ones(len(fails), dtype=bool) if which is None else which
     gears, times = np.unique(joints.gear[which & fails], return_counts=True)
-    return Row(floor, law, int((fails & which).sum()), wanted, joints=int(which.sum()), detail={
+    return Row(floor, int((fails & which).sum()), wanted, joints=int(which.sum()), detail={
         'gears': {f'{joints.bank.kinds[g]} {g}': int(n) for g, n in zip(gears, times)}, **detail})

@@ -20,50 +20,48 @@ LOST = (1.0 / 0.85, 1.0 / 0.8, 1.0 / 0.75, 1.0 / 0.7)
 WEIGHT = 0.26
 
 
-def untouched(bank, law, quick=False):
+def untouched(bank, law):
     """Announce both directions to resting joints whose model is up to 1.1 times the truth."""
-    copies = 12 if quick else 60
-    seconds = 10.0 if quick else 20.0
     random = np.random.default_rng([bank.seed, 31])
     # a model a copy would be costly to no purpose: five pairs of factors
     middle = random.uniform(1.0, 1.1, 4).round(3)
     pairs = [(1.1, 1.1), (1.1, 1.1), (middle[0], 1.1), (1.1, middle[1]), (middle[2], middle[3])]
-    joints = Joints(bank, copy=list(range(copies)))
+    joints = Joints(bank, copy=list(range(12)))
     pair = np.array(pairs)[joints['copy'] % len(pairs)]
     joints.conditions['factor'], joints.conditions['breakaway_factor'] = pair.T.copy()
     side = np.where(random.uniform(size=len(joints)) < 0.5, 1, -1)
-    return [_row('untouched, model ≤ 1.10: starts', law, joints,
-                 _watch(joints, law, side, seconds), 0.001)]
+    return [_row('untouched, model ≤ 1.10: starts', joints,
+                 _watch(joints, law, side, 10.0), 0.001)]
 
 
-def lost(bank, law, quick=False):
+def lost(bank, law):
     """The same where the drive has lost friction since it was identified."""
-    joints = Joints(bank, factor=LOST, copy=list(range(2 if quick else 6)))
+    joints = Joints(bank, factor=LOST, copy=[0, 1])
     side = joints.sides.astype(int)
     # carried by some degrees with the help of the law, and left at rest
     carried = drivers(joints.gears, side * 10.0 * DEGREE, 1.0, 4.0)
     carried['cruise_time'] = 0.6
     return [
-        _row('untouched, friction 0.70 to 0.85 of the model: starts', law, joints,
+        _row('untouched, friction 0.70 to 0.85 of the model: starts', joints,
              _watch(joints, law, side, 8.0)),
-        _row('carried and left at rest, 0.70 to 0.85: starts', law, joints,
+        _row('carried and left at rest, 0.70 to 0.85: starts', joints,
              _watch(joints, law, side, 12.0, carried))]
 
 
-def weight(bank, law, quick=False):
+def weight(bank, law):
     """A weight that the model does not know of pulls in the direction announced."""
-    joints = Joints(bank, copy=list(range(2 if quick else 6)))
+    joints = Joints(bank, copy=[0, 1])
     side = joints.sides.astype(int)
     gears = joints.gears.copy()
     known = np.isin(np.arange(len(gears)), np.flatnonzero(gears['gravity'] == 0.0))
     gears['gravity'][known] = WEIGHT * joints.torque[known]
     gears['gravity_phase'][known] = np.where(side[known] > 0, np.pi, 0.0)
-    return [_row('unknown weight of 0.26 of friction, d downward: falls', law, joints,
+    return [_row('unknown weight of 0.26 of friction, d downward: falls', joints,
                  _watch(joints, law, side, 8.0, gears=gears))]
 
 
-def _row(floor, law, joints, found, wanted=0.0):
-    return count(floor, law, joints, found['started'], wanted,
+def _row(floor, joints, found, wanted=0.0):
+    return count(floor, joints, found['started'], wanted,
                  fastest=float(found['fastest'].max() / DEGREE),
                  farthest=float(found['travel'].max() / DEGREE))
 

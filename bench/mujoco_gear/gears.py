@@ -25,6 +25,7 @@ import math
 import numpy as np
 
 from law_judge.person import floats
+from law_judge.persons import log_uniform
 
 KINDS = ('harmonic', 'planetary', 'cycloidal', 'long')
 DEGREE = math.pi / 180.0
@@ -39,11 +40,6 @@ GEAR = np.dtype([('command_delay', 'i8'), *floats(
     'ageing renewal eccentricity eccentricity_waves eccentricity_phase '
     'cogging cogging_waves gravity gravity_phase heating '
     'torque_per_current current_limit current_time current_noise resolution velocity_time')])
-
-
-def log_uniform(random, low, high):
-    """Return a number whose logarithm is uniform."""
-    return math.exp(random.uniform(math.log(low), math.log(high)))
 
 
 def draw_gears(kind, draws, seed):

@@ -9,7 +9,7 @@ import numpy as np
 from law_judge.person import nobody
 from mujoco_gear.plant import Plant
 
-GONE, EARLY = 0.95, 1.0 / 3.0
+GONE = 0.95
 RAMPS, RAMP_TIME = 8, 1.2   # s to breakaway, as in `law_judge.identification`
 
 
@@ -23,7 +23,7 @@ def steady_friction(gear, speeds, side=0.0):
     return torque / gear['torque_per_current']
 
 
-def breakaway_currents(gears, seed, repetitions=48):
+def breakaway_currents(gears, seed, repetitions):
     """Return the currents at which slow ramps set each joint going, A, shape (J, repetitions).
 
     The even ones in positive direction, the odd ones in negative, as magnitudes. It is the most
@@ -65,32 +65,14 @@ def _ramps(gears, seed, repetitions, share, longest):
     return np.array(ways)[10:-10], np.where(np.array(kept)[20:], taken, np.nan)
 
 
-def first_curve(gear, points=4000):
-    """Return ways in rad and the friction of rotor and link together at them, N·m.
-
-    Loaded slowly for the first time, teeth touching; the mean of both sides.
-    """
-    way = np.linspace(0.0, 3.0 * gear['presliding'], points)
-    total = np.minimum(gear['link_coulomb'], gear['stiffness'] * way)
-    for ratio in (1.0, gear['distance_ratio']):
-        for share, distance in ((gear['share'], gear['first_distance']),
-                                (1.0 - gear['share'], gear['second_distance'])):
-            total = total + 0.5 * gear['coulomb'] * share * np.minimum(
-                1.0, way / (ratio * distance))
-    return way, total
-
-
-def presliding_and_stiffness(gear):
-    """Return the way in rad to 95 % of breakaway, and the slope up to a third of it in A/rad.
+def presliding(gear):
+    """Return the way to 95 % of breakaway, and by how much it differs from rest to rest, rad.
 
     The way is that of a ramp as identification asks for, since the engine's friction creeps: its
-    elements alone (`first_curve`) give way by a half less, a ramp of twenty times the length by
-    three times more.
+    elements alone give way by a half less, a ramp of twenty times the length by three times more.
+    The second is a standard deviation.
     """
-    way, torque = first_curve(gear)
-    early = max(int(np.argmax(torque > EARLY * torque[-1])), 2)
-    slope = (torque[early] - torque[1]) / (way[early] - way[1]) / gear['torque_per_current']
-    return _way_of_ramps(gear.tobytes(), gear.dtype)[0], slope
+    return _way_of_ramps(gear.tobytes(), gear.dtype)
 
 
 @cache
@@ -103,8 +85,3 @@ def _way_of_ramps(gear, dtype):
     sides = given[0::2], given[1::2]
     scatter = np.hypot(*(np.std(side, ddof=1) for side in sides)) / np.sqrt(2.0)
     return 0.5 * float(np.median(sides[0]) + np.median(sides[1])), float(scatter)
-
-
-def presliding_scatter(gear):
-    """Return by how much the way differs from rest to rest, as a standard deviation in rad."""
-    return _way_of_ramps(gear.tobytes(), gear.dtype)[1]

@@ -4,14 +4,7 @@
 
 from mujoco_gear.gears import draw_gears, frictionless, KINDS
 from mujoco_gear.plant import Plant
-from mujoco_gear.truth import (
-    breakaway_currents,
-    presliding_and_stiffness,
-    presliding_scatter,
-    steady_friction,
-)
+from mujoco_gear.truth import breakaway_currents, presliding, steady_friction
 
-NAME = 'mujoco'
-
-__all__ = ['breakaway_currents', 'draw_gears', 'frictionless', 'KINDS', 'NAME', 'Plant',
-           'presliding_and_stiffness', 'presliding_scatter', 'steady_friction']
+__all__ = ['breakaway_currents', 'draw_gears', 'frictionless', 'KINDS', 'Plant', 'presliding',
+           'steady_friction']

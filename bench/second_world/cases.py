@@ -124,7 +124,7 @@ def make(case, part):
         others = np.array([q, v, np.gradient(v, DT, axis=0)])
     trace = simulate(case.joint, case.controller, case.chain, case.number, reference, open_loop,
                      load, heat, others)
-    return trace, record(rng, case.fit_sensors, trace, number=case.number)
+    return trace, record(rng, case.fit_sensors, trace, case.number)
 
 
 def required(case, trace, seen, floor):

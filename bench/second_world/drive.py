@@ -10,7 +10,7 @@ from numba import njit
 import numpy as np
 
 from second_world.arm import torque
-from second_world.joint import carried, gravity_of, new_state, resistance
+from second_world.joint import carried, new_state, resistance
 
 DT = 0.25e-3
 PER_TICK = 4
@@ -182,6 +182,3 @@ def energy_balance(joint, trace):
         total = resistance(joint, state, t, q, v, 0.0, 0.0, DT)
         lost += (total - carried(joint, q, v, 0.0)) * v * DT
     return work, kinetic + height[1] - height[0], lost
-
-
-__all__ = ['DT', 'Controller', 'Trace', 'energy_balance', 'gravity_of', 'run', 'simulate']

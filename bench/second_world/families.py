@@ -9,9 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from second_world.arm import Chain
-from second_world.cases import Case, generator, Hidden
+from second_world.cases import generator, Hidden
 from second_world.drive import Controller
-from second_world.sensing import Sensors
 from second_world.single_effects import (
     asymmetry,
     base,
@@ -225,6 +224,3 @@ def draw(family, seed):
         allowed.add('direction')
     return replace(case, forbidden=frozenset(forbidden), allowed=frozenset(allowed).union(
         *(h.variables for h in case.hidden), case.unexplained))
-
-
-__all__ = ['Case', 'FAMILIES', 'Sensors', 'draw']

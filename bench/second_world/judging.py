@@ -10,10 +10,11 @@ import time
 
 import numpy as np
 
+from friction_comp import Drive, read_recording, refine
+from friction_comp.recordings import write_samples
 from second_world import oracle
 from second_world.cases import make, required
 from second_world.families import draw, OUTSIDE
-from second_world.package import Drive, predict, read_recording, refine, write_samples
 
 NEAR = 1.3  # times the error of the true model
 WORSE = 1.02
@@ -41,7 +42,7 @@ def handed_over(case, seen, folder):
     constant, ratio = case.nominal
     paths = []
     for number, (own, others) in enumerate(zip(seen.recordings, seen.others)):
-        paths.append(Path(folder) / f'run_{number}')
+        paths.append(folder / f'run_{number}')
         joints = list(others)
         joints.insert(case.number, own)
         write_samples(paths[-1], joints if others else own, constant, ratio)
@@ -53,7 +54,7 @@ def handed_over(case, seen, folder):
 
 def prediction_error(model, recordings, mask):
     """Return the RMS in A of measured minus predicted over `mask`, and the largest prediction."""
-    predicted = np.concatenate([predict(model, s) for s in recordings])
+    predicted = np.concatenate([model.predict(s) for s in recordings])
     measured = np.concatenate([s.current for s in recordings])
     return oracle.rms((measured - predicted)[mask]), float(np.max(abs(predicted)))
 
@@ -96,25 +97,20 @@ def judge(family, seed):
     mask = seen_before(trace, fit, score_trace, score)
     mask &= oracle.moving(case, score_trace, score)
     with tempfile.TemporaryDirectory() as folder:
-        fits = handed_over(case, fit, Path(folder) / 'fit') if case.files else fit.recordings
+        fits = handed_over(case, fit, Path(folder) / 'fit')
         began = time.process_time()
         result = refine(fits, drive=Drive(*case.nominal))
         cpu = time.process_time() - began
-        scores = handed_over(case, score, Path(folder) / 'score') if case.files else (
-            score.recordings)
+        scores = handed_over(case, score, Path(folder) / 'score')
         after, largest = prediction_error(result.model, scores, mask)
         before, _ = prediction_error(result.start, scores, mask)
     measured = max(np.max(abs(s.current)) for s in (*fit.recordings, *score.recordings))
     return {
-        'family': family, 'seed': seed, 'motions': case.motions,
-        'samples': sum(map(len, fit.recordings)), 'step': case.fit_sensors.step,
-        'quantum': case.fit_sensors.quantum, 'velocity': case.fit_sensors.velocity,
-        'signal': oracle.rms(np.concatenate([s.current for s in fit.recordings])),
-        'noise': oracle.noise_floor(case, score_trace, score), 'floor_fit': floor,
+        'family': family, 'seed': seed,
         'floor': oracle.reachable_floor(case, score_trace, score, mask),
         'before': before, 'after': after, 'cpu': cpu,
         'counts': case.asks and case.family not in _OUTSIDE,
-        'asked': [h.name for h in asked], 'hidden': [h.name for h in case.hidden],
+        'asked': [h.name for h in asked],
         'claims': claims(case, result, largest, measured),
         **said_right(case, asked, result.report)}
 
@@ -138,9 +134,7 @@ def said_right(case, asked, report):
              and told_first[0][0] not in case.forbidden) if told_first else not asked_first
     outside = case.family in _OUTSIDE
     return {
-        'effects': [f'{n} ({v})' for n, v in effects],
-        'words': [e.get('in_words', '') for e in report['effects']],
-        'unexplained': sorted(left), 'verdict': report.get('verdict'), 'false': false,
+        'effects': [f'{n} ({v})' for n, v in effects], 'false': false,
         'missed': [] if outside and case.unexplained & (left | variables) else missed,
         'first': bool(first or (outside and not told_first)),
         'unexplained_right': bool(case.unexplained & (left | variables)) if case.unexplained

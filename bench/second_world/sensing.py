@@ -8,8 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from friction_comp import Samples
 from second_world.drive import DT
-from second_world.package import Samples
+
+AMBIENT = 22.0  # degrees Celsius
 
 
 @dataclass(frozen=True)
@@ -92,7 +94,7 @@ def _instants(rng, sensors, size):
     return index[keep], stamps[keep]
 
 
-def record(rng, sensors, trace, joint_name='joint', number=0, temperature=22.0):
+def record(rng, sensors, trace, number=0):
     """Return what is recorded of a trace, as `Seen`.
 
     Several joints come as one `Samples` for each of the others, on the same time base.
@@ -112,14 +114,14 @@ def record(rng, sensors, trace, joint_name='joint', number=0, temperature=22.0):
         if sensors.load:
             signals['load'] = trace.load[i] + rng.normal(size=len(i)) * sensors.load_noise
         if sensors.heat:
-            signals['temperature'] = quantised(temperature + trace.heat[i], 0.1)
+            signals['temperature'] = quantised(AMBIENT + trace.heat[i], 0.1)
         if sensors.reference:
             signals['reference_position'] = trace.reference[i]
             signals['reference_velocity'] = trace.reference_speed[i]
         current = quantised(current + _noise(rng, sensors, t), sensors.current_quantum)
         recordings.append(Samples(
             time=t.astype(float), position=quantised(trace.q[i], sensors.quantum),
-            current=current, joint=joint_name, **signals))
+            current=current, joint='joint', **signals))
         indices.append(i)
         others.append([
             Samples(time=t.astype(float), position=quantised(trace.others_q[i, k], 1e-4),

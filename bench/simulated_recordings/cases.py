@@ -10,13 +10,6 @@ import math
 
 
 @dataclass(frozen=True)
-class Scale:
-    """What effects are measured against: the drive's friction level in N·m."""
-
-    level: float
-
-
-@dataclass(frozen=True)
 class Case:
     """One kind of undeclared effect.
 
@@ -25,7 +18,8 @@ class Case:
     variable : str
         What it depends on, one of `friction_comp.model.effects.VARIABLES`.
     draw : callable
-        ``draw(rng, scale)`` gives the effects as in a file of undeclared effects.
+        ``draw(rng, level)`` gives the effects as in a file of undeclared effects; `level` is the
+        drive's friction in N·m.
     needs : dict
         What the recording's `Excitation` must have for it.
     """
@@ -48,74 +42,74 @@ def _effect(name, **parameters):
                                           for key, value in parameters.items()}}]
 
 
-def _stribeck(rng, scale):
-    return _effect('stribeck', amplitude=scale.level * rng.uniform(0.2, 0.6),
+def _stribeck(rng, level):
+    return _effect('stribeck', amplitude=level * rng.uniform(0.2, 0.6),
                    velocity=_log(rng, 0.03, 0.25), exponent=rng.choice([1.0, 2.0]))
 
 
-def _sub_linear(rng, scale):
-    return _effect('viscous_shape', amplitude=scale.level * rng.uniform(0.4, 0.9),
+def _sub_linear(rng, level):
+    return _effect('viscous_shape', amplitude=level * rng.uniform(0.4, 0.9),
                    velocity=1.0, exponent=rng.uniform(0.25, 0.5))
 
 
-def _super_linear(rng, scale):
-    return _effect('viscous_shape', amplitude=scale.level * rng.uniform(0.3, 0.8),
+def _super_linear(rng, level):
+    return _effect('viscous_shape', amplitude=level * rng.uniform(0.3, 0.8),
                    velocity=1.0, exponent=rng.uniform(1.8, 2.5))
 
 
-def _direction(rng, scale):
-    return _effect('direction', coulomb=scale.level * rng.uniform(-0.2, 0.2),
-                   viscous=scale.level * rng.uniform(0.2, 0.5) * _sign(rng))
+def _direction(rng, level):
+    return _effect('direction', coulomb=level * rng.uniform(-0.2, 0.2),
+                   viscous=level * rng.uniform(0.2, 0.5) * _sign(rng))
 
 
-def _gravity(rng, scale):
-    return _effect('gravity', amplitude=scale.level * _log(rng, 0.2, 1.0),
+def _gravity(rng, level):
+    return _effect('gravity', amplitude=level * _log(rng, 0.2, 1.0),
                    phase=rng.uniform(-math.pi, math.pi))
 
 
 def _ripple(name):
-    def draw(rng, scale):
-        return _effect(name, amplitude=scale.level * rng.uniform(0.1, 0.3),
+    def draw(rng, level):
+        return _effect(name, amplitude=level * rng.uniform(0.1, 0.3),
                        frequency=_log(rng, 8.0, 200.0), phase=rng.uniform(-math.pi, math.pi))
     return draw
 
 
-def _bump(rng, scale):
-    return _effect('bump', amplitude=scale.level * rng.uniform(0.4, 0.9),
+def _bump(rng, level):
+    return _effect('bump', amplitude=level * rng.uniform(0.4, 0.9),
                    position=rng.uniform(-1.2, 1.2), width=_log(rng, 0.05, 0.2))
 
 
-def _inertia(rng, scale):
-    return _effect('inertia', inertia=scale.level * rng.uniform(0.1, 0.4))
+def _inertia(rng, level):
+    return _effect('inertia', inertia=level * rng.uniform(0.1, 0.4))
 
 
-def _load_friction(rng, scale):
+def _load_friction(rng, level):
     return _effect('load', coefficient=rng.uniform(0.15, 0.4))
 
 
-def _torque_constant(rng, scale):
+def _torque_constant(rng, level):
     return _effect('torque_constant', factor=1.0 + rng.uniform(0.1, 0.25) * _sign(rng))
 
 
-def _temperature(rng, scale):
+def _temperature(rng, level):
     return _effect('temperature', coefficient=-rng.uniform(0.008, 0.02), reference=25.0)
 
 
-def _warm_up(rng, scale):
+def _warm_up(rng, level):
     return _effect('warm_up', share=rng.uniform(0.2, 0.5), time_constant=_log(rng, 15.0, 60.0))
 
 
-def _hysteresis(rng, scale):
-    torque = scale.level * rng.uniform(0.25, 0.6)
+def _hysteresis(rng, level):
+    torque = level * rng.uniform(0.25, 0.6)
     return _effect('hysteresis', torque=torque, stiffness=torque / _log(rng, 0.03, 0.2))
 
 
-def _rest(rng, scale):
+def _rest(rng, level):
     return _effect('rest', share=rng.uniform(0.3, 0.6), time_constant=_log(rng, 0.4, 2.0),
                    distance=_log(rng, 0.05, 0.2))
 
 
-def _lag(rng, scale):
+def _lag(rng, level):
     return _effect('actuation_lag', lag=rng.uniform(0.012, 0.04))
 
 

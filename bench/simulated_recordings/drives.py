@@ -23,7 +23,7 @@ from friction_comp.simulation.joint import joint_sample, start_joint
 from friction_comp.simulation.joint_parameters import joint_parameters, JOINT_STATE, MEASURED
 from friction_comp.simulation.random_sequence import random_states
 from friction_comp.simulation.undeclared import Undeclared, undeclared_torque, warmed_up
-from simulated_recordings.cases import CASES, Scale
+from simulated_recordings.cases import CASES
 from simulated_recordings.motion import mixed_motion, smooth_noise
 
 STEP = 1e-3
@@ -137,13 +137,12 @@ def random_drive(seed, cases=()):
         upper=level * (1 + asymmetry), lower=-level * (1 - asymmetry),
         steepness=math.exp(rng.uniform(math.log(60.0), math.log(400.0))),
         shift=0.0, viscous=level * rng.uniform(0.1, 0.6))
-    scale = Scale(level=level * drive.torque_per_current)
     # Of a generator of their own, so that the same seed is the same drive with any effects.
     own = np.random.default_rng([seed, 3])
     effects, variables = [], []
     for name in cases:
         case = CASES[name]
-        effects += case.draw(own, scale)
+        effects += case.draw(own, level * drive.torque_per_current)
         variables.append(case.variable)
     # Heating: 15 to 25 K above ambient for the current's usual size.
     thermal = {'ambient': float(rng.uniform(20.0, 26.0)), 'time_constant':

@@ -25,7 +25,6 @@ import math
 import numpy as np
 
 from friction_comp.drive import Drive
-from friction_comp.errors import InputError
 from friction_comp.model.friction_model import Breakaway, FrictionModel, Presliding
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.simulation.joint_parameters import (
@@ -76,14 +75,7 @@ def random_gear(seed: int, kind: str) -> RandomGear:
     ----------
     seed : int
     kind : {'clamp', 'lugre', 'maxwell_slip'}
-
-    Raises
-    ------
-    InputError
-        If there is no such kind.
     """
-    if kind not in GEARS:
-        raise InputError(f'gear must be one of {", ".join(GEARS)}, not {kind!r}')
     rng = np.random.default_rng([seed, GEARS[kind], 77])
 
     def spread(low: float, high: float) -> float:

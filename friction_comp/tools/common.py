@@ -234,10 +234,10 @@ def _progress_lines(first: str) -> Callable[..., None]:
     return report
 
 
-def write_report(folder: Path, content: dict[str, Any], page: Report, *origin: str) -> None:
-    """Write report.json and report.html, whose footer names its origin, such as the command."""
+def write_report(folder: Path, content: dict[str, Any], page: Report, command: str) -> None:
+    """Write report.json and report.html, whose footer names the command."""
     (folder / 'report.json').write_text(to_json(content), encoding='utf-8')
-    page.made_by(*origin)
+    page.made_by(command)
     page.save(folder / 'report.html')
 
 

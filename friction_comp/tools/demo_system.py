@@ -19,11 +19,11 @@ from typing import Any, TYPE_CHECKING
 from rich.console import Console
 
 from friction_comp.errors import InputError
+from friction_comp.nodes.tool_client import ToolClient
 from friction_comp.tools.common import progress, write_report
 from friction_comp.tools.processes import IN_LOCKSTEP, Nodes, plant_parameters, SAMPLE_TIME
 
 if TYPE_CHECKING:
-    from friction_comp.nodes.tool_client import ToolClient
     from friction_comp.reports.html import Report
 
 
@@ -117,9 +117,6 @@ class DemoSystem:
 @contextmanager
 def open_system(arguments: Namespace) -> Iterator[DemoSystem]:
     """Yield the system of a scene, whose nodes end with the block."""
-    # Importing ROS 2 may restart Python, so it comes first.
-    from friction_comp.nodes.tool_client import ToolClient
-
     output = arguments.output.absolute()
     clear_results(output)
     os.environ['ROS_LOG_DIR'] = str(output / 'logs' / 'ros')

@@ -64,7 +64,7 @@ def refine_whole_arm(arguments: Namespace) -> int:
             one.model.notes = {**one.model.notes, 'refined_from': names,
                                'urdf': str(arguments.urdf), **limits[name]}
         with output_folder(arguments.output) as folder:
-            _write(folder, result, names, arguments.joint)
+            _write(folder, result, names, arguments)
     if arguments.json:
         print((arguments.output / 'report.json').read_text(encoding='utf-8'), end='')
         return 0
@@ -95,24 +95,24 @@ def _start_models(arguments: Namespace) -> dict[str, FrictionModel]:
             if arguments.joint in (None, name)}
 
 
-def _write(folder: Path, result: ArmResult, names: list[str], joint: str | None) -> None:
+def _write(folder: Path, result: ArmResult, names: list[str], arguments: Namespace) -> None:
     from friction_comp.files import write_yaml
     from friction_comp.model.friction_model import arm_document
     from friction_comp.reports.refinement_overviews import arm_report
     from friction_comp.reports.refinement_report import refinement_report
 
-    arm = result.report()
+    arm, joint, command = result.report(), arguments.joint, arguments.command
     folders = {name: folder if joint else folder / folder_name(name) for name in result.results}
     for name, one in result.results.items():
         folders[name].mkdir(exist_ok=True)
         own = {**one.report, 'arm': arm} if joint else one.report
-        write_report(folders[name], own, refinement_report(one, names))
+        write_report(folders[name], own, refinement_report(one, names), command)
         one.model.save(folders[name] / 'model.yaml')
     if joint:
         return
     whole = {'unit': next(iter(result.results.values())).report['unit'], 'arm': arm,
              'joints': {name: one.report for name, one in result.results.items()}}
     write_report(folder, whole, arm_report(
-        result, names, {name: own.name for name, own in folders.items()}))
+        result, names, {name: own.name for name, own in folders.items()}), command)
     write_yaml(folder / 'model.yaml', arm_document(
         {name: one.model.to_dict() for name, one in result.results.items()}))

@@ -72,7 +72,7 @@ def refine_each(arguments: Namespace) -> int:
             'seconds': time.monotonic() - begin}
         if rows:
             with output_folder(arguments.output) as folder:
-                write_report(folder, content, each_report(content))
+                write_report(folder, content, each_report(content), arguments.command)
     if arguments.json:
         print(to_json(content), end='')
     else:
@@ -105,9 +105,10 @@ def _refine_one(arguments: Namespace, piece: Piece) -> tuple[dict[str, Any], dic
     begin = time.monotonic()
     result, _ = refine_recordings(arguments, [piece.path], piece.joint)
     report = result.report
-    files = {
-        'report.json': to_json(report), 'model.yaml': to_yaml(result.model.to_dict()),
-        'report.html': refinement_report(result, [str(piece.path)]).html()}
+    page = refinement_report(result, [str(piece.path)])
+    page.made_by(arguments.command)
+    files = {'report.json': to_json(report), 'model.yaml': to_yaml(result.model.to_dict()),
+             'report.html': page.html()}
     row = {
         'joint': report['joint'], 'unit': report['unit'], 'samples': report['samples'],
         'verdict': report['verdict'], 'before': report['before']['held_out_rmse'],
