@@ -12,28 +12,19 @@ import pytest
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
 from diagnostic_msgs.msg import DiagnosticArray
-from ros_system import compensator, joint_state, JOINTS, probe_node, RELIABLE, ZERO
+from ros_system import joint_state, JOINTS, probe_node, RELIABLE, ZERO
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Int8MultiArray
 
 pytestmark = pytest.mark.slow
-TIMEOUT = 0.4
-
-
-@pytest.fixture(scope='module')
-def shared(tmp_path_factory):
-    with compensator(tmp_path_factory.mktemp('contradictions'),
-                     direction_timeout=TIMEOUT) as driver:
-        yield driver
 
 
 @pytest.fixture
-def driver(shared):
-    """The shared compensator, freshly activated: without history."""
-    shared.begin_anew()
-    shared.announce([1, 1])
-    assert shared.ask(ZERO, ZERO)[0] > 0.05
-    return shared
+def driver(driver):
+    """A compensator that helps both joints into their directions."""
+    driver.announce([1, 1])
+    assert driver.ask(ZERO, ZERO)[0] > 0.05
+    return driver
 
 
 def said(driver, *words):
@@ -97,6 +88,7 @@ def test_a_velocity_that_contradicts_the_position_is_told_by_its_unit(driver, fa
 
 
 def test_planners_that_contradict_each_other_give_no_direction(driver):
+    assert driver.probe.set_parameter('compensator', 'direction_timeout', 0.4) is None
     currents = []
     with probe_node() as other:
         rival = other.talk(Int8MultiArray, 'direction', RELIABLE)
