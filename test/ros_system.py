@@ -217,7 +217,8 @@ class Goals:
         self._client = ActionClient(probe, kind, name)
         probe.until(self._client.server_is_ready, f'the server of {name}')
         # The answer to a goal that is refused shows that both ends are connected.
-        probe.answered(lambda: self.send(**refused), 'answer to the first goal')
+        handle = probe.answered(lambda: self.send(**refused), 'answer to the first goal')
+        assert not handle.accepted
 
     def send(self, **goal):
         """Send a goal and return the future of its handle."""

@@ -184,18 +184,6 @@ def test_exit_codes_of_tools(monkeypatch, capsys, ending, code, said):
     assert capsys.readouterr().err == 2 * said
 
 
-def test_a_missing_ros_is_reported_in_one_line(monkeypatch, capsys):
-    monkeypatch.setitem(sys.modules, 'friction_comp.nodes.plant', None)
-
-    def absent(name):
-        raise ModuleNotFoundError(f'No module named {name!r}', name='rclpy')
-
-    monkeypatch.setattr(entry.importlib, 'import_module', absent)
-    assert entry.main(['plant']) == 1
-    assert capsys.readouterr().err.startswith(
-        'plant: ROS 2 is missing or incomplete: no module rclpy')
-
-
 def test_an_environment_with_ros_wheels_names_itself(monkeypatch, tmp_path):
     (tmp_path / 'share' / 'ament_index').mkdir(parents=True)
     monkeypatch.setattr(sys, 'prefix', str(tmp_path))
