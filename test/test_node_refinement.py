@@ -14,7 +14,7 @@ pytest.importorskip('friction_comp_interfaces', reason='the action type is not b
 from action_msgs.msg import GoalStatus
 from friction_comp_interfaces.action import RefineModel
 from geometry_msgs.msg import WrenchStamped
-from node_process import Process
+from node_process import Process, ROOT
 from rclpy.serialization import serialize_message
 from ros_system import Goals, joint_state, MODELS, probe_node, RELIABLE
 from sensor_msgs.msg import JointState
@@ -198,8 +198,7 @@ def test_a_recording_that_cannot_be_read_is_named_and_a_goal_can_be_cancelled(be
     assert 'nothing' in outcome.result.message
     assert not outcome.result.success
     written = set((room / 'out').glob('*'))
-    bench.move(20.0, ripple=0.6)
-    handle = bench.refine()
+    handle = bench.refine(recording=str(ROOT / 'examples' / 'elbow'))
     bench.probe.until(lambda: bench.feedback, 'feedback')
     outcome = bench.cancel(handle)
     assert outcome.status == GoalStatus.STATUS_CANCELED
