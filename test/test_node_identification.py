@@ -94,7 +94,7 @@ def system(room):
     """A plant in lockstep and the server, for all tests that let them live."""
     with probe_node() as probe, Process(room, 'plant', {
             'joints': [JOINT, 'wrist'], 'model_files': MODELS[:2], 'clock': 'lockstep',
-            'seed': 4, 'wrench_period': 0.016, 'sample_time': 4e-3}), Process(
+            'seed': 4, 'wrench_period': 0.032, 'sample_time': 8e-3}), Process(
                 room, 'identification', {
                     'joints': [JOINT, 'wrist'], 'model_files': MODELS[:2], 'use_sim_time': True,
                     'output_folder': str(room / 'models'), 'input_reliability': 'reliable',

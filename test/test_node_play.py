@@ -47,7 +47,7 @@ def test_the_tool_moves_a_joint_along_the_trajectory_by_torque(tmp_path):
     file, recorded = tmp_path / 'trajectory.yaml', tmp_path / 'recorded'
     file.write_text(motion().to_yaml('for a test'), encoding='utf-8')
     with probe_node() as probe, Process(tmp_path, 'plant', {
-            **common, 'clock': 'lockstep', 'seed': 4, 'sample_time': 4e-3, 'wrench_period': 0.016,
+            **common, 'clock': 'lockstep', 'seed': 4, 'sample_time': 8e-3, 'wrench_period': 0.032,
             'wait_for_listeners': 2}), Process(tmp_path, 'identification', {
                 **common, 'use_sim_time': True, 'input_reliability': 'reliable',
                 'output_folder': str(tmp_path), 'joint_state_timeout': 10.0}), Process(
