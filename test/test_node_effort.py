@@ -17,14 +17,10 @@ from ros_system import (
     FakeDriver,
     Goals,
     joint_state,
-    JOINTS,
     MODELS,
     probe_node,
-    RELIABLE,
-    value_of,
 )
 from rosgraph_msgs.msg import Clock
-from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.drive import Drive
@@ -57,23 +53,6 @@ def test_torques_are_the_currents_of_the_law_times_the_torque_constants(tmp_path
             np.testing.assert_allclose(torque, current * gains, rtol=0.0, atol=1e-9)
         assert {command_unit(message) for message in driver.commands} == {TORQUE_UNIT}
     assert min(np.abs(torque)) > 0.2
-
-
-def test_a_plant_that_takes_currents_does_not_take_torques_for_them(tmp_path):
-    common = {'joints': JOINTS[:1], 'model_files': MODELS[:1]}
-    with probe_node() as probe, Process(tmp_path, 'plant', common):
-        port = probe.talk(Float64MultiArray, 'current_command', RELIABLE)
-        probe.matched(port)
-
-        def command_seen(unit):
-            message = Float64MultiArray(data=[0.25])
-            message.layout.dim = [MultiArrayDimension(label='joint', size=1, stride=1),
-                                  MultiArrayDimension(label=unit, size=1, stride=1)]
-            port.publish(message)
-            status = probe.status_of('plant')
-            return value_of(status, 'commands not usable')
-        probe.until(lambda: command_seen('A') == '0', 'a status')
-        probe.until(lambda: command_seen(TORQUE_UNIT) != '0', 'a torque passed over')
 
 
 class TorqueController(FakeDriver):
