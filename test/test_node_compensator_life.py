@@ -34,14 +34,19 @@ from std_srvs.srv import Trigger
 from friction_comp.nodes.compensation_loop import ALONE
 
 pytestmark = pytest.mark.slow
+# Where a library is half imported, and where an exception would be lost.
 INTERRUPTED = """
 import os, signal, sys
 from friction_comp.__main__ import main
 
+class Callback:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+
 class Interrupt:
     def find_spec(self, name, *_):
         if name == 'rclpy.executors':
-            os.kill(os.getpid(), signal.SIGINT)
+            Callback()
 
 sys.meta_path.insert(0, Interrupt())
 sys.exit(main(['compensator']))
@@ -127,7 +132,8 @@ def test_a_late_state_is_ignored(driver):
     driver.announce([1, 1])
     base = time.time_ns()
     before = driver.ask(ZERO, ZERO, base)
-    driver.states.publish(joint_state(base - 3_000_000, JOINTS, ZERO))
+    # Its answer would come first, and would be that of a joint in motion.
+    driver.states.publish(joint_state(base - 3_000_000, JOINTS, ZERO, [0.5, 0.5]))
     assert driver.ask(ZERO, ZERO, base + 1_000_000) == before
 
 
