@@ -4,7 +4,6 @@
 
 import ast
 import functools
-import importlib.util
 import os
 from pathlib import Path
 import re
@@ -118,16 +117,6 @@ def test_ros_is_imported_by_the_nodes_alone():
         str(path.relative_to(ROOT)): sorted(filter(is_ros, imported(path)))
         for path in MODULES if nodes not in path.parents and any(map(is_ros, imported(path)))}
     assert strays == {}
-
-
-@pytest.mark.parametrize('name', NAMES)
-def test_every_name_has_a_module_with_a_main(name):
-    room = 'nodes' if name in entry.NODES else 'tools'
-    spec = importlib.util.find_spec(f'friction_comp.{room}.{name}')
-    assert spec is not None
-    tree = ast.parse(Path(spec.origin).read_text(encoding='utf-8'))
-    assert 'main' in {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
-    assert getattr(entry, name).args == (name,)
 
 
 def test_python_files_have_a_licence_and_a_readable_length():
