@@ -18,7 +18,6 @@ import yaml
 from friction_comp.__main__ import run
 from friction_comp.errors import InputError
 from friction_comp.parallel import interrupts_deferred
-from friction_comp.tools import demo
 from friction_comp.tools.processes import Nodes, ros_arguments
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
@@ -41,14 +40,6 @@ def test_a_failed_node_is_reported_with_its_reason(tmp_path, monkeypatch):
         assert nodes._running['plant'].wait() == 2
         with pytest.raises(InputError, match=r'plant ended with status 2: .*missing\.yaml'):
             nodes.running('plant')
-
-
-@pytest.mark.parametrize('arguments', [['--repetitions', '0'], ['--nonsense'], ['--seed', '-1']])
-def test_bad_arguments(arguments, capsys):
-    with pytest.raises(SystemExit) as error:
-        demo.main(arguments)
-    assert error.value.code == 2
-    assert capsys.readouterr().err.count('\n') == 1
 
 
 def alive(folder):

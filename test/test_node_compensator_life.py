@@ -150,11 +150,6 @@ def test_states_in_pieces_are_put_together(driver):
     assert len(driver.answers) == count + 5, 'one answer a round'
 
 
-def test_a_velocity_of_nan_counts_as_missing(driver):
-    driver.announce([1, 1])
-    assert min(driver.ask(ZERO, [float('nan')] * 2)) > 0.05
-
-
 def test_a_stamped_direction_has_the_planners_age(driver):
     planner = driver.probe.talk(JointState, 'direction_stamped')
     driver.probe.matched(planner)

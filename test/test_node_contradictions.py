@@ -67,13 +67,6 @@ def test_states_that_cannot_be_are_named(driver, names, position, words):
     assert words in said(driver, words)
 
 
-def test_other_joints_and_their_values_are_passed_over(driver):
-    driver.announce([1, 1])
-    names = ['wrist', *JOINTS, 'wrist', 'hand']
-    command = driver.ask([1e300, 0.0, 0.0, 1.0, math.nan], [0.0] * 5, names=names)
-    assert min(command) > 0.05
-
-
 @pytest.mark.parametrize(('factor', 'words'), [
     (math.degrees(1.0), 'elbow: velocity is 57.3 times the rate of position: velocity is in deg/s'),
     (-1.0, 'wrong sign'), (0.0, 'not measured')])

@@ -75,17 +75,6 @@ def test_whole_tool(tmp_path, monkeypatch):
             assert reductions[name] == pytest.approx(value, abs=0.03), name
 
 
-def test_bad_arguments_leave_nothing(tmp_path, capsys):
-    """Exit code 2 and one line."""
-    with pytest.raises(SystemExit) as ending:
-        run('reproduce', ['--output', str(tmp_path / 'out'), '--cycles', 'many'])
-    assert ending.value.code == 2
-    assert capsys.readouterr().err.count('\n') == 1
-    (tmp_path / 'file').write_text('x')
-    assert run('reproduce', ['--output', str(tmp_path / 'file')]) == 2
-    assert not (tmp_path / 'out').exists()
-
-
 @pytest.mark.slow
 def test_a_killed_tool_leaves_no_process(tmp_path):
     """The tool alone is killed, while a process of its own measures a look-up table."""
