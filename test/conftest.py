@@ -89,3 +89,18 @@ def own_environment():
     """Restore the environment, in which a tool in this process sets its ROS domain."""
     with patch.dict(os.environ):
         yield
+
+
+@pytest.fixture(scope='module')
+def shared_compensator(tmp_path_factory):
+    """One compensator of two joints for all tests of a module that leave it as they found it."""
+    from ros_system import compensator
+    with compensator(tmp_path_factory.mktemp('compensator'), [1, 1]) as driver:
+        yield driver
+
+
+@pytest.fixture
+def driver(shared_compensator):
+    """The shared compensator, freshly activated: without history."""
+    shared_compensator.restore()
+    return shared_compensator

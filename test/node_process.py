@@ -21,17 +21,8 @@ PATIENCE = 120.0
 
 
 def ros_arguments(parameters=None, remappings=None):
-    """Return a node's command-line arguments, with values in YAML."""
-    arguments = ['--ros-args', '--log-level', 'warn']
-    for name, value in (parameters or {}).items():
-        if isinstance(value, bool):
-            value = str(value).lower()
-        elif isinstance(value, (list, tuple)):
-            value = '[' + ', '.join(f"'{v}'" if isinstance(v, str) else repr(v)
-                                    for v in value) + ']'
-        elif isinstance(value, str):
-            value = f"'{value}'"
-        arguments += ['-p', f'{name}:={value}']
+    """Return a node's command-line arguments."""
+    arguments = processes.ros_arguments(parameters or {})
     for old, new in (remappings or {}).items():
         arguments += ['-r', f'{old}:={new}']
     return arguments

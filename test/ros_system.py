@@ -15,6 +15,7 @@ import numpy as np
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.srv import GetParameters, SetParameters
 import rclpy
+from rclpy.action import ActionClient
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -174,6 +175,15 @@ class Probe(Node):
         self.until(look, f'diagnostics of {node}')
         return found[-1]
 
+    def all_heard(self, topic):
+        """Wait until nobody publishes on a topic any more; return all messages heard there."""
+        self.until(lambda: not self.subscribers[topic].get_publisher_count(), f'the end of {topic}')
+        count = -1
+        while count != len(self.heard[topic]):
+            count = len(self.heard[topic])
+            self.spin_for(0.2)
+        return self.heard[topic]
+
     def close(self):
         self._executor_.shutdown()
         self.destroy_node()
@@ -197,6 +207,52 @@ def joint_state(stamp_ns, names, position, velocity=None, effort=None):
     message.effort = array('d', [0.0] * len(names) if effort is None else effort)
     message.header.stamp.sec, message.header.stamp.nanosec = divmod(int(stamp_ns), 10**9)
     return message
+
+
+class Goals:
+    """An action client that waits with patience, and keeps the feedback of its last goal."""
+
+    def __init__(self, probe, kind, name, refused):
+        self.probe, self.feedback, self._kind = probe, [], kind
+        self._client = ActionClient(probe, kind, name)
+        probe.until(self._client.server_is_ready, f'the server of {name}')
+        # The answer to a goal that is refused shows that both ends are connected.
+        handle = probe.answered(lambda: self.send(**refused), 'answer to the first goal')
+        assert not handle.accepted
+
+    def send(self, **goal):
+        """Send a goal and return the future of its handle."""
+        self.feedback.clear()
+        return self._client.send_goal_async(
+            self._kind.Goal(**goal), lambda message: self.feedback.append(message.feedback))
+
+    def ask(self, **goal):
+        """Send a goal once and return its handle."""
+        return self.probe.complete(self.send(**goal), 'answer to the goal')
+
+    def begin(self, meanwhile=lambda: None, **goal):
+        """Send a goal until it is accepted: the server must have found the joint first."""
+        sent = [self.send(**goal)]
+
+        def accepted():
+            meanwhile()
+            if sent[-1].done() and not sent[-1].result().accepted:
+                sent.append(self.send(**goal))
+            return sent[-1].done() and sent[-1].result().accepted
+        self.probe.until(accepted, 'an accepted goal')
+        return sent[-1].result()
+
+    def result(self, handle, timeout=PATIENCE):
+        return self.probe.answered(handle.get_result_async, 'the result', 20.0, timeout)
+
+    def cancel(self, handle):
+        """Cancel a goal and return its result."""
+        answer = self.probe.complete(handle.cancel_goal_async(), 'answer to the cancellation')
+        assert len(answer.goals_canceling) == 1
+        return self.result(handle)
+
+    def close(self):
+        self._client.destroy()
 
 
 class FakeDriver:

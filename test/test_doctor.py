@@ -27,13 +27,14 @@ MODEL = FrictionModel.load(package_file('config', 'armin_configuration_1.yaml'))
 JOINT = 'elbow'
 
 
-def states(seconds=30.0, rate=500.0, sign=1.0, velocity_sign=1.0, share=1.0):
-    time = 1e9 + np.arange(0.0, seconds, 1.0 / rate)
+def states(share=1.0):
+    """Half a minute of a motor that moves with a share of the model's friction."""
+    time = 1e9 + np.arange(0.0, 30.0, 0.002)
     position = 0.5 * np.sin(1.3 * (time - 1e9))
     velocity = np.gradient(position, time)
-    effort = sign * share * MODEL.sigmoid(velocity) * MODEL.drive.torque_per_current
+    effort = share * MODEL.sigmoid(velocity) * MODEL.drive.torque_per_current
     return StatesSeen([JOINT], time + 1e-3, time, position[:, None],
-                      velocity_sign * velocity[:, None], effort[:, None])
+                      velocity[:, None], effort[:, None])
 
 
 def healthy():
@@ -69,16 +70,10 @@ def test_gaps_and_noise_are_not_reported_as_wrong_velocity():
     assert not [finding for finding in wrong(seen) if 'velocity' in finding.what]
 
 
-def without_listener(seen):
-    seen.topics['/current_command'].subscribers.clear()
-
-
-def second_commander(seen):
-    seen.topics['/current_command'].publishers.append(Endpoint('/compensator'))
-
-
-def reliable_wanted(seen):
-    seen.topics['/joint_states'].publishers[:] = [Endpoint('/driver', reliable=False)]
+def held_up(seen):
+    received = seen.states.received.copy()
+    received[7000:] += 0.2
+    seen.states = replace(seen.states, received=received, stamp=received - 1e-3)
 
 
 def other_name(seen):
@@ -86,81 +81,43 @@ def other_name(seen):
     seen.states = None
 
 
-def held_up(seen):
-    received = seen.states.received.copy()
-    received[7000:] += 0.2
-    seen.states = replace(seen.states, received=received, stamp=received - 1e-3)
+def announced(seen, value, *planners):
+    for name, planner in zip(('direction', 'direction_stamped'), planners):
+        seen.topics[f'/{name}'] = TopicSeen([TOPICS[name]], [Endpoint(planner)], [])
+    seen.directions = [[value]] * 300
 
 
-def another_clock(seen):
-    seen.states = replace(seen.states, received=seen.states.received + 3.0)
-
-
-def no_tick(seen):
-    seen.parameters['/compensator'] = {'use_sim_time': True}
-
-
-def turned_velocity(seen):
-    seen.states = states(velocity_sign=-1.0)
-
-
-def degrees_a_second(seen):
-    seen.states = states(velocity_sign=57.29578)
-
-
-def named_twice(seen):
-    seen.states = replace(seen.states, twice=[JOINT])
-
-
-def nowhere(seen):
-    seen.states.position[7, 0] = 1e300
-
-
-def two_planners(seen):
-    for name in ('direction', 'direction_stamped'):
-        seen.topics[f'/{name}'] = TopicSeen([TOPICS[name]], [Endpoint(f'/{name}_planner')], [])
-    seen.directions = [[1]] * 300
-
-
-def no_effort(seen):
-    seen.states.effort[:] = np.nan
-
-
-def no_timeout(seen):
-    seen.parameters['/driver']['command_timeout'] = 0.0
-
-
-def odd_direction(seen):
-    seen.topics['/direction'] = TopicSeen([TOPICS['direction']], [Endpoint('/exercise')], [])
-    seen.directions = [[2]] * 300
-
-
-def complaint(seen):
-    seen.diagnostics['compensator'] = 2, 'no joint_states'
-
-
-def latched(seen):
-    seen.diagnostics['compensator: compensation'] = 2, 'an error in the law (latched)'
+def changed(**changes):
+    """Return what changes the joint states of a system."""
+    return lambda seen: setattr(seen, 'states', replace(seen.states, **changes))
 
 
 @pytest.mark.parametrize(('harm', 'about', 'words'), [
-    (without_listener, 'current_command', 'nobody subscribes'),
-    (second_commander, 'current_command', 'may command'),
-    (reliable_wanted, 'QoS', 'best effort'),
+    (lambda seen: seen.topics['/current_command'].subscribers.clear(),
+     'current_command', 'nobody subscribes'),
+    (lambda seen: seen.topics['/current_command'].publishers.append(Endpoint('/compensator')),
+     'current_command', 'may command'),
+    (lambda seen: seen.topics['/joint_states'].publishers.append(
+        Endpoint('/driver', reliable=False)), 'QoS', 'best effort'),
     (other_name, 'joint_states', '/robot/joint_states'),
     (held_up, 'rate', 'longest gap'),
-    (another_clock, 'clocks', 'old'),
-    (no_tick, 'clocks', '/clock'),
-    (turned_velocity, JOINT, '-1 times'),
-    (degrees_a_second, JOINT, 'velocity is in deg/s'),
-    (named_twice, 'joint_states', f'{JOINT} is named twice'),
-    (nowhere, JOINT, '1e+300 rad is impossible'),
-    (two_planners, 'direction', '/direction_planner, /direction_stamped_planner'),
-    (no_effort, JOINT, 'no effort'),
-    (no_timeout, 'driver', 'command_timeout'),
-    (odd_direction, 'direction', '[2]'),
-    (complaint, 'compensator', 'no joint_states'),
-    (latched, 'compensator: compensation', 'law (latched)')])
+    (changed(received=healthy().states.received + 3.0), 'clocks', 'old'),
+    (lambda seen: seen.parameters.update({'/compensator': {'use_sim_time': True}}),
+     'clocks', '/clock'),
+    (changed(velocity=-healthy().states.velocity), JOINT, '-1 times'),
+    (changed(velocity=np.degrees(healthy().states.velocity)), JOINT, 'velocity is in deg/s'),
+    (changed(twice=[JOINT]), 'joint_states', f'{JOINT} is named twice'),
+    (lambda seen: seen.states.position.__setitem__(7, 1e300), JOINT, '1e+300 rad is impossible'),
+    (lambda seen: announced(seen, 1, '/exercise', '/planner'), 'direction', '/exercise, /planner'),
+    (lambda seen: announced(seen, 2, '/exercise'), 'direction', '[2]'),
+    (lambda seen: seen.states.effort.fill(np.nan), JOINT, 'no effort'),
+    (lambda seen: seen.parameters['/driver'].update(command_timeout=0.0),
+     'driver', 'command_timeout'),
+    (lambda seen: seen.diagnostics.update(compensator=(2, 'no joint_states')),
+     'compensator', 'no joint_states'),
+    (lambda seen: seen.diagnostics.update({
+        'compensator: compensation': (2, 'an error in the law (latched)')}),
+     'compensator: compensation', 'law (latched)')])
 def test_each_fault_is_reported_with_a_remedy(harm, about, words):
     seen = healthy()
     harm(seen)
@@ -171,7 +128,7 @@ def test_each_fault_is_reported_with_a_remedy(harm, about, words):
 
 def test_a_current_against_the_motion_is_a_problem_before_any_model_is_compared():
     seen = healthy()
-    seen.states = states(sign=-1.0)
+    seen.states = states(share=-1.0)
     found = check_joint(seen, JOINT, MODEL)
     assert [finding.level for finding in found] == [PROBLEM]
     assert 'sign' in found[0].do

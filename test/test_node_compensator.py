@@ -14,7 +14,6 @@ pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
 from node_process import Process
 from ros_system import (
-    compensator,
     FakeDriver,
     joint_state,
     JOINTS,
@@ -30,25 +29,6 @@ from friction_comp.compensation.law import CompensationLaw
 from friction_comp.model.friction_model import FrictionModel
 
 pytestmark = pytest.mark.slow
-
-
-@pytest.fixture(scope='module')
-def room(tmp_path_factory):
-    return tmp_path_factory.mktemp('compensator')
-
-
-@pytest.fixture(scope='module')
-def shared(room):
-    """One compensator for all tests that leave it as they found it."""
-    with compensator(room) as driver:
-        yield driver
-
-
-@pytest.fixture
-def driver(shared):
-    """The shared compensator, freshly activated: without history."""
-    shared.restore()
-    return shared
 
 
 def movement(count=40):
@@ -95,8 +75,9 @@ def test_finds_its_joints_by_name(driver):
     assert plain[0] > 0.05
     driver.begin_anew()
     driver.announce([1, 0])
-    mixed = driver.ask(
-        [9.0, 0.2, 0.1], [9.0, 0.0, 0.0], names=['wrist', 'shoulder', 'elbow'])
+    # What is said of others is passed over.
+    mixed = driver.ask([1e300, 0.2, 0.1, 1.0, math.nan], [9.0, 0.0, 0.0, 9.0, 0.0],
+                       names=['wrist', 'shoulder', 'elbow', 'wrist', 'hand'])
     np.testing.assert_allclose(mixed, plain, atol=1e-12)
 
 
@@ -112,6 +93,8 @@ def test_a_missing_joint_gets_zero_current_and_an_error(driver):
 @pytest.mark.parametrize(('position', 'velocity', 'age', 'expected'), [
     ([np.nan, 0.0], ZERO, 0.0, [False, True]),
     ([0.0, 0.0], [0.0, np.inf], 0.0, [True, False]),
+    # It counts as missing, and the joint stands still.
+    ([0.0, 0.0], [np.nan, np.nan], 0.0, [True, True]),
     ([0.0], ZERO, 0.0, [False, False]),
     ([0.0, 0.0], ZERO, 60.0, [False, False]),
 ])
@@ -125,8 +108,7 @@ def test_unusable_states_give_zero_current(driver, position, velocity, age, expe
 
 
 @pytest.mark.parametrize(('values', 'expected'), [
-    ([1, -1], [1, -1]), ([2, 1], [0, 1]), ([-128, -1], [0, -1]), ([1], [0, 0]),
-    ([1, 1, 1], [0, 0]), ([], [0, 0])])
+    ([2, -1], [0, -1]), ([1], [0, 0]), ([], [0, 0])])
 def test_only_proper_directions_count(driver, values, expected):
     driver.announce(values)
     assert np.sign(np.round(driver.ask([0.0, 0.0], ZERO), 2)).tolist() == expected
@@ -189,13 +171,13 @@ def test_a_transition_that_cannot_be_made_harms_nothing(driver):
     assert len(driver.ask([0.0, 0.0], ZERO)) == 2
 
 
-def test_a_new_model_is_taken_over_while_running(driver, room):
+def test_a_new_model_is_taken_over_while_running(driver, tmp_path):
     probe = driver.probe
     driver.announce([1, 1])
     before = driver.ask([0.0, 0.0], ZERO)
-    bad = room / 'bad.yaml'
+    bad = tmp_path / 'bad.yaml'
     bad.write_text('format: friction_comp_model\nversion: 1\n')
-    for files in ([MODELS[2], str(bad)], [MODELS[2], str(room / 'none.yaml')], [MODELS[2]]):
+    for files in ([MODELS[2], str(bad)], [MODELS[2], str(tmp_path / 'none.yaml')], [MODELS[2]]):
         assert probe.set_parameter('compensator', 'model_files', files)
         assert probe.get_parameter_of('compensator', 'model_files') == MODELS[:2]
         driver.announce([1, 1])
@@ -230,15 +212,15 @@ def test_diagnostics_report_each_law_and_state_however_short(driver):
     probe.until(all_reported_in_order, 'laws and states in diagnostics')
 
 
-def test_effects_whose_signal_is_missing_are_named_with_the_reason(room):
+def test_effects_whose_signal_is_missing_are_named_with_the_reason(tmp_path):
     """Never received, there, stale, there again; and a load, which this node never measures."""
     temperature = {'name': 'temperature', 'parameters': {
         'coefficients': [0.01, 0.0, 0.0], 'reference_temperature': 25.0, 'transition': 0.02}}
     load = {'name': 'load_friction', 'parameters': {
         'coefficients': [0.02], 'exponent': 1.0, 'transition': 0.02}}
     warm = FrictionModel.load(MODELS[0]).to_dict()
-    FrictionModel.from_dict({**warm, 'effects': [temperature, load]}).save(room / 'warm.yaml')
-    files = [str(room / 'warm.yaml'), MODELS[1]]
+    FrictionModel.from_dict({**warm, 'effects': [temperature, load]}).save(tmp_path / 'warm.yaml')
+    files = [str(tmp_path / 'warm.yaml'), MODELS[1]]
     models = [FrictionModel.load(path) for path in files]
     expected, base = CompensationLaw(models, 'kinetic'), 10_000_000_000
 
@@ -272,7 +254,7 @@ def test_effects_whose_signal_is_missing_are_named_with_the_reason(room):
                 return values['left_out']
         raise AssertionError(f'{values["left_out"]!r} does not meet {words}')
 
-    with own_domain(), probe_node() as probe, Process(room, 'compensator', {
+    with own_domain(), probe_node() as probe, Process(tmp_path, 'compensator', {
             **START, 'model_files': files, 'law': 'kinetic', 'use_sim_time': True}):
         driver = FakeDriver(probe, JOINTS)
         clock = probe.talk(Clock, '/clock', RELIABLE)
@@ -305,10 +287,11 @@ def test_effects_whose_signal_is_missing_are_named_with_the_reason(room):
     ('law', 'magic'), ('breakaway_gain', 1.1), ('breakaway_gain', -0.1),
     ('current_limit', -1.0), ('joints', ['other', 'names']), ('joint_state_timeout', 1.0),
     ('direction_timeout', 0.0), ('breakaway_gain', 'much')])
-def test_refuses_parameters_that_make_no_sense(shared, name, value):
-    before = shared.probe.get_parameter_of('compensator', name)
-    assert shared.probe.set_parameter('compensator', name, value)
-    assert shared.probe.get_parameter_of('compensator', name) == before
+def test_refuses_parameters_that_make_no_sense(shared_compensator, name, value):
+    probe = shared_compensator.probe
+    before = probe.get_parameter_of('compensator', name)
+    assert probe.set_parameter('compensator', name, value)
+    assert probe.get_parameter_of('compensator', name) == before
 
 
 def test_the_current_limit_holds(driver):

@@ -3,6 +3,8 @@
 """The compensator over DDS: start, end, and faults."""
 
 import signal
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -10,7 +12,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
-from node_process import Process
+from node_process import environment, PATIENCE, Process
 from ros_system import (
     BEST_EFFORT,
     compensator,
@@ -32,53 +34,48 @@ from std_srvs.srv import Trigger
 from friction_comp.nodes.compensation_loop import ALONE
 
 pytestmark = pytest.mark.slow
+# Where a library is half imported, and where an exception would be lost.
+INTERRUPTED = """
+import os, signal, sys
+from friction_comp.__main__ import main
+
+class Callback:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+
+class Interrupt:
+    def find_spec(self, name, *_):
+        if name == 'rclpy.executors':
+            Callback()
+
+sys.meta_path.insert(0, Interrupt())
+sys.exit(main(['compensator']))
+"""
 
 
 @pytest.fixture(scope='module')
-def room(tmp_path_factory):
-    return tmp_path_factory.mktemp('compensator')
-
-
-@pytest.fixture(scope='module')
-def shared(room):
-    """One compensator for all tests that let it live."""
-    with compensator(room, [1, 1]) as driver:
-        yield driver
-
-
-@pytest.fixture
-def driver(shared):
-    """The shared compensator, freshly activated: without history."""
-    shared.restore()
-    return shared
-
-
-@pytest.fixture(scope='module')
-def hasty(room):
+def hasty(tmp_path_factory):
     """One that soon takes silence for a fault."""
-    with compensator(room, [1, 1], joint_state_timeout=0.5) as driver:
+    with compensator(tmp_path_factory.mktemp('hasty'), [1, 1], joint_state_timeout=0.5) as driver:
         yield driver
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_signals_leave_zero_current(room, number):
+def test_an_interrupt_leaves_zero_current(tmp_path):
     """With default quality of service, the node hears a best-effort driver."""
-    with probe_node() as probe, Process(
-            room, 'compensator', {'joints': JOINTS, 'model_files': MODELS[:2], 'law': 'paper'},
-            {'__node': f'compensator_{number}', 'joint_states': f's{number}/joint_states',
-             'direction': f's{number}/direction',
-             'current_command': f's{number}/current_command'}, fresh=True) as process:
-        driver = FakeDriver(probe, JOINTS, BEST_EFFORT, f's{number}/')
+    with own_domain(), probe_node() as probe, Process(
+            tmp_path, 'compensator', {'joints': JOINTS, 'model_files': MODELS[:2], 'law': 'paper'},
+            fresh=True) as process:
+        driver = FakeDriver(probe, JOINTS, BEST_EFFORT)
         driver.find(direction=[1, 1])
-        process.send(number)
+        process.send()
         assert process.wait() == 0
         probe.until(lambda: list(driver.commands[-1].data) == ZERO, 'zero current')
         assert 'Traceback' not in process.text
 
 
-def test_waits_for_its_manager_without_autostart(room):
+def test_waits_for_its_manager_without_autostart(tmp_path):
     with probe_node() as probe, Process(
-            room, 'compensator', {**START, 'autostart': False}, {'__node': 'managed'}):
+            tmp_path, 'compensator', {**START, 'autostart': False}, {'__node': 'managed'}):
         assert probe.state_of('managed') == 'unconfigured'
         assert probe.transition('managed', 'configure')
         assert probe.state_of('managed') == 'inactive'
@@ -135,7 +132,8 @@ def test_a_late_state_is_ignored(driver):
     driver.announce([1, 1])
     base = time.time_ns()
     before = driver.ask(ZERO, ZERO, base)
-    driver.states.publish(joint_state(base - 3_000_000, JOINTS, ZERO))
+    # Its answer would come first, and would be that of a joint in motion.
+    driver.states.publish(joint_state(base - 3_000_000, JOINTS, ZERO, [0.5, 0.5]))
     assert driver.ask(ZERO, ZERO, base + 1_000_000) == before
 
 
@@ -150,11 +148,6 @@ def test_states_in_pieces_are_put_together(driver):
         driver.probe.spin_for(0.02)
         assert driver.ask([0.0], [0.0], stamp + k * 1_000_000, ['elbow']) == whole
     assert len(driver.answers) == count + 5, 'one answer a round'
-
-
-def test_a_velocity_of_nan_counts_as_missing(driver):
-    driver.announce([1, 1])
-    assert min(driver.ask(ZERO, [float('nan')] * 2)) > 0.05
 
 
 def test_a_stamped_direction_has_the_planners_age(driver):
@@ -204,29 +197,16 @@ def test_another_commander_is_a_fault_that_stays_until_it_is_reset(driver):
     assert driver.process.text.count('stays until') == 1
 
 
-@pytest.mark.parametrize('number', [signal.SIGHUP, signal.SIGQUIT, signal.SIGABRT, signal.SIGUSR1])
-def test_other_signals_leave_zero_current_too(room, number):
-    with compensator(room, [1, 1]) as driver:
+@pytest.mark.parametrize('number', [signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1])
+def test_other_signals_leave_zero_current_too(tmp_path, number):
+    with compensator(tmp_path, [1, 1]) as driver:
         driver.process.send(number)
         driver.probe.until(lambda: list(driver.commands[-1].data) == ZERO, 'zero current')
         assert driver.process.wait() == 0
 
 
-def test_an_interrupt_while_it_is_being_imported_is_no_error(room):
-    for delay in (0.3, 0.6, 1.0):
-        with own_domain(), Process(room, 'compensator', START, fresh=True) as process:
-            time.sleep(delay)
-            process.send(signal.SIGINT)
-            # On a busy machine Python itself may not be up by then, and says so.
-            assert (process.wait() in (0, 130, -signal.SIGINT)
-                    or 'init_import_site' in process.text)
-            assert 'friction_comp/nodes' not in process.text
-
-
-def test_a_missing_parameter_file_is_one_line(room):
-    with own_domain(), Process(room, 'compensator', arguments=(
-            '--ros-args', '--params-file', 'none.yaml', '--')) as process:
-        assert process.wait() == 2
-        lines = process.text.strip().splitlines()
-        assert len(lines) == 1
-        assert 'none.yaml' in lines[0]
+def test_an_interrupt_while_it_is_being_imported_is_no_error():
+    done = subprocess.run(
+        [sys.executable, '-c', INTERRUPTED], env=environment(), capture_output=True, text=True,
+        timeout=PATIENCE, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (130, '', '')

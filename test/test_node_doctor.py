@@ -3,9 +3,6 @@
 """The doctor over DDS: with a driver whose velocity is reversed, and with a silent system."""
 
 import json
-import os
-import subprocess
-import sys
 import time
 
 import numpy as np
@@ -13,30 +10,27 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
-from node_process import ROOT
-from ros_system import BEST_EFFORT, joint_state, probe_node, RELIABLE
+from node_process import Process
+from ros_system import BEST_EFFORT, joint_state, own_domain, probe_node, RELIABLE
 from sensor_msgs.msg import JointState
 
 pytestmark = pytest.mark.slow
 
 
 def test_finds_the_sign_and_who_publishes(tmp_path):
-    environment = {**os.environ, 'PYTHONPATH': str(ROOT), 'ROS_LOG_DIR': str(tmp_path)}
-    with probe_node() as probe:
+    with own_domain(), probe_node() as probe, Process(
+            tmp_path, 'doctor', remappings={'__ns': '/arm'},
+            arguments=('--seconds', '4', '--json')) as doctor:
         publisher = probe.talk(JointState, 'arm/joint_states', BEST_EFFORT)
         probe.listen(JointState, 'arm/joint_states', RELIABLE)
-        doctor = subprocess.Popen(
-            [sys.executable, '-m', 'friction_comp', 'doctor', '--seconds', '4', '--json',
-             '--ros-args', '-r', '__ns:=/arm'],
-            stdout=subprocess.PIPE, text=True, env=environment)
-        while doctor.poll() is None:
+        while doctor.running:
             now = time.time_ns()
             t = now * 1e-9 % 1000.0
             publisher.publish(joint_state(
                 now, ['elbow'], [np.sin(2.0 * t)], [-2.0 * np.cos(2.0 * t)], [0.0]))
             probe.spin_for(0.004)
-        findings = json.loads(doctor.stdout.read())['findings']
-    assert doctor.returncode == 1
+        assert doctor.wait() == 1
+        findings = json.loads(doctor.text)['findings']
     problems = [f"{one['about']}: {one['what']}" for one in findings if one['level'] == 'problem']
     assert any('elbow: velocity is -1 times the rate' in line for line in problems), problems
     assert any('QoS' in line and 'best effort' in line for line in problems), problems

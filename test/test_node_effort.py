@@ -3,8 +3,6 @@
 """Robots that take a torque at the joint instead of a motor current."""
 
 from pathlib import Path
-import subprocess
-import sys
 import time
 
 import numpy as np
@@ -17,15 +15,12 @@ from node_process import Process
 from ros_system import (
     compensator,
     FakeDriver,
+    Goals,
     joint_state,
-    JOINTS,
     MODELS,
     probe_node,
-    RELIABLE,
-    value_of,
 )
 from rosgraph_msgs.msg import Clock
-from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.drive import Drive
@@ -33,7 +28,6 @@ from friction_comp.excitation.plan import JointPlan, Move, trajectory_of
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.nodes.joint_io import command_unit
 from friction_comp.nodes.tool_client import message_of
-from friction_comp.recordings import read_recording
 from friction_comp.simulation.joint import Plant
 from friction_comp.topics import TORQUE_UNIT
 
@@ -41,7 +35,7 @@ ROOT = Path(__file__).resolve().parents[1]
 ARMS = sorted((ROOT / 'examples' / 'torque_controlled').glob('*.yaml'))
 # For such arms, independently of the files: sample rate, and meaning of `effort`.
 SEMANTICS = {'franka_like': (1000, 'torque'), 'ur_like': (500, 'current')}
-pytestmark = [pytest.mark.slow, pytest.mark.processes]
+pytestmark = pytest.mark.slow
 
 
 def test_torques_are_the_currents_of_the_law_times_the_torque_constants(tmp_path):
@@ -59,54 +53,6 @@ def test_torques_are_the_currents_of_the_law_times_the_torque_constants(tmp_path
             np.testing.assert_allclose(torque, current * gains, rtol=0.0, atol=1e-9)
         assert {command_unit(message) for message in driver.commands} == {TORQUE_UNIT}
     assert min(np.abs(torque)) > 0.2
-
-
-def test_a_plant_that_takes_currents_does_not_take_torques_for_them(tmp_path):
-    common = {'joints': JOINTS[:1], 'model_files': MODELS[:1]}
-    with probe_node() as probe, Process(tmp_path, 'plant', common):
-        port = probe.talk(Float64MultiArray, 'current_command', RELIABLE)
-        probe.matched(port)
-
-        def command_seen(unit):
-            message = Float64MultiArray(data=[0.25])
-            message.layout.dim = [MultiArrayDimension(label='joint', size=1, stride=1),
-                                  MultiArrayDimension(label=unit, size=1, stride=1)]
-            port.publish(message)
-            status = probe.status_of('plant')
-            return value_of(status, 'commands not usable')
-        probe.until(lambda: command_seen('A') == '0', 'a status')
-        probe.until(lambda: command_seen(TORQUE_UNIT) != '0', 'a torque passed over')
-
-
-def test_a_joint_is_moved_and_recorded_by_torque(tmp_path):
-    """Identification's trajectory on a plant that takes torques, as a robot's controller does."""
-    from test_node_play import motion
-
-    common = {'joints': ['elbow'], 'model_files': MODELS[:1], 'command_interface': 'effort'}
-    file = tmp_path / 'trajectory.yaml'
-    file.write_text(motion().to_yaml('for a test'), encoding='utf-8')
-    with probe_node() as probe, Process(tmp_path, 'plant', {
-            **common, 'clock': 'lockstep', 'seed': 4, 'sample_time': 4e-3, 'wrench_period': 0.016,
-            'wait_for_listeners': 2}), Process(tmp_path, 'identification', {
-                **common, 'use_sim_time': True, 'input_reliability': 'reliable',
-                'output_folder': str(tmp_path), 'joint_state_timeout': 10.0}), Process(
-                    tmp_path, 'recorder', {
-                        'output': str(tmp_path / 'recorded'), 'use_sim_time': True,
-                        'input_reliability': 'reliable'}):
-        probe.status_of('recorder', lambda one: int(
-            value_of(one, 'publishers of joint_states') or 0) > 0)
-        outcome = subprocess.run([sys.executable, '-m', 'friction_comp', 'play', str(file)],
-                                 capture_output=True, text=True)
-        assert outcome.returncode == 0, outcome.stderr
-    drive = FrictionModel.load(MODELS[0]).drive
-    samples, = read_recording(tmp_path / 'recorded', 'elbow', drive.torque_constant,
-                              drive.gear_ratio)
-    assert samples.position.max() > 0.45
-    # Both in A, whatever the topic held.
-    moving = np.abs(samples.command) > 0.02
-    assert np.corrcoef(samples.command[moving], samples.current[moving])[0, 1] > 0.9
-    assert np.std(samples.command[moving]) == pytest.approx(
-        np.std(samples.current[moving]), rel=0.2)
 
 
 class TorqueController(FakeDriver):
@@ -186,7 +132,6 @@ def of_the_arm(file, tmp_path, drive, node):
 def test_a_joint_of_an_arm_is_moved_by_its_torque_controller(file, tmp_path):
     """What `effort` holds and what is commanded agree, or the first ramp would end the goal."""
     from friction_comp_interfaces.action import PlayTrajectory
-    from rclpy.action import ActionClient
     from test_node_play import LIMITS
 
     model, parameters, arguments = of_the_arm(file, tmp_path, None, 'identification')
@@ -197,23 +142,14 @@ def test_a_joint_of_an_arm_is_moved_by_its_torque_controller(file, tmp_path):
         plan = JointPlan(LIMITS, 0.0, (Move.within(0.05, 0.0, 0.2, 0.8, 4.0),), 0.7, {})
         message = message_of(trajectory_of([plan], 50.0))
         message.joint_names = [arm.joints[0]]
-        client = ActionClient(probe, PlayTrajectory, 'play_trajectory')
-        probe.until(client.server_is_ready, 'the action server')
-        accepted = []
-
-        def handle():
-            if not accepted or (accepted[-1].done() and not accepted[-1].result().accepted):
-                accepted.append(client.send_goal_async(
-                    PlayTrajectory.Goal(trajectory=message, ramp_slope=0.4)))
-            return accepted[-1].done() and accepted[-1].result().accepted
-        while not handle():
-            arm.go_on(lambda: False)
-        outcome = accepted[-1].result().get_result_async()
+        goals = Goals(probe, PlayTrajectory, 'play_trajectory', {})
+        handle = goals.begin(lambda: arm.go_on(lambda: False), trajectory=message, ramp_slope=0.4)
+        outcome = handle.get_result_async()
         while not outcome.done():
             arm.go_on(lambda: bool(arm.commands) and arm.commanders and not outcome.done())
         assert outcome.result().result.success, outcome.result().result.message
         assert arm.plant.state.position[0] == pytest.approx(0.2, abs=0.02)
-        client.destroy()
+        goals.close()
 
 
 @pytest.mark.parametrize('file', ARMS, ids=lambda file: file.stem)

@@ -98,10 +98,8 @@ def test_subscriptions_may_come_and_go_in_a_callback(room):
 def test_services_and_callbacks_that_wait_go_on_beside_the_messages(room):
     probe, node, executor = room
     client = probe.create_client(Trigger, 'ask')
+    probe.until(client.service_is_ready, 'the service')
     end = time.monotonic() + PATIENCE
-    while not client.service_is_ready():
-        assert time.monotonic() < end
-        probe.spin_for(0.02)
     future, k = client.call_async(Trigger.Request()), 0
     while not future.done():
         assert time.monotonic() < end

@@ -15,9 +15,8 @@ pytest.importorskip('friction_comp_interfaces', reason='the action type is not b
 from action_msgs.msg import GoalStatus
 from action_msgs.srv import CancelGoal
 from friction_comp_interfaces.action import IdentifyFriction
-from node_process import PATIENCE, Process
-from rclpy.action import ActionClient
-from ros_system import BEST_EFFORT, FakeDriver, joint_state, MODELS, probe_node
+from node_process import Process
+from ros_system import BEST_EFFORT, FakeDriver, Goals, joint_state, MODELS, probe_node
 from std_msgs.msg import Float64MultiArray
 
 from friction_comp.model.friction_model import FrictionModel
@@ -28,48 +27,8 @@ GOAL = {'joint': JOINT, 'speeds': [0.8, 1.4], 'motion_range': 0.8, 'ramp_slope':
 pytestmark = pytest.mark.slow
 
 
-class Client:
-    """An action client that waits with patience."""
-
-    def __init__(self, probe):
-        self.probe = probe
-        self.feedback = []
-        self._client = ActionClient(probe, IdentifyFriction, 'identify_friction')
-        probe.until(self._client.server_is_ready, 'the action server')
-        # A goal for an unknown joint is refused; the answer shows that both ends are connected.
-        nobody = IdentifyFriction.Goal(**{**GOAL, 'joint': 'nobody'})
-        probe.answered(lambda: self._client.send_goal_async(nobody), 'answer to the first goal')
-
-    def ask(self, **changes):
-        """Send a goal once and return its handle."""
-        goal = IdentifyFriction.Goal(**{**GOAL, **changes})
-        return self.probe.complete(self._client.send_goal_async(
-            goal, lambda message: self.feedback.append(message.feedback)), 'answer to the goal')
-
-    def begin(self, **changes):
-        """Send a goal until it is accepted: the server must have found the joint first."""
-        end = time.monotonic() + PATIENCE
-        while time.monotonic() < end:
-            handle = self.ask(**changes)
-            if handle.accepted:
-                return handle
-            self.probe.spin_for(0.2)
-        raise AssertionError('the goal was never accepted')
-
-    def result(self, handle, timeout=60.0):
-        return self.probe.answered(handle.get_result_async, 'the result', 20.0, timeout)
-
-    def heard_all(self):
-        """Wait until nobody commands any more, and the last command has been taken."""
-        self.probe.until(
-            lambda: not self.probe.subscribers['current_command'].get_publisher_count(), 'the end')
-        count = -1
-        while count != len(self.commands):
-            count = len(self.commands)
-            self.probe.spin_for(0.2)
-
-    def close(self):
-        self._client.destroy()
+def goals_of(probe):
+    return Goals(probe, IdentifyFriction, 'identify_friction', {'joint': 'nobody'})
 
 
 @pytest.fixture(scope='module')
@@ -84,52 +43,51 @@ class Driver(FakeDriver):
         super().__init__(probe, [JOINT], BEST_EFFORT)
         self.position = 0.0
 
-    def drive(self, condition, timeout=PATIENCE):
+    def publish(self):
+        self.states.publish(joint_state(time.time_ns(), [JOINT], [self.position]))
+        self.probe.spin_for(0.004)
+
+    def drive(self, condition, what):
         """Publish states until the condition holds."""
-        end = time.monotonic() + timeout
-        while not condition():
-            assert time.monotonic() < end, 'not in time'
-            self.states.publish(joint_state(time.time_ns(), [JOINT], [self.position]))
-            self.probe.spin_for(0.004)
+        self.probe.until(lambda: self.publish() or condition(), what)
+
+    def pushed(self, goals):
+        """Let a goal push the joint; return the future of its result."""
+        self.commands.clear()
+        self.position = 0.0
+        outcome = goals.begin(self.publish, **GOAL).get_result_async()
+        # A joint that does not move is pushed ever harder.
+        self.drive(lambda: any(abs(m.data[0]) > 0.005 for m in self.commands[-100:])
+                   or outcome.done(), 'a current')
+        assert not outcome.done(), outcome.result().result.message
+        return outcome
 
 
-@pytest.mark.parametrize('end', ['silence', 'not finite', 'terminated'])
-def test_a_failed_goal_leaves_zero_current_and_no_file(room, end):
-    models = room / f'models_{end.split()[0]}'
+def test_a_failed_goal_leaves_zero_current_and_no_file(room):
+    """Whether a state is not finite, the states fall silent, or the node is terminated."""
+    models = room / 'failed'
     with probe_node() as probe, Process(room, 'identification', {
             'joints': [JOINT], 'model_files': MODELS[:1], 'output_folder': str(models),
-            # As long as it may be where silence is not what ends the run.
-            'joint_state_timeout': 2.0 if end == 'silence' else 10.0}) as process:
-        driver, client = Driver(probe), Client(probe)
-        assert not client.ask().accepted, 'without joint states nothing can be identified'
-        future = []
-
-        def accepted():
-            if not future or (future[-1].done() and not future[-1].result().accepted):
-                future.append(client._client.send_goal_async(IdentifyFriction.Goal(**GOAL)))
-            return future[-1].done() and future[-1].result().accepted
-        driver.drive(accepted)
-        handle = future[-1].result()
-        outcome = handle.get_result_async()
-        # A joint that does not move is pushed ever harder.
-        driver.drive(lambda: any(abs(m.data[0]) > 0.005 for m in driver.commands[-100:])
-                     or outcome.done())
-        assert not outcome.done(), outcome.result().result.message
-        if end == 'not finite':
-            driver.position = float('nan')
-            driver.drive(outcome.done)
-        elif end == 'terminated':
-            process.send(signal.SIGTERM)
-            driver.drive(lambda: driver.commands[-1].data[0] == 0.0)
-            assert process.wait() == 0
-            assert 'Traceback' not in process.text
-        if end != 'terminated':
-            reply = probe.complete(outcome, 'the result')
-            assert reply.status == GoalStatus.STATUS_ABORTED
-            assert ('silent' if end == 'silence' else 'finite') in reply.result.message
-        probe.until(lambda: driver.commands[-1].data[0] == 0.0, 'zero current')
-        assert not models.exists()
-        client.close()
+            'joint_state_timeout': 5.0}) as process:
+        driver, goals = Driver(probe), goals_of(probe)
+        assert not goals.ask(**GOAL).accepted, 'without joint states nothing can be identified'
+        for end in ('finite', 'silent', ''):
+            outcome = driver.pushed(goals)
+            if end:
+                if end == 'finite':
+                    driver.position = float('nan')
+                    driver.drive(outcome.done, 'the result')
+                reply = probe.complete(outcome, 'the result')
+                assert reply.status == GoalStatus.STATUS_ABORTED
+                assert end in reply.result.message
+            else:
+                process.send(signal.SIGTERM)
+                driver.drive(lambda: not process.running, 'the end')
+                assert process.wait() == 0
+                assert 'Traceback' not in process.text
+            probe.until(lambda: driver.commands[-1].data[0] == 0.0, 'zero current')
+            assert not models.exists()
+        goals.close()
 
 
 @pytest.fixture(scope='module')
@@ -137,46 +95,35 @@ def system(room):
     """A plant in lockstep and the server, for all tests that let them live."""
     with probe_node() as probe, Process(room, 'plant', {
             'joints': [JOINT, 'wrist'], 'model_files': MODELS[:2], 'clock': 'lockstep',
-            'seed': 4, 'wrench_period': 0.016, 'sample_time': 4e-3}), Process(
+            'seed': 4, 'wrench_period': 0.032, 'sample_time': 8e-3}), Process(
                 room, 'identification', {
                     'joints': [JOINT, 'wrist'], 'model_files': MODELS[:2], 'use_sim_time': True,
                     'output_folder': str(room / 'models'), 'input_reliability': 'reliable',
                     'joint_state_timeout': 10.0}):
-        client = Client(probe)
-        client.commands = probe.listen(Float64MultiArray, 'current_command')
-        client.models = room / 'models'
-        yield client
-        client.close()
+        probe.listen(Float64MultiArray, 'current_command')
+        goals = goals_of(probe)
+        goals.models = room / 'models'
+        yield goals
+        goals.close()
 
 
-@pytest.mark.parametrize('changes', [
-    {'joint': 'knee'}, {'speeds': [0.1, float('nan')]}, {'speeds': [50.0, 0.1]},
-    {'motion_range': -1.0}, {'ramp_slope': float('inf')}, {'ramp_period': -3.0},
-    {'ramp_slope': 100.0}])
-def test_refuses_goals_that_cannot_be_reached(system, changes):
-    assert not system.ask(**changes).accepted
-    status = system.probe.status_of(
-        'identification',
-        lambda s: any(v.key == 'last refusal' and v.value for v in s.values))
-    assert status
+@pytest.mark.parametrize(('changes', 'words'), [
+    ({'joint': 'knee'}, "unknown joint 'knee'"), ({'ramp_slope': 100.0}, 'current limit')])
+def test_refuses_goals_that_cannot_be_reached(system, changes, words):
+    assert not system.ask(**{**GOAL, **changes}).accepted
+    system.probe.status_of('identification', lambda status: any(
+        item.key == 'last refusal' and words in item.value for item in status.values))
 
 
 def test_a_cancelled_goal_leaves_zero_current_and_no_file(system):
-    handle = system.begin()
+    handle = system.begin(**GOAL)
     system.probe.until(lambda: any(f.phase == 'velocity' for f in system.feedback), 'movement')
-    second = system.ask()
-    assert not second.accepted
-    answer = system.probe.complete(handle.cancel_goal_async(), 'answer to the cancellation')
-    assert len(answer.goals_canceling) == 1
-    outcome = system.result(handle)
+    assert not system.ask(**GOAL).accepted, 'one goal at a time'
+    outcome = system.cancel(handle)
     assert outcome.status == GoalStatus.STATUS_CANCELED
     assert not outcome.result.success
     assert 'cancel' in outcome.result.message
-    system.heard_all()
-    assert list(system.commands[-1].data) == [0.0, 0.0]
-    count = len(system.commands)
-    system.probe.spin_for(0.5)
-    assert len(system.commands) == count
+    assert list(system.probe.all_heard('current_command')[-1].data) == [0.0, 0.0]
     assert not system.models.exists()
 
 
@@ -199,10 +146,8 @@ def test_a_goal_that_is_cancelled_before_it_starts_does_not_move_the_joint(syste
 
 
 def test_identifies_a_drive(system):
-    system.feedback.clear()
-    system.commands.clear()
-    handle = system.begin()
-    outcome = system.result(handle, 240.0)
+    system.probe.heard['current_command'].clear()
+    outcome = system.result(system.begin(**GOAL), 240.0)
     assert outcome.status == GoalStatus.STATUS_SUCCEEDED
     result = outcome.result
     assert result.success
@@ -235,8 +180,7 @@ def test_identifies_a_drive(system):
         assert math.isfinite(f.current)
     assert any(f.velocity for f in system.feedback)
     # Only the joint of the goal was driven, and it was left at zero current.
-    system.heard_all()
-    commands = np.array([m.data for m in system.commands])
+    commands = np.array([m.data for m in system.probe.all_heard('current_command')])
     assert np.abs(commands[:, 0]).max() > 0.1
     assert np.abs(commands[:, 1]).max() == 0.0
-    assert list(system.commands[-1].data) == [0.0, 0.0]
+    assert not commands[-1].any()

@@ -3,6 +3,7 @@
 """Plant and exercise over DDS, one at a time."""
 
 from array import array
+from contextlib import contextmanager
 from dataclasses import replace
 import time
 
@@ -25,14 +26,10 @@ from friction_comp.nodes.joint_states import nanoseconds
 from friction_comp.nodes.plant import Pace
 from friction_comp.package_files import package_file
 from friction_comp.simulation.joint import Plant
+from friction_comp.topics import TORQUE_UNIT
 
 JOINTS = ['elbow', 'shoulder']
 pytestmark = pytest.mark.slow
-
-
-@pytest.fixture
-def room(tmp_path):
-    return tmp_path / 'room'
 
 
 class Commander:
@@ -51,75 +48,80 @@ class Commander:
         self.probe.until(lambda: self.states, 'a first state')
 
     def stamps(self):
-        return sorted({m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in self.states})
+        return sorted({nanoseconds(m.header.stamp) for m in self.states})
 
-    def step(self, values):
+    def command(self, *values, labels=()):
+        message = Float64MultiArray(data=array('d', values))
+        message.layout.dim = [MultiArrayDimension(label=str(label), size=1, stride=1)
+                              for label in labels]
+        self.port.publish(message)
+
+    def step(self, *values, labels=()):
         """Command and return the next state."""
         last = self.stamps()[-1]
-        self.port.publish(Float64MultiArray(data=array('d', values)))
+        self.command(*values, labels=labels)
         self.probe.until(lambda: self.stamps()[-1] > last, 'the next state')
         return self.states[-1]
 
 
-def test_lockstep_steps_once_for_each_command_as_the_plain_joint_does(room, tmp_path):
+@contextmanager
+def plant(folder, **parameters):
+    """Start a plant, by default of one joint in lockstep, and yield its commander."""
+    with probe_node() as probe, Process(folder, 'plant', {
+            'joints': ['elbow'], 'model_files': MODELS[:1], 'clock': 'lockstep', **parameters}):
+        yield Commander(probe)
+
+
+def test_lockstep_steps_once_for_each_command_as_the_plain_joint_does(tmp_path):
     models = [FrictionModel.load(path) for path in MODELS[:2]]
     models[1] = replace(models[1], simulation={
         **models[1].simulation, 'gear': 'lugre', 'delay_samples': 1})
     models[1].save(tmp_path / 'geared.yaml')
     twin = Plant(models, seed=5)
-    with probe_node() as probe, Process(room, 'plant', {
-            'joints': JOINTS, 'model_files': [MODELS[0], str(tmp_path / 'geared.yaml')],
-            'clock': 'lockstep', 'seed': 5}):
-        commander = Commander(probe)
+    with plant(tmp_path / 'room', joints=JOINTS, seed=5, model_files=[
+            MODELS[0], str(tmp_path / 'geared.yaml')]) as commander:
         commander.find()
-        probe.spin_for(0.5)
+        commander.probe.spin_for(0.5)
         assert len(commander.stamps()) == 1
         torque = [m.drive.torque_per_current for m in models]
         for k in range(30):
             command = [0.02 * k, -0.01 * k]
-            # A command without a value for every joint is ignored.
-            sent = {7: [np.nan, 0.1], 9: [0.1]}.get(k, command)
-            state = commander.step(sent)
-            wanted = twin.step(command if k not in (7, 9) else [0.0, 0.0])
+            # Commands that are not finite, lack a joint or are torques are ignored.
+            wrong = {7: [np.nan, 0.1], 9: [0.1], 11: command}
+            unit = TORQUE_UNIT if k == 11 else 'A'
+            state = commander.step(*wrong.get(k, command), labels=['joint', unit])
+            wanted = twin.step([0.0, 0.0] if k in wrong else command)
             assert list(state.name) == JOINTS
             np.testing.assert_allclose(state.position, wanted.position, rtol=0, atol=1e-12)
             np.testing.assert_allclose(state.velocity, wanted.velocity, rtol=0, atol=1e-12)
             np.testing.assert_allclose(state.effort, wanted.current * torque, rtol=0, atol=1e-12)
         assert np.abs(state.position[0]) > 0
         assert np.diff(commander.stamps()).tolist() == [1_000_000] * 30
-        ticks = sorted({m.clock.sec * 10**9 + m.clock.nanosec for m in commander.ticks})
+        ticks = sorted({nanoseconds(m.clock) for m in commander.ticks})
         assert np.diff(ticks).tolist() == [10_000_000] * (len(ticks) - 1)
         assert len(ticks) >= 3
         assert {m.header.frame_id for m in commander.wrenches} == set(JOINTS)
         assert {m.header.frame_id for m in commander.heat} <= set(JOINTS)
-        status = probe.status_of('plant', lambda s: s.level == b'\x01')
-        assert {v.key: v.value for v in status.values}['commands not usable'] == '2'
+        status = commander.probe.status_of('plant', lambda s: s.level == b'\x01')
+        assert value_of(status, 'commands not usable') == '3'
 
 
-def test_a_command_that_answers_another_state_is_passed_over(room):
-    with probe_node() as probe, Process(room, 'plant', {
-            'joints': ['elbow'], 'model_files': MODELS[:1], 'clock': 'lockstep'}):
-        commander = Commander(probe)
+def test_a_command_that_answers_another_state_is_passed_over(tmp_path):
+    with plant(tmp_path) as commander:
         commander.find()
         first = commander.stamps()[-1]
-
-        def command(value, stamp):
-            message = Float64MultiArray(data=array('d', [value]))
-            message.layout.dim = [MultiArrayDimension(label=str(stamp), size=1, stride=1)]
-            commander.port.publish(message)
         for value, stamp in ((0.01, first), (0.02, first), (0.03, first + 1_000_000)):
-            command(value, stamp)
-        probe.until(lambda: commander.stamps()[-1] == first + 2_000_000, 'the third state')
+            commander.command(value, labels=[stamp])
+        commander.probe.until(
+            lambda: commander.stamps()[-1] == first + 2_000_000, 'the third state')
         # The second command repeated an answer; what was taken last is the third.
-        status = probe.status_of('plant')
+        status = commander.probe.status_of('plant')
         assert value_of(status, 'command [A]') == '[0.03]'
 
 
-def test_a_plant_that_waits_for_the_reference_stands_still_without_it(room):
-    with probe_node() as probe, Process(room, 'plant', {
-            'joints': ['elbow'], 'model_files': MODELS[:1], 'clock': 'lockstep',
-            'wait_for_reference': True}):
-        commander = Commander(probe)
+def test_a_plant_that_waits_for_the_reference_stands_still_without_it(tmp_path):
+    with plant(tmp_path, wait_for_reference=True) as commander:
+        probe = commander.probe
         references = probe.talk(JointState, 'reference')
         probe.matched(commander.port)
         probe.matched(references)
@@ -127,15 +129,15 @@ def test_a_plant_that_waits_for_the_reference_stands_still_without_it(room):
         probe.spin_for(0.5)
         assert not commander.states
         tick = commander.ticks[-1].clock
-        begin = tick.sec * 10**9 + tick.nanosec
+        begin = nanoseconds(tick)
         references.publish(joint_state(begin - 10_000_000, ['elbow'], [0.5]))
         probe.spin_for(0.3)
         assert not commander.states
         references.publish(joint_state(begin, ['elbow'], [0.5]))
         probe.until(lambda: commander.states, 'the first state')
         for _ in range(9):
-            commander.step([0.0])
-        commander.port.publish(Float64MultiArray(data=array('d', [0.0])))
+            commander.step(0.0)
+        commander.command(0.0)
         probe.until(lambda: commander.ticks[-1].clock != tick, 'the next tick')
         count = len(commander.stamps())
         probe.spin_for(0.3)
@@ -161,23 +163,19 @@ def test_a_pace_holds_simulated_time_to_it_and_does_not_make_up_for_a_long_wait(
     assert steps(0.0, 23.0, 24.0) == 1000
 
 
-def test_lockstep_with_a_pace_goes_on_and_takes_another_while_it_runs(room):
-    with probe_node() as probe, Process(room, 'plant', {
-            'joints': ['elbow'], 'model_files': MODELS[:1], 'clock': 'lockstep', 'pace': 0.02}):
-        commander = Commander(probe)
+def test_lockstep_with_a_pace_goes_on_and_takes_another_while_it_runs(tmp_path):
+    with plant(tmp_path, pace=0.02) as commander:
         commander.find()
         # Three ticks and more.
         for _ in range(30):
-            commander.step([0.0])
-        assert probe.set_parameter('plant', 'pace', 0.0) is None
-        commander.step([0.0])
+            commander.step(0.0)
+        assert commander.probe.set_parameter('plant', 'pace', 0.0) is None
+        commander.step(0.0)
 
 
-def test_time_begins_when_all_listeners_are_there(room):
-    with probe_node() as probe, probe_node() as late, Process(room, 'plant', {
-            'joints': ['elbow'], 'model_files': MODELS[:1], 'clock': 'lockstep',
-            'wait_for_listeners': 2}):
-        commander = Commander(probe)
+def test_time_begins_when_all_listeners_are_there(tmp_path):
+    with probe_node() as late, plant(tmp_path, wait_for_listeners=2) as commander:
+        probe = commander.probe
         probe.matched(commander.port)
         probe.status_of('plant', lambda status: '1 of 2' in value_of(status, 'waits for'))
         assert not commander.states
@@ -185,25 +183,24 @@ def test_time_begins_when_all_listeners_are_there(room):
         late.until(lambda: states, 'the first state')
         probe.until(lambda: commander.states, 'the first state')
         assert states[0].header.stamp == commander.states[0].header.stamp
-        commander.step([0.0])
+        commander.step(0.0)
         late.until(lambda: states[-1] == commander.states[-1], 'the second state')
 
 
-def test_real_time_runs_by_itself_and_forgets_old_commands(room):
-    with probe_node() as probe, Process(room, 'plant', {
-            'joints': ['elbow'], 'model_files': MODELS[:1]}):
-        commander = Commander(probe)
+def test_real_time_runs_by_itself_and_forgets_old_commands(tmp_path):
+    with plant(tmp_path, clock='real_time') as commander:
         commander.find()
 
         def pushed():
-            commander.port.publish(Float64MultiArray(data=array('d', [0.06])))
-            probe.spin_for(0.005)
+            commander.command(0.06)
+            commander.probe.spin_for(0.005)
             return max(m.effort[0] for m in commander.states[-5:]) > 0.04 * 11.9
-        probe.until(pushed, 'the current')
-        probe.until(lambda: max(abs(m.effort[0]) for m in commander.states[-20:]) < 0.02 * 11.9,
-                    'zero current after silence')
-        newest = commander.states[-1].header.stamp
-        assert abs(newest.sec + newest.nanosec * 1e-9 - time.time()) < PATIENCE
+        commander.probe.until(pushed, 'the current')
+        commander.probe.until(
+            lambda: max(abs(m.effort[0]) for m in commander.states[-20:]) < 0.02 * 11.9,
+            'zero current after silence')
+        newest = nanoseconds(commander.states[-1].header.stamp)
+        assert abs(1e-9 * newest - time.time()) < PATIENCE
         # A thousand a second on a machine that keeps up.
         period = np.median(np.diff(commander.stamps()))
         assert period == pytest.approx(1e6, rel=1e-3)
@@ -251,11 +248,11 @@ class Ticks:
         return [tuple(message.data) for message in self.directions[:count]]
 
 
-def test_the_exercise_follows_the_ticks(room):
+def test_the_exercise_follows_the_ticks(tmp_path):
     movement = ReferenceMovement(
         amplitude=0.2, speed=0.4, acceleration_time=0.1, standstill=0.3, announcement=0.1,
         repetitions=1)
-    with probe_node() as probe, Process(room, 'exercise', {
+    with probe_node() as probe, Process(tmp_path, 'exercise', {
             'joints': JOINTS, 'moving_joints': ['shoulder'], 'clock': 'ticks',
             'when_done': 'exit', 'input_reliability': 'reliable', 'amplitude': 0.2, 'speed': 0.4,
             'acceleration_time': 0.1, 'standstill': 0.3, 'announcement': 0.1,
@@ -282,8 +279,8 @@ def test_the_exercise_follows_the_ticks(room):
         assert process.wait() == 0
 
 
-def test_the_exercise_runs_by_its_timer_and_keeps_the_direction_to_itself(room):
-    with probe_node() as probe, Process(room, 'exercise', {
+def test_the_exercise_runs_by_its_timer_and_keeps_the_direction_to_itself(tmp_path):
+    with probe_node() as probe, Process(tmp_path, 'exercise', {
             'joints': ['elbow'], 'announce_direction': False, 'amplitude': 0.05, 'speed': 0.5,
             # On a busy machine, no tick may come for a while.
             'acceleration_time': 0.05, 'standstill': 2.0, 'announcement': 0.1,
@@ -302,8 +299,8 @@ def test_the_exercise_runs_by_its_timer_and_keeps_the_direction_to_itself(room):
         probe.status_of('exercise', lambda s: s.message == 'done')
 
 
-def test_the_exercise_names_the_joint_it_waits_for_and_takes_it_from_any_driver(room):
-    with probe_node() as probe, Process(room, 'exercise', {
+def test_the_exercise_names_the_joint_it_waits_for_and_takes_it_from_any_driver(tmp_path):
+    with probe_node() as probe, Process(tmp_path, 'exercise', {
             'joints': JOINTS, 'amplitude': 0.05, 'speed': 0.5, 'acceleration_time': 0.05,
             'standstill': 0.1, 'announcement': 0.1}):
         states = probe.talk(JointState, 'joint_states', RELIABLE)
@@ -321,10 +318,10 @@ def test_the_exercise_names_the_joint_it_waits_for_and_takes_it_from_any_driver(
         assert list(references[-1].name) == JOINTS
 
 
-def test_an_exercise_of_two_joints_announces_each_by_itself(room):
+def test_an_exercise_of_two_joints_announces_each_by_itself(tmp_path):
     example = package_file('config', 'exercises', 'two_joints.yaml')
     script = load_exercise(example).of(JOINTS)
-    with probe_node() as probe, Process(room, 'exercise', {
+    with probe_node() as probe, Process(tmp_path, 'exercise', {
             'joints': JOINTS, 'exercise_file': str(example), 'clock': 'ticks',
             'when_done': 'exit', 'input_reliability': 'reliable'}) as process:
         ticks = Ticks(probe)

@@ -12,22 +12,24 @@ import pytest
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 pytest.importorskip('friction_comp_interfaces', reason='the action type is not built')
 
-from action_msgs.msg import GoalStatus
 from friction_comp_interfaces.action import PlayTrajectory
 from node_process import Process
-from rclpy.action import ActionClient
-from ros_system import joint_state, MODELS, probe_node, RELIABLE
+from ros_system import joint_state, MODELS, probe_node, RELIABLE, value_of
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
 
 from friction_comp.__main__ import run
+from friction_comp.errors import InputError
 from friction_comp.excitation.joint_limits import JointLimits
 from friction_comp.excitation.plan import JointPlan, Move, trajectory_of
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.nodes.goals import make_trajectory
 from friction_comp.nodes.tool_client import message_of, ToolClient
+from friction_comp.recordings import read_recording
 
 JOINT = 'elbow'
 LIMITS = JointLimits(JOINT, -0.5, 0.6, 1.0, 5.0)
-pytestmark = [pytest.mark.slow, pytest.mark.processes]
+DRIVE = FrictionModel.load(MODELS[0]).drive
+pytestmark = pytest.mark.slow
 
 
 def motion():
@@ -38,75 +40,36 @@ def motion():
     return trajectory_of([JointPlan(LIMITS, 0.0, (there, back, home), 4.0, {})], 50.0)
 
 
-@pytest.fixture(scope='module')
-def room(tmp_path_factory):
-    return tmp_path_factory.mktemp('play')
-
-
-@pytest.fixture(scope='module')
-def system(room):
-    """A plant in lockstep and the node identification."""
-    with probe_node() as probe, Process(room, 'plant', {
-            'joints': [JOINT, 'wrist'], 'model_files': MODELS[:2], 'clock': 'lockstep',
-            'seed': 4, 'wrench_period': 0.016, 'sample_time': 4e-3}), Process(
-                room, 'identification', {
-                    'joints': [JOINT, 'wrist'], 'model_files': MODELS[:2], 'use_sim_time': True,
-                    'output_folder': str(room / 'models'), 'input_reliability': 'reliable',
-                    'joint_state_timeout': 10.0}):
-        probe.commands = probe.listen(Float64MultiArray, 'current_command')
-        probe.states = probe.listen(JointState, 'joint_states')
-        # Without it the beginning of the motion may be missed.
-        probe.until(lambda: probe.states, 'joint states')
-        yield probe
-
-
-def tool_beside(probe, arguments):
-    """Run a tool while the probe goes on listening; return its exit code and what it said."""
-    process = subprocess.Popen([sys.executable, '-m', 'friction_comp', *arguments],
-                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-    while process.poll() is None:
-        probe.spin_for(0.05)
-    return process.returncode, process.stdout.read()
-
-
-def test_the_tool_moves_the_joint_along_the_trajectory(system, room):
-    path = room / 'trajectory.yaml'
-    path.write_text(motion().to_yaml('for a test'), encoding='utf-8')
-    code, words = tool_beside(system, ['play', str(path)])
-    assert code == 0, words
-    position = np.array([message.position[0] for message in system.states])
-    assert LIMITS.lowest < position.min() < -0.35
-    assert 0.45 < position.max() < LIMITS.highest
-    assert position[-1] == pytest.approx(0.0, abs=0.02)
-    system.until(lambda: not any(system.commands[-1].data), 'zero current')
-    commands = np.array([message.data for message in system.commands])
-    assert np.abs(commands[:, 0]).max() > 0.1
-    assert not commands[:, 1].any(), 'the other joint is left alone'
-
-
-def test_a_cancelled_trajectory_leaves_zero_current(system):
-    client = ActionClient(system, PlayTrajectory, 'play_trajectory')
-    system.until(client.server_is_ready, 'the action server')
-    feedback = []
-    handle = None
-    while handle is None or not handle.accepted:
-        # The server must have found the joint first.
-        handle = system.complete(client.send_goal_async(
-            PlayTrajectory.Goal(trajectory=message_of(motion())),
-            lambda message: feedback.append(message.feedback)), 'answer to the goal')
-        system.spin_for(0.1)
-    system.until(lambda: any(one.phase == 'trajectory' for one in feedback), 'movement')
-    system.complete(handle.cancel_goal_async(), 'answer to the cancellation')
-    outcome = system.answered(handle.get_result_async, 'the result', 20.0, 60.0)
-    assert outcome.status == GoalStatus.STATUS_CANCELED
-    assert not outcome.result.success
-    system.until(lambda: not system.subscribers['current_command'].get_publisher_count(), 'the end')
-    count = -1
-    while count != len(system.commands):
-        count = len(system.commands)
-        system.spin_for(0.3)
-    assert list(system.commands[-1].data) == [0.0, 0.0]
-    client.destroy()
+def test_the_tool_moves_a_joint_along_the_trajectory_by_torque(tmp_path):
+    """On a plant that takes torques, as a robot's controller does; the recording has currents."""
+    common = {'joints': [JOINT, 'wrist'], 'model_files': MODELS[:2],
+              'command_interface': 'effort'}
+    file, recorded = tmp_path / 'trajectory.yaml', tmp_path / 'recorded'
+    file.write_text(motion().to_yaml('for a test'), encoding='utf-8')
+    with probe_node() as probe, Process(tmp_path, 'plant', {
+            **common, 'clock': 'lockstep', 'seed': 4, 'sample_time': 8e-3, 'wrench_period': 0.032,
+            'wait_for_listeners': 2}), Process(tmp_path, 'identification', {
+                **common, 'use_sim_time': True, 'input_reliability': 'reliable',
+                'output_folder': str(tmp_path), 'joint_state_timeout': 10.0}), Process(
+                    tmp_path, 'recorder', {
+                        'output': str(recorded), 'use_sim_time': True,
+                        'input_reliability': 'reliable'}):
+        probe.status_of('recorder', lambda one: int(
+            value_of(one, 'publishers of joint_states') or 0) > 0)
+        outcome = subprocess.run([sys.executable, '-m', 'friction_comp', 'play', str(file)],
+                                 capture_output=True, text=True)
+        assert outcome.returncode == 0, outcome.stderr
+    samples, = read_recording(recorded, JOINT, DRIVE.torque_constant, DRIVE.gear_ratio)
+    assert LIMITS.lowest < samples.position.min() < -0.35
+    assert 0.45 < samples.position.max() < LIMITS.highest
+    assert samples.position[-1] == pytest.approx(0.0, abs=0.02)
+    # Both in A, whatever the topic held.
+    moving = np.abs(samples.command) > 0.02
+    assert np.corrcoef(samples.command[moving], samples.current[moving])[0, 1] > 0.9
+    assert np.std(samples.command[moving]) == pytest.approx(
+        np.std(samples.current[moving]), rel=0.2)
+    other, = read_recording(recorded, 'wrist', DRIVE.torque_constant, DRIVE.gear_ratio)
+    assert not np.nan_to_num(other.command).any(), 'the other joint is left alone'
 
 
 @pytest.mark.parametrize('wrong, words', [
@@ -114,23 +77,18 @@ def test_a_cancelled_trajectory_leaves_zero_current(system):
     (lambda one: setattr(one, 'joint_names', ['knee']), 'knee'),
     (lambda one: setattr(one.points[3], 'velocities', []), 'lacks position or velocity'),
     (lambda one: one.points[2].positions.__setitem__(0, float('nan')), 'not finite')])
-def test_a_trajectory_that_cannot_be_played_is_refused(system, wrong, words):
+def test_a_trajectory_that_cannot_be_played_is_refused(wrong, words):
     message = message_of(motion())
     wrong(message)
-    client = ActionClient(system, PlayTrajectory, 'play_trajectory')
-    system.until(client.server_is_ready, 'the action server')
-    handle = system.answered(lambda: client.send_goal_async(
-        PlayTrajectory.Goal(trajectory=message)), 'answer to the goal')
-    assert not handle.accepted
-    system.status_of('identification', lambda status: any(
-        item.key == 'last refusal' and words in item.value for item in status.values))
-    client.destroy()
+    with pytest.raises(InputError, match=words):
+        make_trajectory(PlayTrajectory.Goal(trajectory=message), [JOINT, 'wrist'], [DRIVE] * 2,
+                        {'ramp_slope': 0.06, 'ramp_period': 10.0})
 
 
 def test_without_the_type_of_trajectory_controllers_the_tool_says_what_to_install(
-        room, capsys, monkeypatch):
+        tmp_path, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, 'control_msgs', None)
-    path = room / 'trajectory.yaml'
+    path = tmp_path / 'trajectory.yaml'
     path.write_text(motion().to_yaml(''), encoding='utf-8')
     assert run('play', [str(path), '--controller', 'arm_controller']) == 2
     assert 'install ros-jazzy-control-msgs' in capsys.readouterr().err

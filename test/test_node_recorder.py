@@ -16,7 +16,7 @@ from node_process import Process
 import numpy as np
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from ros_system import joint_state, own_domain, probe_node
+from ros_system import joint_state, own_domain, probe_node, value_of
 from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 import yaml
@@ -49,20 +49,26 @@ def on_disk(folder):
     return samples.current, info
 
 
-@pytest.mark.parametrize('seed', [1, 2])
-def test_what_was_recorded_survives_the_recorder(tmp_path, seed):
-    folder = tmp_path / 'r'
-    # Some while into the recording, at no moment in particular.
-    wanted = random.Random(seed).randrange(300, 1500)
+@contextmanager
+def at_work(tmp_path, folder):
+    """Yield a recorder with a hundred states on the disk, their sender and how many there were."""
     with own_domain(), probe_node() as probe:
         states = probe.talk(JointState, 'joint_states')
         with Process(tmp_path / 'log', 'recorder', {'output': str(folder)}) as recorder:
             probe.matched(states)
-            talk_until(probe, states, lambda n: n >= wanted and len(on_disk(folder)[0]) > 100,
-                       'states on the disk')
-            before = on_disk(folder)[0]
-            recorder.send(signal.SIGKILL)
-            recorder.wait()
+            count = talk_until(probe, states, lambda n: len(on_disk(folder)[0]) > 100, 'states')
+            yield recorder, probe, states, count
+
+
+def test_what_was_recorded_survives_the_recorder(tmp_path):
+    folder = tmp_path / 'r'
+    # Some while into the recording, at no moment in particular.
+    wanted = random.Random(1).randrange(300, 1500)
+    with at_work(tmp_path, folder) as (recorder, probe, states, count):
+        talk_until(probe, states, lambda n: n >= wanted, 'states', count)
+        before = on_disk(folder)[0]
+        recorder.send(signal.SIGKILL)
+        recorder.wait()
     current, info = on_disk(folder)
     assert len(current) >= len(before) > 100
     np.testing.assert_array_equal(np.diff(current), 1.0)
@@ -92,9 +98,8 @@ def test_every_publisher_is_heard_from_its_first_message(tmp_path):
                 commands += 1
                 return count >= 350
             count = talk_until(probe, states, both, 'states')
-            probe.status_of('recorder', lambda status: {
-                item.key: item.value for item in status.values}.get(
-                    'joint_states') == str(count))
+            probe.status_of(
+                'recorder', lambda status: value_of(status, 'joint_states') == str(count))
             recorder.send()
             assert recorder.wait() == 0
     (samples, info), = read_recording_with_info(folder)
@@ -111,17 +116,6 @@ def test_every_publisher_is_heard_from_its_first_message(tmp_path):
                for topic in about['topics_with_message_count']}
     assert offered['/direction']['durability'] == 'transient_local'
     assert offered['/current_command']['reliability'] == 'best_effort'
-
-
-@contextmanager
-def at_work(tmp_path, folder):
-    """Yield a recorder with a hundred states on the disk, their sender and how many there were."""
-    with own_domain(), probe_node() as probe:
-        states = probe.talk(JointState, 'joint_states')
-        with Process(tmp_path / 'log', 'recorder', {'output': str(folder)}) as recorder:
-            probe.matched(states)
-            count = talk_until(probe, states, lambda n: len(on_disk(folder)[0]) > 100, 'states')
-            yield recorder, probe, states, count
 
 
 def test_it_ends_well_while_the_driver_goes_on(tmp_path):
@@ -170,8 +164,8 @@ def test_a_bad_message_does_not_affect_others(tmp_path):
         others['current_command'].publish(Float64MultiArray(data=[0.25]))
         wanted = count + 100
         count = talk_until(probe, publisher, lambda n: n >= wanted, 'more states', count)
-        probe.status_of('recorder', lambda status: {
-            item.key: item.value for item in status.values}.get('joint_states') == str(count + 5))
+        probe.status_of(
+            'recorder', lambda status: value_of(status, 'joint_states') == str(count + 5))
         recorder.send()
         assert recorder.wait() == 0, recorder.text
     (samples, info), = read_recording_with_info(folder)
@@ -232,27 +226,18 @@ def test_losses_are_counted_and_other_publishers_are_not_taken_for_them(starts, 
     assert topic.lost == lost
 
 
-def test_a_slow_publisher_that_was_not_heard_before_is_no_loss():
+@pytest.mark.parametrize(('numbers', 'lost'), [
+    # Once a second each: the second one is heard when the first has long been silent.
+    ((5, 40, 6, 41, 7, 42, 8, 43), 0),
+    # One is heard between two messages of the other.
+    ((5, 6, 40, 7, 41, 8), 0),
+    # One is idle.
+    ((5, 6, 10, 11, 14, 1, 2), 5)])
+def test_the_losses_of_two_publishers_are_counted(numbers, lost):
     topic = RecordedTopic(FakeNode(2), JointState, 'joint_states', lambda *_: None)
-    for second in range(6):
-        # Once a second each: the second one is heard when the first has long been silent.
-        hear(topic, 5 + second)
-        hear(topic, 40 + second)
-    assert topic.lost == 0
-
-
-def test_losses_beside_an_idle_publisher_are_counted():
-    topic = RecordedTopic(FakeNode(2), JointState, 'joint_states', lambda *_: None)
-    for number in (5, 6, 10, 11, 14, 1, 2):
+    for number in numbers:
         hear(topic, number)
-    assert topic.lost == 5
-
-
-def test_a_publisher_that_is_heard_between_two_messages_of_another_is_no_loss():
-    topic = RecordedTopic(FakeNode(2), JointState, 'joint_states', lambda *_: None)
-    for number in (5, 6, 40, 7, 41, 8):
-        hear(topic, number)
-    assert topic.lost == 0
+    assert topic.lost == lost
 
 
 def test_a_publisher_that_takes_the_place_of_another_is_no_loss():

@@ -17,11 +17,9 @@ from action_msgs.msg import GoalStatus
 from action_msgs.srv import CancelGoal
 from friction_comp_interfaces.action import RefineModel
 from geometry_msgs.msg import WrenchStamped
-from node_process import PATIENCE, Process
-from rcl_interfaces.srv import GetParameters
-from rclpy.action import ActionClient
+from node_process import PATIENCE, Process, ROOT
 from rclpy.serialization import serialize_message
-from ros_system import joint_state, MODELS, probe_node, RELIABLE
+from ros_system import Goals, joint_state, MODELS, probe_node, RELIABLE
 from sensor_msgs.msg import JointState
 
 from friction_comp.files import write_yaml
@@ -48,20 +46,14 @@ def motion(seconds, ripple, seed=0):
     return time, position, velocity, current + 1e-3 * rng.standard_normal(len(time))
 
 
-class Bench:
+class Bench(Goals):
     """A joint that is moved by hand of the test, and a client of the action."""
 
     def __init__(self, probe):
-        self.probe = probe
         self.states = probe.talk(JointState, 'joint_states', RELIABLE)
         self.stamp = 10**9
-        self.steps = []
-        self.client = ActionClient(probe, RefineModel, 'refine_model')
-        probe.until(self.client.server_is_ready, 'the action server')
+        super().__init__(probe, RefineModel, 'refine_model', {'joint': 'nobody'})
         probe.matched(self.states)
-        # A goal for an unknown joint is refused; the answer shows that both ends are connected.
-        probe.answered(lambda: self.client.send_goal_async(
-            RefineModel.Goal(joint='nobody')), 'answer to the first goal')
 
     def move(self, seconds, ripple, seed=0):
         """Publish motion as fast as it is taken."""
@@ -75,14 +67,11 @@ class Bench:
         self.stamp += 10_000_000
 
     def refine(self, **goal):
-        self.steps.clear()
-        return self.probe.complete(self.client.send_goal_async(
-            RefineModel.Goal(**{'joint': JOINT, **goal}),
-            lambda message: self.steps.append(message.feedback)), 'answer to the goal')
+        return self.ask(**{'joint': JOINT, **goal})
 
-    def result(self, handle):
+    def outcome(self, handle):
         # Refinement has the lowest priority: it waits for long if others keep both cores busy.
-        return self.probe.answered(handle.get_result_async, 'the result', 20.0, 900.0)
+        return self.result(handle, 900.0)
 
 
 @pytest.fixture(scope='module')
@@ -99,7 +88,7 @@ def bench(room):
             Process(room, 'refinement', start):
         bench = Bench(probe)
         yield bench
-        bench.client.destroy()
+        bench.close()
 
 
 def test_a_late_message_does_not_shorten_the_recent_past():
@@ -160,22 +149,15 @@ def test_states_have_the_load_of_their_time_when_many_are_taken_at_once(states_f
 
 
 def loaded(probe):
-    """Return the compensator's model files."""
-    client = probe.create_client(GetParameters, 'compensator/get_parameters')
-    probe.until(client.service_is_ready, 'the parameters of the compensator')
-    reply = probe.answered(lambda: client.call_async(
-        GetParameters.Request(names=['model_files'])), 'the model files')
-    probe.destroy_client(client)
-    return list(reply.values[0].string_array_value)
+    return probe.get_parameter_of('compensator', 'model_files')
 
 
 def test_without_recent_messages_there_is_nothing_to_refine(bench):
     handle = bench.refine()
     assert handle.accepted
-    outcome = bench.result(handle)
+    outcome = bench.outcome(handle)
     assert outcome.status == GoalStatus.STATUS_ABORTED
     assert 'no messages are kept' in outcome.result.message
-    assert not bench.refine(joint='nobody').accepted
 
 
 @pytest.mark.timeout(1200)
@@ -192,7 +174,7 @@ def test_a_model_that_no_longer_fits_is_noticed_refined_loaded_and_reverted(benc
 
     handle = bench.refine(seconds=40.0, load=True)
     assert not bench.refine().accepted, 'one goal at a time'
-    outcome = bench.result(handle)
+    outcome = bench.outcome(handle)
     result = outcome.result
     assert outcome.status == GoalStatus.STATUS_SUCCEEDED, result.message
     assert result.success
@@ -204,29 +186,26 @@ def test_a_model_that_no_longer_fits_is_noticed_refined_loaded_and_reverted(benc
     model = FrictionModel.load(result.model_file)
     assert model.breakaway == MODEL.breakaway
     assert Path(result.report).is_file()
-    shares = [step.progress for step in bench.steps]
+    shares = [step.progress for step in bench.feedback]
     assert shares == sorted(shares)
-    assert any(step.step.startswith('trying') for step in bench.steps)
+    assert any(step.step.startswith('trying') for step in bench.feedback)
 
     # The joint is as it was at first: the refined model is the worse one now.
     bench.move(40.0, ripple=0.0, seed=1)
     probe.until(lambda: loaded(probe) == MODELS[:1], 'the model that fits is back')
-    status = probe.status_of('refinement', lambda s: any(
+    probe.status_of('refinement', lambda s: any(
         'unloaded' in item.value for item in s.values))
-    assert status
 
 
 def test_a_recording_that_cannot_be_read_is_named_and_a_goal_can_be_cancelled(bench, room):
-    outcome = bench.result(bench.refine(recording=str(room / 'nothing')))
+    outcome = bench.outcome(bench.refine(recording=str(room / 'nothing')))
     assert outcome.status == GoalStatus.STATUS_ABORTED
     assert 'nothing' in outcome.result.message
     assert not outcome.result.success
     written = set((room / 'out').glob('*'))
-    bench.move(20.0, ripple=0.6)
-    handle = bench.refine()
-    bench.probe.until(lambda: bench.steps, 'feedback')
-    bench.probe.complete(handle.cancel_goal_async(), 'answer to the cancellation')
-    outcome = bench.result(handle)
+    handle = bench.refine(recording=str(ROOT / 'examples' / 'elbow'))
+    bench.probe.until(lambda: bench.feedback, 'feedback')
+    outcome = bench.cancel(handle)
     assert outcome.status == GoalStatus.STATUS_CANCELED
     assert not outcome.result.model_file
     for folder in set((room / 'out').glob('*')) - written:

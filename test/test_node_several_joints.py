@@ -1,6 +1,13 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Several joints, one with an undeclared effect, in lockstep: numbers, recording, diagnostics."""
+"""All nodes in lockstep on a busy machine: the plain loop's numbers, recording, diagnostics.
+
+Of two joints, one with an undeclared effect.
+"""
+
+import random
+import signal
+import time
 
 import numpy as np
 import pytest
@@ -23,11 +30,11 @@ JOINTS = ['elbow', 'shoulder']
 FILES = MODELS[:2]
 UNDECLARED = str(CONFIG / 'undeclared_example.yaml')
 SEED = 5
-SAMPLE = 1_000_000
+SAMPLE = 2_000_000
 # Simulated time begins at 1 s.
 BEGINNING = 1_000_000_000
 # Samples between two ticks of the clock.
-TICK = 10
+TICK = 5
 MOVEMENT = {'amplitude': 0.3, 'speed': 1.5, 'acceleration_time': 0.1, 'standstill': 0.403,
             'announcement': 0.301, 'repetitions': 1}
 # The exercise receives the positions of the joints at the first tick, and begins at the second.
@@ -41,7 +48,21 @@ LAW = 'continuous'
 pytestmark = pytest.mark.slow
 
 
-def record(folder, law):
+def hold_up(processes):
+    """Stop one process after the other for longer and shorter, as a busy machine does.
+
+    What this costs the machine is nothing, and no machine is so fast that it would not show.
+    """
+    rng, last = random.Random(SEED), processes[-1]
+    while last.running:
+        one = rng.choice(processes)
+        one.send(signal.SIGSTOP)
+        time.sleep(rng.choice((0.002, 0.02, 0.15)))
+        one.send(signal.SIGCONT)
+        time.sleep(rng.uniform(0.0, 0.1))
+
+
+def record(folder):
     """Run the exercise once, each node in a process of its own; return the recording's path."""
     path, logs = folder / 'recording', folder / 'logs'
     common = {'joints': JOINTS, 'use_sim_time': True, 'input_reliability': 'reliable'}
@@ -50,14 +71,16 @@ def record(folder, law):
     with own_domain(), probe_node() as probe, \
             Process(logs, 'plant', {
                 'joints': JOINTS, 'model_files': FILES, 'clock': 'lockstep', 'seed': SEED,
-                'undeclared_effect_files': ['', UNDECLARED], 'wait_for_reference': True}), \
+                'undeclared_effect_files': ['', UNDECLARED],
+                'sample_time': SAMPLE * 1e-9, 'wait_for_reference': True}) as plant, \
             Process(logs, 'recorder', {
                 'output': str(path), 'model_file': FILES[0], 'use_sim_time': True,
                 'input_reliability': 'reliable'}) as recorder, \
             Process(logs, 'exercise', {
                 **common, **MOVEMENT, 'clock': 'ticks', 'when_done': 'exit'}) as exercise, \
             Process(logs, 'compensator', {
-                **common, **patient, 'model_files': FILES, 'law': law, 'autostart': False}):
+                **common, **patient, 'model_files': FILES, 'law': LAW,
+                'autostart': False}) as compensator:
         assert probe.transition('compensator', 'configure')
         # Time rests at the first sample until the compensator is activated. By then everyone has
         # heard everyone.
@@ -71,11 +94,12 @@ def record(folder, law):
         for _ in range(2):
             probe.status_of('compensator', lambda status: status.message == 'inactive')
         assert probe.transition('compensator', 'activate')
+        hold_up([plant, compensator, exercise])
         assert exercise.wait(180.0) == 0
         # Messages of the plant may still be in the queue.
         probe.status_of('plant', lambda status: (
             value_of(status, 'waits for') == 'reference'
-            and float(value_of(status, 'time [s]')) > (STEPS - 1) * 1e-3))
+            and float(value_of(status, 'time [s]')) > (STEPS - 1) * SAMPLE * 1e-9))
         # The joint's time rests: when the recorder's counts do, too, it has everything.
         counts = [None]
 
@@ -83,7 +107,7 @@ def record(folder, law):
             counts.append([
                 int(value_of(status, topic)) for topic in ('joint_states', 'current_command')])
             # The last command is dated, and counted, when the recording ends.
-            return counts[-1] == counts[-2] and counts[-1][1] >= STEPS - 1
+            return counts[-1] == counts[-2] and min(counts[-1]) >= STEPS - 1
         probe.status_of('recorder', complete)
         recorder.send()
         assert recorder.wait() == 0
@@ -93,7 +117,7 @@ def record(folder, law):
 
 @pytest.fixture(scope='module')
 def path(tmp_path_factory):
-    return record(tmp_path_factory.mktemp('several'), LAW)
+    return record(tmp_path_factory.mktemp('several'))
 
 
 @pytest.fixture(scope='module')
@@ -117,14 +141,14 @@ class BegunLate:
         return self._movement.at(since / 1e9) if since >= 0 else (np.nan, np.nan, 0)
 
 
-def plain_loop(law):
+def plain_loop():
     models = [FrictionModel.load(path) for path in FILES]
-    plant = Plant(models, SEED, [None, Undeclared.from_file(UNDECLARED)])
-    return closed_loop(plant, CompensationLaw(models, law), BegunLate(), STEPS * 1e-3)
+    plant = Plant(models, SEED, [None, Undeclared.from_file(UNDECLARED)], SAMPLE * 1e-9)
+    return closed_loop(plant, CompensationLaw(models, LAW), BegunLate(), STEPS * SAMPLE * 1e-9)
 
 
-def test_equals_the_plain_loop(joints):
-    loop = plain_loop(LAW)
+def test_equals_the_plain_loop_whatever_the_load(joints):
+    loop = plain_loop()
 
     def recorded(name):
         return np.stack([getattr(samples, name) for samples, _ in joints], axis=1)
@@ -183,7 +207,7 @@ def test_the_recording_is_read_back_whole(path, joints):
     content = messages(path)
     assert len(content['joint_states']) == len(content['current_command']) == STEPS
     assert len(content['interaction_wrench']) == STEPS * len(JOINTS)
-    assert len(content['motor_temperature']) == -(-STEPS // 100) * len(JOINTS)
+    assert len(content['motor_temperature']) == -(-STEPS // 50) * len(JOINTS)
     # One for each tick; no direction before the exercise began.
     assert len(content['reference']) == STEPS // TICK
     assert len(content['direction']) == STEPS // TICK - 1

@@ -4,7 +4,6 @@
 
 import ast
 import functools
-import importlib.util
 import os
 from pathlib import Path
 import re
@@ -120,16 +119,6 @@ def test_ros_is_imported_by_the_nodes_alone():
     assert strays == {}
 
 
-@pytest.mark.parametrize('name', NAMES)
-def test_every_name_has_a_module_with_a_main(name):
-    room = 'nodes' if name in entry.NODES else 'tools'
-    spec = importlib.util.find_spec(f'friction_comp.{room}.{name}')
-    assert spec is not None
-    tree = ast.parse(Path(spec.origin).read_text(encoding='utf-8'))
-    assert 'main' in {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
-    assert getattr(entry, name).args == (name,)
-
-
 def test_python_files_have_a_licence_and_a_readable_length():
     for path in tracked_files():
         if path.suffix == '.py' and path.exists():
@@ -182,18 +171,6 @@ def test_exit_codes_of_tools(monkeypatch, capsys, ending, code, said):
     monkeypatch.setattr(sys, 'argv', ['predict', 'argument'])
     assert entry.predict() == code
     assert capsys.readouterr().err == 2 * said
-
-
-def test_a_missing_ros_is_reported_in_one_line(monkeypatch, capsys):
-    monkeypatch.setitem(sys.modules, 'friction_comp.nodes.plant', None)
-
-    def absent(name):
-        raise ModuleNotFoundError(f'No module named {name!r}', name='rclpy')
-
-    monkeypatch.setattr(entry.importlib, 'import_module', absent)
-    assert entry.main(['plant']) == 1
-    assert capsys.readouterr().err.startswith(
-        'plant: ROS 2 is missing or incomplete: no module rclpy')
 
 
 def test_an_environment_with_ros_wheels_names_itself(monkeypatch, tmp_path):

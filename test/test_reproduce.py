@@ -3,7 +3,6 @@
 """The note's experiments with few repetitions."""
 
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
 import json
 import os
 from pathlib import Path
@@ -77,43 +76,23 @@ def test_whole_tool(tmp_path, monkeypatch):
             assert reductions[name] == pytest.approx(value, abs=0.03), name
 
 
-def test_bad_arguments_leave_nothing(tmp_path, capsys):
-    """Exit code 2 and one line."""
-    with pytest.raises(SystemExit) as ending:
-        run('reproduce', ['--output', str(tmp_path / 'out'), '--cycles', 'many'])
-    assert ending.value.code == 2
-    assert capsys.readouterr().err.count('\n') == 1
-    (tmp_path / 'file').write_text('x')
-    assert run('reproduce', ['--output', str(tmp_path / 'file')]) == 2
-    assert not (tmp_path / 'out').exists()
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGKILL], ids=lambda n: n.name)
-def test_an_interrupt_leaves_no_process(tmp_path, number):
-    """Sent to the tool alone, while a process of its own measures a look-up table."""
+def test_a_killed_tool_leaves_no_process(tmp_path):
+    """The tool alone is killed, while a process of its own measures a look-up table."""
     tool = subprocess.Popen(
         [sys.executable, '-m', 'friction_comp', 'reproduce', '--output', str(tmp_path / 'out')],
-        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, start_new_session=True)
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
     try:
         end = time.monotonic() + 120.0
         while not _running(tool.pid, 'spawn_main'):
             assert time.monotonic() < end
             assert tool.poll() is None
             time.sleep(0.05)
-        # While numba compiles, an exception in one of its callbacks is lost: one tries again.
-        while tool.poll() is None:
-            assert time.monotonic() < end
-            tool.send_signal(number)
-            with suppress(subprocess.TimeoutExpired):
-                tool.wait(3.0)
-        assert tool.returncode == (130 if number == signal.SIGINT else -signal.SIGKILL)
-        end = time.monotonic() + 60.0
+        tool.kill()
+        tool.wait()
         while left := _running(tool.pid, ''):
             assert time.monotonic() < end, left
             time.sleep(0.05)
-        # Killed, it cannot tell the process that it was starting.
-        assert number == signal.SIGKILL or b'Traceback' not in tool.stderr.read()
     finally:
         if _running(tool.pid, ''):
             os.killpg(tool.pid, signal.SIGKILL)
