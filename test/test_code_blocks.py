@@ -8,6 +8,7 @@ import shlex
 
 import doc_pages
 from doc_pages import PAGES, ROOT
+from helpers import rms
 import numpy as np
 import pytest
 from report_pages import assert_documented, promised
@@ -250,7 +251,7 @@ def test_python(text, workplace):
             del EFFECTS[name]
     if 'residual' in names:
         # As refine reports it, and as the page says.
-        error = np.sqrt(np.mean(names['residual'] ** 2))
+        error = rms(names['residual'])
         assert error < 1.3 * report_of(workplace, 'refine examples')['after']['held_out_rmse']
         told = re.search(r'here\s+([\d.]+) mA', (ROOT / 'docs' / 'tools.md').read_text(
             encoding='utf-8'))[1]

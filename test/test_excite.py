@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A planned motion keeps its limits, is reproducible, and distinguishes effects."""
 
-from contextlib import contextmanager
 import json
 
+from helpers import short_search
 from hypothesis import example, given, strategies as st
 import numpy as np
 import pytest
@@ -65,14 +65,6 @@ def test_no_plan_leaves_its_limits(seed, bends, lowest, span, velocity, accelera
     assert q[0] == start
     assert q[-1] == pytest.approx(start, abs=1e-9)
     assert v[-1] == 0.0
-
-
-@contextmanager
-def short_search(generations=2):
-    """Search a third as long for each plan, where it is not about how good it is."""
-    with pytest.MonkeyPatch.context() as monkeypatch:
-        monkeypatch.setattr('friction_comp.excitation.plan._GENERATIONS', generations)
-        yield
 
 
 @pytest.fixture(scope='module')

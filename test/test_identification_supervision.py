@@ -5,9 +5,9 @@
 from collections import deque
 from contextlib import suppress
 import math
-from pathlib import Path
 import re
 
+from helpers import note_model
 import numpy as np
 import pytest
 
@@ -15,19 +15,13 @@ from friction_comp.drive import Drive
 from friction_comp.identification.goal import IdentificationError, IdentificationGoal
 from friction_comp.identification.run import IdentificationRun
 from friction_comp.identification.supervision import Supervision
-from friction_comp.model.friction_model import FrictionModel
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.undeclared import Undeclared
 
 # s; what is decided within milliseconds has twice as many samples
 STEP = 4e-3
-CONFIG = Path(__file__).resolve().parents[1] / 'config'
 GOAL = {'speeds': np.radians([20.0, 60.0, 100.0]).tolist(), 'breakaway_cycles': 2,
         'longest_cycle': 3.0, 'ramp_period': 6.0, 'ramp_slope': 0.08, 'motion_range': 0.8}
-
-
-def model(number=1):
-    return FrictionModel.load(CONFIG / f'armin_configuration_{number}.yaml')
 
 
 class Bench:
@@ -35,7 +29,7 @@ class Bench:
 
     def __init__(self, alter=lambda run, sample: sample, torque=lambda run, state: 0.0, seed=3,
                  late=0, step=STEP):
-        self.model = model()
+        self.model = note_model()
         self.alter, self.torque = alter, torque
         load = Undeclared.from_dict({
             'format': 'friction_comp_undeclared', 'version': 1,
@@ -184,7 +178,7 @@ def trembling(way):
 @pytest.mark.parametrize('alter', [filtered(0.01), late(1)])
 def test_a_filtered_velocity_and_a_delay_are_no_faults(alter):
     result = Bench(alter).finish()
-    truth = model().sigmoid(result.speeds)
+    truth = note_model().sigmoid(result.speeds)
     np.testing.assert_allclose(result.currents, truth, rtol=0.03)
 
 
@@ -224,7 +218,7 @@ def test_a_sensor_whose_zero_is_off_is_no_wrong_unit():
         return sample
     result = Bench(alter).finish()
     half = 0.5 * (result.currents[-1] - result.currents[0])
-    assert half == pytest.approx(float(model().sigmoid(result.speeds[-1])), rel=0.03)
+    assert half == pytest.approx(float(note_model().sigmoid(result.speeds[-1])), rel=0.03)
 
 
 @pytest.mark.parametrize('seed', [4, 5])
@@ -272,7 +266,7 @@ def test_no_measured_current_changes_what_is_commanded(monkeypatch):
 
 def look_at_rattle(mean):
     """Command a current that rattles about a mean, of which the amplifier gives two fifths."""
-    supervision = Supervision(IdentificationGoal(**GOAL), model().drive)
+    supervision = Supervision(IdentificationGoal(**GOAL), note_model().drive)
     rattle = 0.4 * np.sign(np.sin(2.0 * math.pi * (np.arange(3000) + 0.5) / 6.0))
     for k, command in enumerate(rattle + mean):
         supervision.check(1e-3 * k, 0.0, None, 0.4 * command, command, None, math.nan)

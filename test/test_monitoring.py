@@ -4,6 +4,7 @@
 
 from dataclasses import replace
 
+from helpers import note_model
 from hypothesis import given, strategies as st
 import numpy as np
 import pytest
@@ -13,9 +14,8 @@ from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.monitoring.live_residual import LiveResidual
 from friction_comp.monitoring.residual_monitor import _explained, ResidualMonitor
-from friction_comp.package_files import package_file
 
-MODEL = FrictionModel.load(package_file('config', 'armin_configuration_1.yaml'))
+MODEL = note_model(1)
 STEP = 0.02
 RATIO = MODEL.drive.torque_per_current
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import re
 import sys
 
+from helpers import rms
 import numpy as np
 import pytest
 from recording_maker import DATA, needs_data, record_with_diagnostics
@@ -114,7 +115,7 @@ def test_predict_writes_a_row_for_every_joint_state(folder, drive):
     assert np.isfinite(columns['predicted']).all()
     assert np.all(np.diff(columns['time']) > 0)
     error = columns['measured'] - columns['predicted']
-    assert np.sqrt(np.mean(error ** 2)) < 1.3 * drive.noise_floor
+    assert rms(error) < 1.3 * drive.noise_floor
 
 
 def test_the_measured_torque_of_a_person_is_added_to_the_motors(drive, tmp_path, capsys):
@@ -136,7 +137,7 @@ def test_the_measured_torque_of_a_person_is_added_to_the_motors(drive, tmp_path,
                         '--output', str(tmp_path / 'out.csv')]) == 0
     columns = table(tmp_path / 'out.csv')
     error = columns['measured'] - columns['predicted']
-    assert np.sqrt(np.mean(error ** 2)) < 0.05 * np.abs(friction).max()
+    assert rms(error) < 0.05 * np.abs(friction).max()
     out = capsys.readouterr().out
     assert 'a load was recorded' in out
     assert 'A where the joint moves' in out
@@ -248,7 +249,7 @@ def test_outliers_and_gaps_do_no_harm(drive):
     assert [effect['variable'] for effect in result.report['effects']] == ['position']
     fresh = record(drive, 6, excitation)[0].samples
     error = fresh.current - result.model.predict(fresh)
-    assert np.sqrt(np.mean(error ** 2)) < 1.3 * drive.noise_floor
+    assert rms(error) < 1.3 * drive.noise_floor
 
 
 def scored(name):
@@ -262,7 +263,7 @@ def scored(name):
 @pytest.mark.slow
 def test_harmonic_drive_of_a_ur10e():
     error = scored('ur10e_joint1')
-    assert np.sqrt(np.mean(error ** 2)) < 0.206
+    assert rms(error) < 0.206
 
 
 @needs_data
@@ -270,7 +271,7 @@ def test_harmonic_drive_of_a_ur10e():
 def test_ball_screw_of_the_emps_benchmark():
     error = scored('emps')
     error = sosfiltfilt(butter(2, 40.0, fs=1000.0, output='sos'), error)
-    assert np.sqrt(np.mean(error ** 2)) < 3.0
+    assert rms(error) < 3.0
 
 
 @pytest.mark.parametrize('given, limit, said', [

@@ -4,6 +4,7 @@
 
 import json
 
+from helpers import rms
 import numpy as np
 import pytest
 from test_prepare import swings
@@ -38,10 +39,6 @@ def with_ripple(seed, lag=0):
     current = samples.current + 0.1 * np.cos(14.0 * samples.position)
     samples = samples.with_(current=np.roll(current, lag), acceleration=None)
     return samples.take(slice(20, -20))
-
-
-def rms(values):
-    return float(np.sqrt(np.mean(values ** 2)))
 
 
 @pytest.mark.parametrize('case', ['plain', 'late', 'given', 'carried'])

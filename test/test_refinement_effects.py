@@ -7,6 +7,7 @@ Drives, strengths and constants are random; error is taken on recordings that we
 
 import functools
 
+from helpers import rms
 import numpy as np
 from outside_effects import OUTSIDE
 import pytest
@@ -51,7 +52,7 @@ def refined(cases, seed, outside='', servo=False):
     errors = np.concatenate([
         (result.model.predict(part, same_recording=True) - part.current)[moving(part)]
         for part in score])
-    return result.report, float(np.sqrt(np.mean(errors ** 2))) / drive.noise_floor
+    return result.report, rms(errors) / drive.noise_floor
 
 
 def variables(report):

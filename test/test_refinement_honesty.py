@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What refinement must not be misled by: hidden inertia, filtered velocity, one-sided motion."""
 
+from helpers import rms
 import numpy as np
 import pytest
 from test_prepare import swings
@@ -126,7 +127,7 @@ def test_a_bump_that_a_fold_crosses_one_way_only_is_still_found():
     other = recorded(t, q, current, 9)
     moving = np.abs(v) > 0.02
     error = (result.model.predict(other) - other.current)[moving]
-    assert np.sqrt(np.mean(error ** 2)) < 1.3 * NOISE
+    assert rms(error) < 1.3 * NOISE
 
 
 @pytest.mark.parametrize('scale, said', [(1.0, False), (1.02, False), (1.6, True), (0.6, True)])
@@ -190,7 +191,7 @@ def test_standstill_helps_to_locate_the_sign_change_of_friction():
     samples = Samples(time=time, position=np.cumsum(speed) * step, velocity=speed,
                       current=drawn + 0.01 * rng.standard_normal(time.size))
     found = refine([samples])
-    assert np.sqrt(np.mean(found.model.predict(samples)[rest] ** 2)) < 0.1
+    assert rms(found.model.predict(samples)[rest]) < 0.1
 
 
 def test_constant_speeds_are_not_taken_for_a_clipped_signal():

@@ -4,8 +4,8 @@
 
 import functools
 import math
-from pathlib import Path
 
+from helpers import note_model, short_search, SLOPES
 import numpy as np
 import pytest
 
@@ -14,25 +14,16 @@ from friction_comp.excitation.joint_limits import JointLimits
 from friction_comp.excitation.plan import plan_joint
 from friction_comp.identification.goal import IdentificationError
 from friction_comp.identification.trajectory_run import TrajectoryGoal, TrajectoryRun
-from friction_comp.model.friction_model import FrictionModel
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.undeclared import Undeclared
 
-ROOT = Path(__file__).resolve().parents[1]
-SLOPES = {1: 0.05, 2: 0.06, 3: 0.12}
 LIMITS = JointLimits('', -0.8, 1.0, 1.2, 6.0)
 STEP = 4e-3  # s
 
 
-def note_model(number):
-    return FrictionModel.load(ROOT / 'config' / f'armin_configuration_{number}.yaml')
-
-
 @functools.cache
 def motion_planned():
-    # Searched for shortly: any plan will do.
-    with pytest.MonkeyPatch.context() as monkeypatch:
-        monkeypatch.setattr('friction_comp.excitation.plan._GENERATIONS', 1)
+    with short_search(1):
         return plan_joint(LIMITS, [('gravity', 'stribeck')], 20.0, 3).samples(50.0)
 
 

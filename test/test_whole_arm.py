@@ -6,6 +6,7 @@ import csv
 import json
 
 from arm_maker import PLANE, recorded, small_arm, waves
+from helpers import rms
 import numpy as np
 import pytest
 from recording_maker import DATA, needs_data
@@ -77,7 +78,7 @@ def test_predict_needs_no_urdf_and_is_right_on_another_recording(refined, joint,
     error = errors_of(table)
     assert len(error) == SIZE
     # Noise is 0.02 A; the sign of friction at reversals is sharper than 100 Hz shows.
-    assert np.sqrt(np.mean(error ** 2)) < 0.035
+    assert rms(error) < 0.035
     assert predict.main([
         str(refined / 'score'), '--model', str(refined / 'out' / joint / 'model.yaml'),
         '--output', str(tmp_path / 'own.csv')]) == 0
@@ -206,7 +207,7 @@ def test_other_joints_are_named_where_no_urdf_says_more(refined, tmp_path):
     model = FrictionModel.load(tmp_path / 'model.yaml')
     samples = fresh['lift'][0][0]
     error = samples.current - model.predict(samples)
-    assert np.sqrt(np.mean(error ** 2)) < 0.2 * np.std(samples.current)
+    assert rms(error) < 0.2 * np.std(samples.current)
 
 
 # A real arm.
@@ -224,4 +225,4 @@ def test_ur10e_is_predicted_better_than_by_plain_least_squares():
     name, = only = ['wrist_1_joint']
     result = refine_arm(fit, folder / 'ur10e.urdf', only=only).results[name]
     part = score[name][0]
-    assert np.sqrt(np.mean((part.current - result.model.predict(part)) ** 2)) <= 0.056
+    assert rms(part.current - result.model.predict(part)) <= 0.056

@@ -1,0 +1,33 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What tests of several rooms share: the note's drives, an error, and short searches for plans."""
+
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.package_files import package_file
+
+# Of the current ramps on the note's drives, A/s
+SLOPES = {1: 0.05, 2: 0.06, 3: 0.12}
+
+
+def note_model(number=1, **simulation):
+    """Return the model of a drive of the note, with other entries for its simulation."""
+    model = FrictionModel.load(package_file('config', f'armin_configuration_{number}.yaml'))
+    model.simulation.update(simulation)
+    return model
+
+
+def rms(values):
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+@contextmanager
+def short_search(generations=2):
+    """Search for plans for a few generations only: how good they are does not matter."""
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr('friction_comp.excitation.plan._GENERATIONS', generations)
+        yield
