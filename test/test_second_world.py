@@ -3,13 +3,9 @@
 """The second simulator of test recordings: its physics, and its stated error floors."""
 
 from dataclasses import replace
-from pathlib import Path
-import sys
 
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'bench'))
 
 from second_world import arm, motion, oracle
 from second_world.cases import generator, make
