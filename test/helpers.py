@@ -25,6 +25,22 @@ def rms(values):
     return float(np.sqrt(np.mean(np.square(values))))
 
 
+def follow(run, plant, alter=lambda run, sample: sample):
+    """Let a run of identification command a plant to the end; return time, position and command.
+
+    `alter` changes a sample, or returns None for one that is lost.
+    """
+    rows, state, command = [], plant.state, 0.0
+    while not run.finished:
+        sample = alter(run, [
+            state.time, state.position[0], state.velocity[0], state.current[0]])
+        if sample is not None:
+            command = run.update(*sample)
+        rows.append((state.time, state.position[0], command))
+        state = plant.step([command])
+    return np.array(rows).T
+
+
 @contextmanager
 def short_search(generations=2):
     """Search for plans for a few generations only: how good they are does not matter."""

@@ -150,17 +150,6 @@ def test_limit_and_terms():
     assert current[0] == pytest.approx(total)
 
 
-def test_the_law_works_without_a_measured_velocity():
-    """Without velocity the position is differentiated."""
-    model = note_model()
-    one, two = CompensationLaw([model]), CompensationLaw([model])
-    for k in range(1, 400):
-        x = 0.3 * k * 1e-3
-        a = one.update(k * 1e-3, [x], [0.3], [0])
-        b = two.update(k * 1e-3, [x], None, [0])
-    assert a[0] == pytest.approx(b[0], rel=1e-6)
-
-
 def test_a_new_model_comes_in_without_a_jump():
     """The current turns over within a few tenths of a second."""
     law, other = CompensationLaw([note_model(1)]), note_model(2)

@@ -4,7 +4,7 @@
 
 import math
 
-from helpers import note_model, SLOPES
+from helpers import follow, note_model, SLOPES
 import numpy as np
 import pytest
 
@@ -24,23 +24,12 @@ QUICK = {'speeds': np.radians([10.0, 40.0, 100.0]).tolist(), 'breakaway_cycles':
          'longest_cycle': 4.0, 'ramp_period': 8.0, 'ramp_slope': 0.06}
 
 
-def identify(model, goal, plant=None, alter=None, seed=1):
+def identify(model, goal, plant=None, **changes):
     """Run to the end; return the run, the commands and the positions."""
-    plant = plant or Plant([model], seed=seed, sample_time=STEP)
     run = IdentificationRun(goal, model.drive)
-    commands, positions = [], []
-    state = plant.state
-    while not run.finished:
-        sample = [state.time, state.position[0], state.velocity[0], state.current[0]]
-        if alter is not None:
-            sample = alter(run, sample)
-        command = 0.0 if sample is None else run.update(*sample)
-        if sample is None:
-            command = commands[-1] if commands else 0.0
-        commands.append(command)
-        positions.append(state.position[0])
-        state = plant.step([command])
-    return run, np.array(commands), np.array(positions)
+    _, positions, commands = follow(
+        run, plant or Plant([model], seed=1, sample_time=STEP), **changes)
+    return run, commands, positions
 
 
 @pytest.fixture(scope='module')
