@@ -199,7 +199,8 @@ def test_arguments_are_checked():
     """Every refusal names its argument."""
     model = note_model()
     for options, word in (({'law': 'best'}, 'law'), ({'breakaway_gain': -1.0}, 'breakaway_gain'),
-                          ({'current_limit': math.nan}, 'current_limit')):
+                          ({'current_limit': math.nan}, 'current_limit'),
+                          ({'gravity': 'up'}, 'gravity')):
         with pytest.raises(InputError, match=word):
             CompensationLaw([model], **options)
     with pytest.raises(InputError, match='position'):

@@ -135,17 +135,6 @@ def test_a_joint_that_stuck_took_more_than_was_given():
     assert 'at least' not in summary(other)
 
 
-def test_movements_that_identification_made_are_no_persons():
-    own = info_of()
-    own.activity = [(0.0, Activity(0, 'identification', '', ''))]
-    evaluation = evaluate([both([1.0] * 4), both([0.4] * 4)], about=[
-        own, info_of(activity=[(0.0, 'paper', 'a.yaml')])])
-    assert {c.compensation.law for c in evaluation.conditions} == {'paper'}
-    assert any('4 movements were made by identification' in note for note in evaluation.notes)
-    alone = evaluate([both([1.0] * 4)], about=[own])
-    assert {c.compensation.law for c in alone.conditions} == {'identification'}
-
-
 def test_a_difference_is_found_and_chance_is_not_taken_for_one():
     plain, helped = trial([1.2 + 0.05 * k for k in range(10)]), both([0.5] * 10)
     evaluation = evaluate([plain, helped])
@@ -361,7 +350,9 @@ def test_what_identification_moved_is_left_out(tmp_path):
     evaluation, = evaluate_recordings([tmp_path / 'moved', tmp_path / 'pushed'])
     assert {c.compensation.law for c in evaluation.conditions} == {''}
     assert sum(c.repetitions for c in evaluation.conditions) == 4
-    assert any('made by identification' in note for note in evaluation.notes)
+    assert any('4 movements were made by identification' in note for note in evaluation.notes)
+    alone, = evaluate_recordings([tmp_path / 'moved'])
+    assert {c.compensation.law for c in alone.conditions} == {'identification'}
 
 
 def test_one_bad_recording_alone_is_an_error(tmp_path):

@@ -10,7 +10,7 @@ import law_ablation
 import numpy as np
 import pytest
 
-from friction_comp.compensation.law import CompensationLaw
+from friction_comp.compensation.law import CompensationLaw, law_parameters
 from friction_comp.compensation.law_parameters import EARLY, LEAST_CHANGING, LOWERED, START_TIME
 from friction_comp.drive import Drive
 from friction_comp.model.friction_model import Breakaway, FrictionModel, Presliding
@@ -145,7 +145,7 @@ def test_preload_lost_by_a_slip_is_not_regained_by_creeping():
 
 def test_a_joint_that_creeps_from_rest_to_rest_under_its_preload_slips():
     law = CompensationLaw([small_model()])
-    distance = law._parameters[0]['slip']
+    distance = law_parameters(small_model())['slip'][0]
     places = np.interp(np.arange(5000), [1000, 1050, 2000, 2050, 3000, 3050],
                        distance * np.array([0.0, 0.7, 0.7, 1.4, 1.4, 2.1]))
     current = drive_along(law, places)

@@ -80,17 +80,14 @@ def test_a_program_gets_the_report_on_standard_output(tmp_path, capsys):
         (tmp_path / 'o' / 'report.json').read_text())
 
 
-def test_nothing_to_be_used_is_an_error(tmp_path, capsys):
+def test_nothing_to_be_used_is_an_error(tmp_path, refuses):
     (tmp_path / 'a.mcap').write_bytes(b'no recording')
     (tmp_path / 'b.mcap').write_bytes(b'nor this')
-    assert run('refine', [str(tmp_path), '--each', '--output', str(tmp_path / 'out')]) == 2
-    assert capsys.readouterr().err.count('\n') == 1
-    assert not (tmp_path / 'out').exists()
+    refuses('a.mcap', 'refine', tmp_path, '--each')
 
 
-def test_many_processes_are_for_many_models(folder, tmp_path, capsys):
-    assert run('refine', [str(folder), '--output', str(tmp_path / 'out'), '--jobs', '2']) == 2
-    assert '--each' in capsys.readouterr().err
+def test_many_processes_are_for_many_models(folder, refuses):
+    refuses('--each', 'refine', folder, '--jobs', '2')
 
 
 @pytest.mark.slow
