@@ -36,7 +36,7 @@ def folder(tmp_path_factory):
     drive = random_drive(3, ['gravity'])
     for k in range(2):
         samples = record(drive, 40 + k, excitation_for(
-            ['gravity'], duration=12.0, rate=125.0))[0].samples
+            ['gravity'], duration=8.0, rate=125.0))[0].samples
         write_samples(room / f'day_{k}', samples)
     (room / 'broken.mcap').write_bytes(b'no recording')
     return room

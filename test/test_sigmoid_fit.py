@@ -139,7 +139,7 @@ def test_a_long_table_is_condensed_and_fitted_as_well_as_by_the_true_curve(monke
     """One that hardly holds the other direction; a search takes as long as it has points."""
     rng, sizes = np.random.default_rng(1), []
     truth = Sigmoid(upper=0.3, lower=-0.25, steepness=300.0, shift=0.0, viscous=0.1)
-    speeds = rng.uniform(-0.01, 1.0, 3000)
+    speeds = rng.uniform(-0.02, 1.0, 1000)
     currents = truth(speeds) + rng.normal(0.0, 0.01, len(speeds))
 
     def counted(x, *arguments):
