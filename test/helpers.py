@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What tests of several rooms share: the note's drives, an error, and short searches for plans."""
+"""What tests of several rooms share: the note's drives, loops that drive them, short searches."""
 
 from contextlib import contextmanager
 
@@ -19,6 +19,17 @@ def note_model(number=1, **simulation):
     model = FrictionModel.load(package_file('config', f'armin_configuration_{number}.yaml'))
     model.simulation.update(simulation)
     return model
+
+
+def drive_along(law, places, direction=1, begin=0, velocity=None):
+    """Return a law's currents for a joint that goes from place to place, rad, every millisecond.
+
+    The direction announced is one for all samples or one for each.
+    """
+    directions = np.broadcast_to(direction, len(places))
+    return np.array([
+        law.update(1e-3 * (begin + k), [x], None if velocity is None else [velocity], [d])[0]
+        for k, (x, d) in enumerate(zip(places, directions))])
 
 
 def rms(values):
