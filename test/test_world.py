@@ -166,12 +166,13 @@ def test_movement_is_continuous_and_announced_at_standstill():
     assert not replace(movement, compensated=False).at(time)[2].any()
 
 
-def test_movement_refuses_what_cannot_be():
-    """Too short an amplitude, and times that are not positive, are named."""
-    with pytest.raises(InputError, match='too short'):
-        ReferenceMovement(amplitude=0.01, speed=1.0)
-    with pytest.raises(InputError, match='standstill'):
-        ReferenceMovement(standstill=0.0)
+@pytest.mark.parametrize('changes, words', [
+    ({'amplitude': 0.01, 'speed': 1.0}, 'too short'), ({'amplitude': math.nan}, 'amplitude'),
+    ({'standstill': 0.0}, 'standstill'), ({'announcement': 60.0}, 'announcement'),
+    ({'repetitions': 0}, 'repetitions')])
+def test_movement_refuses_what_cannot_be(changes, words):
+    with pytest.raises(InputError, match=words):
+        ReferenceMovement(**changes)
 
 
 def test_reference_hold_extrapolates_and_times_out():
