@@ -18,6 +18,7 @@ from hypothesis import HealthCheck, settings
 from matplotlib.figure import Figure
 import pytest
 
+from friction_comp.__main__ import run
 from friction_comp.package_files import add_environment_to_ament_path
 from friction_comp.reports import figures, html
 
@@ -82,6 +83,21 @@ def plain_pages(request):
             monkeypatch.setattr(figures, 'Figure', lambda figsize, layout: Figure(figsize))
             monkeypatch.setattr(html, 'for_page', drawn_once)
         yield
+
+
+@pytest.fixture
+def refuses(capsys, tmp_path):
+    """Check that a tool refuses its arguments in one line that has some words, and writes nothing.
+    """
+    def check(words, tool, *arguments):
+        output = tmp_path / 'refused'
+        capsys.readouterr()
+        assert run(tool, [*map(str, arguments), '--output', str(output)]) == 2
+        error = capsys.readouterr().err
+        assert words in error
+        assert error.count('\n') == 1
+        assert not output.exists()
+    return check
 
 
 @pytest.fixture

@@ -112,6 +112,25 @@ def test_procedures_do_not_know_each_other():
     assert all(not table[room] & apart for room in apart)
 
 
+def test_only_nodes_import_ros_2():
+    def packages(path):
+        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+            if isinstance(node, ast.ImportFrom):
+                yield (node.module or '').split('.')[0]
+            elif isinstance(node, ast.Import):
+                yield from (alias.name.split('.')[0] for alias in node.names)
+
+    ros = re.compile(r'rclpy|\w+_(msgs|srvs|interfaces)')
+    assert [str(path) for path in MODULES if room_of(path) != 'nodes'
+            and any(map(ros.fullmatch, packages(path)))] == []
+
+
+def test_no_module_is_too_long_to_keep_in_mind():
+    long = {path.name: lines for path in MODULES
+            if (lines := len(path.read_text(encoding='utf-8').splitlines())) > 400}
+    assert long == {}
+
+
 def test_no_two_modules_have_one_name():
     commands = {*NODES, *TOOLS}
     names = Counter(

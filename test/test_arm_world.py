@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The simulated arms of bench/arm_table.py obey mechanics, so they can judge other models."""
 
+from helpers import rms
 import numpy as np
 import pytest
 
@@ -59,7 +60,7 @@ def test_velocity_and_acceleration_are_derivatives(drawn):
                             (motion.velocity, motion.acceleration)):
             # Where friction changes its sign, the acceleration jumps within a sample
             off = np.abs(np.gradient(value, step, axis=0) - rate)
-            assert np.median(off) < 0.01 * np.sqrt(np.mean(rate ** 2))
+            assert np.median(off) < 0.01 * rms(rate)
 
 
 def test_the_same_seed_gives_the_same_case(seed, drawn):

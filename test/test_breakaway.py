@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Breakaway currents from current ramps, and what affects their scatter."""
 
-from pathlib import Path
-
 from numba import njit
 import numpy as np
 import pytest
@@ -11,27 +9,10 @@ import pytest
 from friction_comp.errors import InputError
 from friction_comp.identification.breakaway import breakaway_currents
 from friction_comp.identification.excitation import ramp_current
-from friction_comp.model.friction_model import FrictionModel
-from friction_comp.simulation.joint import Plant
 
-ROOT = Path(__file__).resolve().parents[1]
-SLOPES = {1: 0.05, 2: 0.06, 3: 0.12}
 PERIOD = 10.0
 COUNT = 1.57e-5  # rad
 ramps_of = np.vectorize(ramp_current)
-
-
-def ramp_recording(number, cycles, seed=1, share=1.0):
-    """Return time, position, current, command and resolution of ramps on a simulated joint."""
-    model = FrictionModel.load(ROOT / 'config' / f'armin_configuration_{number}.yaml')
-    plant = Plant([model], seed=seed)
-    time = np.arange(round(cycles * PERIOD * 1000)) * 1e-3
-    command = share * ramps_of(np.mod(time, PERIOD), SLOPES[number], PERIOD)
-    state, seen = plant.state, []
-    for current in command:
-        seen.append((state.position[0], state.current[0]))
-        state = plant.step([current])
-    return time, *np.array(seen).T, command, model.drive.position_resolution
 
 
 @njit(cache=True)
@@ -66,7 +47,7 @@ def _drive(command, levels, kinetic, viscous, acceleration, stiffness, damping, 
 
 def known_ramps(slope=0.05, level=0.1, scatter=0.004, cycles=15, kinetic=0.95, viscous=0.05,
                 acceleration=119.0, deflection=4e-4, noise=2e-3, count=COUNT, seed=2):
-    """Return time, command, position, current of ramps whose breakaway levels are known."""
+    """Return time, position, current, command of ramps, and their breakaway levels."""
     random = np.random.default_rng(seed)
     levels = level + scatter * random.normal(size=2 * cycles)
     time = np.arange(round(cycles * PERIOD * 1000)) * 1e-3
@@ -76,7 +57,7 @@ def known_ramps(slope=0.05, level=0.1, scatter=0.004, cycles=15, kinetic=0.95, v
         command, levels, kinetic, viscous, acceleration, stiffness,
         1.4 * np.sqrt(stiffness / acceleration), noise * random.normal(size=time.size))
     position = np.round(position / count) * count
-    return time, command, position, current, levels * np.where(np.arange(2 * cycles) % 2, -1, 1)
+    return time, position, current, command, levels * np.where(np.arange(2 * cycles) % 2, -1, 1)
 
 
 NOTE_LIKE = {
@@ -89,10 +70,11 @@ NOTE_LIKE = {
 @pytest.mark.slow
 @pytest.mark.parametrize('number', NOTE_LIKE)
 def test_known_levels_are_measured_ramp_by_ramp(number):
-    time, command, position, current, levels = known_ramps(**NOTE_LIKE[number])
-    records = breakaway_currents(time, position, current, command,
-                                 NOTE_LIKE[number].get('count', COUNT))
+    *ramps, levels = known_ramps(**NOTE_LIKE[number])
+    records = breakaway_currents(*ramps, NOTE_LIKE[number].get('count', COUNT))
     assert records.direction.tolist() == [1, -1] * 15
+    # Each is read within the rise of its ramp.
+    assert np.all(np.mod(records.time, PERIOD / 2.0) < 0.4 * PERIOD)
     error = records.current - levels
     assert abs(np.mean(error * records.direction)) < 0.01 * np.mean(np.abs(levels))
     np.testing.assert_allclose(records.current, levels, rtol=0.03)
@@ -102,16 +84,8 @@ def test_known_levels_are_measured_ramp_by_ramp(number):
     assert statistics.positive_std == pytest.approx(np.std(levels[::2], ddof=1), rel=0.15)
 
 
-@pytest.mark.slow
-def test_every_ramp_is_resolved_in_turn_and_read_within_its_rise():
-    """On the drive whose breakaway scatters most; `test_reproduce` has the statistics of all."""
-    records = breakaway_currents(*ramp_recording(3, 12, seed=3))
-    assert records.direction.tolist() == [1, -1] * 12
-    assert np.all(np.mod(records.time, PERIOD / 2.0) < 0.4 * PERIOD)
-
-
 def test_presliding_creep_is_not_taken_for_motion():
-    time, command, position, current, levels = known_ramps(deflection=2e-3)
+    time, position, current, command, levels = known_ramps(deflection=2e-3)
     records = breakaway_currents(time, position, current, command, COUNT)
     np.testing.assert_allclose(records.current, levels, rtol=0.03)
     # Eq. 9 read literally would apply at the first encoder count, a hundred counts early.
@@ -120,7 +94,7 @@ def test_presliding_creep_is_not_taken_for_motion():
 
 
 def test_encoder_dither_is_not_taken_for_motion():
-    time, command, position, current, levels = known_ramps()
+    time, position, current, command, levels = known_ramps()
     dither = np.random.default_rng(5).integers(-1, 2, time.size) * COUNT
     records = breakaway_currents(time, position + dither, current, command, COUNT)
     assert len(records) == 30
@@ -129,7 +103,7 @@ def test_encoder_dither_is_not_taken_for_motion():
 
 
 def test_ramps_cut_at_the_breakaway_are_enough():
-    time, command, position, current, levels = known_ramps(cycles=4)
+    time, position, current, command, levels = known_ramps(cycles=4)
     whole = breakaway_currents(time, position, current, command, COUNT)
     keep = np.ones(time.size, dtype=bool)
     for instant in whole.time:
@@ -154,15 +128,16 @@ def test_progressive_creep_before_the_slide():
 
 
 def test_ramps_that_stay_below_the_level_have_no_breakaway():
-    records = breakaway_currents(*ramp_recording(1, 3, share=0.3))
+    *ramps, _ = known_ramps(level=0.3, cycles=3)
+    records = breakaway_currents(*ramps, COUNT)
     assert len(records) == 0
     with pytest.raises(InputError, match='no breakaway in the positive'):
         records.statistics()
 
 
 def test_the_position_is_that_of_the_instant():
-    time, position, *rest = ramp_recording(1, 4)
-    records = breakaway_currents(time, position, *rest)
-    assert len(records) == 8
+    time, position, current, command, _ = known_ramps(cycles=2)
+    records = breakaway_currents(time, position, current, command, COUNT)
+    assert len(records) == 4
     np.testing.assert_allclose(records.position, position[np.searchsorted(time, records.time)])
     assert records.statistics().positive_position == np.mean(records.position[::2])

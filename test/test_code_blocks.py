@@ -8,6 +8,7 @@ import shlex
 
 import doc_pages
 from doc_pages import PAGES, ROOT
+from helpers import note_model, rms
 import numpy as np
 import pytest
 from report_pages import assert_documented, promised
@@ -46,7 +47,7 @@ def trial(name, direction):
     Configuration 2 moves an inertia, and the recording holds no velocity: whoever predicts has to
     differentiate.
     """
-    model = FrictionModel.load(ROOT / 'config' / 'armin_configuration_2.yaml')
+    model = note_model(2)
     model.effects = [Inertia({'coefficients': [0.02]})]
     step, velocity = 8e-3, []
     for speed in (0.3, 0.6, 0.2, 0.9, 0.45, 0.75):
@@ -211,7 +212,12 @@ def test_the_examples_show_what_the_tools_are_for(workplace):
         if effect['name'] == 'friction_ripple')
     # Over 40 degrees, gravity acts like a spring.
     assert {'gravity', 'spring'} & set(effects)
+    assert 'inertia' in effects
     assert 'load_torque' not in effects
+    assert refined['after']['held_out_rmse'] < 1.2 * refined['noise_floor']
+    assert refined['before']['model'].startswith('the given model')
+    model = FrictionModel.load(workplace / 'output' / 'refined' / 'model.yaml')
+    assert model.drive == note_model(2).drive
     assert effects['friction_ripple']['parameters']['frequency'] == pytest.approx(
         hidden['parameters']['frequency'], rel=0.02)
 
@@ -250,7 +256,7 @@ def test_python(text, workplace):
             del EFFECTS[name]
     if 'residual' in names:
         # As refine reports it, and as the page says.
-        error = np.sqrt(np.mean(names['residual'] ** 2))
+        error = rms(names['residual'])
         assert error < 1.3 * report_of(workplace, 'refine examples')['after']['held_out_rmse']
         told = re.search(r'here\s+([\d.]+) mA', (ROOT / 'docs' / 'tools.md').read_text(
             encoding='utf-8'))[1]

@@ -5,6 +5,7 @@
 from dataclasses import replace
 import math
 
+from helpers import note_model
 import numpy as np
 import pytest
 
@@ -14,18 +15,11 @@ from friction_comp.errors import InputError
 from friction_comp.exercise.reference_movement import ReferenceMovement
 from friction_comp.model.effects.history_effects import Temperature
 from friction_comp.model.effects.torque_effects import Inertia, LoadFriction
-from friction_comp.model.friction_model import FrictionModel
-from friction_comp.package_files import package_file
 from friction_comp.simulation.batch import closed_loops
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.joint_parameters import joint_parameters
 from friction_comp.simulation.random_sequence import random_states
 from simulated_recordings.closed_loop import closed_loop
-
-
-def drive(number=1):
-    """Return one of the note's drives."""
-    return FrictionModel.load(package_file('config', f'armin_configuration_{number}.yaml'))
 
 
 def hold(law, direction, seconds=1.5, start=0.0):
@@ -36,7 +30,7 @@ def hold(law, direction, seconds=1.5, start=0.0):
 
 def test_printed_law_equals_its_equations():
     """At standstill 0.9 of i_b in the direction d, in motion Eq. 6 alone, whatever d."""
-    model = drive(2)
+    model = note_model(2)
     law = CompensationLaw([model], law='paper')
     for d in (-1, 0, 1):
         assert law.update(0.0, [0.0], [0.0], [d])[0] == pytest.approx(d * 0.9 * 0.1377)
@@ -47,7 +41,7 @@ def test_printed_law_equals_its_equations():
 
 def test_continuous_law_gives_its_share_of_equation_6_in_motion():
     """Once the joint has slid, whatever the direction announced."""
-    model = drive(2)
+    model = note_model(2)
     for d, speed in ((1, 0.6), (-1, -0.6), (0, 0.6), (0, -0.6)):
         law = CompensationLaw([model])
         for k in range(600):
@@ -58,7 +52,7 @@ def test_continuous_law_gives_its_share_of_equation_6_in_motion():
 @pytest.mark.parametrize('d', [-1, 1])
 def test_continuous_law_rises_holds_and_falls_without_a_jump(d):
     """The level comes and goes smoothly and stays below the gain's share."""
-    law = CompensationLaw([drive()])
+    law = CompensationLaw([note_model()])
     rest, up = hold(law, 0), hold(law, d, start=1.5)
     down = hold(law, 0, start=3.0)
     assert not rest.any()
@@ -71,7 +65,7 @@ def test_continuous_law_rises_holds_and_falls_without_a_jump(d):
 
 def test_continuous_law_never_jumps_while_the_joint_is_moved():
     """In a whole trial the current changes by a tenth of i_b at most from sample to sample."""
-    model = drive()
+    model = note_model()
     movement = ReferenceMovement(
         amplitude=0.5, speed=0.35, acceleration_time=1.0, standstill=2.0, repetitions=1)
     log = closed_loop(Plant([model], seed=2), CompensationLaw([model]), movement,
@@ -89,7 +83,7 @@ def test_continuous_law_never_jumps_while_the_joint_is_moved():
 @pytest.mark.parametrize('number', [1, 2, 3])
 def test_continuous_law_never_starts_an_untouched_joint(number):
     """With i_b 10 % too large and its scatter, nothing leaves a third of a degree."""
-    model = drive(number)
+    model = note_model(number)
     wrong = replace(model, breakaway=replace(
         model.breakaway, positive_mean=1.1 * model.breakaway.positive_mean,
         negative_mean=1.1 * model.breakaway.negative_mean))
@@ -107,7 +101,7 @@ def test_continuous_law_never_starts_an_untouched_joint(number):
 
 def test_a_joint_that_slips_in_the_probe_is_held_with_less():
     """Where the joint gives way at 80 % of the mean, it stops, and the level ends below that."""
-    model = drive()
+    model = note_model()
     weak = replace(model, breakaway=replace(
         model.breakaway, positive_mean=0.08, positive_std=0.0, negative_std=0.0))
     plant, law = Plant([weak], seed=1), CompensationLaw([model])
@@ -127,7 +121,7 @@ def test_faults_give_zero_current(law):
 
     A velocity of NaN is one that the driver does not measure: the continuous law does without.
     """
-    model = drive()
+    model = note_model()
     for bad in (math.nan, math.inf):
         both = CompensationLaw([model, model], law=law)
         for k in range(150):
@@ -146,7 +140,7 @@ def test_faults_give_zero_current(law):
 
 def test_limit_and_terms():
     """Output is clipped; the terms add up to it."""
-    model = drive(3)
+    model = note_model(3)
     law = CompensationLaw([model], law='paper', current_limit=0.1)
     assert law.update(0.0, [0.0], [0.0], [1])[0] == 0.1
     free = CompensationLaw([model])
@@ -156,20 +150,9 @@ def test_limit_and_terms():
     assert current[0] == pytest.approx(total)
 
 
-def test_the_law_works_without_a_measured_velocity():
-    """Without velocity the position is differentiated."""
-    model = drive()
-    one, two = CompensationLaw([model]), CompensationLaw([model])
-    for k in range(1, 400):
-        x = 0.3 * k * 1e-3
-        a = one.update(k * 1e-3, [x], [0.3], [0])
-        b = two.update(k * 1e-3, [x], None, [0])
-    assert a[0] == pytest.approx(b[0], rel=1e-6)
-
-
 def test_a_new_model_comes_in_without_a_jump():
     """The current turns over within a few tenths of a second."""
-    law, other = CompensationLaw([drive(1)]), drive(2)
+    law, other = CompensationLaw([note_model(1)]), note_model(2)
     currents = []
     for k in range(800):
         if k == 400:
@@ -182,12 +165,12 @@ def test_a_new_model_comes_in_without_a_jump():
 
 def test_an_effect_without_its_signal_is_left_out_until_the_signal_comes():
     """The list says so, and the current turns over within its slope limit."""
-    model = replace(drive(2), effects=[
+    model = replace(note_model(2), effects=[
         Temperature({'coefficients': [0.01, 0.0, 0.0], 'reference_temperature': 25.0,
                      'transition': 0.02}),
         LoadFriction({'coefficients': [0.02], 'exponent': 1.0, 'transition': 0.02}),
         Inertia({'coefficients': [0.001]})])
-    law, plain = CompensationLaw([model, drive(2)]), CompensationLaw([drive(2), drive(2)])
+    law, plain = (CompensationLaw([one, note_model(2)]) for one in (model, note_model(2)))
     assert [name for _, name, _ in law.left_out] == ['inertia']
     currents, differences = [], []
     for k in range(1500):
@@ -203,7 +186,7 @@ def test_an_effect_without_its_signal_is_left_out_until_the_signal_comes():
         assert not any(joint == 1 for joint, *_ in law.left_out)
         currents.append(current[0])
         differences.append(current[0] - plain.update(k * 1e-3, *both)[0])
-    assert np.abs(np.diff(currents[50:])).max() < 0.11 * drive(2).sigmoid.upper
+    assert np.abs(np.diff(currents[50:])).max() < 0.11 * note_model(2).sigmoid.upper
     assert differences[240] == pytest.approx(0.0, abs=1e-6)
     assert differences[490] == pytest.approx(SHARE * 0.02, rel=0.03)
     assert differences[990] == pytest.approx(SHARE * 0.12, rel=0.03)
@@ -214,9 +197,10 @@ def test_an_effect_without_its_signal_is_left_out_until_the_signal_comes():
 
 def test_arguments_are_checked():
     """Every refusal names its argument."""
-    model = drive()
+    model = note_model()
     for options, word in (({'law': 'best'}, 'law'), ({'breakaway_gain': -1.0}, 'breakaway_gain'),
-                          ({'current_limit': math.nan}, 'current_limit')):
+                          ({'current_limit': math.nan}, 'current_limit'),
+                          ({'gravity': 'up'}, 'gravity')):
         with pytest.raises(InputError, match=word):
             CompensationLaw([model], **options)
     with pytest.raises(InputError, match='position'):

@@ -229,14 +229,16 @@ def test_a_width_or_speed_that_cannot_be_is_named(name, key, value):
 
 
 @pytest.mark.parametrize('name', EFFECTS)
-def test_a_wrong_number_of_coefficients_is_reported(name):
+def test_wrong_coefficients_and_unknown_entries_are_reported(name):
     samples = samples_of(np.linspace(0, 1, 20), np.ones(20))
     wrong = [0.1] * (COLUMNS.get(name, 1) + 1)
     with pytest.raises(InputError, match=f"'{name}' takes {len(wrong) - 1} coefficients"):
         EFFECTS[name](defaults(name, coefficients=wrong)).current(samples)
-    for value in (0.1, 'abc', {'a': 1}):
+    for value in (0.1, 'abc', {'a': 1}, [math.nan], None):
         with pytest.raises(InputError, match='coefficients'):
             EFFECTS[name](defaults(name, coefficients=value))
+    with pytest.raises(InputError, match='unknown'):
+        EFFECTS[name](defaults(name, colour=1.0))
 
 
 @pytest.mark.parametrize('name', EFFECTS)

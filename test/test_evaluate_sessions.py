@@ -38,6 +38,10 @@ def info_of(path='trial', activity=(), model=None, start=1.0):
         (since, Activity(0, 'active', law, name)) for since, law, name in activity])
 
 
+LAW, KINETIC = (
+    info_of(activity=[(0.0, law, 'a.yaml')]) for law in ('continuous', 'kinetic'))
+
+
 def both(heights, seed=0):
     """Make a trial whose peaks, two a repetition, differ a little."""
     random = np.random.default_rng(seed)
@@ -86,22 +90,18 @@ def test_what_changes_within_a_recording_is_told_apart():
 
 def test_the_verdict_compares_with_the_least_help_there_is():
     plain, helped = trial([1.0] * 4), both([0.4] * 4)
-    law = info_of(activity=[(0.0, 'continuous', 'a.yaml')])
-    kinetic = info_of(activity=[(0.0, 'kinetic', 'a.yaml')])
-    for other, samples in ((kinetic, plain), (kinetic, both([1.0] * 4)), (
+    for other, samples in ((KINETIC, plain), (KINETIC, both([1.0] * 4)), (
             info_of(), plain.with_(command=np.zeros(len(plain))))):
-        evaluation = evaluate([samples, helped], about=[other, law])
+        evaluation = evaluate([samples, helped], about=[other, LAW])
         first, second = evaluation.pair()
         assert second.law == 'continuous'
-        assert first.law == ('kinetic' if other is kinetic else 'none')
+        assert first.law == ('kinetic' if other is KINETIC else 'none')
         assert evaluation.peak_reduction == pytest.approx(0.6, abs=0.05)
 
 
 def test_the_verdict_says_what_was_compared_and_how_sure_it_is():
     """Nobody's direction is called none, and the pairs that the page lists are counted."""
-    law = info_of(activity=[(0.0, 'continuous', 'a.yaml')])
-    kinetic = info_of(activity=[(0.0, 'kinetic', 'a.yaml')])
-    evaluation = evaluate([both([1.0] * 10), both([0.4] * 10)], about=[kinetic, law])
+    evaluation = evaluate([both([1.0] * 10), both([0.4] * 10)], about=[KINETIC, LAW])
     words = verdict(evaluation)
     assert 'with kinetic: **' in words
     assert 'd = 0' not in words
@@ -110,19 +110,17 @@ def test_the_verdict_says_what_was_compared_and_how_sure_it_is():
     test, = (c for c in evaluation.comparisons if c.figure == 'peak_torque')
     assert (test.first.law, test.second.law) == ('kinetic', 'continuous')
     two = evaluate([both([1.0] * 10), both([0.4] * 10)], about=[
-        info_of(activity=[(0.0, 'kinetic', 'b.yaml')]), law])
+        info_of(activity=[(0.0, 'kinetic', 'b.yaml')]), LAW])
     assert 'b.yaml' in verdict(two)
 
 
 def test_a_joint_that_stuck_took_more_than_was_given():
     stuck = both([1.0] * 10)
     stuck = stuck.with_(position=np.zeros(len(stuck)))
-    law = info_of(activity=[(0.0, 'continuous', 'a.yaml')])
-    kinetic = info_of(activity=[(0.0, 'kinetic', 'a.yaml')])
-    evaluation = evaluate([stuck, both([0.4] * 10)], about=[kinetic, law])
+    evaluation = evaluate([stuck, both([0.4] * 10)], about=[KINETIC, LAW])
     assert evaluation.is_bound
     # The command to a joint at rest is zero although the law is active.
-    idle = evaluate([stuck.with_(command=np.zeros(len(stuck)))], about=[kinetic])
+    idle = evaluate([stuck.with_(command=np.zeros(len(stuck)))], about=[KINETIC])
     assert {c.compensation.law for c in idle.conditions} == {'kinetic'}
     words = summary(evaluation)
     assert 'instead of more than **' in words
@@ -130,20 +128,9 @@ def test_a_joint_that_stuck_took_more_than_was_given():
     assert 'With d = ±1 · kinetic the joint did not move in 10 of 10 movements.' in words
     for condition in evaluation.conditions:
         assert ('smoothness' in condition.figures) == (condition.compensation.law != 'kinetic')
-    other = evaluate([both([1.0] * 10), stuck], about=[kinetic, law])
+    other = evaluate([both([1.0] * 10), stuck], about=[KINETIC, LAW])
     assert not other.is_bound
     assert 'at least' not in summary(other)
-
-
-def test_movements_that_identification_made_are_no_persons():
-    own = info_of()
-    own.activity = [(0.0, Activity(0, 'identification', '', ''))]
-    evaluation = evaluate([both([1.0] * 4), both([0.4] * 4)], about=[
-        own, info_of(activity=[(0.0, 'paper', 'a.yaml')])])
-    assert {c.compensation.law for c in evaluation.conditions} == {'paper'}
-    assert any('4 movements were made by identification' in note for note in evaluation.notes)
-    alone = evaluate([both([1.0] * 4)], about=[own])
-    assert {c.compensation.law for c in alone.conditions} == {'identification'}
 
 
 def test_a_difference_is_found_and_chance_is_not_taken_for_one():
@@ -212,7 +199,7 @@ def test_smoothness_falls_with_hesitation():
     assert spectral_arc_length(-7.0 * bell, 2e-3) == pytest.approx(smooth)
 
 
-def weeks(folder, days=8, slope=0.02):
+def weeks(folder, days=6, slope=0.02):
     """Write a session a day whose peaks with d = ±1 rise by `slope` N·m a day."""
     for k in range(days):
         day = date(2026, 3, 2) + timedelta(days=k)
@@ -246,7 +233,7 @@ def test_weeks_of_sessions_are_a_trend(tmp_path, capsys):
     assert 'Day by day' in page
     with (tmp_path / 'out' / 'repetitions.csv').open(encoding='utf-8') as stream:
         rows = list(csv.DictReader(stream))
-    assert len(rows) == 8 * 2 * 4
+    assert len(rows) == 6 * 2 * 4
     assert {row['day'] for row in rows} == set(trends[1]['days'])
     assert all(0.2 < float(row['peak_torque']) < 1.2 for row in rows)
 
@@ -361,7 +348,9 @@ def test_what_identification_moved_is_left_out(tmp_path):
     evaluation, = evaluate_recordings([tmp_path / 'moved', tmp_path / 'pushed'])
     assert {c.compensation.law for c in evaluation.conditions} == {''}
     assert sum(c.repetitions for c in evaluation.conditions) == 4
-    assert any('made by identification' in note for note in evaluation.notes)
+    assert any('4 movements were made by identification' in note for note in evaluation.notes)
+    alone, = evaluate_recordings([tmp_path / 'moved'])
+    assert {c.compensation.law for c in alone.conditions} == {'identification'}
 
 
 def test_one_bad_recording_alone_is_an_error(tmp_path):

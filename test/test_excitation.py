@@ -32,25 +32,18 @@ def test_profile_of_equation_3(time, velocity):
 
 
 @given(speed=speeds, width=ranges)
-def test_cycle_uses_the_range_exactly_and_returns(speed, width):
+def test_cycle_uses_the_range_exactly_returns_and_does_not_jump(speed, width):
     duration = 2.5 * width / abs(speed)
     time = np.linspace(0.0, duration, 4001)
+    velocity = velocity_reference(time, speed, duration)
     position = position_reference(time, speed, duration)
     assert position[0] == 0.0
     assert position[-1] == pytest.approx(0.0, abs=1e-9)
     assert position[2000] == pytest.approx(math.copysign(width, speed), rel=1e-9)
     assert np.max(np.abs(position)) <= width * (1.0 + 1e-9)
     assert np.min(position * math.copysign(1.0, speed)) >= -1e-9
-
-
-@given(speed=speeds, width=ranges)
-def test_profile_is_continuous_and_position_is_its_integral(speed, width):
-    duration = 2.5 * width / abs(speed)
-    time = np.linspace(0.0, duration, 20001)
-    velocity = velocity_reference(time, speed, duration)
-    position = position_reference(time, speed, duration)
-    # The steepest slope is α = 10·ω_c/T: nothing jumps.
-    assert np.max(np.abs(np.diff(velocity))) <= 10.0 * abs(speed) / 20000 * 1.001
+    # The steepest slope is α = 10·ω_c/T.
+    assert np.max(np.abs(np.diff(velocity))) <= 10.0 * abs(speed) / 4000 * 1.001
     summed = np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(time))
     np.testing.assert_allclose(position[1:], summed, atol=1e-6 * width)
     assert np.max(np.abs(velocity)) <= abs(speed) * (1.0 + 1e-12)

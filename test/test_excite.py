@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A planned motion keeps its limits, is reproducible, and distinguishes effects."""
 
-from contextlib import contextmanager
 import json
 
+from helpers import short_search
 from hypothesis import example, given, strategies as st
 import numpy as np
 import pytest
@@ -65,14 +65,6 @@ def test_no_plan_leaves_its_limits(seed, bends, lowest, span, velocity, accelera
     assert q[0] == start
     assert q[-1] == pytest.approx(start, abs=1e-9)
     assert v[-1] == 0.0
-
-
-@contextmanager
-def short_search(generations=2):
-    """Search a third as long for each plan, where it is not about how good it is."""
-    with pytest.MonkeyPatch.context() as monkeypatch:
-        monkeypatch.setattr('friction_comp.excitation.plan._GENERATIONS', generations)
-        yield
 
 
 @pytest.fixture(scope='module')
@@ -201,9 +193,5 @@ def test_the_tool_writes_plan_page_and_report(tmp_path, capsys):
     (['--ambiguous', 'missing.json'], 'cannot be read'),
     (['--position', '1.0', '-1.0'], 'is not below'),
 ])
-def test_wrong_input_is_one_line(wrong, words, tmp_path, capsys):
-    assert run('excite', [*PLAIN, *wrong, '--output', str(tmp_path / 'o')]) == 2
-    said = capsys.readouterr().err
-    assert words in said
-    assert said.count('\n') == 1
-    assert not (tmp_path / 'o').exists()
+def test_wrong_input_is_one_line(wrong, words, refuses):
+    refuses(words, 'excite', *PLAIN, *wrong)

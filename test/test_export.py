@@ -7,18 +7,17 @@ from dataclasses import replace
 import re
 from xml.etree import ElementTree
 
+from helpers import note_model, rms
 import numpy as np
 import pytest
 
 from friction_comp.__main__ import run
 from friction_comp.model.effects import EFFECTS
-from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.model.simulator_joint import simulator_joint
-from friction_comp.package_files import package_file
 from friction_comp.samples import Samples
 
-MODEL = FrictionModel.load(package_file('config', 'armin_configuration_2.yaml'))
+MODEL = note_model(2)
 GAIN = MODEL.drive.torque_per_current
 # Steep enough that the slowest sweep slides.
 PLAIN = replace(MODEL, joint='elbow', sigmoid=Sigmoid(
@@ -96,10 +95,8 @@ def test_mujoco_gives_the_models_current_within_the_error_stated(tmp_path):
         time=time, position=position, velocity=velocity, acceleration=acceleration,
         current=np.zeros_like(time)))
     moves = np.abs(velocity) > 0.05
-    error = np.sqrt(np.mean((np.array(torque) - expected)[moves] ** 2))
-    assert error < simulator_joint(model).error
+    assert rms((np.array(torque) - expected)[moves]) < simulator_joint(model).error
 
 
-def test_bad_input_is_named(tmp_path, capsys):
-    assert run('export', [str(tmp_path / 'no.yaml'), '--to', 'urdf', '--output', 'x']) == 2
-    assert 'no.yaml' in capsys.readouterr().err
+def test_bad_input_is_named(refuses):
+    refuses('no.yaml', 'export', 'no.yaml', '--to', 'urdf')

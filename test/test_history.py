@@ -119,10 +119,7 @@ def test_months_of_recordings_give_one_model_and_one_page(tmp_path, capsys):
     assert '<svg' in page
 
 
-def test_without_a_history_it_says_how_to_begin_one(tmp_path, capsys):
+def test_without_a_history_it_says_how_to_begin_one(tmp_path, refuses):
     MODEL.save(tmp_path / 'model.yaml')
-    assert run('history', [str(tmp_path / 'model.yaml'), '--output', str(tmp_path / 'o')]) == 2
-    assert 'refine --history' in capsys.readouterr().err
-    assert not (tmp_path / 'o').exists()
-    assert run('refine', ['none.csv', '--history', '--output', str(tmp_path / 'o')]) == 2
-    assert '--history goes with --model' in capsys.readouterr().err
+    refuses('refine --history', 'history', tmp_path / 'model.yaml')
+    refuses('--history goes with --model', 'refine', 'none.csv', '--history')

@@ -5,32 +5,21 @@
 from dataclasses import replace
 import functools
 import importlib
-from pathlib import Path
-import sys
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-BENCH = Path(__file__).resolve().parents[1] / 'bench'
-if not BENCH.is_dir():
-    pytest.skip('the benchmarks are not installed', allow_module_level=True)
-sys.path.insert(0, str(BENCH))
-
-from independent_gear import world  # noqa: E402
-from independent_gear.gears import draw_gears, frictionless, KINDS  # noqa: E402
-from independent_gear.plant import Plant  # noqa: E402
-from independent_gear.state import CLAMP, FRICTIONS  # noqa: E402
-from independent_gear.truth import (  # noqa: E402
-    breakaway_currents,
-    presliding,
-    steady_friction,
-)
-from law_judge.bank import make_bank  # noqa: E402
-from law_judge.identification import identification  # noqa: E402
-from law_judge.model import true_models  # noqa: E402
-from law_judge.person import nobody  # noqa: E402
-from law_judge.persons import draw_persons, drivers, FIRM  # noqa: E402
+from independent_gear import world
+from independent_gear.gears import draw_gears, frictionless, KINDS
+from independent_gear.plant import Plant
+from independent_gear.state import CLAMP, FRICTIONS
+from independent_gear.truth import breakaway_currents, presliding, steady_friction
+from law_judge.bank import make_bank
+from law_judge.identification import identification
+from law_judge.model import true_models
+from law_judge.person import nobody
+from law_judge.persons import draw_persons, drivers, FIRM
 
 EVEN, ODD = 0, 1
 

@@ -6,11 +6,12 @@ from dataclasses import replace
 import importlib
 import math
 
+from helpers import drive_along
 import law_ablation
 import numpy as np
 import pytest
 
-from friction_comp.compensation.law import CompensationLaw
+from friction_comp.compensation.law import CompensationLaw, law_parameters
 from friction_comp.compensation.law_parameters import EARLY, LEAST_CHANGING, LOWERED, START_TIME
 from friction_comp.drive import Drive
 from friction_comp.model.friction_model import Breakaway, FrictionModel, Presliding
@@ -22,8 +23,7 @@ DEGREE = math.pi / 180.0
 
 def drive_at(law, speeds):
     """Return the currents at speeds in rad/s, a sample each."""
-    return np.array([law.update(1e-3 * k, [x], None, [0])[0]
-                     for k, x in enumerate(np.cumsum(speeds) * 1e-3)])
+    return drive_along(law, np.cumsum(speeds) * 1e-3, direction=0)
 
 
 def test_a_joint_that_gains_speed_after_its_start_gets_less_until_it_is_slower_again():
@@ -67,17 +67,9 @@ def test_a_joint_that_turns_round_starts_anew():
 def test_without_a_direction_a_joint_at_rest_gets_nothing():
     """Whichever way it came, and without breakaway currents with a direction too."""
     for model, direction in ((small_model(), 0), (replace(small_model(), breakaway=None), 1)):
-        law = CompensationLaw([model])
-        for k in range(2000):
-            current = law.update(
-                1e-3 * k, [3e-4 * min(k, 500)], [0.3 if k < 500 else 0.0], [direction])[0]
-        assert current == pytest.approx(0.0, abs=1e-9)
-
-
-def drive_along(law, places, direction=1, begin=0):
-    """Return the currents of a joint that goes from place to place, a sample each, rad."""
-    return np.array([law.update(1e-3 * (begin + k), [x], None, [direction])[0]
-                     for k, x in enumerate(places)])
+        places = 3e-4 * np.minimum(np.arange(2000), 500)
+        assert drive_along(CompensationLaw([model]), places, direction)[-1] == pytest.approx(
+            0.0, abs=1e-9)
 
 
 def test_a_joint_at_rest_has_its_preload_within_a_sixth_of_a_second():
@@ -110,15 +102,12 @@ def test_slow_motion_against_the_announcement_is_no_stop():
 
 @pytest.mark.parametrize('period', [0.2, 0.4])
 def test_announcements_that_flicker_are_not_believed(period):
-    law, currents = CompensationLaw([small_model()]), []
-    for k in range(6000):
-        direction = 1 if (1e-3 * k) % period < 0.5 * period else -1
-        currents.append(law.update(1e-3 * k, [0.0], None, [direction])[0])
+    law, time = CompensationLaw([small_model()]), 1e-3 * np.arange(6000)
+    currents = drive_along(law, np.zeros(6000), np.where(time % period < 0.5 * period, 1, -1))
     np.testing.assert_allclose(currents[1500:], 0.0, atol=1e-3 * LEVEL)
     # A publisher that stays is accepted again.
-    for k in range(6000, 9000):
-        current = law.update(1e-3 * k, [0.0], None, [1])[0]
-    assert current == pytest.approx(0.9 * LEVEL, rel=1e-2)
+    assert drive_along(law, np.zeros(3000), begin=6000)[-1] == pytest.approx(
+        0.9 * LEVEL, rel=1e-2)
 
 
 def slip(law, places, after=150):
@@ -145,7 +134,7 @@ def test_preload_lost_by_a_slip_is_not_regained_by_creeping():
 
 def test_a_joint_that_creeps_from_rest_to_rest_under_its_preload_slips():
     law = CompensationLaw([small_model()])
-    distance = law._parameters[0]['slip']
+    distance = law_parameters(small_model())['slip'][0]
     places = np.interp(np.arange(5000), [1000, 1050, 2000, 2050, 3000, 3050],
                        distance * np.array([0.0, 0.7, 0.7, 1.4, 1.4, 2.1]))
     current = drive_along(law, places)

@@ -6,40 +6,26 @@ import os
 from pathlib import Path
 import tempfile
 
+from helpers import note_model
 from hypothesis import given, strategies as st
 import numpy as np
 import pytest
+from test_effect_properties import parameters_of, samples_of
 import yaml
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.effects import EFFECTS
-from friction_comp.model.friction_model import Breakaway, FrictionModel
+from friction_comp.model.friction_model import Breakaway, FrictionModel, Presliding
 from friction_comp.model.sigmoid import Sigmoid
-from friction_comp.samples import Samples
 
-CONFIG = Path(__file__).parents[1] / 'config'
-SIZE = st.floats(-2.0, 2.0)
-EFFECT = {
-    'stribeck': {'velocity': (0.01, 0.5), 'exponent': (1, 2), 'transition': (1e-4, 0.05)},
-    'gravity': {},
-    'cogging': {'frequency': (1.0, 300.0), 'growth': (0.0, 1.0), 'speed': (0.1, 2.0),
-                'transition': (1e-4, 0.05)},
-    'hysteresis': {'distance': (1e-3, 0.2), 'exponent': (0.5, 2.0), 'transition': (1e-4, 0.05)},
-    'warm_up': {'time_constant': (1.0, 500.0), 'transition': (1e-4, 0.05)},
-    'temperature': {'reference_temperature': (10.0, 40.0), 'transition': (1e-4, 0.05)},
-}
-COEFFICIENTS = {'stribeck': 1, 'gravity': 2, 'cogging': 2, 'hysteresis': 2, 'warm_up': 3,
-                'temperature': 3}
+SIZE, WAY = st.floats(-2.0, 2.0), st.floats(1e-5, 1.0)
 
 
 @st.composite
 def effects(draw):
-    name = draw(st.sampled_from(sorted(EFFECT)))
-    count = COEFFICIENTS[name]
-    return EFFECTS[name]({
-        **{key: draw(st.floats(*limits)) for key, limits in EFFECT[name].items()},
-        'coefficients': draw(st.lists(SIZE, min_size=count, max_size=count))})
+    name = draw(st.sampled_from(sorted(EFFECTS)))
+    return EFFECTS[name](draw(parameters_of(name)))
 
 
 @st.composite
@@ -55,6 +41,9 @@ def models(draw):
             Sigmoid, st.floats(0.0, 2.0), st.floats(-2.0, 0.0), st.floats(1.0, 500.0),
             st.floats(-0.01, 0.01), st.floats(-0.1, 1.0))),
         breakaway=breakaway, effects=draw(st.lists(effects(), max_size=4)),
+        presliding=draw(st.none() | st.builds(
+            Presliding, WAY, st.none() | WAY, st.none() | WAY, st.none() | st.just(0.0) | WAY)),
+        simulation=draw(st.dictionaries(st.text('abc'), SIZE, max_size=2)),
         differentiation=draw(st.sampled_from([
             {}, {'source': 'position', 'bandwidth': 40.0, 'lag': 0.004}])),
         joint=draw(st.text(st.characters(codec='utf-8', exclude_categories=['C', 'Z']),
@@ -64,10 +53,8 @@ def models(draw):
 
 
 def motion():
-    time = np.arange(0.0, 5.0, 0.01)
-    position = np.sin(1.3 * time)
-    return Samples(time=time, position=position, velocity=np.gradient(position, time),
-                   current=np.zeros_like(time), temperature=20.0 + time)
+    position = np.sin(0.013 * np.arange(500))
+    return samples_of(position, np.gradient(position, 0.01))
 
 
 @given(model=models())
@@ -77,7 +64,8 @@ def test_a_model_predicts_the_same_after_a_round_trip(model):
         model.save(path)
         again = FrictionModel.load(path)
         assert os.listdir(folder) == ['model.yaml']
-    for name in ('drive', 'breakaway', 'joint', 'notes', 'differentiation'):
+    for name in ('drive', 'breakaway', 'presliding', 'joint', 'notes', 'simulation',
+                 'differentiation'):
         assert getattr(again, name) == getattr(model, name)
     assert [one.to_dict() for one in again.effects] == [one.to_dict() for one in model.effects]
     assert again.predict(motion()) == pytest.approx(model.predict(motion()), rel=1e-7, abs=1e-9)
@@ -85,24 +73,11 @@ def test_a_model_predicts_the_same_after_a_round_trip(model):
 
 @pytest.mark.parametrize('name', ['0E0', '3:00', '1_000', '08', 'true', '~', 'no', '.5', '*a'])
 def test_a_name_that_looks_like_something_else_stays_a_name(name, tmp_path):
-    model = FrictionModel.load(CONFIG / 'armin_configuration_1.yaml')
+    model = note_model()
     model.joint, model.notes = name, {'drawing': name}
     model.save(tmp_path / 'model.yaml')
     again = FrictionModel.load(tmp_path / 'model.yaml')
     assert (again.joint, again.notes) == (name, {'drawing': name})
-
-
-@pytest.mark.parametrize('number', [1, 2, 3])
-def test_the_drives_of_the_note_load_and_survive_a_round_trip(number, tmp_path):
-    model = FrictionModel.load(CONFIG / f'armin_configuration_{number}.yaml')
-    assert model.drive.torque_constant == 0.119
-    assert model.breakaway.positive_mean > 0 > model.breakaway.negative_mean
-    assert model.simulation['inertia'] > 0
-    model.save(tmp_path / 'again.yaml')
-    again = FrictionModel.load(tmp_path / 'again.yaml')
-    assert (again.drive, again.breakaway, again.simulation) == (
-        model.drive, model.breakaway, model.simulation)
-    assert again.predict(motion()) == pytest.approx(model.predict(motion()))
 
 
 def document(**changes):

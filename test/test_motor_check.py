@@ -5,7 +5,9 @@
 import os
 from pathlib import Path
 
+from helpers import note_model
 from hypothesis import given, settings, strategies as st
+import numpy as np
 import pytest
 import yaml
 
@@ -13,17 +15,15 @@ from friction_comp.errors import InputError
 from friction_comp.files import read_yaml
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.motor_check import check_for_motor
+from friction_comp.package_files import package_file
 
-CONFIG = Path(__file__).resolve().parents[1] / 'config'
-TEXT = (CONFIG / 'armin_configuration_1.yaml').read_text(encoding='utf-8')
+TEXT = package_file('config', 'armin_configuration_1.yaml').read_text(encoding='utf-8')
 
 
-def for_motor(folder, text, joint='elbow', joints=('elbow', 'wrist')):
+def for_motor(folder, text):
     path = folder / 'model.yaml'
     path.write_text(text, encoding='utf-8')
-    model = FrictionModel.load(path)
-    check_for_motor(model, joint, joints)
-    return model
+    check_for_motor(FrictionModel.load(path), 'elbow', ['elbow', 'wrist'])
 
 
 def replaced(old, new):
@@ -37,9 +37,12 @@ def with_effect(name, **parameters):
 
 
 @pytest.mark.parametrize('number', [1, 2, 3])
-def test_the_drives_of_the_note_pass(tmp_path, number):
-    text = (CONFIG / f'armin_configuration_{number}.yaml').read_text(encoding='utf-8')
-    assert for_motor(tmp_path, text).breakaway.positive_mean > 0.05
+def test_the_drives_of_the_note_pass(number):
+    model = note_model(number)
+    check_for_motor(model, 'elbow', ['elbow'])
+    assert model.drive.torque_constant == 0.119
+    assert model.breakaway.positive_mean > 0.05 > -0.05 > model.breakaway.negative_mean
+    assert model.simulation['inertia'] > 0
 
 
 @pytest.mark.parametrize(('text', 'words'), [
@@ -76,7 +79,7 @@ def test_typing_errors_are_refused_with_the_reason(tmp_path, text, words):
 
 
 def test_a_model_that_identification_wrote_passes(tmp_path):
-    model = FrictionModel.load(CONFIG / 'armin_configuration_2.yaml')
+    model = note_model(2)
     speeds = [-1.5, -0.5, 0.5, 1.5]
     model.lookup_table = {'speeds': speeds, 'currents': [float(model.sigmoid(v)) for v in speeds],
                           'standard_deviations': [0.01] * 4}
@@ -138,4 +141,4 @@ def test_any_document_is_either_accepted_or_refused(data):
         check_for_motor(model, 'elbow', ['elbow'])
     except (InputError, OverflowError):
         return
-    assert model.breakaway is None or model.breakaway.positive_mean < 3.0 * 5.0
+    assert np.isfinite(model.sigmoid(np.linspace(-5.0, 5.0, 11))).all()

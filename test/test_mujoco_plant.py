@@ -3,30 +3,27 @@
 """The plant with links that MuJoCo simulates."""
 
 import json
-from pathlib import Path
 import sys
 
+from helpers import note_model
 from node_process import shorten_scenes
 import numpy as np
 import pytest
 
 from friction_comp.__main__ import run
 from friction_comp.errors import InputError
-from friction_comp.model.friction_model import FrictionModel
+from friction_comp.package_files import package_file
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.mujoco_plant import MujocoPlant
 from friction_comp.simulation.undeclared import Undeclared
 
-ROOT = Path(__file__).resolve().parents[1]
-ARM = ROOT / 'config' / 'arms' / 'guided_arm.xml'
+ARM = package_file('config', 'arms', 'guided_arm.xml')
 WHEEL = """<mujoco><worldbody><body><inertial pos="0 0 0" mass="1e-6"
 diaginertia="1e-9 1e-9 1e-9"/><joint name="a" axis="0 0 1"/></body></worldbody></mujoco>"""
 
 
 def drive(number, **simulation):
-    model = FrictionModel.load(ROOT / 'config' / f'armin_configuration_{number}.yaml')
-    model.simulation.update({'current_noise': 0.0, **simulation})
-    return model
+    return note_model(number, current_noise=0.0, **simulation)
 
 
 def arm(**options):

@@ -15,7 +15,7 @@ pytest.importorskip('friction_comp_interfaces', reason='the action type is not b
 from action_msgs.msg import GoalStatus
 from action_msgs.srv import CancelGoal
 from friction_comp_interfaces.action import IdentifyFriction
-from node_process import Process
+from node_process import PATIENCE, Process
 from ros_system import BEST_EFFORT, FakeDriver, Goals, joint_state, MODELS, probe_node
 from std_msgs.msg import Float64MultiArray
 
@@ -133,7 +133,7 @@ def test_a_goal_that_is_cancelled_before_it_starts_does_not_move_the_joint(syste
     end, cancelled = time.monotonic() + PATIENCE, []
     while not cancelled:
         assert time.monotonic() < end, 'the requests never arrived together'
-        goal = system._client.send_goal_async(IdentifyFriction.Goal(**GOAL))
+        goal = system.send(**GOAL)
         # Without an id, it cancels all goals.
         answer = client.call_async(CancelGoal.Request())
         handle = system.probe.complete(goal, 'answer to the goal')

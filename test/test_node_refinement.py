@@ -220,7 +220,7 @@ def test_a_goal_that_is_cancelled_before_it_starts_refines_nothing(bench):
     end, cancelled = time.monotonic() + PATIENCE, []
     while not cancelled:
         assert time.monotonic() < end, 'the requests never arrived together'
-        goal = bench.client.send_goal_async(RefineModel.Goal(joint=JOINT))
+        goal = bench.send(joint=JOINT)
         # Without an id, it cancels all goals.
         answer = client.call_async(CancelGoal.Request())
         handle = bench.probe.complete(goal, 'answer to the goal')

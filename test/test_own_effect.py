@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """An effect that exists only in this file is found, stored, predicted, fed back and shown."""
 
+from helpers import rms
 import numpy as np
 import pytest
 
@@ -90,7 +91,7 @@ def test_an_effect_that_exists_only_here(own_effect, tmp_path):
     fresh = recording(2)
     moving = np.abs(fresh.velocity) > 0.05
     error = (fresh.current - model.predict(fresh))[moving]
-    assert np.sqrt(np.mean(error ** 2)) < 1.3 * 0.002
+    assert rms(error) < 1.3 * 0.002
 
     tight, loose = (
         CompensationLaw([model], law='kinetic').update(0.0, [position], [0.5], [0])[0]

@@ -91,6 +91,11 @@ def test_a_current_that_is_cut_off_is_seen_and_one_that_is_not_is_left_alone():
     assert np.array_equal(cut, np.abs(samples.current) >= limit)
     assert not clipped(samples.current).any()
     assert not clipped(np.zeros(100)).any()
+    # Nor is one that constant speeds repeat, except for its noise.
+    speed = np.convolve(0.6 * np.sign(np.sin(0.25 * np.pi * samples.time)), np.ones(30) / 30.0,
+                        mode='same')
+    noise = 0.01 * np.random.default_rng(5).standard_normal(4000)
+    assert not clipped(0.4 * np.tanh(speed / 0.01) + 0.3 * speed + noise).any()
 
 
 def test_standstill_is_not_fitted():

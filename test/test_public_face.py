@@ -85,30 +85,21 @@ complete_it friction_comp refine --ea
 
 
 @pytest.mark.slow
-def test_nothing_is_compiled_by_an_import(tmp_path):
+def test_imports_compile_nothing_and_leave_the_look_of_figures_to_other_programs(tmp_path):
     rooms = [path for path in (ROOT / 'friction_comp').rglob('*.py')
              if path.stem != '__main__' and 'nodes' not in path.parts]
     names = ['.'.join(path.relative_to(ROOT).with_suffix('').parts).removesuffix('.__init__')
              for path in rooms]
     code = f"""
 import importlib
+import matplotlib
 from numba.core import event
+before = dict(matplotlib.rcParams)
 with event.install_recorder('numba:compile') as recorder:
     for name in {names}:
         importlib.import_module(name)
-print(len(recorder.buffer))
-"""
-    assert run(code, NUMBA_CACHE_DIR=str(tmp_path)) == '0\n'
-
-
-def test_the_figures_look_is_not_forced_on_other_programs():
-    code = """
-import matplotlib as mpl
-before = dict(mpl.rcParams)
 from friction_comp.reports.figures import new_figure, to_svg
-figure, axes = new_figure()
-axes.plot([0.0, 1.0])
-to_svg(figure)
-assert dict(mpl.rcParams) == before
+to_svg(new_figure()[0])
+print(len(recorder.buffer), matplotlib.rcParams == before)
 """
-    run(code)
+    assert run(code, NUMBA_CACHE_DIR=str(tmp_path)) == '0 True\n'

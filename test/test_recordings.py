@@ -67,8 +67,7 @@ def test_the_active_model_is_found_in_diagnostics(tmp_path, node, value, expecte
     (StoragePlugin.SQLITE3, CompressionMode.MESSAGE),
 ])
 def test_every_storage_and_compression_is_read(tmp_path, plugin, compression):
-    record(tmp_path / 'r', states(), plugin, compression)
-    samples, = read_recording(tmp_path / 'r')
+    samples, = read_recording(record(tmp_path / 'r', states(), plugin, compression))
     np.testing.assert_array_equal(samples.position, np.arange(50.0))
 
 
@@ -96,8 +95,7 @@ def test_one_joint_of_several(tmp_path):
         for j, name in enumerate(names):
             messages.append(('/interaction_wrench', receive,
                              wrench(1_000_000_000 + k * 1_000_000, name, 10.0 * j + k)))
-    record(tmp_path / 'r', messages)
-    samples, = read_recording(tmp_path / 'r', 'elbow')
+    samples, = read_recording(record(tmp_path / 'r', messages), 'elbow')
     np.testing.assert_array_equal(samples.position, 100.0 + np.arange(50.0))
     np.testing.assert_array_equal(samples.load, 10.0 + np.arange(50.0))
     np.testing.assert_array_equal(samples.command, 2.0 + np.arange(50.0))
@@ -118,8 +116,7 @@ def test_arrays_follow_the_joints_of_the_reference_where_they_are_fewer(tmp_path
         messages.append(('/reference', receive, joint_state(
             1_000_000_000 + k * 1_000_000, ['elbow'], [0.5 * k], [1.0], [])))
         messages.append(('/direction', receive, array(cdr.INT8_ARRAY, [1])))
-    record(tmp_path / 'r', messages)
-    samples, = read_recording(tmp_path / 'r', 'elbow')
+    samples, = read_recording(record(tmp_path / 'r', messages), 'elbow')
     np.testing.assert_array_equal(samples.direction, np.ones(50))
     np.testing.assert_array_equal(samples.reference_position, 0.5 * np.arange(50.0))
     (other, info), = read_recording_with_info(tmp_path / 'r', 'shoulder')
@@ -134,8 +131,7 @@ def test_joint_names_may_change_their_order(tmp_path):
         values = [float(k) if name == 'a' else -float(k) for name in names]
         stamp = 1_000_000_000 + k * 1_000_000
         messages.append(('/joint_states', stamp, joint_state(stamp, names, values, [], values)))
-    record(tmp_path / 'r', messages)
-    samples, = read_recording(tmp_path / 'r', 'a')
+    samples, = read_recording(record(tmp_path / 'r', messages), 'a')
     np.testing.assert_array_equal(samples.position, np.arange(40.0))
     assert samples.velocity is None
 
@@ -168,8 +164,7 @@ def test_bad_samples_are_left_out_and_counted(tmp_path):
     messages[30], messages[31] = (
         (messages[30][0], messages[30][1], messages[31][2]),
         (messages[31][0], messages[31][1], messages[30][2]))
-    record(tmp_path / 'r', messages)
-    (samples, info), = read_recording_with_info(tmp_path / 'r')
+    (samples, info), = read_recording_with_info(record(tmp_path / 'r', messages))
     expected = np.delete(np.arange(50.0), [3, 9, 12])
     np.testing.assert_array_equal(samples.position, expected)
     np.testing.assert_allclose(samples.time, 1e-3 * expected, atol=1e-12)
@@ -207,8 +202,7 @@ def test_the_later_of_two_directions_counts(tmp_path):
     messages.append(('/direction', messages[20][1], array(cdr.INT8_ARRAY, [-1])))
     messages.append(('/direction', messages[45][1], array(cdr.INT8_ARRAY, [7])))
     messages.sort(key=lambda message: message[1])
-    record(tmp_path / 'r', messages)
-    samples, = read_recording(tmp_path / 'r')
+    samples, = read_recording(record(tmp_path / 'r', messages))
     # The topic without stamps is dated by its receive times.
     expected = np.zeros(60, dtype=int)
     expected[5:20], expected[20:40], expected[40:45] = 1, -1, 1

@@ -2,14 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Impossible values give one line that names them, whichever tool reads them."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from recording_maker import DATA, needs_data
 
-from friction_comp.__main__ import run
 from friction_comp.errors import InputError
+from friction_comp.package_files import package_file
 from friction_comp.recordings import (
     find_recordings,
     read_recording,
@@ -19,7 +17,7 @@ from friction_comp.recordings import (
 from friction_comp.recordings.plausible import check_plausible
 from friction_comp.samples import Samples
 
-MODEL = Path(__file__).resolve().parent.parent / 'config' / 'armin_configuration_1.yaml'
+MODEL = package_file('config', 'armin_configuration_1.yaml')
 
 
 def strokes(seed=0, **changes):
@@ -64,15 +62,10 @@ def test_impossible_values_are_refused_by_name(make, words):
 
 
 @pytest.mark.parametrize('tool', ['refine', 'predict', 'evaluate'])
-def test_no_tool_succeeds_with_impossible_values(tmp_path, monkeypatch, capsys, tool):
+def test_no_tool_succeeds_with_impossible_values(tmp_path, refuses, tool):
     write_samples(tmp_path / 'odd', spoiled('position', 1e300, at=21).take(slice(0, 100)))
-    arguments = {'refine': ['--output', 'out'], 'evaluate': ['--output', 'out'],
-                 'predict': ['--model', str(MODEL), '--output', 'out.csv']}[tool]
-    monkeypatch.chdir(tmp_path)
-    assert run(tool, ['odd', *arguments]) == 2
-    lines = capsys.readouterr().err.strip().splitlines()
-    assert len(lines) == 1
-    assert "odd: joint 'elbow': position of 1e+300 rad at 0.042 s is impossible" in lines[0]
+    refuses("odd: joint 'elbow': position of 1e+300 rad at 0.042 s is impossible", tool,
+            tmp_path / 'odd', *(['--model', MODEL] if tool == 'predict' else []))
     assert [path.name for path in tmp_path.iterdir()] == ['odd']
 
 

@@ -5,7 +5,6 @@
 from pathlib import Path
 import random
 import shutil
-import signal
 import sqlite3
 import subprocess
 import sys
@@ -136,18 +135,15 @@ def start_writer(folder, *arguments):
 
 
 @pytest.mark.slow
-def test_killed_writers_leave_all_they_had_flushed(tmp_path):
-    draw = random.Random(3)
-    for k in range(2):
-        writer = start_writer(tmp_path / f'r{k}')
-        flushed = 0
-        for _ in range(draw.randrange(1, 400)):
-            flushed = int(writer.stdout.readline())
-        writer.send_signal(signal.SIGKILL)
-        writer.communicate()
-        samples, = read_recording(tmp_path / f'r{k}')
-        assert len(samples) >= flushed
-        np.testing.assert_array_equal(samples.current, np.arange(float(len(samples))))
+def test_a_killed_writer_leaves_all_it_had_flushed(tmp_path):
+    writer = start_writer(tmp_path / 'r')
+    for _ in range(100):
+        flushed = int(writer.stdout.readline())
+    writer.kill()
+    writer.communicate()
+    samples, = read_recording(tmp_path / 'r')
+    assert len(samples) >= flushed
+    np.testing.assert_array_equal(samples.current, np.arange(float(len(samples))))
 
 
 def test_a_full_disk_costs_nothing_that_was_written(tmp_path):
@@ -266,8 +262,7 @@ def test_a_damaged_database_gives_what_is_whole(tmp_path):
 def test_a_clock_set_back_mixes_nothing(tmp_path):
     def stamp(k):
         return 100_000_000_000 + k * 1_000_000 - (3_000_000_000 if k >= 600 else 0)
-    record(tmp_path / 'r', states(1000, stamp=stamp))
-    (samples, info), = read_recording_with_info(tmp_path / 'r')
+    (samples, info), = read_recording_with_info(record(tmp_path / 'r', states(1000, stamp=stamp)))
     np.testing.assert_array_equal(samples.position, np.arange(1000.0))
     # The receive times went on, so nothing is missing in between.
     np.testing.assert_allclose(np.diff(samples.time), 1e-3, atol=1e-9)
@@ -277,8 +272,7 @@ def test_a_clock_set_back_mixes_nothing(tmp_path):
 def test_single_stamps_far_off_are_left_out(tmp_path):
     def stamp(k):
         return 100_000_000_000 + k * 1_000_000 + {70: 10**13, 200: -10**10}.get(k, 0)
-    record(tmp_path / 'r', states(400, stamp=stamp))
-    (samples, info), = read_recording_with_info(tmp_path / 'r')
+    (samples, info), = read_recording_with_info(record(tmp_path / 'r', states(400, stamp=stamp)))
     np.testing.assert_array_equal(samples.position, np.delete(np.arange(400.0), [70, 200]))
     assert '2 joint states left out: stamp far off' in info.notes
 
@@ -289,8 +283,7 @@ def test_gaps_and_wraps_are_reported(tmp_path):
         time = 1_000_000_000 + (k + (500 if k >= 1200 else 0)) * 1_000_000
         angle = (0.004 * k + np.pi) % (2.0 * np.pi) - np.pi
         messages.append(('/joint_states', time, joint_state(time, ['elbow'], [angle], [], [1.0])))
-    record(tmp_path / 'r', messages)
-    (samples, info), = read_recording_with_info(tmp_path / 'r')
+    (samples, info), = read_recording_with_info(record(tmp_path / 'r', messages))
     np.testing.assert_allclose(samples.position, 0.004 * np.arange(3000), atol=1e-9)
     assert '1 gaps in the joint states, the longest of 0.501 s after 1.199 s' in info.notes
     assert 'position wraps around 2 times: turns are added' in info.notes

@@ -171,8 +171,7 @@ def test_messages_too_short_for_their_fields(tmp_path):
 
 
 def test_big_endian_recording(tmp_path):
-    record(tmp_path / 'r', states(), little_endian=False)
-    samples, = read_recording(tmp_path / 'r')
+    samples, = read_recording(record(tmp_path / 'r', states(), little_endian=False))
     np.testing.assert_array_equal(samples.current, 2.0 * np.arange(50.0))
 
 

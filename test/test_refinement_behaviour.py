@@ -7,14 +7,13 @@ a person moves it twice: compensated by the declared model, and by the refined o
 """
 
 from dataclasses import replace
-from pathlib import Path
 
+from helpers import note_model, rms
 import numpy as np
 import pytest
 
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.exercise.reference_movement import ReferenceMovement
-from friction_comp.model.friction_model import FrictionModel
 from friction_comp.note.condition_runs import with_breakaway_error
 from friction_comp.refinement import refine
 from friction_comp.simulation.joint import Plant
@@ -54,8 +53,7 @@ SAMPLE_TIME = 4e-3  # s, of plant and law in the loop
 
 @pytest.fixture
 def declared():
-    path = Path(__file__).parents[1] / 'config' / 'armin_configuration_1.yaml'
-    return FrictionModel.load(path)
+    return note_model(1)
 
 
 def recordings(declared, name, parameters, seed):
@@ -129,7 +127,7 @@ def current_error(model, parts):
         fast = np.abs(np.convolve(velocity, np.ones(9) / 9, 'same')) > 0.05
         # Each recording begins with a cold motor, so that what fades with time is there in all.
         errors.append((model.predict(part, same_recording=True) - part.current)[fast])
-    return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
+    return rms(np.concatenate(errors))
 
 
 @pytest.mark.parametrize('name', FED_BACK)
@@ -139,8 +137,7 @@ def test_the_refined_model_makes_the_drive_easier_to_move(declared, name):
     result = refine(recordings(declared, name, parameters, 1), model=known)
     assert variable in {effect['variable'] for effect in result.report['effects']}
     fresh = recordings(declared, name, parameters, 2)
-    before, after = current_error(known, fresh), current_error(result.model, fresh)
-    assert after < 0.8 * before
+    assert current_error(result.model, fresh) < 0.8 * current_error(known, fresh)
     # The soft person of the model file at ease, and a stiff, brisk one.
     cases = (declared, {}), (stiffly_held(declared), {'acceleration_time': 0.2})
     if name == 'hysteresis':
@@ -148,8 +145,6 @@ def test_the_refined_model_makes_the_drive_easier_to_move(declared, name):
     for joint, changes in cases:
         rms_before, peak_before = moved_by_hand(joint, known, name, parameters, **changes)
         rms_after, peak_after = moved_by_hand(joint, result.model, name, parameters, **changes)
-        print(f'{name}: current error {before:.4f} to {after:.4f} A, torque RMS {rms_before:.3f} '
-              f'to {rms_after:.3f} N·m, peak {peak_before:.3f} to {peak_after:.3f} N·m')
         # Both lie where the law's breakaway term is at work anyway.
         assert rms_after < (1.0 if name in ('stribeck', 'hysteresis') else 0.75) * rms_before
         # Starting is hardly easier where breakaway currents do not follow, as with temperature, or
@@ -171,7 +166,7 @@ def test_what_cannot_be_fed_back_is_left_out_with_a_reason(declared, name):
     reasons = {left: reason for _, left, reason in CompensationLaw([result.model]).left_out}
     assert reasons[described]
     # What is left of the model is still a compensation: the plain loop runs and stays finite.
-    rms, peak = moved_by_hand(declared, result.model, name, parameters)
-    rms_none, _ = moved_by_hand(declared, replace(result.model, effects=[]), name, parameters)
+    torque, peak = moved_by_hand(declared, result.model, name, parameters)
+    torque_none, _ = moved_by_hand(declared, replace(result.model, effects=[]), name, parameters)
     assert np.isfinite(peak)
-    assert rms < 1.2 * rms_none
+    assert torque < 1.2 * torque_none

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What refinement must not be misled by: hidden inertia, filtered velocity, one-sided motion."""
 
+from helpers import rms
 import numpy as np
 import pytest
 from test_prepare import swings
@@ -18,7 +19,7 @@ DRIVE = Drive(0.1, 100.0)
 NOISE = 0.003
 
 
-def strokes(seed, duration=100.0, rate=100.0):
+def strokes(seed, duration=80.0, rate=100.0):
     """Return time, position, velocity and acceleration of minimum-jerk strokes."""
     rng = np.random.default_rng(seed)
     parts, place = [], 0.0
@@ -84,22 +85,6 @@ def test_a_lasting_change_is_not_called_warm_up():
     assert traced(report)[0] == 'time'
 
 
-@pytest.mark.slow
-def test_warming_up_is_not_called_a_change_at_one_moment():
-    t, q, v, _ = strokes(5)
-    fading = friction(v) * (1.0 + 0.5 * np.exp(-t / 30.0))
-    report = refine([recorded(t, q, fading, 5)], drive=DRIVE).report
-    assert names(report) == ['warm_up']
-
-
-@pytest.mark.slow
-def test_a_product_of_position_and_velocity_gets_no_wrong_name():
-    t, q, v, _ = strokes(4)
-    report = refine([recorded(t, q, friction(v) + 0.08 * q * v, 4)], drive=DRIVE).report
-    assert names(report) == []
-    assert traced(report)[0] in ('position', 'velocity')
-
-
 def test_friction_of_the_size_of_acceleration_is_traced_to_it():
     t, q, v, a = strokes(6)
     report = refine([recorded(t, q, friction(v) + 0.03 * np.abs(a), 6)], drive=DRIVE).report
@@ -117,7 +102,7 @@ def test_coarse_velocities_are_not_mistaken_for_a_lag():
 
 @pytest.mark.slow
 def test_a_bump_that_a_fold_crosses_one_way_only_is_still_found():
-    t, q, v, _ = strokes(8)
+    t, q, v, _ = strokes(8, duration=100.0)
     bump = 0.05 * np.exp(-((q - 0.74) / 0.05) ** 2) * np.tanh(v / 0.02)
     result = refine([recorded(t, q, friction(v) + bump, 8)], drive=DRIVE)
     assert names(result.report)[0] == 'bump'
@@ -126,7 +111,7 @@ def test_a_bump_that_a_fold_crosses_one_way_only_is_still_found():
     other = recorded(t, q, current, 9)
     moving = np.abs(v) > 0.02
     error = (result.model.predict(other) - other.current)[moving]
-    assert np.sqrt(np.mean(error ** 2)) < 1.3 * NOISE
+    assert rms(error) < 1.3 * NOISE
 
 
 @pytest.mark.parametrize('scale, said', [(1.0, False), (1.02, False), (1.6, True), (0.6, True)])
@@ -163,6 +148,7 @@ def test_temperature_is_preferred_to_time_if_both_explain_equally():
     assert [e['variable'] for e in report['effects'] if e['variable'] != 'acceleration'] == [
         'temperature']
     assert {'time', 'temperature'} in [set(entry['between']) for entry in report['ambiguous']]
+    assert all(entry['experiment'] for entry in report['ambiguous'])
 
 
 def test_motion_at_one_speed_is_said_to_show_little_of_speed():
@@ -190,19 +176,7 @@ def test_standstill_helps_to_locate_the_sign_change_of_friction():
     samples = Samples(time=time, position=np.cumsum(speed) * step, velocity=speed,
                       current=drawn + 0.01 * rng.standard_normal(time.size))
     found = refine([samples])
-    assert np.sqrt(np.mean(found.model.predict(samples)[rest] ** 2)) < 0.1
-
-
-def test_constant_speeds_are_not_taken_for_a_clipped_signal():
-    time = np.arange(0.0, 40.0, 0.01)
-    speed = 0.6 * np.sign(np.sin(2.0 * np.pi * time / 8.0))
-    velocity = np.convolve(speed, np.ones(30) / 30.0, mode='same')
-    rng = np.random.default_rng(5)
-    current = (0.4 * np.tanh(velocity / 0.01) + 0.3 * velocity
-               + 0.05 * np.gradient(velocity, 0.01) + 0.01 * rng.standard_normal(time.size))
-    report = refine([Samples(time=time, position=np.cumsum(velocity) * 0.01, velocity=velocity,
-                             current=current)]).report
-    assert report['samples_clipped'] == 0
+    assert rms(found.model.predict(samples)[rest]) < 0.1
 
 
 def test_a_current_at_its_limit_is_a_finding_and_no_dependence_of_the_error():

@@ -95,9 +95,6 @@ def test_asking_for_the_bound_does_not_change_memory_effects():
         assert effects.total(time, position, 0.3, {}) == fresh.total(time, position, 0.3, {})
 
 
-def test_the_breakaway_position_survives_the_model_file(tmp_path):
-    before = model([GRAVITY])
-    before.save(tmp_path / 'model.yaml')
-    assert FrictionModel.load(tmp_path / 'model.yaml').breakaway == before.breakaway
+def test_a_breakaway_position_is_a_number():
     with pytest.raises(InputError, match='positive_position'):
         Breakaway(0.1, -0.1, positive_position=float('nan'))

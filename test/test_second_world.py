@@ -3,16 +3,12 @@
 """The second simulator of test recordings: its physics, and its stated error floors."""
 
 from dataclasses import replace
-from pathlib import Path
-import sys
 
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'bench'))
-
 from second_world import arm, motion, oracle
-from second_world.cases import generator, make
+from second_world.cases import make
 from second_world.drive import Controller, DT, energy_balance, simulate
 from second_world.families import draw, FAMILIES
 from second_world.joint import Joint, new_state, resistance
@@ -150,10 +146,6 @@ def test_coarse_encoders_have_tens_of_positions():
     _, seen = make(draw('coarse_encoder', 0), 'fit')
     positions = np.concatenate([s.position for s in seen.recordings])
     assert 10 < len(np.unique(positions)) < 100
-
-
-def test_generators_of_different_names_differ():
-    assert generator('a', 1).random() != generator('b', 1).random()
 
 
 def report(effects=(), unexplained=(), warnings=()):

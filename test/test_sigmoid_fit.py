@@ -108,20 +108,15 @@ def test_transition_that_the_table_does_not_resolve_is_centred_and_gentle():
     assert found.steepness < truth.steepness
 
 
-def test_resolved_shift_is_kept():
+def test_a_resolved_shift_is_kept_and_an_outlier_does_not_bend_the_curve():
     truth = Sigmoid(upper=0.2, lower=-0.15, steepness=60.0, shift=0.03, viscous=0.05)
-    found, _ = fit_sigmoid(TABLE, truth(TABLE))
-    assert found.shift == pytest.approx(0.03, abs=1e-3)
-    assert found.steepness == pytest.approx(60.0, rel=0.01)
-
-
-def test_an_outlier_does_not_bend_the_curve():
-    truth = Sigmoid(upper=0.2, lower=-0.15, steepness=60.0, viscous=0.05)
     currents = truth(TABLE)
     currents[5] += 0.1
     found, error = fit_sigmoid(TABLE, currents)
     assert error == pytest.approx(0.1, rel=0.01)
     np.testing.assert_allclose(found(TABLE), truth(TABLE), atol=1e-3)
+    assert found.shift == pytest.approx(0.03, abs=1e-3)
+    assert found.steepness == pytest.approx(60.0, rel=0.01)
 
 
 @pytest.mark.parametrize(('speeds', 'currents'), [
@@ -139,19 +134,12 @@ def test_smallest_table():
     assert 0.3 < float(found(1.5)) < 0.4
 
 
-def test_a_transition_outside_a_long_table_is_ranked_like_any_other():
-    speeds = np.linspace(-0.9, 1.0, 5000)
-    errors, _ = _fit(speeds, 0.1 + 0.02 * speeds, np.array([1e3, 1e3]), np.array([-1.0, 0.0]), 12)
-    # The line alone fits; a transition in the middle has to find that it has no part.
-    assert errors == pytest.approx(0.0, abs=1e-3)
-
-
 @pytest.mark.slow
 def test_a_long_table_is_condensed_and_fitted_as_well_as_by_the_true_curve(monkeypatch):
     """One that hardly holds the other direction; a search takes as long as it has points."""
     rng, sizes = np.random.default_rng(1), []
     truth = Sigmoid(upper=0.3, lower=-0.25, steepness=300.0, shift=0.0, viscous=0.1)
-    speeds = rng.uniform(-0.01, 1.0, 3000)
+    speeds = rng.uniform(-0.02, 1.0, 1000)
     currents = truth(speeds) + rng.normal(0.0, 0.01, len(speeds))
 
     def counted(x, *arguments):

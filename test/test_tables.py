@@ -212,13 +212,9 @@ def test_rows_that_lack_something_are_left_out(tmp_path):
     ('t,q,tau,q\n0,1,2,3\n', "two columns called 'q'"),
     ('t,q,tau\n0,1,2\n1,x,2\n', "line 3, column 'q': 'x' is not a number"),
     ('\0\0,q\n0,1\n', 'not a text file')])
-def test_what_is_wrong_with_a_table_is_said_in_one_line(tmp_path, capsys, text, said):
+def test_what_is_wrong_with_a_table_is_said_in_one_line(tmp_path, refuses, text, said):
     (tmp_path / 'log.csv').write_text(text)
-    assert main(['refine', str(tmp_path / 'log.csv'), '--output', str(tmp_path / 'out')]) == 2
-    error = capsys.readouterr().err
-    assert said in error
-    assert error.count('\n') == 1
-    assert not (tmp_path / 'out').exists()
+    refuses(said, 'refine', tmp_path / 'log.csv')
 
 
 @pytest.mark.parametrize(('arguments', 'said'), [
@@ -227,21 +223,17 @@ def test_what_is_wrong_with_a_table_is_said_in_one_line(tmp_path, capsys, text, 
     (['--columns', 'time=when'], "no column 'when'"),
     (['--unit', 'position=furlong'], 'rad, mrad, deg'),
     (['--columns', 'effort=tau,current=tau'], 'both effort and current')])
-def test_errors_in_columns_arguments_say_what_is_valid(tmp_path, capsys, arguments, said):
-    path = write_csv(tmp_path / 'log.csv', moving())
-    assert main(['evaluate', str(path), '--output', str(tmp_path / 'out'), *arguments]) == 2
-    assert said in capsys.readouterr().err
+def test_errors_in_columns_arguments_say_what_is_valid(tmp_path, refuses, arguments, said):
+    refuses(said, 'evaluate', write_csv(tmp_path / 'log.csv', moving()), *arguments)
 
 
-def test_a_broken_npz_or_parquet_is_no_traceback(tmp_path, capsys):
+def test_a_broken_npz_or_parquet_is_no_traceback(tmp_path, refuses):
     pytest.importorskip('pyarrow')
     for name in ('log.npz', 'log.parquet'):
         (tmp_path / name).write_bytes(b'PK\x03\x04 not really')
-        assert main(['evaluate', str(tmp_path / name), '--output', str(tmp_path / 'out')]) == 2
-        assert 'not a readable recording' in capsys.readouterr().err
+        refuses('not a readable recording', 'evaluate', tmp_path / name)
     np.savez(tmp_path / 'short.npz', t=np.zeros(3), q=np.zeros(4), tau=np.zeros(3))
-    assert main(['evaluate', str(tmp_path / 'short.npz'), '--output', str(tmp_path / 'out')]) == 2
-    assert 'differ in length' in capsys.readouterr().err
+    refuses('differ in length', 'evaluate', tmp_path / 'short.npz')
 
 
 def test_arrays_and_frames_are_samples():

@@ -4,8 +4,8 @@
 
 import functools
 import math
-from pathlib import Path
 
+from helpers import follow, note_model, short_search, SLOPES
 import numpy as np
 import pytest
 
@@ -14,25 +14,16 @@ from friction_comp.excitation.joint_limits import JointLimits
 from friction_comp.excitation.plan import plan_joint
 from friction_comp.identification.goal import IdentificationError
 from friction_comp.identification.trajectory_run import TrajectoryGoal, TrajectoryRun
-from friction_comp.model.friction_model import FrictionModel
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.undeclared import Undeclared
 
-ROOT = Path(__file__).resolve().parents[1]
-SLOPES = {1: 0.05, 2: 0.06, 3: 0.12}
 LIMITS = JointLimits('', -0.8, 1.0, 1.2, 6.0)
 STEP = 4e-3  # s
 
 
-def note_model(number):
-    return FrictionModel.load(ROOT / 'config' / f'armin_configuration_{number}.yaml')
-
-
 @functools.cache
 def motion_planned():
-    # Searched for shortly: any plan will do.
-    with pytest.MonkeyPatch.context() as monkeypatch:
-        monkeypatch.setattr('friction_comp.excitation.plan._GENERATIONS', 1)
+    with short_search(1):
         return plan_joint(LIMITS, [('gravity', 'stribeck')], 20.0, 3).samples(50.0)
 
 
@@ -42,49 +33,43 @@ def planned(number):
                           ramp_slope=SLOPES[number])
 
 
-def play(model, goal, effects=(), alter=lambda run, sample: sample):
-    """Run to the end; return the run, and rows of time, position and command."""
-    undeclared = Undeclared.from_dict({'format': 'friction_comp_undeclared', 'version': 1,
-                                       'effects': list(effects)}) if effects else None
-    plant = Plant([model], seed=5, undeclared=[undeclared] if effects else None, sample_time=STEP)
-    run, rows, state = TrajectoryRun(goal, model.drive), [], plant.state
-    while not run.finished:
-        command = run.update(*alter(run, [state.time, state.position[0], state.velocity[0],
-                                          state.current[0]]))
-        rows.append((state.time, state.position[0], command))
-        state = plant.step([command])
-    return run, np.array(rows)
+def play(number, effects=(), **changes):
+    """Follow the plan to the end; return the run, and time, position and command."""
+    model = note_model(number)
+    plant = Plant([model], seed=5, undeclared=[Undeclared.from_effects(effects)], sample_time=STEP)
+    run = TrajectoryRun(planned(number), model.drive)
+    return run, follow(run, plant, **changes)
 
 
 @pytest.mark.parametrize('number', [1, 3])
 def test_a_plan_is_followed_on_the_drives_of_the_note(number):
-    goal = planned(number)
-    run, rows = play(note_model(number), goal)
+    goal, (run, (time, position, command)) = planned(number), play(number)
     assert run.phase == 'done'
-    assert rows[-1, 2] == 0.0
-    assert LIMITS.lowest < rows[:, 1].min()
-    assert rows[:, 1].max() < LIMITS.highest
+    assert command[-1] == 0.0
+    assert LIMITS.lowest < position.min()
+    assert position.max() < LIMITS.highest
     # Ends where the plan ends, and has been all over its range.
-    assert rows[-1, 1] == pytest.approx(goal.positions[-1], abs=0.01)
-    assert np.ptp(rows[:, 1]) > 0.97 * goal.motion_range
-    speed = np.abs(np.gradient(rows[::5, 1], rows[::5, 0]))
+    assert position[-1] == pytest.approx(goal.positions[-1], abs=0.01)
+    assert np.ptp(position) > 0.97 * goal.motion_range
+    speed = np.abs(np.gradient(position[::5], time[::5]))
     assert speed.max() < 1.05 * LIMITS.velocity
 
 
 def test_gravity_beside_friction_is_tolerated():
-    run, rows = play(note_model(1), planned(1), [
+    run, (_, position, _) = play(1, [
         {'name': 'gravity', 'parameters': {'amplitude': 0.5, 'phase': 0.4}}])
     assert run.phase == 'done'
-    assert LIMITS.lowest < rows[:, 1].min()
+    assert LIMITS.lowest < position.min()
 
 
 @pytest.mark.parametrize('fault, words', [
     ('stuck', 'lags|does not move'), ('thrown', 'left its motion range'),
     ('silent', 'no sample for'), ('nan', 'encoder failure'), ('reversed', 'measured current')])
 def test_every_fault_ends_in_zero_current_for_good(fault, words):
-    kept = []
+    kept, runs = [], []
 
     def alter(run, sample):
+        runs[:] = [run]
         if run.phase != 'trajectory' and fault != 'reversed':
             return sample
         kept.append(sample[:])
@@ -99,10 +84,10 @@ def test_every_fault_ends_in_zero_current_for_good(fault, words):
         elif fault == 'reversed':
             sample[3] *= -1.0
         return sample
-    model = note_model(2)
-    goal = planned(2)
     with pytest.raises(IdentificationError, match=words):
-        play(model, goal, alter=alter)
+        play(2, alter=alter)
+    assert runs[0].phase == 'failed'
+    assert runs[0].update(1e3, 0.0, 0.0, 0.0) == 0.0
 
 
 def test_a_run_that_was_aborted_commands_nothing_any_more():

@@ -6,6 +6,7 @@ from dataclasses import replace
 import math
 from pathlib import Path
 
+from helpers import rms
 import numpy as np
 import pytest
 
@@ -77,14 +78,14 @@ def test_the_current_shows_the_effect_as_its_formula_says(name, servo):
     assert len(x) > 1000
     assert np.std(extra) > 0.04 or name == 'offset'
     # The servo hunts a little, and a human's push is measured with noise.
-    assert np.sqrt(np.mean((current - expected) ** 2)) < (0.04 if servo else 0.02)
+    assert rms(current - expected) < (0.04 if servo else 0.02)
 
 
 @pytest.mark.parametrize('servo', [False, True], ids=['tracked', 'servo'])
 def test_nothing_undeclared_leaves_the_declared_friction(servo):
     _, v, _, _, current = moved([], servo)
     expected = np.sign(v) * (1.0 + 0.4 * np.abs(v))
-    assert np.sqrt(np.mean((current - expected) ** 2)) < (0.03 if servo else 0.01)
+    assert rms(current - expected) < (0.03 if servo else 0.01)
 
 
 def test_temperature_scales_friction():

@@ -5,14 +5,13 @@
 from dataclasses import replace
 import math
 
+from helpers import note_model
 import numpy as np
 import pytest
 
 from friction_comp.compensation.law import CompensationLaw, law_parameters
 from friction_comp.errors import InputError
 from friction_comp.exercise.reference_movement import ReferenceMovement
-from friction_comp.model.friction_model import FrictionModel
-from friction_comp.package_files import package_file
 from friction_comp.simulation.batch import closed_loops
 from friction_comp.simulation.friction_level import draw_levels, friction_level
 from friction_comp.simulation.joint import bank_sample, Plant, start_joint
@@ -23,12 +22,6 @@ from friction_comp.simulation.undeclared import Undeclared
 from simulated_recordings.closed_loop import closed_loop
 
 
-def models():
-    """Return the note's three drives."""
-    return [FrictionModel.load(package_file('config', f'armin_configuration_{k}.yaml'))
-            for k in (1, 2, 3)]
-
-
 def still(model, **changes):
     """Return a drive without scatter and noise."""
     both = replace(model.breakaway, positive_std=0.0, negative_std=0.0)
@@ -36,10 +29,10 @@ def still(model, **changes):
         **model.simulation, 'current_noise': 0.0, **changes})
 
 
-@pytest.mark.parametrize('number', [0, 1, 2])
+@pytest.mark.parametrize('number', [1, 2, 3])
 def test_holds_below_breakaway_and_slides_above(number):
     """A current of 98 % of i_b moves nothing for good, one of 112 % does."""
-    model = still(models()[number])
+    model = still(note_model(number))
     level = model.breakaway.positive_mean
     for share, slides in ((0.98, False), (1.12, True), (-0.98, False), (-1.12, True)):
         plant = Plant([model])
@@ -55,7 +48,7 @@ def test_holds_below_breakaway_and_slides_above(number):
 
 def test_does_not_drift_under_a_pulsating_load():
     """What tells stiction from Dahl and LuGre: no creep below breakaway, however often pushed."""
-    model = still(models()[0])
+    model = still(note_model(1))
     plant = Plant([model])
     level = model.breakaway.positive_mean
     for k in range(10000):
@@ -67,7 +60,7 @@ def test_does_not_drift_under_a_pulsating_load():
 
 def test_sliding_friction_is_equation_6():
     """Where the transition is over, the friction level is the model's sigmoid."""
-    for model in models():
+    for model in map(note_model, (1, 2, 3)):
         p = joint_parameters(model)
         s = np.zeros(1, JOINT_STATE)[0]
         start_joint(p, s, random_states(0, 1)[0])
@@ -81,7 +74,7 @@ def test_sliding_friction_is_equation_6():
 
 def test_steady_speed_needs_the_level_and_stops_without_it():
     """A joint driven faster loses speed as friction says once the current is gone."""
-    model = still(models()[1])
+    model = still(note_model(2))
     plant = Plant([model])
     for _ in range(800):
         plant.step([0.4])
@@ -97,7 +90,7 @@ def test_steady_speed_needs_the_level_and_stops_without_it():
 
 def test_breakaway_scatters_with_the_declared_deviation():
     """Levels drawn at new rests have the model's mean and standard deviation."""
-    model = models()[2]
+    model = note_model(3)
     p = joint_parameters(model)
     s = np.zeros(1, JOINT_STATE)[0]
     random = random_states(4, 1)[0]
@@ -111,7 +104,7 @@ def test_breakaway_scatters_with_the_declared_deviation():
 
 def test_sensors_quantise_and_limit():
     """Position comes in whole counts, commands are limited, what is not finite counts as zero."""
-    model = models()[0]
+    model = note_model(1)
     plant = Plant([model, model], seed=3)
     for command in ([99.0, math.nan], [99.0, math.inf], [99.0, -math.inf]):
         state = plant.step(command)
@@ -126,7 +119,7 @@ def test_sensors_quantise_and_limit():
 def test_same_seed_same_numbers():
     """Noise and scatter follow the seed and nothing else."""
     def run(seed):
-        plant = Plant(models(), seed=seed)
+        plant = Plant([note_model(k) for k in (1, 2, 3)], seed=seed)
         return [plant.step([0.2, 0.2, 0.5], np.full(3, 0.1), np.zeros(3)) for _ in range(300)]
 
     one, two, other = run(5), run(5), run(6)
@@ -140,7 +133,7 @@ def test_same_seed_same_numbers():
 @pytest.mark.parametrize('law', ['paper', 'continuous'])
 def test_parallel_runs_are_the_same_joint_and_law(law):
     """Compiled runs and the plain loop give the same numbers, sample by sample."""
-    model = models()[2]
+    model = note_model(3)
     movement = ReferenceMovement(
         amplitude=0.2, speed=0.2, acceleration_time=0.5, standstill=1.2, repetitions=1)
     time = np.arange(3000) * 1e-3
@@ -173,12 +166,13 @@ def test_movement_is_continuous_and_announced_at_standstill():
     assert not replace(movement, compensated=False).at(time)[2].any()
 
 
-def test_movement_refuses_what_cannot_be():
-    """Too short an amplitude, and times that are not positive, are named."""
-    with pytest.raises(InputError, match='too short'):
-        ReferenceMovement(amplitude=0.01, speed=1.0)
-    with pytest.raises(InputError, match='standstill'):
-        ReferenceMovement(standstill=0.0)
+@pytest.mark.parametrize('changes, words', [
+    ({'amplitude': 0.01, 'speed': 1.0}, 'too short'), ({'amplitude': math.nan}, 'amplitude'),
+    ({'standstill': 0.0}, 'standstill'), ({'announcement': 60.0}, 'announcement'),
+    ({'repetitions': 0}, 'repetitions')])
+def test_movement_refuses_what_cannot_be(changes, words):
+    with pytest.raises(InputError, match=words):
+        ReferenceMovement(**changes)
 
 
 def test_reference_hold_extrapolates_and_times_out():
@@ -194,7 +188,7 @@ def test_reference_hold_extrapolates_and_times_out():
 
 def test_unknown_simulation_entries_are_refused():
     """A misspelt entry of the model file is named."""
-    model = replace(models()[0], simulation={'inertai': 0.1})
+    model = replace(note_model(1), simulation={'inertai': 0.1})
     with pytest.raises(InputError, match='inertai'):
         Plant([model])
 
@@ -202,8 +196,8 @@ def test_unknown_simulation_entries_are_refused():
 @pytest.mark.parametrize('gear', ['clamp', 'lugre', 'maxwell_slip'])
 def test_a_model_file_chooses_the_gear(gear):
     """Below breakaway it gives by a fraction of a milliradian, beyond it slides; late by two."""
-    model = replace(models()[0], simulation={
-        **models()[0].simulation, 'gear': gear, 'delay_samples': 2, 'supply_voltage': 24.0,
+    model = replace(note_model(1), simulation={
+        **note_model(1).simulation, 'gear': gear, 'delay_samples': 2, 'supply_voltage': 24.0,
         'winding_resistance': 2.0, 'presliding_damping': 20.0})
     plant = Plant([model], seed=4)
     currents = [plant.step([0.05]).current[0] for _ in range(5)]
@@ -218,7 +212,7 @@ def test_a_model_file_chooses_the_gear(gear):
 
 def test_the_supply_limits_the_speed():
     """Beyond supply voltage over back-EMF per speed, no current flows any more."""
-    plain = models()[0]
+    plain = note_model(1)
     fastest = math.radians(60.0)
     slow = replace(plain, simulation={
         **plain.simulation, 'gear': 'clamp', 'winding_resistance': 2.0,
@@ -232,7 +226,7 @@ def test_the_supply_limits_the_speed():
 def test_undeclared_effects_act_on_every_gear():
     """A constant torque beyond friction sets the joint in motion, the other way for minus."""
     for gear in ({}, {'gear': 'clamp'}, {'gear': 'lugre'}, {'gear': 'maxwell_slip'}):
-        model = replace(models()[0], simulation={**models()[0].simulation, **gear})
+        model = replace(note_model(1), simulation={**note_model(1).simulation, **gear})
         extra = Undeclared.from_effects([{'name': 'offset', 'parameters': {'torque': 2.0}}])
         plant = Plant([model], undeclared=[extra])
         for _ in range(500):
@@ -247,12 +241,12 @@ def test_a_gear_that_is_not_known_is_refused():
             {'gear': 'lugre', 'supply_voltage': 24.0}, 'winding_resistance'), (
             {'rotor_share': 0.5}, 'rotor_share needs a gear')):
         with pytest.raises(InputError, match=word):
-            Plant([replace(models()[0], simulation={**models()[0].simulation, **entries})])
+            Plant([replace(note_model(1), simulation={**note_model(1).simulation, **entries})])
 
 
 def test_a_plant_that_is_made_has_nothing_left_to_compile():
     """A node in lockstep would keep its commander waiting, for longer than that waits."""
-    plant = Plant(models())
+    plant = Plant([note_model(k) for k in (1, 2, 3)])
     compiled = len(bank_sample.signatures)
     plant.step([0.1, 0.1, 0.1], np.zeros(3), np.zeros(3))
     plant.step([0.1, 0.1, 0.1])
@@ -264,7 +258,7 @@ def rests(person, gear):
 
     The drive is that of configuration 1, whose breakaway the person's spring alone stays below.
     """
-    model = still(models()[0], **({'gear': 'clamp'} if gear else {}))
+    model = still(note_model(1), **({'gear': 'clamp'} if gear else {}))
     human = {**model.simulation['human'], 'stiffness': 1.0, **person}
     plant = Plant([replace(model, simulation={**model.simulation, 'human': human})])
     states = [plant.step([0.0], [0.5], [0.0]) for _ in range(3000)]
@@ -275,7 +269,7 @@ def rests(person, gear):
 @pytest.mark.parametrize('gear', [False, True], ids=['rigid', 'geared'])
 def test_the_person_pushes_on_until_the_joint_has_arrived(gear):
     """What sets the joint in motion is its breakaway torque, not what the spring happens to be."""
-    model = models()[0]
+    model = note_model(1)
     level = model.breakaway.positive_mean * model.drive.torque_per_current
     end, push = rests({}, gear)
     assert abs(end - 0.5) <= ARRIVED
@@ -287,7 +281,7 @@ def test_the_person_pushes_on_until_the_joint_has_arrived(gear):
 
 
 def test_a_joint_that_has_arrived_is_left_alone():
-    plant = Plant([models()[0]])
+    plant = Plant([note_model(1)])
     for _ in range(3000):
         state = plant.step([0.0], [0.9 * ARRIVED], [0.0])
     assert state.interaction_torque[0] == pytest.approx(2.0 * 0.9 * ARRIVED, rel=0.01)

@@ -86,6 +86,7 @@ def main(argv: list[str] | None = None) -> int:
     from friction_comp.excitation.improve import improve, Schedule
     from friction_comp.recordings import read_recording_with_info
 
+    schedule = Schedule(arguments.seconds, arguments.budget, arguments.seed)
     recordings = read_recording_with_info(
         arguments.recorded, limits.joint, drive.torque_constant, drive.gear_ratio
     ) if arguments.recorded else []
@@ -97,8 +98,7 @@ def main(argv: list[str] | None = None) -> int:
     with _system(arguments, limits.joint) as (ros, nodes), progress('improves') as show:
         improvement = improve(
             lambda plan: _play(arguments, names, plan, ros, nodes, drive, show), limits, drive,
-            model=model, recorded=recorded,
-            schedule=Schedule(arguments.seconds, arguments.budget, arguments.seed), progress=show,
+            model=model, recorded=recorded, schedule=schedule, progress=show,
             done=lambda so_far: _write(arguments, names, so_far))
     for k, one in enumerate(improvement.rounds):
         words = '' if one.predicted_rmse != one.predicted_rmse else (

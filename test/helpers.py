@@ -1,0 +1,60 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What tests of several rooms share: the note's drives, loops that drive them, short searches."""
+
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.package_files import package_file
+
+# Of the current ramps on the note's drives, A/s
+SLOPES = {1: 0.05, 2: 0.06, 3: 0.12}
+
+
+def note_model(number=1, **simulation):
+    """Return the model of a drive of the note, with other entries for its simulation."""
+    model = FrictionModel.load(package_file('config', f'armin_configuration_{number}.yaml'))
+    model.simulation.update(simulation)
+    return model
+
+
+def drive_along(law, places, direction=1, begin=0, velocity=None):
+    """Return a law's currents for a joint that goes from place to place, rad, every millisecond.
+
+    The direction announced is one for all samples or one for each.
+    """
+    directions = np.broadcast_to(direction, len(places))
+    return np.array([
+        law.update(1e-3 * (begin + k), [x], None if velocity is None else [velocity], [d])[0]
+        for k, (x, d) in enumerate(zip(places, directions))])
+
+
+def rms(values):
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def follow(run, plant, alter=lambda run, sample: sample):
+    """Let a run of identification command a plant to the end; return time, position and command.
+
+    `alter` changes a sample, or returns None for one that is lost.
+    """
+    rows, state, command = [], plant.state, 0.0
+    while not run.finished:
+        sample = alter(run, [
+            state.time, state.position[0], state.velocity[0], state.current[0]])
+        if sample is not None:
+            command = run.update(*sample)
+        rows.append((state.time, state.position[0], command))
+        state = plant.step([command])
+    return np.array(rows).T
+
+
+@contextmanager
+def short_search(generations=2):
+    """Search for plans for a few generations only: how good they are does not matter."""
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr('friction_comp.excitation.plan._GENERATIONS', generations)
+        yield
