@@ -8,8 +8,9 @@ import json
 import numpy as np
 import pytest
 
+from friction_comp.files import write_yaml
 from friction_comp.model.effects import EFFECTS
-from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.friction_model import arm_document, FrictionModel
 from friction_comp.monitoring.checkup import check_joint, check_system
 from friction_comp.monitoring.observation import (
     Endpoint,
@@ -143,6 +144,16 @@ def compensated(share):
     # Each answers the state before.
     seen.commanded = seen.states.received + 1e-3
     return seen
+
+
+def test_a_joint_of_the_compensator_is_read_from_the_file_of_a_whole_arm(tmp_path):
+    seen = compensated(1.0)
+    write_yaml(tmp_path / 'arm.yaml', arm_document(
+        {name: {**MODEL.to_dict(), 'joint': name} for name in (JOINT, 'wrist')}))
+    seen.parameters['/compensator']['model_files'] = [str(tmp_path / 'arm.yaml')]
+    found = doctor._check_models(seen, [])
+    assert {finding.level for finding in found} <= {'ok', 'note'}
+    assert 'follows' in found[0].what
 
 
 @pytest.mark.parametrize(('share', 'level', 'words'), [

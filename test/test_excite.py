@@ -108,7 +108,7 @@ def test_separation_sees_what_cannot_be_told_apart():
     # Motion that counts as standstill, far below the limit of velocity, separates nothing.
     short = JointLimits('j', -0.01, 0.01, 6.0, 20.0)
     assert separations(fourier_series(short, 40.0, 50.0, 0), pairs,
-                       coverage_within(short, 40.0, 0.02)) == {pairs[0]: 0.0}
+                       coverage_within(short, 40.0)) == {pairs[0]: 0.0}
 
 
 @pytest.mark.slow

@@ -179,12 +179,14 @@ def test_standstill_helps_to_locate_the_sign_change_of_friction():
     assert rms(found.model.predict(samples)[rest]) < 0.1
 
 
-def test_a_current_at_its_limit_is_a_finding_and_no_dependence_of_the_error():
+def test_a_current_at_its_limit_is_a_finding_and_traced_to_its_variable():
     samples = swings(11)
     report = refine([samples.with_(current=np.clip(samples.current, -0.7, 0.7))]).report
     assert report['samples_clipped'] > 100
     assert 'ceiling' in {finding['code'] for finding in report['findings']}
-    assert report['unexplained'] == []
+    entry, = report['unexplained']
+    assert entry['variable'] == 'velocity'
+    assert 'at a limit' in entry['note']
 
 
 def test_an_encoder_that_stands_still_most_of_the_time_does_no_harm():

@@ -13,7 +13,7 @@ import numpy as np
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.best_fit import Fit, Problem
-from friction_comp.refinement.dependence import remaining_dependences
+from friction_comp.refinement.dependence import Dependence, remaining_dependences
 from friction_comp.refinement.effect_columns import Term
 from friction_comp.refinement.judge import (
     ambiguities,
@@ -23,9 +23,12 @@ from friction_comp.refinement.judge import (
     noise_floor,
     verdict_of,
 )
+from friction_comp.refinement.prepare import Rows
 from friction_comp.refinement.stability import LeftOutThirds, Parameter
 from friction_comp.statistics import rms
 
+# Number of ranges of a variable in which samples at a limit are counted.
+_RANGES = 15
 _MOST_PAIRS = 8
 
 
@@ -39,8 +42,8 @@ def report_of(problem: Problem, fit: Fit, model: FrictionModel,
     predicts better.
     """
     rows, raw, given = fit.rows, problem.raw, problem.model is not None
-    dependences = remaining_dependences(
-        rows.at_rows, rows.averaged(after[1]), rows.coverage.slowest)
+    dependences = [*clipping_dependence(rows), *remaining_dependences(
+        rows.at_rows, rows.averaged(after[1]), rows.coverage.slowest)]
     growth = LeftOutThirds(fit.table, fit.terms).error_growth(fit.terms)
     errors = errors_of(rows, *after, max(1.0, *growth.values()))
     effects = [] if kept else effects_of(problem, fit, unit)
@@ -71,6 +74,28 @@ def report_of(problem: Problem, fit: Fit, model: FrictionModel,
         'stopped_because': 'no further effect predicts parts that were not fitted better by more '
                            'than chance would',
         **verdict_of(findings(fit, raw, errors, growth, dependences, open_questions), unit)}
+
+
+def clipping_dependence(rows: Rows) -> list[Dependence]:
+    """Return the variable on which clipping of the current depends most; empty without clipping."""
+    if not rows.clipped.any():
+        return []
+    share = float(rows.clipped.mean())
+    strongest = ('velocity', 0.0)
+    for name in ('velocity', 'acceleration', 'position', 'load', 'temperature'):
+        values = getattr(rows.samples, name)
+        if values is None:
+            continue
+        edges = np.quantile(values, np.linspace(0.0, 1.0, _RANGES + 1)[1:-1])
+        cell = np.searchsorted(edges, values)
+        count = np.maximum(np.bincount(cell), 1)
+        rate = np.bincount(cell, rows.clipped.astype(float)) / count
+        spread = float(count @ (rate - share) ** 2) / (len(cell) * share * (1.0 - share))
+        # Friction depends on velocity: another variable has to explain clearly more.
+        if spread > (1.5 * strongest[1] if strongest[0] == 'velocity' else strongest[1]):
+            strongest = (name, spread)
+    return [Dependence(*strongest, f'the current is at a limit in {100 * share:.2g} % of the '
+                       f'samples, mostly depending on {strongest[0]}; these are not fitted')]
 
 
 def friction_of(model: FrictionModel) -> dict[str, float]:

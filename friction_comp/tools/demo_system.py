@@ -66,7 +66,7 @@ class DemoSystem:
     def start_recorder(self, name: str) -> None:
         """Start to record; see `recording`."""
         self.nodes.start('recorder', {
-            'output': self.recording(name), 'use_sim_time': True, 'input_reliability': 'reliable'})
+            'output': self.recording(name), 'use_sim_time': True})
 
     def recording(self, name: str) -> Path:
         """Return the path of a recording."""

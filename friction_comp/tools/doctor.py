@@ -159,7 +159,7 @@ def _check_models(seen: Observation, paths: list[Path]) -> list[Finding]:
                 continue
             for joint, path in zip(values.get('joints') or (), values.get('model_files') or ()):
                 try:
-                    models.append((joint, FrictionModel.load(path)))
+                    models.append((joint, FrictionModel.load(path, joint)))
                 except InputError as error:
                     findings.append(Finding(PROBLEM, joint, str(error),
                                             'look whether the file is on this machine too'))

@@ -148,8 +148,7 @@ def _play(arguments: Namespace, names: list[str], plan: JointPlan, ros: ToolClie
         index += 1
     path = folder / f'round_{index}'
     nodes.start('recorder', {
-        'output': str(path), 'use_sim_time': bool(arguments.simulate),
-        'input_reliability': 'reliable' if arguments.simulate else 'best_effort'})
+        'output': str(path), 'use_sim_time': bool(arguments.simulate)})
     # A subscriber that has received one state receives all later ones. Diagnostics of the previous
     # recorder may still arrive: they name another folder.
     ros.wait_until(lambda: ros.value('recorder', 'hardware_id') == str(path)
