@@ -118,7 +118,11 @@ def measure(kind, count, seconds, folder):
             share = (processor_time(process.pid) - used) / (time.perf_counter() - began)
         finally:
             process.terminate()
-            process.wait()
+            try:
+                process.wait(10.0)
+            except subprocess.TimeoutExpired:
+                process.kill()      # A bare rclpy node sometimes hangs on its way out.
+                process.wait()
     return np.array(trips), share, first, pause, spent
 
 
