@@ -32,10 +32,6 @@ def drive_along(law, places, direction=1, begin=0, velocity=None):
         for k, (x, d) in enumerate(zip(places, directions))])
 
 
-def rms(values):
-    return float(np.sqrt(np.mean(np.square(values))))
-
-
 def follow(run, plant, alter=lambda run, sample: sample):
     """Let a run of identification command a plant to the end; return time, position and command.
 

@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The simulated arms of bench/arm_table.py obey mechanics, so they can judge other models."""
 
-from helpers import rms
 import numpy as np
 import pytest
+
+from friction_comp.statistics import rms
 
 LONGEST = 4.0  # s
 SEEDS = {4: 'multisine', 21: 'swing', 6: 'point to point', 7: 'joystick'}

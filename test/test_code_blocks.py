@@ -8,7 +8,7 @@ import shlex
 
 import doc_pages
 from doc_pages import PAGES, ROOT
-from helpers import note_model, rms
+from helpers import note_model
 import numpy as np
 import pytest
 from report_pages import assert_documented, promised
@@ -21,6 +21,7 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.recordings import write_samples
 from friction_comp.refinement import refine
 from friction_comp.samples import Samples
+from friction_comp.statistics import rms
 from friction_comp.tools.common import Arguments
 
 # Tools that are run as the page has them; the others take minutes, and their arguments are read.

@@ -3,7 +3,6 @@
 """Torques due to the motion of other joints, found in recordings without a URDF."""
 
 from arm_maker import swinging, waves
-from helpers import rms
 import numpy as np
 import pytest
 
@@ -12,6 +11,7 @@ from friction_comp.model.arm.coupling import Coupling
 from friction_comp.refinement import refine
 from friction_comp.refinement.effect_columns import groups_for, neighbourhood
 from friction_comp.samples import JointStates, Samples
+from friction_comp.statistics import rms
 
 
 def planar(rng, size, noise=0.02):

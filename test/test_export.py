@@ -7,7 +7,7 @@ from dataclasses import replace
 import re
 from xml.etree import ElementTree
 
-from helpers import note_model, rms
+from helpers import note_model
 import numpy as np
 import pytest
 
@@ -16,6 +16,7 @@ from friction_comp.model.effects import EFFECTS
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.model.simulator_joint import simulator_joint
 from friction_comp.samples import Samples
+from friction_comp.statistics import rms
 
 MODEL = note_model(2)
 GAIN = MODEL.drive.torque_per_current

@@ -13,9 +13,8 @@ pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 pytest.importorskip('friction_comp_interfaces', reason='the action type is not built')
 
 from action_msgs.msg import GoalStatus
-from action_msgs.srv import CancelGoal
 from friction_comp_interfaces.action import IdentifyFriction
-from node_process import PATIENCE, Process
+from node_process import Process
 from ros_system import BEST_EFFORT, FakeDriver, Goals, joint_state, MODELS, probe_node
 from std_msgs.msg import Float64MultiArray
 
@@ -128,21 +127,7 @@ def test_a_cancelled_goal_leaves_zero_current_and_no_file(system):
 
 
 def test_a_goal_that_is_cancelled_before_it_starts_does_not_move_the_joint(system):
-    client = system.probe.create_client(CancelGoal, 'identify_friction/_action/cancel_goal')
-    system.probe.until(client.service_is_ready, 'the service')
-    end, cancelled = time.monotonic() + PATIENCE, []
-    while not cancelled:
-        assert time.monotonic() < end, 'the requests never arrived together'
-        goal = system.send(**GOAL)
-        # Without an id, it cancels all goals.
-        answer = client.call_async(CancelGoal.Request())
-        handle = system.probe.complete(goal, 'answer to the goal')
-        cancelled = system.probe.complete(answer, 'answer to the cancellation').goals_canceling
-        if handle.accepted:
-            if not cancelled:
-                system.probe.complete(handle.cancel_goal_async(), 'answer to the cancellation')
-            assert system.result(handle).status == GoalStatus.STATUS_CANCELED
-    system.probe.destroy_client(client)
+    assert system.cancel_at_once(**GOAL).status == GoalStatus.STATUS_CANCELED
 
 
 def test_identifies_a_drive(system):

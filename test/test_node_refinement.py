@@ -5,7 +5,6 @@
 import os
 from pathlib import Path
 import shutil
-import time
 
 import numpy as np
 import pytest
@@ -14,10 +13,9 @@ pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 pytest.importorskip('friction_comp_interfaces', reason='the action type is not built')
 
 from action_msgs.msg import GoalStatus
-from action_msgs.srv import CancelGoal
 from friction_comp_interfaces.action import RefineModel
 from geometry_msgs.msg import WrenchStamped
-from node_process import PATIENCE, Process, ROOT
+from node_process import Process, ROOT
 from rclpy.serialization import serialize_message
 from ros_system import Goals, joint_state, MODELS, probe_node, RELIABLE
 from sensor_msgs.msg import JointState
@@ -214,22 +212,8 @@ def test_a_recording_that_cannot_be_read_is_named_and_a_goal_can_be_cancelled(be
 
 
 def test_a_goal_that_is_cancelled_before_it_starts_refines_nothing(bench):
-    client = bench.probe.create_client(CancelGoal, 'refine_model/_action/cancel_goal')
-    bench.probe.until(client.service_is_ready, 'the service')
     bench.move(20.0, ripple=0.6)
-    end, cancelled = time.monotonic() + PATIENCE, []
-    while not cancelled:
-        assert time.monotonic() < end, 'the requests never arrived together'
-        goal = bench.send(joint=JOINT)
-        # Without an id, it cancels all goals.
-        answer = client.call_async(CancelGoal.Request())
-        handle = bench.probe.complete(goal, 'answer to the goal')
-        cancelled = bench.probe.complete(answer, 'answer to the cancellation').goals_canceling
-        if handle.accepted:
-            if not cancelled:
-                bench.probe.complete(handle.cancel_goal_async(), 'answer to the cancellation')
-            assert bench.result(handle).status == GoalStatus.STATUS_CANCELED
-    bench.probe.destroy_client(client)
+    assert bench.cancel_at_once(joint=JOINT).status == GoalStatus.STATUS_CANCELED
 
 
 def test_reading_the_progress_does_not_disturb_the_process_that_writes_it(tmp_path):

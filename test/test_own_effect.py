@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """An effect that exists only in this file is found, stored, predicted, fed back and shown."""
 
-from helpers import rms
 import numpy as np
 import pytest
 
 from friction_comp import CompensationLaw, FrictionModel, refine, Samples
 from friction_comp.model.effects import Effect, EFFECTS, register, SearchRange
 from friction_comp.reports.refinement_report import refinement_report
+from friction_comp.statistics import rms
 
 GAIN, REFERENCE = 0.06, 0.35
 

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Truncated, damaged and unfinished recordings are read as far as possible, with notes."""
 
+import errno
+import os
 from pathlib import Path
 import random
 import shutil
@@ -156,6 +158,24 @@ def test_a_full_disk_costs_nothing_that_was_written(tmp_path):
     assert len(samples) == flushed > 100
     # It is truncated to its last complete block, so everything in it can be read.
     assert f'it was not finished: {flushed} messages recovered' in info.notes
+
+
+def test_a_file_that_cannot_be_synced_is_reported_once_for_all(tmp_path, monkeypatch):
+    sync, failed = os.fsync, []
+
+    def fail_once(number):
+        if not failed:
+            failed.append(number)
+            raise OSError(errno.EIO, 'Input/output error')
+        sync(number)
+    monkeypatch.setattr(os, 'fsync', fail_once)
+    recording = RecordingWriter(tmp_path / 'r')
+    write_states(recording, range(100))
+    recording.flush()
+    # The system reports the failure to the first sync only; the last one succeeds.
+    with pytest.raises(InputError, match='Input/output error; what was written before can be read'):
+        recording.close()
+    assert len(read_recording(tmp_path / 'r')[0]) == 100
 
 
 def test_split_recordings_are_one_and_say_what_is_missing(tmp_path):

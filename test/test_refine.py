@@ -9,7 +9,7 @@ import json
 from pathlib import Path
 import re
 
-from helpers import note_model, rms
+from helpers import note_model
 import numpy as np
 import pytest
 from recording_maker import DATA, needs_data, record_with_diagnostics
@@ -28,6 +28,7 @@ from friction_comp.recordings import (
 from friction_comp.refinement import refine
 from friction_comp.refinement.judge import Finding, verdict_of
 from friction_comp.samples import Samples
+from friction_comp.statistics import rms
 from friction_comp.tools.predict import main as run_predict
 from friction_comp.tools.recorded_drive import showing_friction
 from friction_comp.tools.refine import main as run_refine

@@ -3,7 +3,6 @@
 """The written model, its report, and when it is not to be trusted."""
 
 
-from helpers import rms
 import numpy as np
 import pytest
 from test_prepare import swings
@@ -26,6 +25,7 @@ from friction_comp.refinement.judge import (
 )
 from friction_comp.refinement.prepare import prepare
 from friction_comp.samples import JointStates
+from friction_comp.statistics import rms
 
 RAW = {'method': 'zero-phase Butterworth', 'source': 'velocity', 'bandwidth': None}
 

@@ -8,7 +8,7 @@ a person moves it twice: compensated by the declared model, and by the refined o
 
 from dataclasses import replace
 
-from helpers import note_model, rms
+from helpers import note_model
 import numpy as np
 import pytest
 
@@ -18,6 +18,7 @@ from friction_comp.note.condition_runs import with_breakaway_error
 from friction_comp.refinement import refine
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.undeclared import Undeclared
+from friction_comp.statistics import rms
 from simulated_recordings.closed_loop import closed_loop
 from simulated_recordings.drives import excitation_for, record, SimulatedDrive
 

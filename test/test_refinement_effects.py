@@ -7,12 +7,12 @@ Drives, strengths and constants are random; error is taken on recordings that we
 
 import functools
 
-from helpers import rms
 import numpy as np
 from outside_effects import OUTSIDE
 import pytest
 
 from friction_comp.refinement import refine
+from friction_comp.statistics import rms
 from simulated_recordings.cases import CASES
 from simulated_recordings.drives import excitation_for, random_drive, record
 

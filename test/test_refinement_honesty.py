@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What refinement must not be misled by: hidden inertia, filtered velocity, one-sided motion."""
 
-from helpers import rms
 import numpy as np
 import pytest
 from test_prepare import swings
@@ -14,6 +13,7 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement import refine
 from friction_comp.samples import Samples
+from friction_comp.statistics import rms
 
 DRIVE = Drive(0.1, 100.0)
 NOISE = 0.003

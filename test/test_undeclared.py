@@ -6,13 +6,13 @@ from dataclasses import replace
 import math
 from pathlib import Path
 
-from helpers import rms
 import numpy as np
 import pytest
 
 from friction_comp.errors import InputError
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.undeclared import Undeclared, undeclared_torque, warmed_up
+from friction_comp.statistics import rms
 from simulated_recordings.cases import CASES
 from simulated_recordings.drives import Excitation, random_drive, record, SimulatedDrive
 

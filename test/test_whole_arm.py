@@ -6,7 +6,6 @@ import csv
 import json
 
 from arm_maker import PLANE, recorded, small_arm, waves
-from helpers import rms
 import numpy as np
 import pytest
 from recording_maker import DATA, needs_data
@@ -17,6 +16,7 @@ from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.recordings import read_arm, write_samples
 from friction_comp.refinement.whole_arm import refine_arm
+from friction_comp.statistics import rms
 from friction_comp.tools import predict, refine as refine_tool
 
 SCALES = (0.4, 0.25, 0.5)

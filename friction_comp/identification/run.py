@@ -262,6 +262,7 @@ class IdentificationRun(SupervisedRun):
     def __init__(self, goal: IdentificationGoal, drive: Drive) -> None:
         super().__init__(IdentificationMotion(goal, drive))
         self.goal = goal
+        self._result: IdentificationResult | None = None
 
     def result(self) -> IdentificationResult:
         """Fit the curve of Eq. 6, evaluate the ramps and return an `IdentificationResult`.
@@ -274,6 +275,11 @@ class IdentificationRun(SupervisedRun):
         """
         if not self.finished:
             raise IdentificationError(f'identification is not complete: {self.error or self.phase}')
+        if self._result is None:
+            self._result = self._evaluate()
+        return self._result
+
+    def _evaluate(self) -> IdentificationResult:
         motion = self._motion
         points = sorted(motion.points, key=lambda point: point.speed)
         sigmoid, error = fit_sigmoid([p.speed for p in points], [p.current for p in points])

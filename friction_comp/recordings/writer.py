@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 import os
 from pathlib import Path
@@ -316,7 +316,7 @@ class _SyncedFile:
         self._block = bytearray()
         self._written = 0
         self._thread = ThreadPoolExecutor(1)
-        self._sync = self._thread.submit(lambda: None)
+        self._sync: Future[None] = self._thread.submit(lambda: None)
 
     def write(self, data: bytes) -> int:
         """Append to the current block."""
@@ -349,7 +349,7 @@ class _SyncedFile:
 
     def close(self) -> None:
         """Begin to sync and close the file; `join` waits for it."""
-        self._sync = self._thread.submit(self._sync_and_close)
+        self._sync = self._thread.submit(self._sync_and_close, self._sync)
         self._thread.shutdown(wait=False)
 
     def join(self) -> None:
@@ -358,7 +358,9 @@ class _SyncedFile:
         self._file.close()
         self._sync.result()
 
-    def _sync_and_close(self) -> None:
+    def _sync_and_close(self, before: Future[None]) -> None:
+        # A failed sync is reported once by the system.
+        before.result()
         os.fsync(self._file.fileno())
         self._file.close()
 

@@ -149,9 +149,10 @@ def add_evaluation(report: Report, evaluation: Evaluation, part: bool = False) -
     """
     level = 3 if part else 2
     simple = bool(plain_verdict(evaluation))
-    if simple:
+    scenes = scenes_of(evaluation) if simple else []
+    if scenes:
         report.movie(
-            moving_joint(scenes_of(evaluation)),
+            moving_joint(scenes),
             'Mean motion of the joint in the direction that needed the larger torque, at the speed '
             'of the recording. The orange arrow is the torque that the person applies; the curve '
             'below shows it over time. The boxes below give the means of both directions.')

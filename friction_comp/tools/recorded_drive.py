@@ -111,7 +111,7 @@ def refine_recordings(arguments: Namespace, paths: Sequence[Path], joint: str | 
             history.add(samples, info)
         recorded = history.samples()
     # Without its constants, a drive does not tell how much current a recorded load takes.
-    known = (model or arguments.torque_constant or arguments.gear_ratio) or unit == 'N·m'
+    known = model or arguments.torque_constant or arguments.gear_ratio or unit == 'N·m'
     with errors_name(f'{paths[0]}: {joint}' if joint else paths[0]):
         result = refine(
             recorded, model, drive if known else None, unit=unit,
