@@ -125,12 +125,6 @@ def test_only_nodes_import_ros_2():
             and any(map(ros.fullmatch, packages(path)))] == []
 
 
-def test_no_module_is_too_long_to_keep_in_mind():
-    long = {path.name: lines for path in MODULES
-            if (lines := len(path.read_text(encoding='utf-8').splitlines())) > 400}
-    assert long == {}
-
-
 def test_no_two_modules_have_one_name():
     commands = {*NODES, *TOOLS}
     names = Counter(

@@ -161,12 +161,11 @@ def test_a_full_disk_costs_nothing_that_was_written(tmp_path):
 
 
 def test_a_file_that_cannot_be_synced_is_reported_once_for_all(tmp_path, monkeypatch):
-    sync, failed = os.fsync, []
+    sync, failures = os.fsync, [OSError(errno.EIO, 'Input/output error')]
 
     def fail_once(number):
-        if not failed:
-            failed.append(number)
-            raise OSError(errno.EIO, 'Input/output error')
+        if failures:
+            raise failures.pop()
         sync(number)
     monkeypatch.setattr(os, 'fsync', fail_once)
     recording = RecordingWriter(tmp_path / 'r')
