@@ -28,9 +28,12 @@ add_environment_to_ament_path()
 # would never end.
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
-# No test fails because the machine is busy.
-settings.register_profile('shared', max_examples=30, deadline=None, suppress_health_check=[
+# No test fails because the machine is busy. The same examples are drawn in every run, so that what
+# fails here fails everywhere; `pytest --hypothesis-profile search` looks for others.
+_SETTINGS = settings(deadline=None, suppress_health_check=[
     HealthCheck.too_slow, HealthCheck.function_scoped_fixture])
+settings.register_profile('shared', _SETTINGS, max_examples=30, derandomize=True)
+settings.register_profile('search', _SETTINGS, max_examples=500)
 settings.load_profile('shared')
 
 
