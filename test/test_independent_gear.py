@@ -211,6 +211,20 @@ def test_a_person_who_holds_a_joint_takes_hold_at_its_initial_position(name):
     assert not plant.states['let_go'].any()
 
 
+@pytest.mark.parametrize('name', ['independent_gear', 'mujoco_gear'])
+def test_a_joint_that_nobody_touches_and_no_current_moves_rests(name):
+    """Else a law that follows displacement would take what the plant stored for a push."""
+    if name == 'mujoco_gear':
+        pytest.importorskip('mujoco', reason='MuJoCo is not in this environment')
+    other = importlib.import_module(f'{name}.world')
+    gears = np.concatenate([other.draw_gears(kind, 1, EVEN) for kind in other.KINDS])
+    gears['gravity'] = gears['current_noise'] = gears['cogging'] = 0.0
+    plant = other.Plant(gears, nobody(len(gears)), EVEN)
+    begin = plant.states['motor'].copy()
+    push(plant, lambda time: np.zeros(len(gears)), 0.1)
+    assert np.all(np.abs(plant.states['motor'] - begin) < 1e-6)
+
+
 def test_draws_are_reproducible_and_differ_between_the_halves():
     first, again, other = (make_bank(world, ['lugre'], 3, seed, 4) for seed in (EVEN, EVEN, ODD))
     assert np.array_equal(first.gears, again.gears)

@@ -156,7 +156,7 @@ class Plant:
     gears : ndarray of GEAR, shape (J,)
     persons : ndarray of PERSON, shape (J,)
     seed : int
-        Of noise, scatter, and where within presliding each joint rests at first.
+        Of noise and scatter.
     sample_time : float
         s.
     steps : int
@@ -173,9 +173,6 @@ class Plant:
         s['random'] = random.integers(0, 2**63, joints)
         s['offset'] = random.uniform(0.0, 1.0, joints) * gears['resolution']
         s['breakaway_factor'] = np.maximum(-0.5, gears['scatter'] * random.normal(size=joints))
-        share = random.uniform(-0.3, 0.3, joints)
-        s['bristle'] = share
-        s['element'] = (share * gears['static'])[:, None] * gears['element_share']
         # the gear's spring holds the link where nothing moves it
         s['link'] = 0.0
         measure_all(self.gears, s, sample_time)

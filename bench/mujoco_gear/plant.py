@@ -82,11 +82,8 @@ class Plant:
         self.states['offset'] = self._random.uniform(0.0, 1.0, joints) * gears['resolution']
         place = self._random.uniform(-0.3, 0.3, joints)
         q = self._rows(self.data.qpos)
-        # at rest somewhere, loaded by up to a third one way or the other
+        # Somewhere, and at rest: nothing holds a rotor whose presliding is loaded.
         q[:] = place[:, None]
-        load = self._random.uniform(-0.3, 0.3, joints)
-        q[:, FIRST] -= load * gears['first_distance']
-        q[:, SECOND] -= load * gears['second_distance']
         self._commands = np.zeros((4, joints))
         self._own_inertia = self._rows(self.model.dof_armature)[:, LINK].copy()
         self._watch()

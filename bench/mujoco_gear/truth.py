@@ -66,11 +66,11 @@ def _ramps(gears, seed, repetitions, share, longest):
 
 
 def presliding(gear):
-    """Return the way to 95 % of breakaway, and by how much it differs from rest to rest, rad.
+    """Return the way to 95 % of breakaway, mean of both directions, and a single rest's deviation.
 
     The way is that of a ramp as identification asks for, since the engine's friction creeps: its
     elements alone give way by a half less, a ramp of twenty times the length by three times more.
-    The second is a standard deviation.
+    Both in rad, the second a standard deviation.
     """
     return _way_of_ramps(gear.tobytes(), gear.dtype)
 
@@ -82,6 +82,5 @@ def _way_of_ramps(gear, dtype):
     ways, taken = _ramps(gears, 0, RAMPS, lambda time: time / RAMP_TIME, 3.0 * RAMP_TIME)
     reached = taken >= GONE * np.nanmax(taken, axis=0)
     given = ways[np.argmax(reached, axis=0), np.arange(ways.shape[1])]
-    sides = given[0::2], given[1::2]
-    scatter = np.hypot(*(np.std(side, ddof=1) for side in sides)) / np.sqrt(2.0)
-    return 0.5 * float(np.median(sides[0]) + np.median(sides[1])), float(scatter)
+    distance = 0.5 * float(np.median(given[0::2]) + np.median(given[1::2]))
+    return distance, float(np.sqrt(np.mean((given - distance) ** 2)))

@@ -57,10 +57,10 @@ ALONE_TIME = 0.3
 LEAD_TIME = 0.1
 LEAD_SPEED = 0.01
 # Factor on the trust in a drive that slipped under its preload; a movement restores as much as it
-# takes from one. And factor on the preload reached at an early slip, which is detected late: 0.77
-# of 0.9 of the model is held by a drive with 0.70 of its friction.
+# takes from one. And factor after an early slip: the drive is taken for one that has lost as much
+# friction as the law is made for.
 LOWERED = 0.94
-EARLY = 0.77
+EARLY = 0.70
 # Distance in R from rest over which breakaway friction holds the joint; it fades over the same
 # distance again.
 START_DISTANCE = 3.0
