@@ -253,7 +253,7 @@ def test_the_exercise_follows_the_ticks(tmp_path):
         amplitude=0.2, speed=0.4, acceleration_time=0.1, standstill=0.3, announcement=0.1,
         repetitions=1)
     with probe_node() as probe, Process(tmp_path, 'exercise', {
-            'joints': JOINTS, 'moving_joints': ['shoulder'], 'clock': 'ticks',
+            'joints': JOINTS, 'clock': 'ticks',
             'when_done': 'exit', 'input_reliability': 'reliable', 'amplitude': 0.2, 'speed': 0.4,
             'acceleration_time': 0.1, 'standstill': 0.3, 'announcement': 0.1,
             'repetitions': 1}) as process:
@@ -271,9 +271,9 @@ def test_the_exercise_follows_the_ticks(tmp_path):
             got = ticks.reference(stamp)
             position, velocity, _ = movement.at((stamp - stamps[0]) / 1e9)
             assert list(got.name) == JOINTS
-            np.testing.assert_allclose(got.position, [2.0, 1.0 + position], atol=1e-12)
-            np.testing.assert_allclose(got.velocity, [0.0, velocity], atol=1e-12)
-        wanted = [(0, movement.at((stamp - stamps[0]) / 1e9)[2]) for stamp in stamps]
+            np.testing.assert_allclose(got.position, [2.0 + position, 1.0 + position], atol=1e-12)
+            np.testing.assert_allclose(got.velocity, [velocity, velocity], atol=1e-12)
+        wanted = [2 * (movement.at((stamp - stamps[0]) / 1e9)[2],) for stamp in stamps]
         assert ticks.announced(count) == wanted
         assert {1, -1} <= {row[1] for row in wanted}
         assert process.wait() == 0

@@ -40,7 +40,6 @@ ODD_EFFECT = 'format: friction_comp_undeclared\nversion: 1\neffects: [{name: gho
     ('identification', {**ONE, 'default_speeds': [1]}, (), 'default_speeds'),
     ('exercise', {'announcement': 3.0, 'standstill': 1.0}, (), 'announcement'),
     ('exercise', {'amplitude': 0.01}, (), 'amplitude'),
-    ('exercise', {'moving_joints': ['knee']}, (), 'knee'),
     ('exercise', {'when_done': 'dance'}, (), 'when_done'),
     ('recorder', {'output': 'taken'}, (), 'taken'),
     ('recorder', {'compression': 'squeeze'}, (), 'squeeze'),

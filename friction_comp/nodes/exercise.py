@@ -17,14 +17,13 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Int8MultiArray, MultiArrayDimension
 
-from friction_comp.errors import InputError
 from friction_comp.exercise.exercise_script import load_exercise
 from friction_comp.exercise.reference_movement import ReferenceMovement
 from friction_comp.nodes.diagnostics import Diagnostics, OK, WARN
 from friction_comp.nodes.joint_io import input_qos, RELIABLE
 from friction_comp.nodes.joint_states import JointColumns, NANO, nanoseconds, set_stamp
 from friction_comp.nodes.node_main import run
-from friction_comp.nodes.parameters import declare, declare_choice, declare_joints, names_in
+from friction_comp.nodes.parameters import declare, declare_choice, declare_joints
 
 # Discovery may finish at different times at both ends of a connection; real s.
 _DISCOVERY_TIME = 0.5
@@ -63,7 +62,7 @@ class ExerciseNode(Node):
 
     def _declare(self) -> float:
         """Declare the parameters; return the references per second of a timer."""
-        moving, movement = self._declare_moving(), self._declare_movement()
+        movement = self._declare_movement()
         file = declare(
             self, 'exercise_file', '', 'YAML file with the movement of each joint, '
             "instead of the note's movement")
@@ -71,7 +70,7 @@ class ExerciseNode(Node):
         self._duration = (script or movement).duration
         # Returns position, velocity and direction of each joint at a time, each (J,).
         self._at = script.at if script else lambda time: tuple(
-            value * moving for value in movement.at(time))
+            np.full(len(self._joints), value) for value in movement.at(time))
         self._when_done = declare_choice(
             self, 'when_done', ('hold', 'exit'), 'after the last repetition: hold the joints at '
             'their initial positions, or exit')
@@ -85,15 +84,6 @@ class ExerciseNode(Node):
             'for each tick of /clock')
         self._ticking = clock == 'ticks'
         return float(rate)
-
-    def _declare_moving(self) -> np.ndarray:
-        """Return 1 for the joints that move, 0 for those that are held; shape (J,)."""
-        names = names_in(declare(
-            self, 'moving_joints', [], 'joints that move, the others are held; all when empty'))
-        unknown = sorted(set(names) - set(self._joints))
-        if unknown:
-            raise InputError(f'parameter moving_joints: {unknown} are not in parameter joints')
-        return np.array([not names or joint in names for joint in self._joints], dtype=float)
 
     def _declare_movement(self) -> ReferenceMovement:
         default, turn = ReferenceMovement(), 2.0 * math.pi

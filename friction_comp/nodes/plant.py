@@ -32,6 +32,8 @@ from friction_comp.simulation.undeclared import Undeclared
 _CHECK_PERIOD = 0.1
 # Start of simulated time: in ROS, a stamp of zero means that there is none.
 _START_TIME = NANO
+# s between motor temperatures, which change slowly.
+_TEMPERATURE_PERIOD = 0.1
 # Samples of delay after which a real-time plant skips time.
 _LARGEST_LAG = 50
 
@@ -107,8 +109,7 @@ class PlantNode(Node):
             1.0)
         self._wrench_every = every(
             'wrench_period', sample_time, 'time between interaction wrenches [s]', 1e-4, 1.0)
-        self._temperature_every = every(
-            'temperature_period', 0.1, 'time between motor temperatures [s]', 1e-3, 60.0)
+        self._temperature_every = max(1, round(_TEMPERATURE_PERIOD / sample_time))
         declare(
             self, 'wait_for_reference', False,
             'in lockstep, wait at every tick for the reference with its stamp', changes=True)
