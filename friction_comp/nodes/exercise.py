@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Sequence
+from functools import partial
 import math
 from time import monotonic
 from typing import Any
@@ -29,6 +30,13 @@ from friction_comp.nodes.parameters import declare, declare_choice, declare_join
 _DISCOVERY_TIME = 0.5
 # Reports, one per second, after which missing joints are logged.
 _REPORTS_BEFORE_WARNING = 3
+
+
+def _all_alike(movement: ReferenceMovement, joints: int, time: float
+               ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return position, velocity and direction at a time, each (J,), of joints that move alike."""
+    position, velocity, direction = movement.at(time)
+    return np.full(joints, position), np.full(joints, velocity), np.full(joints, direction)
 
 
 class ExerciseNode(Node):
@@ -68,9 +76,7 @@ class ExerciseNode(Node):
             "instead of the note's movement")
         script = load_exercise(file).of(self._joints) if file else None
         self._duration = (script or movement).duration
-        # Returns position, velocity and direction of each joint at a time, each (J,).
-        self._at = script.at if script else lambda time: tuple(
-            np.full(len(self._joints), value) for value in movement.at(time))
+        self._at = script.at if script else partial(_all_alike, movement, len(self._joints))
         self._when_done = declare_choice(
             self, 'when_done', ('hold', 'exit'), 'after the last repetition: hold the joints at '
             'their initial positions, or exit')
