@@ -93,8 +93,8 @@ def velocity_ratios(time: np.ndarray, position: np.ndarray, velocity: np.ndarray
                     resolution: float = 0.0) -> np.ndarray:
     """Return the ratio of integrated velocity to change of position in each block, shape (K,).
 
-    Signals have shape (N,), in s, rad and rad/s; samples that are not finite and blocks with gaps
-    are omitted. `resolution` is that of the encoder, rad, if known. There is one ratio for each
+    Signals have shape (N,), in s, rad and rad/s; samples that are not finite are omitted, and gaps
+    are not counted. `resolution` is that of the encoder, rad, if known. There is one ratio for each
     block of `BLOCK` s in which the joint moved: infinite if the position is constant, 0 if the
     velocity is zero, and 1 if a delayed velocity explains the difference.
     """
@@ -108,15 +108,14 @@ def velocity_ratios(time: np.ndarray, position: np.ndarray, velocity: np.ndarray
     if len(edges) < 2:
         return np.empty(0)
     last, begins = edges[-1], edges[:-1]
-    change = np.diff(position[edges])
+    step = step[:last]
+    # Neither signal is followed over gaps: a busy machine leaves some in most blocks.
+    followed = (step > 0.0) & (step <= max(_GAP, _GAP_STEPS * float(np.median(step))))
     middle = 0.5 * (velocity[1:] + velocity[:-1])[:last]
-    integral = np.add.reduceat(middle * step[:last], begins)
+    change = np.add.reduceat(np.diff(position)[:last] * followed, begins)
+    integral = np.add.reduceat(middle * step * followed, begins)
     velocity_range = np.maximum.reduceat(middle, begins) - np.minimum.reduceat(middle, begins)
-    gap = max(_GAP, _GAP_STEPS * float(np.median(step)))
-    whole = ((np.maximum.reduceat(step[:last], begins) <= gap)
-             & (np.minimum.reduceat(step[:last], begins) > 0.0))
-    moved = whole & (np.maximum(np.abs(change), np.abs(integral)) >= max(
-        _SHORT, _FEW_COUNTS * resolution))
+    moved = np.maximum(np.abs(change), np.abs(integral)) >= max(_SHORT, _FEW_COUNTS * resolution)
     change, integral = change[moved], integral[moved]
     stuck = np.abs(change) <= _STILL_COUNTS * resolution
     ratio = np.divide(integral, change, out=np.full(len(change), math.inf), where=~stuck)

@@ -59,6 +59,16 @@ def test_a_late_noisy_coarse_or_interrupted_velocity_contradicts_nothing(
     assert told(time, position, velocity, factor=1.25, resolution=resolution) == ''
 
 
+def test_gaps_of_a_busy_machine_do_not_delay_the_verdict():
+    """Of every 0.1 s a process may miss a half, and a wrong unit must show as soon."""
+    check = VelocityCheck(3.0, blocks=5)
+    for k in range(600):
+        if k % 100 < 50:
+            continue
+        check.take(1e-3 * k, 5e-4 * k, 5e-4 * 57.3e3)
+    assert 'deg/s' in check.fault
+
+
 def test_a_joint_that_stands_tells_nothing():
     time = np.arange(0.0, 2.0, 1e-3)
     assert len(velocity_ratios(time, np.zeros(2000), np.zeros(2000))) == 0
