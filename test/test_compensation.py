@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from friction_comp.compensation.law import CompensationLaw, law_parameters
-from friction_comp.compensation.law_parameters import SHARE
+from friction_comp.compensation.law_parameters import ALONE_TIME, SHARE
 from friction_comp.errors import InputError
 from friction_comp.exercise.reference_movement import ReferenceMovement
 from friction_comp.model.effects.history_effects import Temperature
@@ -44,7 +44,7 @@ def test_continuous_law_gives_its_share_of_equation_6_in_motion():
     model = note_model(2)
     for d, speed in ((1, 0.6), (-1, -0.6), (0, 0.6), (0, -0.6)):
         law = CompensationLaw([model])
-        for k in range(600):
+        for k in range(round(2e3 * ALONE_TIME)):
             current = law.update(k * 1e-3, [speed * k * 1e-3], [speed], [d])[0]
         assert current == pytest.approx(SHARE * float(model.sigmoid(speed)), rel=0.01)
 
@@ -151,10 +151,10 @@ def test_limit_and_terms():
 
 
 def test_a_new_model_comes_in_without_a_jump():
-    """The current turns over within a few tenths of a second."""
+    """The current rises to that of the new model as fast as without an announcement."""
     law, other = CompensationLaw([note_model(1)]), note_model(2)
     currents = []
-    for k in range(800):
+    for k in range(500 + round(1e3 * ALONE_TIME)):
         if k == 400:
             law.set_model(0, other)
         currents.append(law.update(k * 1e-3, [0.5e-3 * k], [0.5], [0])[0])

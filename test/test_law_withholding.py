@@ -12,7 +12,13 @@ import numpy as np
 import pytest
 
 from friction_comp.compensation.law import CompensationLaw, law_parameters
-from friction_comp.compensation.law_parameters import EARLY, LEAST_CHANGING, LOWERED, START_TIME
+from friction_comp.compensation.law_parameters import (
+    ALONE_TIME,
+    EARLY,
+    LEAST_CHANGING,
+    LOWERED,
+    START_TIME,
+)
 from friction_comp.drive import Drive
 from friction_comp.model.friction_model import Breakaway, FrictionModel, Presliding
 from friction_comp.model.sigmoid import Sigmoid
@@ -31,8 +37,8 @@ def test_a_joint_that_gains_speed_after_its_start_gets_less_until_it_is_slower_a
     law, time = CompensationLaw([small_model()]), np.arange(6000) * 1e-3
     speeds = np.interp(time, [0.0, START_TIME - 0.2, 1.5, 1.8, 2.6, 2.8],
                        [0.1, 0.3, 0.3, 0.33, 0.33, 0.28])
-    current = drive_at(law, speeds)
-    np.testing.assert_allclose(current[300:1490], 0.9 * LEVEL, rtol=5e-3)
+    current, risen = drive_at(law, speeds), round(1e3 * ALONE_TIME)
+    np.testing.assert_allclose(current[risen:1490], 0.9 * LEVEL, rtol=5e-3)
     np.testing.assert_allclose(current[2400:2600], LEAST_CHANGING * 0.9 * LEVEL, rtol=1e-3)
     np.testing.assert_allclose(current[5700:], 0.9 * LEVEL, rtol=1e-3)
     assert law.guards['withheld'][0] < 1e-3
@@ -42,7 +48,8 @@ def test_a_joint_that_loses_speed_gets_less_for_as_long_as_it_does():
     """Else the tenth of friction that is left to the gear needs many seconds to stop a rotor."""
     law, time = CompensationLaw([small_model()]), np.arange(6000) * 1e-3
     current = drive_at(law, np.interp(time, [1.0, 3.0], [0.6, 0.2]))
-    np.testing.assert_allclose(current[300:990], 0.9 * LEVEL, rtol=5e-3)
+    risen = round(1e3 * ALONE_TIME)
+    np.testing.assert_allclose(current[risen:990], 0.9 * LEVEL, rtol=5e-3)
     np.testing.assert_allclose(current[2000:3000], LEAST_CHANGING * 0.9 * LEVEL, rtol=1e-3)
     np.testing.assert_allclose(current[5700:], 0.9 * LEVEL, rtol=5e-3)
 

@@ -51,7 +51,7 @@ TURN_TIME = 0.02
 # s within which the friction current may rise to full friction: in the announced direction, and
 # without an announcement.
 RISE_TIME = 0.1
-ALONE_TIME = 0.3
+ALONE_TIME = 0.5
 # s over which the preload rises, and the speed in rad/s below which it does: a compliant gear would
 # overshoot.
 LEAD_TIME = 0.1
