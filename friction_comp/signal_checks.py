@@ -110,9 +110,9 @@ def velocity_ratios(time: np.ndarray, position: np.ndarray, velocity: np.ndarray
         return np.empty(0)
     last, begins = edges[-1], edges[:-1]
     step = step[:last]
-    # Neither signal is followed over gaps: a busy machine leaves some in most blocks.
-    # np.median would import numpy.ma at its first call, which takes 50 ms of a control loop.
+    # Not np.median: its first call imports numpy.ma, which takes 50 ms of a control loop.
     usual = float(np.sort(step)[len(step) // 2])
+    # Neither signal is followed over gaps: a busy machine leaves some in most blocks.
     followed = (step > 0.0) & (step <= max(_GAP, _GAP_STEPS * usual))
     middle = 0.5 * (velocity[1:] + velocity[:-1])[:last]
     change = np.add.reduceat(np.diff(position)[:last] * followed, begins)

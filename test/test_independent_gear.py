@@ -194,13 +194,18 @@ def test_a_joint_left_alone_stays_and_a_firm_person_is_stable():
         assert np.all(np.abs(plant.states['link']) < 2e-3)
 
 
-@pytest.mark.parametrize('name', ['independent_gear', 'mujoco_gear'])
-def test_a_person_who_holds_a_joint_takes_hold_at_its_initial_position(name):
-    """Else persons would pull joints, and let go of those that they are to push, before time."""
-    if name == 'mujoco_gear':
+@pytest.fixture(params=['independent_gear', 'mujoco_gear'])
+def each_world(request):
+    """Return the module of a world, and one of its gears of each kind."""
+    if request.param == 'mujoco_gear':
         pytest.importorskip('mujoco', reason='MuJoCo is not in this environment')
-    other = importlib.import_module(f'{name}.world')
-    gears = np.concatenate([other.draw_gears(kind, 1, EVEN) for kind in other.KINDS])
+    other = importlib.import_module(f'{request.param}.world')
+    return other, np.concatenate([other.draw_gears(kind, 1, EVEN) for kind in other.KINDS])
+
+
+def test_a_person_who_holds_a_joint_takes_hold_at_its_initial_position(each_world):
+    """Else persons would pull joints, and let go of those that they are to push, before time."""
+    other, gears = each_world
     persons = draw_persons([FIRM] * len(gears), gears['static'], EVEN)
     persons['push_travel'] = 0.03
     persons['push'][::2], persons['start'] = 1.0, 5.0
@@ -211,13 +216,9 @@ def test_a_person_who_holds_a_joint_takes_hold_at_its_initial_position(name):
     assert not plant.states['let_go'].any()
 
 
-@pytest.mark.parametrize('name', ['independent_gear', 'mujoco_gear'])
-def test_a_joint_that_nobody_touches_and_no_current_moves_rests(name):
+def test_a_joint_that_nobody_touches_and_no_current_moves_rests(each_world):
     """Else a law that follows displacement would take what the plant stored for a push."""
-    if name == 'mujoco_gear':
-        pytest.importorskip('mujoco', reason='MuJoCo is not in this environment')
-    other = importlib.import_module(f'{name}.world')
-    gears = np.concatenate([other.draw_gears(kind, 1, EVEN) for kind in other.KINDS])
+    other, gears = each_world
     gears['gravity'] = gears['current_noise'] = gears['cogging'] = 0.0
     plant = other.Plant(gears, nobody(len(gears)), EVEN)
     begin = plant.states['motor'].copy()

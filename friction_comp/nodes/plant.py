@@ -100,16 +100,18 @@ class PlantNode(Node):
             self._begin_real_time(sample_time)
 
     def _declare_periods(self, sample_time: float) -> None:
-        def every(name: str, default: float, text: str, least: float, most: float) -> int:
-            period = declare(self, name, default, text, least, most)
+        def samples_in(period: float) -> int:
             return max(1, round(period / sample_time))
+
+        def every(name: str, default: float, text: str, least: float, most: float) -> int:
+            return samples_in(declare(self, name, default, text, least, most))
 
         self._clock_every = every(
             'clock_period', 0.01, 'simulated time between ticks of /clock, in lockstep [s]', 1e-4,
             1.0)
         self._wrench_every = every(
             'wrench_period', sample_time, 'time between interaction wrenches [s]', 1e-4, 1.0)
-        self._temperature_every = max(1, round(_TEMPERATURE_PERIOD / sample_time))
+        self._temperature_every = samples_in(_TEMPERATURE_PERIOD)
         declare(
             self, 'wait_for_reference', False,
             'in lockstep, wait at every tick for the reference with its stamp', changes=True)
