@@ -308,4 +308,6 @@ class CurrentCheck:
 
     def answer(self) -> Answer:
         """Return how the measured current follows the commanded one, see `late_answer`."""
+        if not self._past:
+            return Answer(0.0, 0.0, 0.0, 0.0, 0.0)
         return late_answer(*np.array(self._past).T)

@@ -79,6 +79,7 @@ def frozen(after):
 @pytest.mark.parametrize(('alter', 'words'), [
     (scaled(10.0, 3), 'another unit'), (scaled(-1.0, 3), 'wrong sign'),
     (scaled(0.0, 3), 'not measured'), (scaled(0.0084, 3), 'not measured'),
+    (scaled(math.nan, 3), 'not measured'),
     (scaled(57.3, 2), 'velocity'), (scaled(-1.0, 2), 'sign')])
 def test_wrong_units_and_signs_are_found_before_the_joint_is_driven_far(alter, words):
     bench = Bench(alter)
@@ -268,6 +269,22 @@ def look_at_rattle(mean):
     rattle = 0.4 * np.sign(np.sin(2.0 * math.pi * (np.arange(3000) + 0.5) / 6.0))
     for k, command in enumerate(rattle + mean):
         supervision.check(1e-3 * k, 0.0, None, 0.4 * command, command, None, math.nan)
+
+
+def brake(speeds):
+    """Check a joint with these speeds that four times its breakaway current brakes from 0.1 s on."""
+    supervision = Supervision(IdentificationGoal(**GOAL), note_model().drive)
+    for k, position in enumerate(np.cumsum(speeds) * 1e-3):
+        supervision.check(
+            1e-3 * k, position, None, math.nan, 0.6 if k < 100 else -2.0, (0.5, -0.5), 4.0)
+
+
+def test_a_rotor_that_its_link_pushes_on_through_backlash_is_not_blocked():
+    """For two hundredths of a second a braked rotor keeps its speed; longer is a fault."""
+    brake(np.repeat([0.6, 0.3], [120, 50]))
+    for speed in (0.0, 0.6):
+        with pytest.raises(IdentificationError, match='does not move'):
+            brake(np.full(400, speed))
 
 
 def test_a_controller_that_rattles_is_no_wrong_unit():

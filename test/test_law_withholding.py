@@ -79,6 +79,18 @@ def test_without_a_direction_a_joint_at_rest_gets_nothing():
             0.0, abs=1e-9)
 
 
+def test_a_joint_that_springs_back_while_its_help_decays_is_not_pushed_on():
+    """Else a gear that yields farther than its model knows would swing to and fro for ever."""
+    law = CompensationLaw([replace(small_model(), presliding=Presliding(3e-4, std=3e-5))])
+    distance = law.parameters['distance'][0]
+    slid = drive_along(law, 1e-4 * np.arange(1000), direction=0)
+    assert slid[-1] == pytest.approx(0.9 * LEVEL, rel=1e-2)
+    back = 0.0999 - 0.9 * distance * np.interp(np.arange(400), [200, 240], [0.0, 1.0])
+    assert drive_along(law, back, direction=0, begin=1000).min() >= 0.0
+    push = back[-1] - 0.9 * distance * np.interp(np.arange(400), [200, 240], [0.0, 1.0])
+    assert drive_along(law, push, direction=0, begin=1400)[300] < -0.5 * LEVEL
+
+
 def test_a_joint_at_rest_has_its_preload_within_a_sixth_of_a_second():
     """So that an announcement that comes with the push is of use."""
     law = CompensationLaw([small_model()])

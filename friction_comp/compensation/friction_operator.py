@@ -44,6 +44,12 @@ def follow(p: Any, s: Any) -> None:
     s.backlash_position = driven
     if s.mode != LEADING:
         s.z = min(1.0, max(-1.0, s.z + displacement / p.distance))
+        # A joint whose help decays springs back, which is no push: pushed on by it, a gear that
+        # yields farther than R would swing for ever.
+        if abs(s.position - s.rest_position) > p.distance:
+            s.decaying = 0.0
+        elif s.z * s.decaying < 0.0:
+            s.z = 0.0
     if p.dahl > 0.0 and displacement != 0.0:
         sign = math.copysign(1.0, displacement)
         s.dahl_z = sign - (sign - s.dahl_z) * math.exp(-abs(displacement) / p.dahl_distance)
@@ -65,6 +71,7 @@ def _slipped(p: Any, s: Any, share: float) -> None:
 def _start_leading(s: Any) -> None:
     """Begin to lead z from where it is."""
     s.mode, s.ramp, s.lead_position, s.still_time = LEADING, s.z, s.position, 0.0
+    s.decaying = 0.0
 
 
 @njit(cache=True)
@@ -122,6 +129,7 @@ def lead(p: Any, s: Any, aim: float) -> None:
         s.since, s.displaced, s.trusted = 0.0, 0, s.trust
         if s.direction == 0.0:
             # Displacement keeps driving the operator, since a push may come at any time.
+            s.decaying = s.z
             s.z = approach(s.z, 0.0, s.step / p.lead_time)
             s.mode, s.ramp, s.rest_position = HELD, 0.0, s.position
         elif abs(aim - s.z) > 0.02 and (s.mode == FREE or aim != s.ramp):

@@ -43,7 +43,7 @@ def settle(s: Any, position: float) -> None:
     s.position = s.backlash_position = s.still_position = position
     s.rest_position = s.lead_position = position
     s.half_speed = s.speed = s.z = s.dahl_z = s.friction = s.still_time = s.since = s.doubt = 0.0
-    s.mode, s.displaced = FREE, 0
+    s.mode, s.displaced, s.decaying = FREE, 0, 0.0
     s.pace = s.slowest = s.usual = s.sliding = s.withheld = 0.0
 
 

@@ -44,8 +44,8 @@ STATE = _record(
     # the backlash in rad.
     'z dahl_z backlash_position '
     # Rest: how long, where the joint is, where it rested, where leading began, s and rad; z while
-    # it is led, and s since leading or the movement began.
-    'still_time still_position rest_position lead_position ramp since '
+    # it is led, and s since leading or the movement began; the last z that decayed at rest.
+    'still_time still_position rest_position lead_position ramp since decaying '
     # Change of speed: averaged speed in rad/s, the lowest and the usual one since the start, s of
     # sliding, the share withheld.
     'pace slowest usual sliding withheld '

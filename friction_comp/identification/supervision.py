@@ -45,7 +45,8 @@ _STEP = 0.02
 _SURPLUS = 1.5
 # The response is checked when this many counts of movement are expected, of which the joint must
 # have moved this share; but not before this time in s, since delay, current loop and filter take
-# some milliseconds.
+# some milliseconds, nor while a moving joint would hardly be slowed down: in backlash, the link may
+# push a rotor on that brakes.
 _EXPECTED_COUNTS, _ANSWERED, _ANSWER_TIME = 30.0, 0.1, 0.01
 
 
@@ -160,12 +161,13 @@ class Supervision:
             return
         self._speed += surplus * acceleration * step
         self._expected += self._speed * step
-        if (self._expected < _EXPECTED_COUNTS * self._resolution
-                or time - self._since < _ANSWER_TIME):
+        duration = time - self._since
+        least = max(_EXPECTED_COUNTS * self._resolution, _ANSWERED * abs(self._drift) * duration)
+        if self._expected < least or duration < _ANSWER_TIME:
             return
         # Accept a joint that keeps moving, and one whose motion changes, for instance brakes.
         moved = position - self._from
-        gained = moved - self._drift * (time - self._since)
+        gained = moved - self._drift * duration
         if max(sign * moved, sign * gained) < _ANSWERED * self._expected:
             _refuse_late(self._currents.answer())
             raise IdentificationError(
