@@ -307,7 +307,8 @@ class Samples:
     def position_step(self) -> float:
         """Smallest change of position in rad, usually one encoder count; 0 without motion."""
         steps = np.abs(np.diff(self.position))
-        steps = steps[steps > 0.0]
+        # Smaller ones are rounding errors.
+        steps = steps[steps > 1e-12]
         return float(np.min(steps)) if steps.size else 0.0
 
     @cached_property

@@ -195,5 +195,5 @@ def test_bumps_are_not_looked_for_where_every_place_is_passed_in_one_motion():
             speed * np.where(time % 2.0 < 1.0, 1.0, -1.0), np.ones(40) / 40.0)[:len(time)]
         samples = Samples(time=time, position=np.cumsum(velocity) * 0.005, velocity=velocity,
                           current=np.tanh(velocity / 0.02))
-        coverage = coverage_of(samples, np.abs(velocity) > 0.01, 0.01)
+        coverage = coverage_of(samples, np.abs(velocity) > 0.01, 0.01, samples)
         assert ('bumps' in EFFECTS['bump'].insufficient_data(coverage)) is one

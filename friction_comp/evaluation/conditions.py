@@ -170,13 +170,15 @@ def repetitions_of(samples: Samples, name: str, info: RecordingInfo | None,
 def _without_odd_durations(repetitions: list[Repetition], notes: list[str]) -> list[Repetition]:
     median = float(np.median([r.usual_duration for r in repetitions]))
     kept = [r for r in repetitions if abs(r.usual_duration - median) <= _ODD * median]
+    # With an even number, the median may be far from all of them.
+    if not kept:
+        return repetitions
     if len(kept) < len(repetitions):
         notes.append(
-            f'{len(repetitions) - len(kept)} repetitions with '
+            f'{len(repetitions) - len(kept)} of {len(repetitions)} repetitions with '
             f'{repetitions[0].compensation.label} lasted much longer or shorter than the others '
             'and are left out')
-    # With an even number, the median may be far from all of them.
-    return kept or repetitions
+    return kept
 
 
 def _condition(repetitions: list[Repetition], averages: Mapping[Any, Ensemble],

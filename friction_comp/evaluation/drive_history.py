@@ -12,7 +12,7 @@ from friction_comp.errors import errors_name
 from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.recordings.history import History
-from friction_comp.statistics import rms
+from friction_comp.statistics import rms, top_speed
 
 # Share of the top speed above which a joint is sliding.
 _SLIDING = 0.1
@@ -44,7 +44,7 @@ def recorded_friction(history: History, model: FrictionModel) -> list[RecordedFr
         velocity = np.asarray(differentiate(
             samples, model.differentiation or DEFAULT_SETTINGS).velocity)
         speed = np.abs(velocity)
-        sliding = speed > _SLIDING * np.percentile(speed, 95)
+        sliding = speed > _SLIDING * top_speed(speed)
         if sliding.sum() < 100:
             continue
         friction = model.sigmoid(velocity)[sliding]

@@ -11,6 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from friction_comp.samples import Samples
+from friction_comp.statistics import top_speed
 
 # Share of the top speed above which the reference counts as moving, and as moving constantly.
 _MOVING, _CONSTANT = 0.01, 0.95
@@ -55,8 +56,8 @@ def find_movements(samples: Samples) -> list[Movement]:
         velocity = measured_velocity(samples)
         moving, constant = _MOVING_MEASURED, _CONSTANT_MEASURED
         shortest_travel = _LEAST_STEPS * samples.position_step
-    top = np.quantile(np.abs(velocity), 0.99) if len(velocity) else 0.0
-    if not top > 0:
+    top = top_speed(np.abs(velocity), 0.99)
+    if not top > 0.0:
         return []
     time = samples.time
     # First index, end and distance of each run of motion in one direction.

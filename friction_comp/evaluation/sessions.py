@@ -7,12 +7,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from friction_comp.columns import Layout
 from friction_comp.errors import InputError
 from friction_comp.evaluation.conditions import Evaluation, MeasuredJoint, repetitions_of
+from friction_comp.evaluation.ensemble import LEAD
 from friction_comp.parallel import Failure, run_each, Runner
 from friction_comp.recordings import (
     find_recordings,
@@ -140,6 +142,7 @@ def _measure_piece(piece: Piece, friction: FrictionModel | None, seconds: float)
     measured = MeasuredJoint('')
     notes = measured.notes
     buffer: Samples | None = None
+    cut = -math.inf     # end of the last movement measured
     for part, info in stream_recording_with_info(
             path, piece.joint, *constants, seconds=seconds, layout=piece.layout):
         notes.extend(text for note in info.notes if (text := f'{path}: {note}') not in notes)
@@ -153,10 +156,18 @@ def _measure_piece(piece: Piece, friction: FrictionModel | None, seconds: float)
         # The last stretch is evaluated again with the next one, since movements are recognised by
         # comparison with their neighbours.
         end = buffer.time[-1] - (0.0 if at_end else seconds)
-        finished = [r for r in repetitions_of(buffer, str(path), info, friction, notes, at_end)
-                    if at_end or r.movement.end < end]
+        # What begins where the last movement was cut off is its slow end.
+        found = [r for r in repetitions_of(buffer, str(path), info, friction, notes, at_end)
+                 if r.movement.begin > cut]
+        finished = [r for r in found if at_end or r.movement.end < end]
+        if friction is None:
+            for repetition in finished:
+                # Without a drive, effort in N·m is not known as a current.
+                repetition.figures.pop('rms_current', None)
         measured.add_repetitions(finished)
-        buffer = buffer.take(buffer.time >= (finished[-1].movement.end if finished else end))
+        cut = finished[-1].movement.end if finished else cut
+        first = min([end, *(r.movement.begin - LEAD for r in found)])
+        buffer = buffer.take(buffer.time >= (cut if finished else first))
     if not measured.repetitions:
         raise InputError(f'{path}: no movement of joint {info.joint!r} found in it')
     measured.joint, measured.models = info.joint, [info.model] if info.model else []

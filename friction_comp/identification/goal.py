@@ -161,10 +161,11 @@ class IdentificationResult:
         """c1..c6 of Eq. 6 with velocity in rad/s."""
         return self.sigmoid.coefficients()
 
-    def model(self, drive: Drive, joint: str = '') -> FrictionModel:
+    def model(self, drive: Drive, joint: str = '',
+              position_limits: tuple[float, float] | None = None) -> FrictionModel:
         """Return the `FrictionModel` of the drive; it is not saved."""
         return FrictionModel(
-            drive=drive, sigmoid=self.sigmoid, breakaway=self.breakaway, joint=joint,
+            drive=drive, position_limits=position_limits, sigmoid=self.sigmoid, breakaway=self.breakaway, joint=joint,
             presliding=self.presliding,
             lookup_table={'speeds': self.speeds.tolist(), 'currents': self.currents.tolist(),
                           'standard_deviations': self.standard_deviations.tolist()},

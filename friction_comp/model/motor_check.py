@@ -97,7 +97,8 @@ def _check_limit(model: FrictionModel, current: float, what: str) -> None:
 
 def _check_table(model: FrictionModel) -> None:
     table = model.lookup_table or {}
-    if not table.get('speeds'):
+    # Refinement fits another sigmoid to recordings and keeps the table.
+    if model.differentiation or not table.get('speeds'):
         return
     currents = np.asarray(table['currents'], dtype=float)
     miss = np.abs(model.sigmoid(table['speeds']) - currents).max()

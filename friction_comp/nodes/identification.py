@@ -60,6 +60,7 @@ class IdentificationNode(Node):
             self, 'model_files', [], "model file of each joint, of which only the section 'drive' "
             'is used'), self._joints)
         self._drives = [model.drive for model in models]
+        self._limits = [model.position_limits for model in models]
         declare(
             self, 'output_folder', '.', 'folder for the model files, which are named after '
             'their joints', changes=True)
@@ -168,7 +169,7 @@ class IdentificationNode(Node):
         """Fit the model, write its file, and fill the result."""
         outcome, joint = run.result(), self._joints[index]
         path = (Path(self.get_parameter('output_folder').value) / f'{joint}.yaml').absolute()
-        outcome.model(self._drives[index], joint).save(path)
+        outcome.model(self._drives[index], joint, self._limits[index]).save(path)
         goals.fill_result(result, outcome)
         result.model_file = str(path)
         result.message = '. '.join([f'identified {joint}, wrote {path}', *outcome.warnings])

@@ -13,6 +13,7 @@ import numpy as np
 from scipy import optimize
 
 from friction_comp.drive import Drive
+from friction_comp.errors import InputError
 from friction_comp.model.differentiation import shifted_in_time
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
@@ -35,8 +36,8 @@ from friction_comp.samples import Samples
 
 # Share of the top speed over which the friction of a plain drive changes sign.
 _PLAIN_TRANSITION = 0.1
-# Lags that are tried, in samples.
-_LAGS = (0.5, 1, 1.5, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
+# Number of lags that are tried on each side, from half a sample to the longest.
+_LAGS = 16
 
 
 @dataclass(frozen=True)
@@ -177,9 +178,14 @@ def search_with(problem: Problem, settings: dict[str, Any] | None = None,
     start = model.sigmoid if model else Sigmoid(1.0, -1.0, 2.0 / rows.coverage.transition)
     table = Table(rows, start.steepness, start.shift)
     # A load that is already part of the target cannot be an effect as well.
-    initial = table.add([Term(type(effect), dict(effect.values)) for effect in model.effects
-                         if not (rows.load_coefficient and 'load' in effect.needs)
-                         ] if model else [])
+    effects = [effect for effect in model.effects if not (
+        rows.load_coefficient and effect.known_coefficients(problem.drive))] if model else []
+    for effect in effects:
+        for signal in {'load', 'temperature'} & set(effect.needs):
+            if getattr(rows.samples, signal) is None:
+                raise InputError(f"effect '{effect.name}' of the initial model needs {signal}, "
+                                 'which is not recorded')
+    initial = table.add([Term(type(effect), dict(effect.values)) for effect in effects])
     if not model:
         table.fit_transition([])
     search = EffectSearch(table, initial)
@@ -235,8 +241,6 @@ def _lag_confidence(lagged: Fit, unlagged: Fit) -> float:
     rng = np.random.default_rng(2)
     lagged_errors, unlagged_errors = (
         np.bincount(fit.table.block, fit.errors()) for fit in (lagged, unlagged))
-    if len(lagged_errors) != len(unlagged_errors):
-        return 1.0
     drawn = rng.integers(0, len(unlagged_errors), (200, len(unlagged_errors)))
     after, before = (errors[drawn].sum(axis=1) for errors in (lagged_errors, unlagged_errors))
     return float(np.mean(after < thresholds.LAG_ERROR * before))
@@ -285,8 +289,8 @@ def _best_lag(rows: Rows, matrix: np.ndarray, target: np.ndarray, fine: bool
     def error(lag: float) -> float:
         shifted = shifted_in_time(matrix, rows.samples, lag) if lag else matrix
         return held_out_error(rows.averaged(shifted), target, rows.block)
-    sizes = (1.0, 2.0) if fine else [
-        size for size in _LAGS if size * step <= thresholds.LONGEST_LAG]
+    sizes = (1.0, 2.0) if fine else np.geomspace(
+        0.5, max(thresholds.LONGEST_LAG / step, 1.0), _LAGS)
     lags = np.array(sorted([0.0, *(side * size * step for size in sizes for side in (1, -1))]))
     errors = [error(lag) for lag in lags]
     index = int(np.argmin(errors))

@@ -38,6 +38,9 @@ from friction_comp.refinement.recorded_motion import (
 from friction_comp.samples import Samples
 
 _SLOWEST_RATE = 100.0
+# A limit occurs more often than this multiple of the value next to it. At its turning points, a
+# sine in coarse steps has 2.4 times as many samples in the outermost step.
+_MORE_OFTEN = 3.0
 # Most rows that are searched, in multiples of `ROWS`; and how many consecutive rows are kept or
 # left out together where there are more.
 _MOST, _PIECE = 4.0, 100
@@ -123,17 +126,22 @@ def join(recordings: Sequence[Samples]) -> Samples:
 def clipped(current: np.ndarray) -> np.ndarray:
     """Return which samples sit at the limits of the current signal, shape (N,).
 
-    An extreme value is a limit where runs of samples repeat it exactly, which a noisy signal does
-    only when it is clipped.
+    An extreme value is a limit where runs of samples repeat it exactly, and much more often than
+    the value next to it: neither a noisy signal nor one in coarse steps does so unless it is
+    clipped.
     """
     mark = np.zeros(len(current), dtype=bool)
     span = float(np.ptp(current))
     if span == 0:
         return mark
     for extreme in (current.max(), current.min()):
-        at_limit = np.abs(current - extreme) <= 1e-6 * span
+        distance = np.abs(current - extreme)
+        at_limit = distance <= 1e-6 * span
         runs = at_limit[1:] & at_limit[:-1]
-        if at_limit.sum() >= max(20, 1e-3 * len(current)) and runs.sum() >= 0.5 * at_limit.sum():
+        nearest = np.count_nonzero(distance <= distance[~at_limit].min() + 1e-6 * span)
+        count = at_limit.sum()
+        if (count >= max(20, 1e-3 * len(current)) and runs.sum() >= 0.5 * count
+                and count > _MORE_OFTEN * (nearest - count)):
             mark |= at_limit
     return mark
 
@@ -190,7 +198,7 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
     target = moved.current - load * np.asarray(moved.load) if load else moved.current
     if not target[usable].any():
         raise InputError('the current is zero throughout the motion: there is no friction to fit')
-    coverage = coverage_of(moved, usable, slowest)
+    coverage = coverage_of(moved, usable, slowest, samples)
     region = regions_of(motion[0][start]) if motion else np.zeros_like(block)
     rows = Rows(moved, target, usable, unusable, coverage, start, length, block, region, load,
                 motion, joints)
@@ -217,14 +225,12 @@ def choose_transition(rows: Rows) -> float:
     return best[1]
 
 
-def coverage_of(samples: Samples, usable: np.ndarray, slowest: float) -> Coverage:
-    """Return the ranges that recordings cover."""
+def coverage_of(samples: Samples, usable: np.ndarray, slowest: float, raw: Samples) -> Coverage:
+    """Return the ranges that recordings cover; only the raw positions show the encoder's counts."""
     moving = samples.take(usable)
     # Only within one recording can a time constant be observed.
     duration = max(float(np.ptp(samples.time[samples.recording == r]))
                    for r in np.unique(samples.recording))
-    steps = np.abs(np.diff(samples.position[:20000]))
-    steps = steps[steps > 1e-12]
     lowest, highest = np.percentile(moving.position, (1, 99))
     velocity = np.asarray(moving.velocity)
     moves = np.abs(velocity)
@@ -237,11 +243,11 @@ def coverage_of(samples: Samples, usable: np.ndarray, slowest: float) -> Coverag
     return Coverage(
         transition=0.05 * float(speed), speed=float(speed), slowest=slowest, lowest=float(lowest),
         highest=float(highest), duration=duration, temperature=temperature,
-        resolution=float(steps.min()) if steps.size else 0.0,
+        resolution=raw.position_step,
         both_directions=0.02 < float(np.mean(velocity > 0)) < 0.98, slow=float(slow),
         reversals=float(np.count_nonzero(np.diff(np.sign(velocity)))),
         rest_duration=float(np.sum(resting)) * samples.sample_time,
-        distinct_positions=count_positions(moving.position), median_speed=float(np.median(moves)),
+        distinct_positions=count_positions(raw.position[usable]), median_speed=float(np.median(moves)),
         speed_spread=float(np.std(moves) / np.mean(moves)), temperature_span=temperature_span)
 
 

@@ -22,7 +22,7 @@ from friction_comp.model.differentiation import differentiate, METHOD
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.block_sums import held_out_error, sums_of
 from friction_comp.samples import Samples
-from friction_comp.statistics import rms
+from friction_comp.statistics import rms, top_speed
 
 _BANDWIDTHS = (5.0, 10.0, 20.0, 40.0, 80.0, 120.0, 200.0)
 _EXCERPT = 150_000
@@ -86,7 +86,7 @@ def standstill_speed(samples: Samples) -> float:
     slower motion to be distinguished from rest.
     """
     speed = np.abs(np.asarray(samples.velocity))
-    top = float(np.percentile(speed, 95))
+    top = top_speed(speed)
     quiet = speed[speed < 0.02 * top]
     noise = 3.0 * rms(quiet) if quiet.size > 50 else 0.0
     return float(min(max(0.01 * top, noise), 0.05 * top))
@@ -111,7 +111,7 @@ def in_motion(samples: Samples, unusable: np.ndarray, slowest: float,
     # Opening removes runs that are shorter than a rest.
     rest = grey_opening(still, max(rest_samples, 1), mode='constant')
     starts = maximum_filter1d(rest, 2 * rest_samples + 1)
-    starts &= speed < thresholds.PRESLIDING_SPEED * np.percentile(speed, 95)
+    starts &= speed < thresholds.PRESLIDING_SPEED * top_speed(speed)
     blurred = 2 * filter_samples + 1
     for mask in (maximum_filter1d(still, blurred), maximum_filter1d(ends, blurred), starts):
         remaining = moving & ~mask
@@ -184,8 +184,8 @@ def load_coefficient(samples: Samples, unusable: np.ndarray, drive: Drive) -> fl
     mechanics = -1.0 / drive.torque_per_current
     moved, start = smooth_motion(*excerpt(samples, unusable))
     part = moved.take(start)
-    top_speed = float(np.percentile(np.abs(np.asarray(part.velocity)), 95))
-    columns = plain_columns(part.with_(load=None), [share * top_speed for share in TRANSITIONS])
+    top = float(np.percentile(np.abs(np.asarray(part.velocity)), 95))
+    columns = plain_columns(part.with_(load=None), [share * top for share in TRANSITIONS])
     columns = np.column_stack((columns, np.asarray(part.load)))
     coefficient = sums_of(columns, part.current, blocks_of(moved, start)).fit(
         range(columns.shape[1]))[-1]

@@ -87,10 +87,11 @@ def moving(samples: Samples, model: FrictionModel) -> np.ndarray:
     import numpy as np
 
     from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
+    from friction_comp.statistics import top_speed
 
     speed = np.abs(np.asarray(differentiate(
         samples, model.differentiation or DEFAULT_SETTINGS).velocity))
-    return speed > _SLOWEST * np.percentile(speed, 95) if len(speed) else speed > 0.0
+    return speed > _SLOWEST * top_speed(speed)
 
 
 def table(samples: Samples, info: RecordingInfo, measured: np.ndarray,
