@@ -41,7 +41,7 @@ def noise_level(values: np.ndarray) -> float:
     return float(np.median(np.abs(np.diff(values)))) / 0.954
 
 
-def top_speed(speed: np.ndarray, share: float = 0.95) -> float:
+def top_speed(speed: np.ndarray, share: float = 0.8) -> float:
     """Return the quantile `share` of the speed in motion, however long the rests; 0 without motion.
 
     `speed` has magnitudes at equal distances in time, shape (N,). Motion is what is faster than a

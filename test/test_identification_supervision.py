@@ -272,7 +272,7 @@ def look_at_rattle(mean):
 
 
 def brake(speeds):
-    """Check a joint with these speeds that four times its breakaway current brakes from 0.1 s on."""
+    """Check a joint that four times its breakaway current brakes from 0.1 s on."""
     supervision = Supervision(IdentificationGoal(**GOAL), note_model().drive)
     for k, position in enumerate(np.cumsum(speeds) * 1e-3):
         supervision.check(

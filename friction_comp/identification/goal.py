@@ -165,8 +165,8 @@ class IdentificationResult:
               position_limits: tuple[float, float] | None = None) -> FrictionModel:
         """Return the `FrictionModel` of the drive; it is not saved."""
         return FrictionModel(
-            drive=drive, position_limits=position_limits, sigmoid=self.sigmoid, breakaway=self.breakaway, joint=joint,
-            presliding=self.presliding,
+            drive=drive, position_limits=position_limits, joint=joint,
+            sigmoid=self.sigmoid, breakaway=self.breakaway, presliding=self.presliding,
             lookup_table={'speeds': self.speeds.tolist(), 'currents': self.currents.tolist(),
                           'standard_deviations': self.standard_deviations.tolist()},
             notes={

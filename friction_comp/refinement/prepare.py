@@ -135,13 +135,13 @@ def clipped(current: np.ndarray) -> np.ndarray:
     if span == 0:
         return mark
     for extreme in (current.max(), current.min()):
-        distance = np.abs(current - extreme)
-        at_limit = distance <= 1e-6 * span
-        runs = at_limit[1:] & at_limit[:-1]
-        nearest = np.count_nonzero(distance <= distance[~at_limit].min() + 1e-6 * span)
-        count = at_limit.sum()
+        distance = np.abs(current - extreme) / span
+        at_limit = distance <= 1e-6
+        inner = distance[(distance > 1e-6) & (distance < 1.0 - 1e-6)]
+        beside = np.sum(inner <= inner.min() + 1e-6) if inner.size else 0
+        runs, count = at_limit[1:] & at_limit[:-1], at_limit.sum()
         if (count >= max(20, 1e-3 * len(current)) and runs.sum() >= 0.5 * count
-                and count > _MORE_OFTEN * (nearest - count)):
+                and count > _MORE_OFTEN * beside):
             mark |= at_limit
     return mark
 
@@ -247,8 +247,9 @@ def coverage_of(samples: Samples, usable: np.ndarray, slowest: float, raw: Sampl
         both_directions=0.02 < float(np.mean(velocity > 0)) < 0.98, slow=float(slow),
         reversals=float(np.count_nonzero(np.diff(np.sign(velocity)))),
         rest_duration=float(np.sum(resting)) * samples.sample_time,
-        distinct_positions=count_positions(raw.position[usable]), median_speed=float(np.median(moves)),
-        speed_spread=float(np.std(moves) / np.mean(moves)), temperature_span=temperature_span)
+        distinct_positions=count_positions(raw.position[usable]),
+        median_speed=float(np.median(moves)), temperature_span=temperature_span,
+        speed_spread=float(np.std(moves) / np.mean(moves)))
 
 
 def count_positions(position: np.ndarray) -> float:
