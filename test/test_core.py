@@ -10,7 +10,7 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
-from friction_comp.statistics import holm
+from friction_comp.statistics import holm, top_speed
 
 # Eq. 11 with the rows of configurations 2 and 3 in the order its own text asks for; test_readme.py
 # says that they are swapped.
@@ -103,6 +103,15 @@ def test_take_keeps_signals_together(mask):
 def test_samples_name_the_signal_of_wrong_shape():
     with pytest.raises(InputError, match='velocity'):
         stretch(0, 3, velocity=np.zeros(4))
+
+
+@given(rests=st.integers(0, 100_000), seed=st.integers(0, 100))
+def test_rests_do_not_change_the_top_speed(rests, seed):
+    random = np.random.default_rng(seed)
+    speed = np.abs(np.sin(np.arange(2000) * 0.01)) * 0.5
+    noise = 1e-6 * random.random(rests)
+    assert top_speed(np.concatenate((speed, noise))) == pytest.approx(top_speed(speed), rel=0.02)
+    assert top_speed(np.zeros(rests)) == 0.0
 
 
 def test_holm_adjusts_each_p_value_for_the_tests_that_are_left():

@@ -149,6 +149,27 @@ def test_a_joint_that_finds_no_rest_is_mentioned():
     assert not any('rest' in note for note in evaluate([samples]).notes)
 
 
+def test_movements_between_long_rests_are_found():
+    """A robot that is adjusted to a patient rests for minutes."""
+    samples = trial([1.0] * 4)
+    rest = np.arange(1, 700_000) * STEP
+    before = samples.take(np.zeros(len(rest), dtype=int)).with_(time=rest)
+    long = Samples.concatenate([before, samples.with_(time=samples.time + rest[-1] + STEP)])
+    long = long.with_(recording=np.zeros(len(long), dtype=int))
+    for one in (long, long.with_(reference_position=None, reference_velocity=None)):
+        movements = find_movements(one)
+        assert [m.begin - rest[-1] for m in movements] == pytest.approx(
+            [REST + k * PERIOD for k in range(4)], abs=0.1)
+
+
+def test_a_movement_without_measured_torque_has_no_peak():
+    samples = trial([1.0] * 2)
+    load = np.where(samples.time > PERIOD, np.nan, samples.load)
+    found = by_key(evaluate([samples.with_(load=load)]))
+    assert found[0, 'positive'].figures['peak_torque'].mean == pytest.approx(1.0, rel=1e-2)
+    assert not {'peak_torque', 'peak_time'} & set(found[0, 'negative'].figures)
+
+
 def test_incomplete_and_odd_repetitions_are_left_out():
     samples = trial([1.0] * 6)
     cut = samples.take(slice(0, round((5 * PERIOD + REST + 1.0) / STEP)))

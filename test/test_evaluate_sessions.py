@@ -7,6 +7,7 @@ from datetime import date, timedelta
 from functools import partial
 import json
 
+from helpers import note_model
 import numpy as np
 import pytest
 from recording_maker import record_with_diagnostics, STORE
@@ -18,7 +19,7 @@ from friction_comp.evaluation.conditions import evaluate
 from friction_comp.evaluation.ensemble import Ensemble
 from friction_comp.evaluation.intervals import mean_interval, share_interval
 from friction_comp.evaluation.movements import spectral_arc_length
-from friction_comp.evaluation.sessions import evaluate_recordings
+from friction_comp.evaluation.sessions import evaluate_pieces, evaluate_recordings, pieces_of
 from friction_comp.recordings import (
     read_recording_with_info,
     RecordingInfo,
@@ -27,6 +28,7 @@ from friction_comp.recordings import (
 from friction_comp.recordings.activity import Activity
 from friction_comp.recordings.reader import stream_recording_with_info
 from friction_comp.reports.evaluation_words import summary, verdict
+from friction_comp.samples import Samples
 
 # 50 Hz is enough for tests that need no accuracy of a per mil.
 STEP = 2e-2
@@ -260,6 +262,29 @@ def test_a_stream_finds_the_same_movements_as_the_whole(tmp_path):
             assert b.begin == pytest.approx(a.begin, abs=1e-6)
             assert b.figures['peak_torque'] == pytest.approx(a.figures['peak_torque'])
             assert b.figures['rms_torque'] == pytest.approx(a.figures['rms_torque'], rel=1e-3)
+
+
+def test_a_movement_where_two_stretches_meet_is_one(tmp_path):
+    """Also after a rest as long as a stretch, and without a reference."""
+    samples = trial([1.0] * 2)
+    still = np.arange(1, round(14.0 / STEP)) * STEP
+    before = samples.take(np.zeros(len(still), dtype=int)).with_(time=still)
+    long = Samples.concatenate([before, samples.with_(time=samples.time + 14.0)]).with_(
+        reference_position=None, reference_velocity=None)
+    write_samples(tmp_path / 'long', long.with_(recording=np.zeros(len(long), dtype=int)))
+    whole, = evaluate_recordings([tmp_path / 'long'])
+    for seconds in (5.0, 6.0, 8.0, 9.0):
+        parts, = evaluate_recordings([tmp_path / 'long'], seconds=seconds)
+        for figure in ('begin', 'duration'):
+            assert [getattr(r, figure) for r in parts.repetitions] == pytest.approx(
+                [getattr(r, figure) for r in whole.repetitions], abs=1.5 * STEP)
+
+
+def test_effort_is_a_current_only_where_the_drive_is_known(tmp_path):
+    write_samples(tmp_path / 'one', trial([1.0] * 2))
+    for model, known in ((None, False), (note_model(1), True)):
+        evaluation, = evaluate_pieces(*pieces_of([tmp_path / 'one']), friction=model)
+        assert ('rms_current' in evaluation.conditions[0].figures) is known
 
 
 def test_averages_are_those_of_all_curves_though_none_is_kept():

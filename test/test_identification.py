@@ -74,6 +74,7 @@ def test_inertia_need_not_be_known(number, inertia):
         ramp_slope=SLOPES[number], motion_range=1.2)
     run, _, positions = identify(model, goal)
     result = run.result()
+    assert result.model(model.drive, 'elbow', (-1.0, 1.0)).position_limits == (-1.0, 1.0)
     assert np.max(np.abs(positions)) <= 0.6
     truth = model.sigmoid(result.speeds[[0, -1]])
     np.testing.assert_allclose(result.currents[[0, -1]], truth, rtol=0.02)
@@ -272,7 +273,8 @@ def test_command_never_exceeds_the_limit():
     ('ramp_slope', -0.1, 'ramp_slope'), ('ramp_period', 0.5, 'ramp_period'),
     ('ramp_period', math.nan, 'ramp_period'), ('breakaway_cycles', 0, 'breakaway_cycles'),
     ('breakaway_cycles', 2.5, 'breakaway_cycles'),
-    ('longest_cycle', 0.0, 'longest_cycle')])
+    ('longest_cycle', 0.0, 'longest_cycle'), ('longest_cycle', 'x', 'longest_cycle'),
+    ('longest_cycle', 0.3, 'longest_cycle: 0.3 s leaves')])
 def test_goals_that_make_no_sense_are_refused(entry, value, word):
     with pytest.raises(InputError, match=word):
         IdentificationGoal(**{**QUICK, entry: value})

@@ -13,6 +13,7 @@ import yaml
 
 from friction_comp.errors import InputError
 from friction_comp.files import read_yaml
+from friction_comp.model.differentiation import DEFAULT_SETTINGS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.motor_check import check_for_motor
 from friction_comp.package_files import package_file
@@ -71,6 +72,9 @@ def test_the_drives_of_the_note_pass(number):
     (with_effect('stribeck', coefficients=[20.0], velocity=0.1, exponent=1.0, transition=0.01),
      r'beside sliding friction'),
     (with_effect('ghost', coefficients=[0.02]), r'ghost'),
+    (replaced('effects: []', 'effects: []\ndifferentiation: {bandwidth: 0}'), r'bandwidth'),
+    (replaced('effects: []', 'effects: []\ndifferentiation: {bandwith: 9}'), r'bandwith'),
+    (replaced('effects: []', 'effects: []\ndifferentiation: {method: spline}'), r'method'),
 ])
 def test_typing_errors_are_refused_with_the_reason(tmp_path, text, words):
     with pytest.raises(InputError, match=words) as caught:
@@ -89,6 +93,9 @@ def test_a_model_that_identification_wrote_passes(tmp_path):
     model.lookup_table['currents'][3] *= 3.0
     with pytest.raises(InputError, match='misses the lookup_table'):
         check_for_motor(model, 'elbow', ['elbow'])
+    # Refinement fits another sigmoid to recordings and keeps the table of identification.
+    model.differentiation = DEFAULT_SETTINGS
+    check_for_motor(model, 'elbow', ['elbow'])
 
 
 def test_what_is_no_file_to_read_is_refused_at_once(tmp_path):

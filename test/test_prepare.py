@@ -98,6 +98,29 @@ def test_a_current_that_is_cut_off_is_seen_and_one_that_is_not_is_left_alone():
     assert not clipped(0.4 * np.tanh(speed / 0.01) + 0.3 * speed + noise).any()
 
 
+@pytest.mark.parametrize('step', [0.02, 0.05])
+def test_a_current_in_coarse_steps_is_not_cut_off(step):
+    velocity = swings(4).velocity
+    coarse = np.round((0.5 * np.tanh(velocity / 0.01) + 0.2 * velocity) / step) * step
+    assert not clipped(coarse).any()
+    limit = 4.0 * step
+    assert clipped(np.clip(coarse, -limit, limit)).mean() == pytest.approx(
+        np.mean(np.abs(coarse) > limit - 1e-9))
+
+
+def test_only_recorded_positions_show_the_encoders_counts():
+    """A lag interpolates between them; and a rest of 20 s has none."""
+    samples = swings(3)
+    rest = np.zeros(25_000)
+    samples = Samples(
+        time=0.01 * np.arange(29_000), velocity=None,
+        position=np.round(np.concatenate((rest, samples.position - samples.position[0])), 2),
+        current=np.concatenate((rest, samples.current)))
+    rows, _ = prepare(samples, DRIVE, {'source': 'position', 'bandwidth': 5.0, 'lag': 0.003})
+    assert rows.coverage.resolution == pytest.approx(0.01)
+    assert rows.coverage.distinct_positions < 300
+
+
 def test_standstill_is_not_fitted():
     samples = swings(2)
     rest = (samples.time > 10.0) & (samples.time < 14.0)

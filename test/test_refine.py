@@ -20,6 +20,7 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.recordings import (
     read_recording,
     read_recording_with_info,
@@ -180,6 +181,45 @@ def test_bad_input_is_named_and_nothing_is_left(folder, tmp_path):
         run_predict([str(folder / 'score'), '--model', str(tmp_path / 'none.yaml'),
                      '--output', str(tmp_path / 'x.csv')])
     assert not (tmp_path / 'x.csv').exists()
+
+
+def with_effect(name, coefficients, **parameters):
+    effect = EFFECTS[name]({'coefficients': coefficients, **parameters})
+    return FrictionModel(
+        Drive(0.119, 100.0), Sigmoid(0.12, -0.12, 200.0, viscous=0.05), effects=[effect])
+
+
+@pytest.mark.parametrize(('model', 'words'), [
+    (with_effect('temperature', [0.01, 0.0], reference_temperature=25.0, transition=0.01),
+     "'temperature' of the initial model needs temperature, which"),
+    (with_effect('load_friction', [0.02], exponent=1.0, transition=0.01),
+     "'load_friction' of the initial model needs load, which")])
+def test_an_initial_effect_whose_signal_is_missing_is_named(model, words):
+    with pytest.raises(InputError, match=words):
+        refine([swings(1)], model)
+
+
+def test_load_dependent_friction_of_the_initial_model_is_kept_where_a_person_carries_the_load():
+    time = np.arange(0.0, 60.0, 0.005)
+    position = 0.5 * np.sin(0.9 * time) + 0.3 * np.sin(2.1 * time)
+    velocity, torque = np.gradient(position, time), np.zeros_like(time)
+    side, current = np.tanh(velocity / 0.01), 0.06 * np.tanh(velocity / 0.02)
+    for _ in range(60):
+        torque = 11.9 * ((0.12 + 0.02 * np.abs(torque)) * side + 0.05 * velocity - current)
+    noise = np.random.default_rng(0).standard_normal((2, len(time)))
+    samples = Samples(time=time, position=position, velocity=None,
+                      current=current + 0.002 * noise[0], load=torque + 0.01 * noise[1])
+    model = with_effect('load_friction', [0.02], exponent=1.0, transition=0.01)
+    names = [effect.name for effect in refine([samples], model).model.effects]
+    assert 'load_friction' in names
+
+
+def test_a_position_that_is_no_number_is_not_predicted_as_zero():
+    samples = swings(1)
+    position = samples.position.copy()
+    position[123] = np.nan
+    with pytest.raises(InputError, match='position at 1.23 s is not finite'):
+        note_model(1).predict(samples.with_(position=position))
 
 
 @pytest.mark.parametrize('name', ['without_direction', 'with_direction'])

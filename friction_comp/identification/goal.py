@@ -101,10 +101,9 @@ class IdentificationGoal(MotionGoal):
         speeds = sorted({round(speed, 9) for speed in speeds})
         if len(speeds) < 2:
             raise InputError('speeds: at least two different magnitudes are needed')
-        for name in ('motion_range', 'ramp_slope', 'ramp_period', 'largest_speed'):
-            check_number(getattr(self, name), name, above=0.0)
-        if not self.longest_cycle > 0.0:
-            raise InputError(f'longest_cycle must be positive, not {self.longest_cycle!r}')
+        for name in ('motion_range', 'ramp_slope', 'ramp_period', 'largest_speed', 'longest_cycle'):
+            if name != 'longest_cycle' or self.longest_cycle != math.inf:
+                check_number(getattr(self, name), name, above=0.0)
         check_whole_number(self.breakaway_cycles, 'breakaway_cycles', least=1, most=100_000)
         if speeds[-1] > 1.01 * self.largest_speed:
             raise InputError(
@@ -114,9 +113,11 @@ class IdentificationGoal(MotionGoal):
         object.__setattr__(self, 'speeds', tuple(speeds))
         shortest = 0.3 * self.cycle(speeds[-1])[0]
         if shortest < 0.12:
-            raise InputError(
-                f'motion_range: {self.motion_range:g} rad leaves {shortest:.2g} s of constant '
-                f'velocity at {speeds[-1]:g} rad/s; 0.12 s are needed')
+            cause = (f'motion_range: {self.motion_range:g} rad'
+                     if self.cycle(speeds[-1])[1] == _USED_SHARE * self.motion_range
+                     else f'longest_cycle: {self.longest_cycle:g} s')
+            raise InputError(f'{cause} leaves {shortest:.2g} s of constant velocity at '
+                             f'{speeds[-1]:g} rad/s; 0.12 s are needed')
 
     def cycle(self, speed: float) -> tuple[float, float]:
         """Return duration T in s and width in rad of the cycle at a speed (Eq. 5)."""

@@ -59,10 +59,10 @@ REST_SHARE = 0.1        # of the ramp period at zero current after each ramp, as
 # Ramps start at positions up to this share of the motion range off its centre, so that cogging and
 # other position-dependent torques average out; four ramps at each position.
 PLACES_SHARE = 0.015
-# After the first two of this many cycles, a ramp with pauses follows in each direction. The current
-# of the first pause and the step between pauses are shares of the current at which the joint broke
-# free on the previous ramp.
-STOPPING_CYCLES, FIRST_STOP, STOP_STEP = 4, 0.8, 0.025
+# After the first two of this many cycles, a ramp with pauses follows in each direction. The
+# currents of the pauses are shares of the current at which the joint broke free on the previous
+# ramp.
+STOPPING_CYCLES, STOPS = 4, np.linspace(0.8, 1.1, 13)
 
 # Measured and commanded currents at one speed, forwards and backwards.
 _Cycle: TypeAlias = tuple[tuple[KineticPoint, ...], tuple[KineticPoint, ...]]
@@ -129,8 +129,7 @@ class IdentificationMotion(Motion):
             if first % STOPPING_CYCLES == 0 and count > 1:
                 for sign in (1, -1):
                     cut = self._reached[sign] * self.goal.ramp_peak
-                    self.stopping.append((yield from self._ramp(
-                        sign, (cut * np.arange(FIRST_STOP, 1.1, STOP_STEP)).tolist())))
+                    self.stopping.append((yield from self._ramp(sign, (cut * STOPS).tolist())))
 
     def _place(self, index: int) -> float:
         """Return the start in rad of the next ramps; any number of them is evenly spread."""

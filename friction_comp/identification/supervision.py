@@ -208,8 +208,10 @@ def check_load(points: Sequence[KineticPoint], breakaway: tuple[float, float],
         return (f'the load was {sliding:.3g} A while the joint moved, but {shift:.3g} A when it '
                 'broke free: somebody leant on it during part of the run', '')
     if max(abs(shift), abs(sliding)) > 0.12 * friction:
-        return '', (f'one direction needs {2.0 * max(shift, sliding, key=abs):.3g} A more than '
-                    'the other: gravity or a spring, or somebody leant on the joint')
+        more = 2.0 * max(shift, sliding, key=abs)
+        return '', (f'the {"positive" if more > 0.0 else "negative"} direction needs '
+                    f'{abs(more):.3g} A more than the other: gravity or a spring, or somebody '
+                    'leant on the joint')
     return '', ''
 
 

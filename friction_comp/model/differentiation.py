@@ -8,6 +8,7 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
+from friction_comp.checks import check_mapping, check_number
 from friction_comp.errors import InputError
 
 if TYPE_CHECKING:
@@ -20,6 +21,19 @@ _ORDER = 2
 # Time steps that differ by a smaller share than this are uniform.
 _UNIFORM = 1e-3
 _MOTION = ('position', 'velocity', 'acceleration', 'load', 'temperature', 'rigid_body', 'coupling')
+
+
+def settings_of(section: Any, name: str) -> dict[str, Any]:
+    """Return the differentiation settings of a section of a model file, called `name` in errors."""
+    check_mapping(section, name, ('method', 'source', 'bandwidth', 'lag'))
+    method = section.get('method', METHOD)
+    if method != METHOD:
+        raise InputError(f'{name}.method must be {METHOD!r}, not {method!r}')
+    if section.get('bandwidth') is not None:
+        check_number(section['bandwidth'], f'{name}.bandwidth', above=0.0)
+    if section.get('lag') is not None:
+        check_number(section['lag'], f'{name}.lag')
+    return dict(section)
 
 
 def differentiate(samples: Samples, settings: dict[str, Any]) -> Samples:

@@ -17,7 +17,7 @@ from friction_comp.drive import Drive
 from friction_comp.errors import errors_name, InputError
 from friction_comp.files import plain, read_yaml, write_yaml
 from friction_comp.model.arm.arm import Arm
-from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
+from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate, settings_of
 from friction_comp.model.effects import Effect, EFFECTS
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
@@ -116,8 +116,9 @@ class FrictionModel:
         """Return the motor current in A, shape (N,), that the model expects for recorded samples.
 
         Velocity and acceleration are computed with the settings of the fit. The value is finite for
-        every sample, also at standstill, where it is the model's value for zero velocity. Effects
-        that do not hold in other recordings, such as drift over time, are left out.
+        every sample, also at standstill, where it is the model's value for zero velocity, and zero
+        where another signal that an effect needs is not finite. Effects that do not hold in other
+        recordings, such as drift over time, are left out.
 
         Parameters
         ----------
@@ -130,8 +131,11 @@ class FrictionModel:
         Raises
         ------
         InputError
-            If an effect needs a signal that was not recorded.
+            If a position is not finite, or an effect needs a signal that was not recorded.
         """
+        if not np.isfinite(samples.position).all():
+            first = samples.time[np.argmin(np.isfinite(samples.position))]
+            raise InputError(f'the position at {first:g} s is not finite')
         effects = [effect for effect in self.effects
                    if same_recording or effect.holds_on_another_day]
         current = replace(self, effects=effects).current(
@@ -277,21 +281,14 @@ def _lookup_table(section: Any) -> dict[str, list[float]]:
     return table
 
 
-def _differentiation(section: Any) -> dict[str, Any]:
-    check_mapping(section, 'differentiation')
-    return {name: check_number(value, f'differentiation.{name}')
-            if name in ('bandwidth', 'lag') and value is not None else value
-            for name, value in section.items()}
-
-
 _OF_BREAKAWAY = ('mean', 'std', 'position')
-_OF_EFFECT = ('name', 'variable', 'parameters', 'intervals', 'valid_range')
+_OF_EFFECT = ('name', 'variable', 'parameters', 'valid_range')
 _OPTIONAL: dict[str, Callable[[Any], Any]] = {
     'breakaway': _breakaway,
     'presliding': lambda section: _section(Presliding, section, 'presliding'),
     'position_limits': _position_limits,
     'lookup_table': _lookup_table,
-    'differentiation': _differentiation,
+    'differentiation': lambda section: settings_of(section, 'differentiation'),
     'arm': lambda section: Arm.from_dict(check_mapping(section, 'arm')),
     'simulation': lambda section: check_mapping(section, 'simulation'),
     'notes': lambda section: check_mapping(section, 'notes'),

@@ -206,7 +206,7 @@ def ambiguities(fit: Fit) -> list[dict[str, Any]]:
     if samples.temperature is not None and variables & {'time', 'temperature'}:
         correlation = rank_correlation(samples.time, samples.temperature)
         if correlation > thresholds.WARMED_WITH_TIME:
-            add('time', 'temperature', 'temperature and time rose together in the recordings '
+            add('time', 'temperature', 'temperature and time changed together in the recordings '
                 f'(rank correlation {correlation:.3f})')
     elif 'time' in variables and samples.temperature is None:
         add('time', 'temperature', 'the drift over time may be the motor warming up, and its '

@@ -120,9 +120,10 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
         except InputError as error:
             notes.append(f'joint {name!r}: {error}')
             continue
-        result.model.drive = drive or result.model.drive
-        if any('rigid_body' in effect.needs for effect in result.model.effects):
-            result.model.arm = arm
+        # The model may be the given one, which stays as it is.
+        uses_arm = any('rigid_body' in effect.needs for effect in result.model.effects)
+        result.model = replace(result.model, drive=drive or result.model.drive,
+                               arm=arm if uses_arm else result.model.arm)
         results[name] = result
     if not results:
         raise InputError(notes[-1])

@@ -13,7 +13,7 @@ import numpy as np
 from friction_comp.errors import InputError
 from friction_comp.model.arm.coupling import Coupling
 from friction_comp.model.arm.tree import Tree
-from friction_comp.model.differentiation import differentiate
+from friction_comp.model.differentiation import differentiate, settings_of
 from friction_comp.samples import Samples
 
 
@@ -95,8 +95,6 @@ class Arm:
     @classmethod
     def from_dict(cls, document: dict[str, Any]) -> Arm:
         """Make an arm from the plain values of a model file."""
-        settings = document.get('differentiation')
-        if not isinstance(settings, dict):
-            raise InputError('arm.differentiation is missing or not a mapping')
+        settings = settings_of(document.get('differentiation'), 'arm.differentiation')
         kind = Coupling if 'groups' in document else Tree
         return cls(kind.from_dict(document), settings)
