@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Identification of simulated joints, and of joints with every kind of fault."""
 
+from dataclasses import replace
 import math
 
 from helpers import follow, note_model, SLOPES
@@ -284,6 +285,19 @@ def test_ramps_above_the_current_limit_are_refused():
     goal = IdentificationGoal(**{**QUICK, 'ramp_slope': 1.0})
     with pytest.raises(InputError, match='current limit'):
         IdentificationRun(goal, note_model(1).drive)
+
+
+@pytest.mark.parametrize('counts', [None, 4000])
+def test_presliding_of_an_encoder_coarser_than_stated_is_not_made_up(counts):
+    model = note_model(1)
+    coarse = 2.0 * math.pi / (400 * model.drive.gear_ratio)
+
+    def measured(run, sample):
+        sample[1] = round(sample[1] / coarse) * coarse
+        return sample
+    model.drive = replace(model.drive, encoder_counts=counts)
+    run, _, _ = identify(model, IdentificationGoal(**QUICK), alter=measured)
+    assert run.result().presliding is None
 
 
 def test_goal_drops_signs_and_repeats():

@@ -284,8 +284,8 @@ class IdentificationRun(SupervisedRun):
         sigmoid, error = fit_sigmoid([p.speed for p in points], [p.current for p in points])
         acceleration = self._acceleration()
         ramps = evaluate_ramps(
-            motion.ramps, motion.stopping, self.goal.ramp_slope,
-            self.drive.position_resolution or 1e-6, acceleration, sigmoid.viscous)
+            motion.ramps, motion.stopping, self.goal.ramp_slope, self._resolution(), acceleration,
+            sigmoid.viscous)
         breakaway = ramps.records.statistics()
         wrong, doubtful = check_load(
             points, (breakaway.positive_mean, breakaway.negative_mean),
@@ -298,6 +298,13 @@ class IdentificationRun(SupervisedRun):
             warnings=[*motion.warnings, *motion.supervision.warnings(), *ramps.warnings,
                       *([doubtful] if doubtful else [])],
             presliding=ramps.presliding, backlash=ramps.backlash)
+
+    def _resolution(self) -> float:
+        """Return the encoder's step in rad: that of the drive, or a coarser one that was seen."""
+        steps = [np.abs(np.diff(ramp.samples[:, 1])) for ramp in self._motion.ramps]
+        seen = min((float(step[step > 1e-12].min()) for step in steps if (step > 1e-12).any()),
+                   default=0.0)
+        return max(self.drive.position_resolution or 1e-6, seen)
 
     def _acceleration(self) -> float:
         """Return k_t·n/J in rad/s² per A from the cycles of Eq. 3, or else from the push."""

@@ -11,7 +11,6 @@ import numpy as np
 
 from friction_comp.compensation.law import law_parameters
 from friction_comp.evaluation.conditions import evaluate, Evaluation
-from friction_comp.model.friction_model import Breakaway
 from friction_comp.samples import Samples
 from friction_comp.simulation.batch import closed_loops
 from friction_comp.simulation.joint_parameters import FRICTION, joint_parameters
@@ -95,9 +94,9 @@ def with_breakaway_error(model: FrictionModel) -> FrictionModel:
     """Return the model with breakaway means too large by `BREAKAWAY_ERROR`."""
     both = model.breakaway
     assert both is not None, 'an identified model has breakaway currents'
-    return replace(model, breakaway=Breakaway(
-        both.positive_mean * (1.0 + BREAKAWAY_ERROR), both.negative_mean * (1.0 + BREAKAWAY_ERROR),
-        both.positive_std, both.negative_std))
+    return replace(model, breakaway=replace(
+        both, positive_mean=both.positive_mean * (1.0 + BREAKAWAY_ERROR),
+        negative_mean=both.negative_mean * (1.0 + BREAKAWAY_ERROR)))
 
 
 def stand_still(experiment: Experiment, model: FrictionModel, law: str, seed: int) -> np.ndarray:

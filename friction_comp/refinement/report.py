@@ -1,6 +1,10 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Compiles report.json, whose figures all describe the model that is written."""
+"""Compiles report.json, whose figures describe the model that is written.
+
+Only the errors in other conditions (`thirds`, `elsewhere_rmse`) of an initial model that is kept
+are those of the best fit.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from friction_comp.model.differentiation import DEFAULT_SETTINGS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.best_fit import Fit, Problem
@@ -70,7 +75,8 @@ def report_of(problem: Problem, fit: Fit, model: FrictionModel,
                         for dependence in dependences],
         'ambiguous': open_questions,
         'thirds': growth,
-        'differentiation': dict(fit.settings),
+        'differentiation': dict(
+            model.differentiation or DEFAULT_SETTINGS if kept else fit.settings),
         'stopped_because': 'no further effect predicts parts that were not fitted better by more '
                            'than chance would',
         **verdict_of(findings(fit, raw, errors, growth, dependences, open_questions), unit)}

@@ -132,7 +132,7 @@ class Hysteresis(Effect):
         return _FadingAtRest(self)
 
     def dahl_friction(self) -> tuple[float, float]:
-        """Return Dahl's friction, and the distance that half reverses it with an exponent of 1."""
+        """Return Dahl's friction, and the distance with an exponent of 1 for the same half rise."""
         p = self.values['exponent']
         reach = math.log(2.0) if abs(p - 1.0) < 1e-6 else (0.5 ** (1.0 - p) - 1.0) / (p - 1.0)
         return self.coefficients[0], reach / math.log(2.0) * self.values['distance']
