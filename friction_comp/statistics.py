@@ -41,18 +41,19 @@ def noise_level(values: np.ndarray) -> float:
     return float(np.median(np.abs(np.diff(values)))) / 0.954
 
 
-def top_speed(speed: np.ndarray, share: float = 0.8) -> float:
-    """Return the quantile `share` of the speed in motion, however long the rests; 0 without motion.
+def top_speed(speed: np.ndarray, share: float = 0.95) -> float:
+    """Return the quantile `share` of the speed, 0 without motion.
 
-    `speed` has magnitudes at equal distances in time, shape (N,). Motion is what is faster than a
-    tenth of the speed at which the middle of the path was travelled.
+    `speed` has magnitudes at equal distances in time, shape (N,). If the joint mostly rests, the
+    quantile is one of rests: the result is at least half of the speed at which the middle of the
+    path was travelled.
     """
     ordered = np.sort(speed)
     path = np.cumsum(ordered)
     if not path.size or not path[-1] > 0.0:
         return 0.0
     middle = ordered[np.searchsorted(path, 0.5 * path[-1])]
-    return float(np.quantile(ordered[ordered > 0.1 * middle], share))
+    return float(max(np.quantile(ordered, share), 0.5 * middle))
 
 
 def quantile_edges(values: np.ndarray, count: int, tails: Sequence[float] = ()) -> np.ndarray:
