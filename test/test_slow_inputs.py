@@ -1,14 +1,24 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Directions, temperatures and states of several publishers: which is valid, and for how long."""
+"""Directions, temperatures and states of several publishers: which is valid, and for how long.
+
+Also what the compensator's loop makes of them, on a clock that the test moves.
+"""
+
+import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
-from ros_system import joint_state
+from ros_system import joint_state, MODELS
 
+from friction_comp.compensation.law import CompensationLaw
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.nodes.compensation_loop import CompensationLoop
+from friction_comp.nodes.faults import Faults
 from friction_comp.nodes.joint_states import CONTESTED, JointStateInput, MALFORMED, NEW
 from friction_comp.nodes.slow_inputs import Direction, MotorTemperature
 
@@ -125,3 +135,65 @@ def test_publishers_of_different_joints_and_one_that_is_alone_again_are_believed
 def test_a_joint_named_twice_is_malformed_only_if_it_is_used():
     assert judged([1], [], ('elbow', 'elbow'))[0] == [MALFORMED]
     assert judged([1], [], ('elbow', 'knee', 'knee'))[0] == [NEW]
+
+
+class Port:
+    """The port of a loop; `last` are the commanded currents."""
+
+    ready, ticket = True, 0
+
+    def __init__(self, count):
+        self.zero = lambda: setattr(self, 'last', [0.0] * count)
+        self.zero()
+
+    def answer(self, currents, *_):
+        self.last = np.asarray(currents).tolist()
+
+
+class Desk:
+    """A compensator's loop in a world where each joint moves at 0.3 rad/s, as was announced."""
+
+    def __init__(self, joints=('elbow',), simulated=False):
+        self.time, self.joints, self.logged = 100.0, list(joints), []
+        log = SimpleNamespace(
+            info=lambda text: None, warning=self.logged.append, error=self.logged.append)
+        self.port = Port(len(joints))
+        self.loop = CompensationLoop(
+            self.joints, CompensationLaw([FrictionModel.load(MODELS[1])] * len(joints)), self.port,
+            Faults(log, lambda: self.time), SECOND // 20, 0.5, simulated, lambda: self.time)
+
+    def state(self, names=None, change=lambda message: None):
+        names, stamp = names or self.joints, round(self.time * SECOND)
+        message = joint_state(
+            stamp, names, [0.3 * math.fmod(self.time, 100.0)] * len(names), [0.3] * len(names))
+        change(message)
+        self.loop.take(message, stamp)
+        return self.port.last
+
+    def move(self, seconds=0.5, **changes):
+        for _ in range(round(1e3 * seconds)):
+            self.time += 1e-3
+            self.loop.take_direction([1] * len(self.joints), round(self.time * SECOND))
+            self.state(**changes)
+        return self.port.last
+
+    def fall_silent(self, seconds):
+        """Let the watchdog notice that there are no states."""
+        self.time += 0.05
+        self.loop.watchdog.check()
+        assert not any(self.port.last)
+        self.time += seconds - 0.05
+
+
+@pytest.mark.parametrize('begin', [
+    lambda desk: setattr(desk, 'time', 1.0),
+    lambda desk: desk.fall_silent(0.06)])
+def test_the_transition_to_another_law_ends_with_what_it_continues(begin):
+    desk = Desk(simulated=True)
+    assert desk.move()[0] > 0.1
+    desk.loop.law.retune('none', 0.9, 1000.0)
+    desk.loop.changed()
+    desk.time += 1e-3
+    assert desk.state()[0] > 0.1, 'no step'
+    begin(desk)
+    assert desk.state() == [0.0]

@@ -59,7 +59,7 @@ class CompensationLoop:
     def activate(self, others: Sequence[str] = ()) -> None:
         """Start without history and faults; `others` are nodes that may command already."""
         self.watchdog.rest()
-        self.law.reset()
+        self._begin_anew()
         self.states.forget()
         self.direction.forget()
         self.temperature.forget()
@@ -69,12 +69,16 @@ class CompensationLoop:
         self._was_driving = False
         self._alone_since: float | None = None
         self.yields = False
-        self._fade: Any = None
         self._velocities = [VelocityCheck(
             _VELOCITY_FACTOR, _VELOCITY_BLOCKS, model.drive.position_resolution or 0.0)
             for model in self.law.models]
         if others:
             self.supervise(others)
+
+    def _begin_anew(self) -> None:
+        """Forget the history of the current: what follows does not continue it."""
+        self.law.reset()
+        self._fade: Any = None
 
     def changed(self) -> None:
         """Continue from the present current after a change of law or model."""
@@ -85,7 +89,7 @@ class CompensationLoop:
         """Clear latched faults and history; return the texts of the faults."""
         texts = self.faults.reset()
         if texts:
-            self.law.reset()
+            self._begin_anew()
             self.direction.forget()
             self._alone_since = None
         return texts
@@ -147,7 +151,7 @@ class CompensationLoop:
     def _compute(self) -> Any:
         states, law, stamp = self.states, self.law, self.states.stamp
         if states.restarted or states.gap:
-            law.reset()
+            self._begin_anew()
         if states.restarted:
             self.direction.forget()
             self.temperature.forget()
@@ -268,7 +272,7 @@ class CompensationLoop:
             self.yields = True
             self.watchdog.rest()
             self.port.zero()
-            self.law.reset()
+            self._begin_anew()
 
     def _report_doubt(self) -> None:
         guards = self.law.guards
