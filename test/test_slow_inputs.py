@@ -197,3 +197,27 @@ def test_the_transition_to_another_law_ends_with_what_it_continues(begin):
     assert desk.state()[0] > 0.1, 'no step'
     begin(desk)
     assert desk.state() == [0.0]
+
+
+@pytest.mark.parametrize('last', [None, lambda message: message.position.pop()])
+def test_a_driver_that_restarts_is_a_latched_fault_whatever_it_said_last(last):
+    desk = Desk()
+    assert desk.move()[0] > 0.1
+    if last:
+        desk.time += 1e-3
+        assert desk.state(change=last) == [0.0]
+    desk.fall_silent(5.0)
+    assert desk.move() == [0.0]
+    assert desk.loop.faults.latched
+
+
+def test_a_velocity_that_is_not_sent_any_more_contradicts_nothing():
+    desk = Desk()
+
+    def in_degrees(message):
+        message.velocity[0] = math.degrees(message.velocity[0])
+    assert desk.move(1.0, change=in_degrees) == [0.0]
+    assert 'deg/s' in desk.loop.faults.worst[1]
+    # The driver is started again without it.
+    desk.fall_silent(2.0)
+    assert desk.move(change=lambda message: message.velocity.pop())[0] > 0.1

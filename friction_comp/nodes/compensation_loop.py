@@ -14,7 +14,7 @@ import numpy as np
 
 from friction_comp.nodes import joint_states
 from friction_comp.nodes.faults import Faults, WARN
-from friction_comp.nodes.joint_io import CommandPort
+from friction_comp.nodes.joint_io import CommandPort, NEGLIGIBLE
 from friction_comp.nodes.joint_states import are_finite, JointStateInput, NANO, within
 from friction_comp.nodes.slow_inputs import Direction, MotorTemperature
 from friction_comp.nodes.watchdog import Watchdog
@@ -111,7 +111,10 @@ class CompensationLoop:
             if self._silent_since is not None:
                 self._end_silence(self._clock() - self._silent_since)
             self.watchdog.feed()
-            self.port.answer(self._currents(), ticket, states.stamp if self.simulated else 0)
+            currents = self._currents()
+            self.port.answer(currents, ticket, states.stamp if self.simulated else 0)
+            # Not what the port holds at the silence: faulty states may come before it.
+            self._was_driving = bool((np.abs(currents) >= NEGLIGIBLE).any())
             self._compare_velocities()
         elif verdict == joint_states.AGAIN:
             self.port.repeat(sent)
@@ -164,7 +167,9 @@ class CompensationLoop:
                 and (states.velocity is None or within(states.velocity, _MAX_VELOCITY))):
             usable = self._report_unusable()
             position = np.where(usable, position, np.nan)
-        wrong = [j for j, check in enumerate(self._velocities) if check.fault]
+        # Without a velocity there is no contradiction: the position is used alone.
+        wrong = [] if states.velocity is None else [
+            j for j, check in enumerate(self._velocities) if check.fault]
         if wrong:
             usable = np.broadcast_to(usable, len(position)).copy()
             usable[wrong] = False
@@ -234,7 +239,6 @@ class CompensationLoop:
 
     def _on_silence(self) -> None:
         """Command zero; called by the watchdog, in its thread."""
-        self._was_driving = any(self.port.last)
         self.port.zero()
         self._silent_since = self._clock()
         self._report_silence()

@@ -36,7 +36,7 @@ JOINT = 'joint'
 # Command interface to the unit in the label of a command.
 UNIT_OF = {'current': 'A', 'effort': TORQUE_UNIT}
 # Smaller currents are set to zero, since decaying ones would become denormal numbers, A.
-_NEGLIGIBLE = 1e-12
+NEGLIGIBLE = 1e-12
 # Longest wait for the acknowledgement of messages before their publisher is destroyed, s.
 _ACKNOWLEDGEMENT_TIME = 0.2
 # Real s that the watchdog waits for a blocked publication before it publishes zero.
@@ -182,7 +182,7 @@ class CommandPort:
                 if not math.isfinite(value):
                     value = 0.0
                 value = min(max(value, -limit), limit)
-            elif -_NEGLIGIBLE < value < _NEGLIGIBLE:
+            elif -NEGLIGIBLE < value < NEGLIGIBLE:
                 value = 0.0
             values.append(value)
         with self._lock:
