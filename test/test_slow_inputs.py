@@ -19,7 +19,7 @@ from friction_comp.compensation.law import CompensationLaw
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.nodes.compensation_loop import CompensationLoop
 from friction_comp.nodes.faults import Faults
-from friction_comp.nodes.joint_states import CONTESTED, JointStateInput, MALFORMED, NEW
+from friction_comp.nodes.joint_states import CONTESTED, JointStateInput, MALFORMED, NEW, PART
 from friction_comp.nodes.slow_inputs import Direction, MotorTemperature
 
 SECOND = 1_000_000_000
@@ -221,3 +221,41 @@ def test_a_velocity_that_is_not_sent_any_more_contradicts_nothing():
     # The driver is started again without it.
     desk.fall_silent(2.0)
     assert desk.move(change=lambda message: message.velocity.pop())[0] > 0.1
+
+
+def test_two_drivers_that_start_together_lack_nothing():
+    desk = Desk(['elbow', 'wrist'])
+    for name in 2 * desk.joints:
+        desk.move(0.001, names=[name])
+    assert desk.logged == []
+    # One of the drivers stops.
+    desk.move(0.1, names=['elbow'])
+    assert desk.logged == ['joint_states lack wrist']
+    assert desk.port.last[0] > 0.0 == desk.port.last[1]
+
+
+def test_states_of_other_joints_alone_are_told_after_the_timeout():
+    desk = Desk()
+    desk.move(0.04, names=['wrist'])
+    assert desk.logged == []
+    desk.move(0.04, names=['wrist'])
+    assert desk.logged == ['joint_states lack elbow']
+
+
+def test_a_round_holds_no_state_from_before_a_restart():
+    states = JointStateInput(['elbow', 'wrist'], SECOND // 20)
+
+    def verdict(time, name):
+        stamp = round(time * SECOND)
+        return states.take(joint_state(stamp, [name], [time]), stamp)
+    assert [verdict(time, name) for time, name in (
+        (9.0, 'wrist'), (9.0, 'elbow'), (9.001, 'elbow'), (1.0, 'wrist'), (1.0, 'elbow'))] == [
+            PART, NEW, PART, PART, NEW]
+    assert states.position.tolist() == [1.0, 1.0]
+
+
+def test_a_temperature_without_a_stamp_has_that_of_the_newest_state():
+    desk = Desk()
+    desk.state()
+    desk.loop.take_temperature('elbow', 30.0, 0, 1)
+    assert desk.loop.temperature.before(round(desk.time * SECOND) + 1) == [30.0]

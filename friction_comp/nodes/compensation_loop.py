@@ -119,7 +119,7 @@ class CompensationLoop:
         elif verdict == joint_states.AGAIN:
             self.port.repeat(sent)
         elif verdict == joint_states.PART:
-            if not states.stamp:
+            if states.overdue:
                 self._report_missing()
         elif verdict != joint_states.LATE:
             self.faults.report(verdict, states.wrong)
@@ -137,6 +137,10 @@ class CompensationLoop:
         at = self.states.stamp or now
         if not self.direction.take_stamped(names, velocities, stamp or at, max(at, now)):
             self._refuse_direction()
+
+    def take_temperature(self, joint: str, value: float, stamp: int, now: int) -> None:
+        """Take a temperature in degrees Celsius with the stamp of its measurement."""
+        self.temperature.take(joint, value, stamp or self.states.stamp or now)
 
     def _refuse_direction(self) -> None:
         self.faults.report(

@@ -128,8 +128,9 @@ class ConfiguredCompensator:
             self._node.get_clock().now().nanoseconds)
 
     def _on_temperature(self, message: Any) -> None:
-        self.loop.temperature.take(
-            message.header.frame_id, message.temperature, nanoseconds(message.header.stamp))
+        self.loop.take_temperature(
+            message.header.frame_id, message.temperature, nanoseconds(message.header.stamp),
+            self._node.get_clock().now().nanoseconds)
 
     def _on_joint_states(self, message: Any, info: dict[str, Any]) -> None:
         self._rate.tick()

@@ -96,7 +96,8 @@ class JointStateInput:
     Times are in ns. The attributes hold the last new state: `stamp` (0 before the first),
     `position`, `velocity` and `effort`, shape (J,), NaN where there is no value, the `missing`
     joints, and whether it followed a `gap` of stamps longer than the timeout or began a new time
-    base (`restarted`). `wrong` is the fault of the last state, if any.
+    base (`restarted`). `wrong` is the fault of the last state, if any; `overdue` whether there were
+    states for longer than the timeout, but none of these joints.
     """
 
     def __init__(self, joints: Sequence[str], timeout: int) -> None:
@@ -120,7 +121,9 @@ class JointStateInput:
         self.velocity: np.ndarray | None = None
         self.missing = list(self._joints)
         self._last: dict[tuple[str, ...], int] = {}
+        # Stamp of the last state of all joints, or of the first one.
         self._whole = 0
+        self.overdue = False
         self._round = np.full((3, size), np.nan)
         self._received = [0] * size
         self._fresh = [False] * size
@@ -171,7 +174,10 @@ class JointStateInput:
         """Keep the values of a valid state; return NEW, or PART if others must arrive first."""
         position, velocity, effort = self._columns.read(message)
         if self._columns.missing:
+            if restarted or not self._whole:
+                self._whole = stamp
             if len(self._columns.missing) == len(self._joints):
+                self.overdue = not self.stamp and stamp - self._whole > self._timeout
                 return PART
             merged = self._merge(stamp, position, velocity, effort, restarted)
             if merged is None:
@@ -190,7 +196,7 @@ class JointStateInput:
                effort: np.ndarray, restarted: bool) -> tuple[Any, ...] | None:
         """Add joints to the round; return the round if it is complete, else None."""
         if restarted:
-            self._received = [0] * len(self._joints)
+            self._received, self._fresh = [0] * len(self._joints), [False] * len(self._joints)
         absent = set(self._columns.missing)
         if velocity is None:
             velocity = np.full(len(self._joints), np.nan)
