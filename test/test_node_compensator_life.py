@@ -197,7 +197,8 @@ def test_another_commander_is_a_fault_that_stays_until_it_is_reset(driver):
     assert driver.process.text.count('stays until') == 1
 
 
-@pytest.mark.parametrize('number', [signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1])
+@pytest.mark.parametrize('number', [
+    signal.SIGTERM, signal.SIGHUP, signal.SIGTRAP, signal.SIGRTMIN + 1])
 def test_other_signals_leave_zero_current_too(tmp_path, number):
     with compensator(tmp_path, [1, 1]) as driver:
         driver.process.send(number)

@@ -27,10 +27,14 @@ from friction_comp.nodes.executor import StreamExecutor
 from friction_comp.nodes.ros_start import start_ros, steady_timer, without_source_locations
 
 _FINAL_SPINS = 10
-# All signals that would kill the process and can be caught.
-SIGNALS = [getattr(signal, name) for name in (
-    'SIGINT', 'SIGTERM', 'SIGHUP', 'SIGQUIT', 'SIGABRT', 'SIGUSR1', 'SIGUSR2', 'SIGALRM',
-    'SIGVTALRM', 'SIGPROF', 'SIGXCPU', 'SIGIO', 'SIGPWR', 'SIGSTKFLT') if hasattr(signal, name)]
+# Signals that do not end a process of Python, and those that cannot be caught: after the handler of
+# a crash, the instruction that crashed is repeated.
+_HARMLESS = {'SIGCHLD', 'SIGCONT', 'SIGURG', 'SIGWINCH', 'SIGPIPE', 'SIGXFSZ', 'SIGTSTP', 'SIGTTIN',
+             'SIGTTOU'}
+_FATAL = {'SIGKILL', 'SIGSTOP', 'SIGSEGV', 'SIGBUS', 'SIGFPE', 'SIGILL'}
+# Most real-time signals have no name.
+SIGNALS = sorted(number for number in signal.valid_signals()
+                 if getattr(number, 'name', '') not in _HARMLESS | _FATAL)
 # Switch interval of threads, s: loading a model must not delay the control loop.
 _SWITCH_INTERVAL = 5e-4
 # Real s without another node after which a warning is logged; discovery takes seconds at most.
