@@ -79,6 +79,9 @@ class LiveResidual:
         ready = rows[-1, 0] - _LOOKAHEAD
         if ready - self._done < _LOOKAHEAD or len(rows) < 10:
             return
+        new = (rows[:, 0] > self._done) & (rows[:, 0] <= ready)
+        # Even if they cannot be compared: rows that are not done are kept.
+        self._done = ready
         samples = self._samples(rows)
         settings = self.model.differentiation or DEFAULT_SETTINGS
         if settings.get('source') == 'velocity' and samples.velocity is None:
@@ -88,7 +91,8 @@ class LiveResidual:
                           if getattr(differentiated, signal, None) is None})
         self.blind = ''
         if missing:
-            self.blind = f'the model needs the {" and the ".join(missing)}, which is not measured'
+            # A signal, or the torque of an arm's links.
+            self.blind = f'the model needs {" and ".join(missing)}, unknown here'
             return
         # Time counts from the beginning of the run, not of the rows that are kept.
         differentiated = differentiated.with_(time=rows[:, 0] - self._origin)
@@ -98,10 +102,8 @@ class LiveResidual:
             # For instance, a model of an arm needs the motion of other joints.
             self.blind = str(error)
             return
-        new = (rows[:, 0] > self._done) & (rows[:, 0] <= ready)
         residual = differentiated.current - predicted
         self.monitor.take(differentiated.take(new), residual[new], predicted[new])
-        self._done = ready
 
     def _samples(self, rows: np.ndarray) -> Samples:
         measured: dict[str, Any] = {
