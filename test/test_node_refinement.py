@@ -2,9 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The refinement action over DDS: from messages in memory to a model that is loaded."""
 
+import asyncio
 import os
 from pathlib import Path
 import shutil
+import signal
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,9 +20,10 @@ from friction_comp_interfaces.action import RefineModel
 from geometry_msgs.msg import WrenchStamped
 from node_process import Process, ROOT
 from rclpy.serialization import serialize_message
-from ros_system import Goals, joint_state, MODELS, probe_node, RELIABLE
+from ros_system import Goals, joint_state, MODELS, own_domain, probe_node, RELIABLE
 from sensor_msgs.msg import JointState
 
+from friction_comp.errors import InputError
 from friction_comp.files import write_yaml
 from friction_comp.model.friction_model import arm_document, FrictionModel
 from friction_comp.monitoring.live_residual import JointWatch
@@ -27,6 +31,7 @@ from friction_comp.nodes.live_feed import frame_of
 from friction_comp.nodes.live_signals import LiveSignals
 from friction_comp.nodes.recent_past import Message, RecentPast
 from friction_comp.nodes.refine_job import RefineJob
+from friction_comp.nodes.refinement import RefinementNode
 
 JOINT = 'elbow'
 STEP = 0.02
@@ -42,6 +47,12 @@ def motion(seconds, ripple, seed=0):
     velocity = np.gradient(position, time)
     current = MODEL.sigmoid(velocity) * (1.0 + ripple * np.sin(7.0 * position))
     return time, position, velocity, current + 1e-3 * rng.standard_normal(len(time))
+
+
+def rows_of(*signals):
+    """Return a motion as rows for a residual, without load and temperature."""
+    unknown = np.full(len(signals[0]), np.nan)
+    return np.column_stack((*signals, unknown, unknown))
 
 
 class Bench(Goals):
@@ -216,6 +227,18 @@ def test_a_goal_that_is_cancelled_before_it_starts_refines_nothing(bench):
     assert bench.cancel_at_once(joint=JOINT).status == GoalStatus.STATUS_CANCELED
 
 
+def test_the_client_is_told_when_the_node_is_stopped(tmp_path):
+    with own_domain(), probe_node() as probe, Process(tmp_path, 'refinement', {
+            'joints': [JOINT], 'model_files': MODELS[:1], 'output_folder': str(tmp_path)}) as node:
+        bench = Bench(probe)
+        outcome = bench.refine(recording=str(ROOT / 'examples' / 'elbow')).get_result_async()
+        probe.until(lambda: bench.feedback, 'feedback')
+        node.send(signal.SIGTERM)
+        result = probe.complete(outcome, 'the result', 20.0).result
+        assert result.message == 'the node was stopped'
+        bench.close()
+
+
 def test_reading_the_progress_does_not_disturb_the_process_that_writes_it(tmp_path):
     job = RefineJob(JOINT, MODELS[0], tmp_path, 'nothing', ())
     log = job._log.fileno()
@@ -239,9 +262,7 @@ def test_a_joint_of_an_arm_file_is_watched_with_its_own_model(tmp_path):
 def test_a_trial_ends_with_enough_motion_and_names_the_previous_model_if_that_was_better(tmp_path):
     same = tmp_path / 'same.yaml'
     shutil.copy(MODELS[0], same)
-    time, position, velocity, current = motion(200.0, 0.0)
-    unknown = np.full(len(time), np.nan)
-    rows = np.column_stack((time, position, velocity, current, unknown, unknown))
+    rows = rows_of(*motion(200.0, 0.0))
     ends = {}
     for path in (str(same), MODELS[2]):
         watch = JointWatch(0.25, JOINT, MODELS[0])
@@ -257,3 +278,39 @@ def test_a_trial_ends_with_enough_motion_and_names_the_previous_model_if_that_wa
     previous, reason = ends[MODELS[2]]
     assert previous == MODELS[0]
     assert 'blocks of motion' in reason
+
+
+def test_a_worse_model_is_unloaded_as_soon_as_the_compensator_answers():
+    watch, asked = JointWatch(0.25, JOINT, MODELS[0]), []
+    watch.use(MODELS[2])
+
+    async def load(joint, path):
+        asked.append((joint, path))
+        if len(asked) == 1:
+            raise InputError('the compensator does not answer')
+    node = SimpleNamespace(
+        _watches={JOINT: watch}, _to_unload={JOINT: (MODELS[2], MODELS[0], 'it is worse')},
+        _compensator=SimpleNamespace(load=load), _last_result='',
+        get_logger=lambda: SimpleNamespace(warning=lambda text: None))
+    with pytest.raises(InputError, match='does not answer'):
+        asyncio.run(RefinementNode._unload(node, JOINT))
+    assert watch.file == MODELS[2]
+    asyncio.run(RefinementNode._unload(node, JOINT))
+    assert asked == 2 * [(JOINT, MODELS[0])]
+    assert (watch.file, node._to_unload) == (MODELS[0], {})
+    # Not if another one was loaded meanwhile.
+    node._to_unload[JOINT] = MODELS[2], MODELS[1], 'it is worse'
+    asyncio.run(RefinementNode._unload(node, JOINT))
+    assert (len(asked), watch.file, node._to_unload) == (2, MODELS[0], {})
+
+
+def test_a_model_that_cannot_be_judged_is_not_to_be_refined():
+    watch = JointWatch(0.25, JOINT, MODELS[0])
+    watch.residual.take(rows_of(*motion(100.0, 0.0)) * [1, 1, 1, 2, 1, 1])
+    node = SimpleNamespace(
+        _rate=SimpleNamespace(per_second=lambda: 50.0, count=1), _job=None, _error='',
+        _past=SimpleNamespace(span=0.0, size=0), _last_result='', _last_refusal='',
+        _watches={JOINT: watch})
+    assert 'refine it' in RefinementNode._report(node)[1]
+    watch.residual.blind = 'the load of a person is not measured'
+    assert RefinementNode._report(node)[1] == 'watching'

@@ -25,8 +25,8 @@ class Diagnostics:
     joint. `hardware` is that of the node, for instance its joints.
     """
 
-    def __init__(self, node: Any, report: Callable[[], tuple[Any, ...]], hardware: str = '',
-                 task: str = 'status') -> None:
+    def __init__(self, node: Any, report: Callable[[], tuple[Any, ...]], hardware: str,
+                 task: str) -> None:
         self._node = node
         self._report = report
         self._status = DiagnosticStatus(

@@ -66,7 +66,8 @@ class RefineJob:
         self._error: InputError | None = None
         self._process: subprocess.Popen[bytes] | None = None
         self._log = tempfile.TemporaryFile()
-        self._cancelled = False
+        # Why the job was cancelled, if it was.
+        self.cancelled = ''
         # Writing minutes of messages takes seconds.
         self._thread = threading.Thread(target=self._write, args=(messages,), daemon=True)
         self._thread.start()
@@ -84,10 +85,12 @@ class RefineJob:
 
     def poll(self) -> bool:
         """Update the progress, and return whether the job is done."""
+        if self.cancelled:
+            return True
         if self._process is None:
             if self._thread.is_alive():
                 return False
-            if self._error is not None or self._cancelled:
+            if self._error is not None:
                 return True
             self.step = 'reading'
             self._process = subprocess.Popen(
@@ -110,9 +113,9 @@ class RefineJob:
         text = os.pread(file, os.fstat(file).st_size, 0).decode(errors='replace')
         return text.rpartition('\n')[0].splitlines()
 
-    def cancel(self) -> None:
+    def cancel(self, why: str) -> None:
         """Stop the job."""
-        self._cancelled = True
+        self.cancelled = why
         if self._process is not None and self._process.poll() is None:
             self._process.terminate()
             try:
@@ -123,8 +126,8 @@ class RefineJob:
 
     def result(self) -> JobResult:
         """Return the result of a job that is done; raise InputError if the refinement failed."""
-        if self._cancelled:
-            raise InputError('cancelled on request')
+        if self.cancelled:
+            raise InputError(self.cancelled)
         if self._error is not None:
             raise self._error
         if self._process is None or self._process.returncode != 0:

@@ -120,9 +120,11 @@ class RefinementNode(Node):
         self._job: RefineJob | None = None
         self._busy = self._comparing = False
         self._fits = dict.fromkeys(self._joints, True)
+        # By joint: file that was worse in its trial, file to load instead, and why.
+        self._to_unload: dict[str, tuple[str, str, str]] = {}
         self._last_result = self._last_refusal = self._error = ''
         self._connect()
-        Diagnostics(self, self._report, ', '.join(self._joints))
+        Diagnostics(self, self._report, ', '.join(self._joints), 'refinement')
 
     def _connect(self) -> None:
         self._topics = DatedTopics(self, self._keep, _NOT_KEPT).topics
@@ -178,27 +180,36 @@ class RefinementNode(Node):
                     'the compensator feeds the model itself forward, and the load of a person '
                     'is not measured' if now - watch.last_load > _LOAD_SILENCE else '')
             watch.take(rows)
-            await self._judge(joint, watch)
+            self._judge(joint, watch)
+        for joint in list(self._to_unload):
+            await self._unload(joint)
 
     def _is_compensated(self) -> bool:
         name = self._compensator.name.rpartition('/')[2]
         return any(info.node_name == name for info in self.get_publishers_info_by_topic(
             self.resolve_topic_name('current_command')))
 
-    async def _judge(self, joint: str, watch: JointWatch) -> None:
+    def _judge(self, joint: str, watch: JointWatch) -> None:
         ended = watch.end_trial()
         if ended is not None:
-            previous, reason = ended
-            await self._compensator.load(joint, previous)
-            worse = watch.file
-            watch.use(previous)
-            self._last_result = f'{joint}: {worse} was unloaded: {reason}'
-            self.get_logger().warning(self._last_result)
+            self._to_unload[joint] = watch.file, *ended
         verdict = watch.residual.verdict()
         if verdict.fits != self._fits[joint]:
             self._fits[joint] = verdict.fits
             log = self.get_logger().info if verdict.fits else self.get_logger().warning
             log(f'{joint}: {verdict.text}')
+
+    async def _unload(self, joint: str) -> None:
+        """Replace a worse model by the previous one; if the compensator fails, do it next time."""
+        worse, previous, reason = self._to_unload[joint]
+        watch = self._watches[joint]
+        # Otherwise another one was loaded meanwhile.
+        if watch.file == worse:
+            await self._compensator.load(joint, previous)
+            watch.use(previous)
+            self._last_result = f'{joint}: {worse} was unloaded: {reason}'
+            self.get_logger().warning(self._last_result)
+        del self._to_unload[joint]
 
     # The action.
 
@@ -259,11 +270,11 @@ class RefinementNode(Node):
         job = self._job = RefineJob(joint, start, output, request.recording, messages)
         while not job.poll():
             if goal_handle.is_cancel_requested:
-                job.cancel()
+                job.cancel('cancelled on request')
             goal_handle.publish_feedback(RefineModel.Feedback(
                 progress=float(job.share), step=job.step))
             end = time.monotonic() + _POLL_PERIOD
-            while time.monotonic() < end:
+            while time.monotonic() < end and not job.cancelled:
                 # The executor does not sleep while a coroutine is pending.
                 time.sleep(self.batch_time)
                 await yield_to_executor()
@@ -306,7 +317,7 @@ class RefinementNode(Node):
             values[f'{joint}: error as a share of the friction'] = float(verdict.share)
             values[f'{joint}: model file'] = watch.file
             values[f'{joint}: on trial'] = watch.trial is not None
-            if not verdict.fits:
+            if not verdict.fits and not watch.residual.blind:
                 misfits.append(f'{joint}: {text}: refine it')
         if self._error:
             return ERROR, self._error, values
@@ -321,7 +332,7 @@ class RefinementNode(Node):
     def leave(self) -> None:
         """End a running refinement."""
         if self._job is not None:
-            self._job.cancel()
+            self._job.cancel('the node was stopped')
 
 
 def _fill(result: RefineModel.Result, refined: JobResult) -> None:
