@@ -10,9 +10,11 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from node_process import Process
 from ros_system import joint_state, MODELS, probe_node
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
 
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
@@ -87,6 +89,39 @@ def test_model_and_current_are_those_of_the_compensator(tmp_path):
                 item.key == 'elbow: residual' for item in s.values))
             said = next(item.value for item in status.values if item.key == 'elbow: residual')
             assert 'not received' in said
+        finally:
+            feed.close()
+
+
+def test_commands_are_shown_at_the_joints_of_the_compensator():
+    with probe_node() as probe:
+        states = probe.talk(JointState, 'joint_states')
+        commands = probe.talk(Float64MultiArray, 'current_command')
+        status = probe.talk(DiagnosticArray, '/diagnostics')
+        feed = LiveFeed([], [], [])
+        try:
+            for publisher in (states, commands, status):
+                probe.matched(publisher)
+            times = itertools.count(step=0.02)
+
+            def shown():
+                """Publish states in another order than commands; return the last commands."""
+                commands.publish(Float64MultiArray(data=[1.0, 2.0]))
+                probe.spin_for(0.02)
+                states.publish(joint_state(
+                    round(1e9 + 1e9 * next(times)), ['elbow', 'shoulder'], [0.0, 0.0]))
+                probe.spin_for(0.02)
+                return [data['command'][-1] for data in (
+                    feed.window(joint, 0.0, 1.0) for joint in ('shoulder', 'elbow'))
+                    if len(data['time'])]
+            probe.until(lambda: len(shown()) == 2, 'both joints')
+            assert np.isnan(shown()).all(), 'nobody knows whose they are'
+
+            def told():
+                status.publish(DiagnosticArray(status=[DiagnosticStatus(
+                    name='compensator: compensation', hardware_id='shoulder, elbow')]))
+                return shown() == [1.0, 2.0]
+            probe.until(told, 'each command at its joint')
         finally:
             feed.close()
 

@@ -56,8 +56,9 @@ def frame_of(cdr: bytes) -> str:
 class LiveFeed:
     """Joints of a running system as a source of the live page.
 
-    `joints` are in the order of arrays on topics, by default those of the joint states. `models`
-    has one for each joint, by default those of the compensator. `arguments` are ROS arguments.
+    `joints` are by default those of the joint states. `models` has one for each joint, by default
+    those of the compensator. Arrays on topics have the order of the compensator's joints; without a
+    compensator, that of `joints`. `arguments` are ROS arguments.
     """
 
     title = 'What runs'
@@ -70,6 +71,8 @@ class LiveFeed:
                              f'{", ".join(joints)}')
         self.joints, self._fixed = list(joints), bool(joints)
         self._models = list(models)
+        # Joints of arrays, as the compensator reports them.
+        self._order: list[str] = []
         # Models that the compensator reports, with their paths.
         self._loaded: dict[str, tuple[str, FrictionModel | None]] = {}
         self._rows: defaultdict[str, deque[tuple[float, ...]]] = defaultdict(
@@ -125,8 +128,10 @@ class LiveFeed:
         for status in message.status:
             self._status[status.name] = (
                 _LEVELS.get(ord(status.level), 'note'), status.message, time.monotonic())
-            activity = None if self._models else compensator_activity(status)
-            for joint, path in activity.models.items() if activity else ():
+            activity = compensator_activity(status)
+            if activity and 'compensator' in status.name:
+                self._order = activity.joints.split(', ')
+            for joint, path in activity.models.items() if activity and not self._models else ():
                 self._load_model(joint, path)
 
     def _load_model(self, joint: str, path: str) -> None:
@@ -148,10 +153,13 @@ class LiveFeed:
             self._first = stamp
             with self._lock:
                 self._rows.clear()
+            if not self._fixed:
+                self.joints = []
         self._due, self._received = stamp + _STEP, time.monotonic()
         message = deserialize_message(cdr, JointState)
         if not self._fixed:
-            self.joints = list(message.name)
+            # Several drivers may each publish some of the joints.
+            self.joints = list(dict.fromkeys((*self.joints, *message.name)))
         measured = [_by_joint(message.name, values)
                     for values in (message.position, message.velocity, message.effort)]
         reference = self._message('reference')
@@ -171,7 +179,7 @@ class LiveFeed:
         command = self._message('command', _COMMAND_AGE)
         if command is None:
             return {}
-        values = _by_joint(self.joints, command.data)
+        values = self._in_order(command.data)
         if command_unit(command) != TORQUE_UNIT:
             return values
         models = {joint: self._model(joint) for joint in values}
@@ -184,7 +192,12 @@ class LiveFeed:
             return {}
         if isinstance(message, JointState):
             return _by_joint(message.name, np.sign(message.velocity))
-        return _by_joint(self.joints, message.data)
+        return self._in_order(message.data)
+
+    def _in_order(self, values: Any) -> dict[str, float]:
+        """Return the values of an array by joint; empty if their order is not known."""
+        known = self._order or (self.joints if self._fixed or len(self.joints) == 1 else [])
+        return _by_joint(known, values) if len(values) == len(known) else {}
 
     def window(self, joint: str, end: float, length: float) -> dict[str, np.ndarray]:
         """Return the signals of the last `length` s."""
