@@ -16,11 +16,13 @@ from node_process import Process
 import numpy as np
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import serialize_message
 from ros_system import joint_state, own_domain, probe_node, value_of
 from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 import yaml
 
+from friction_comp.nodes import dated_topics
 from friction_comp.nodes.dated_topics import diagnosed_nodes, RecordedTopic, stamp_of
 from friction_comp.recordings import find_recordings, read_recording_with_info
 
@@ -262,6 +264,31 @@ def test_publishers_that_say_who_they_are_are_told_apart():
                 hear(topic, number, 1000 * second + number, name.encode())
             topic.check_publishers()
     assert topic.lost == 2
+
+
+def test_messages_do_not_wait_for_ever_for_joint_states(monkeypatch):
+    monkeypatch.setattr(dated_topics, 'steady_timer', lambda *_: None)
+    monkeypatch.setattr(dated_topics, '_MOST_WAITING', 100)
+    second, taken = 10**9, []
+    dated = dated_topics.DatedTopics(FakeNode(0), lambda topic, stamp, cdr: taken.append(stamp))
+
+    def say(number):
+        monkeypatch.setattr(dated_topics.time, 'time_ns', lambda: 1000 * second + number)
+        dated._on_unstamped('direction', b'1', {'source_timestamp': 1000 * second + number})
+    for number in range(150):
+        say(number)
+    dated._check()
+    # Without a joint state, there is no time but the system's.
+    assert taken == [1000 * second + number for number in range(50)]
+    state = serialize_message(joint_state(7 * second, ['elbow'], [0.0]))
+    dated._on_stamped('joint_states', state, {'source_timestamp': 1001 * second})
+    say(2 * second)
+    dated._check()
+    assert taken[50:] == 101 * [7 * second]
+    say(7 * second + 1)
+    dated._check()
+    assert taken[151:] == [7 * second]
+    assert len(dated.waiting) == 1
 
 
 class FakeSubscription:

@@ -9,6 +9,7 @@ from collections import defaultdict, deque
 from collections.abc import Callable, Collection
 from functools import partial
 import struct
+import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -44,6 +45,9 @@ RECORDED = {**TOPICS, '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray'}
 _MEMORY = 20_000
 # Real s between checks of the publishers.
 _CHECK_PERIOD = 0.1
+# Age in ns of a message without a stamp whose joint states will not arrive any more. Before the
+# first joint state, nobody knows its time, which may be simulated, and only the number is limited.
+_LONGEST_WAIT, _MOST_WAITING = 5 * NANO, 100_000
 # Length of the queue: ten seconds at a kilohertz.
 DEPTH = 10_000
 # Messages remembered to detect duplicates: a later subscription may receive earlier messages.
@@ -219,11 +223,15 @@ class DatedTopics:
             node, kind, topic, partial(self._on_stamped if stamped else self._on_unstamped, topic),
             diagnosed_nodes if kind is DiagnosticArray else None)
             for topic, kind, stamped in _SUBSCRIBED if topic not in left_out}
-        steady_timer(node, _CHECK_PERIOD, self._check_publishers)
+        steady_timer(node, _CHECK_PERIOD, self._check)
 
-    def _check_publishers(self) -> None:
+    def _check(self) -> None:
         for topic in self.topics.values():
             topic.check_publishers()
+        late = time.time_ns() - _LONGEST_WAIT
+        while self.waiting and (self._sent and self.waiting[0][0] < late
+                                or len(self.waiting) > _MOST_WAITING):
+            self._forward()
 
     def finish(self) -> None:
         """Process all messages that have arrived or are waiting."""
