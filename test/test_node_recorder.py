@@ -190,10 +190,12 @@ def test_invalid_messages_have_no_stamp_and_no_source():
 def test_a_full_disk_ends_the_recorder_with_a_message_and_a_readable_recording(tmp_path):
     folder = tmp_path / 'r'
     with at_work(tmp_path, folder) as (recorder, probe, states, count):
+        probe.status_of('recorder')
         limit = sum(path.stat().st_size for path in Path(folder).glob('*.mcap')) + 50_000
         resource.prlimit(recorder._process.pid, resource.RLIMIT_FSIZE, (limit, limit))
         talk_until(probe, states, lambda n: not recorder.running, 'the end', count)
         assert recorder.wait() == 2
+        probe.status_of('recorder', lambda s: s.level == b'\x02' and 'cannot be written' in s.message)
         lines = [line for line in recorder.text.splitlines() if 'cannot be written' in line]
         assert len(lines) == 1
         assert 'what was written before can be read' in lines[0]

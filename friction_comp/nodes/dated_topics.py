@@ -229,7 +229,7 @@ class DatedTopics:
         for topic in self.topics.values():
             topic.check_publishers()
         late = time.time_ns() - _LONGEST_WAIT
-        while self.waiting and (self._sent and self.waiting[0][0] < late
+        while self.waiting and ((self._sent and self.waiting[0][0] < late)
                                 or len(self.waiting) > _MOST_WAITING):
             self._forward()
 

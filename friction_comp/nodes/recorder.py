@@ -54,7 +54,7 @@ class RecorderNode(Node):
         self._dated = DatedTopics(self, self._write)
         self._topics = self._dated.topics
         steady_timer(self, _FLUSH, self._flush)
-        Diagnostics(self, self._report, output, 'recording')
+        self._diagnostics = Diagnostics(self, self._report, output, 'recording')
 
     @contextmanager
     def _note_failure(self) -> Iterator[None]:
@@ -112,6 +112,8 @@ class RecorderNode(Node):
     def leave(self) -> None:
         """Write the waiting messages and finish the recording."""
         if self._failed:
+            # The node ended before the next time to publish.
+            self._diagnostics.publish()
             return
         with self._note_failure():
             self._dated.finish()
