@@ -5,6 +5,7 @@
 import math
 import signal
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,7 +19,10 @@ from node_process import Process
 from ros_system import BEST_EFFORT, FakeDriver, Goals, joint_state, MODELS, probe_node
 from std_msgs.msg import Float64MultiArray
 
+from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.nodes.identification import IdentificationNode
+from friction_comp.nodes.joint_states import AGAIN, JointStateInput, NEW, STALE
 
 JOINT = 'elbow'
 GOAL = {'joint': JOINT, 'speeds': [0.8, 1.4], 'motion_range': 0.8, 'ramp_slope': 0.2,
@@ -169,3 +173,28 @@ def test_identifies_a_drive(system):
     assert np.abs(commands[:, 0]).max() > 0.1
     assert np.abs(commands[:, 1]).max() == 0.0
     assert not commands[-1].any()
+
+
+@pytest.mark.parametrize(('verdict', 'wrong', 'simulated', 'reason'), [
+    (NEW, '', False, 'joint_states fell silent'), (AGAIN, '', False, 'joint_states fell silent'),
+    (STALE, 'joint_states are 0.3 s old', False, 'joint_states are 0.3 s old'),
+    (NEW, '', True, None)])
+def test_a_silence_ends_a_goal_whatever_comes_next(verdict, wrong, simulated, reason):
+    ended = []
+    node = SimpleNamespace(
+        get_clock=lambda: SimpleNamespace(ros_time_is_active=simulated),
+        _states=SimpleNamespace(wrong=wrong, missing=[]), _end=lambda *how: ended.append(how),
+        _watchdog=SimpleNamespace(feed=lambda: None), _measure=lambda *_: None,
+        _port=SimpleNamespace(repeat=lambda sent: None))
+    goal = SimpleNamespace(silent=True, joint=JOINT)
+    IdentificationNode._answer(node, goal, verdict, 0, 0)
+    assert ended == ([('aborted', reason)] if reason else [])
+
+
+def test_a_goal_for_a_joint_that_is_not_published_is_refused_for_that_reason():
+    now = time.monotonic()
+    node = SimpleNamespace(
+        _received=now, _fresh=-math.inf, _states=JointStateInput([JOINT], 50_000_000),
+        _port=SimpleNamespace(others=lambda: []))
+    with pytest.raises(InputError, match='joint_states lack elbow'):
+        IdentificationNode._check_surroundings(node, JOINT)

@@ -42,6 +42,7 @@ _CHECK_PERIOD = _FEEDBACK_PERIOD = 0.1
 # machine may delay reading; the joint is not driven before a new state has arrived.
 _MAX_AGE = 2.0
 _CANCELLED = 'canceled', 'cancelled on request'
+_SILENT = 'joint_states fell silent'
 
 
 class IdentificationNode(Node):
@@ -123,7 +124,7 @@ class IdentificationNode(Node):
         if now - self._received > _MAX_AGE:
             raise InputError('there are no joint_states')
         if now - self._fresh > _MAX_AGE:
-            raise InputError(self._states.wrong or 'joint_states are not updated')
+            raise InputError(_why_old(self._states, joint, 'joint_states are not updated'))
         if joint in self._states.missing:
             raise InputError(f'joint_states lack {joint}')
         if others:
@@ -209,6 +210,9 @@ class IdentificationNode(Node):
     def _answer(self, goal: RunningGoal, verdict: str, ticket: int, sent: int) -> None:
         """Answer a joint state, or end the goal if that is not possible."""
         try:
+            # What comes after a silence does not undo it, unless simulated time has stopped.
+            if goal.silent and not self.get_clock().ros_time_is_active:
+                raise InputError(_why_old(self._states, goal.joint, _SILENT))
             if verdict == joint_states.NEW:
                 goal.silent = False
                 self._watchdog.feed()
@@ -269,7 +273,7 @@ class IdentificationNode(Node):
         goal.had_client = goal.had_client or clients > 0
         # Simulated time may stop: its last state then stays valid.
         if goal.silent and not self.get_clock().ros_time_is_active:
-            self._end('aborted', 'joint_states fell silent')
+            self._end('aborted', _why_old(self._states, goal.joint, _SILENT))
         elif not self.count_publishers(states):
             self._end('aborted', 'joint_states have no publisher any more')
         elif goal.had_client and not clients:
@@ -305,6 +309,11 @@ class IdentificationNode(Node):
         self.stop_motor()
         self._port.wait()
         self._watchdog.close()
+
+
+def _why_old(states: JointStateInput, joint: str, otherwise: str) -> str:
+    """Return why there is no new state of a joint."""
+    return states.wrong or (f'joint_states lack {joint}' if joint in states.missing else otherwise)
 
 
 def main(argv: Sequence[str]) -> int:
