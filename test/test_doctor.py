@@ -59,6 +59,43 @@ def test_a_healthy_system_has_no_problem_and_no_warning():
     assert {finding.level for finding in check_joint(healthy(), JOINT, MODEL)} == {'ok'}
 
 
+def test_two_drivers_with_a_joint_each_are_no_fault():
+    seen = healthy()
+    one, first = seen.states, np.arange(len(seen.states.stamp)) % 2 == 0
+    named = np.column_stack((first, ~first))
+    # Each message arrives later than it was stamped, by a time of its own.
+    seen.states = StatesSeen(
+        [JOINT, 'wrist'], one.received, one.stamp - np.where(first, 0.0, 3e-3),
+        *(np.where(named, values, np.nan) for values in (one.position, one.velocity, one.effort)),
+        named=named)
+    seen.commands, seen.commanded = seen.commands[first][1:], one.received[first][1:]
+    seen.topics['/current_command'].publishers[:] = [Endpoint('/compensator')]
+    assert wrong(seen) == []
+    for joint in seen.states.joints:
+        assert {finding.level for finding in check_joint(seen, joint, MODEL)} <= {'ok', 'note'}
+    seen.states.stamp[100] -= 1.0
+    assert any('backwards' in finding.what for finding in wrong(seen))
+
+
+def test_the_rows_of_a_joint_come_from_the_messages_that_name_it():
+    whole = healthy()
+    half = healthy()
+    half.states.named[1::2] = False
+    for name in ('position', 'velocity', 'effort'):
+        getattr(half.states, name)[1::2] = np.nan
+    assert check_joint(half, JOINT, MODEL)[-1].level == check_joint(whole, JOINT, MODEL)[-1].level
+    assert len(half.states.of(JOINT).stamp) == len(whole.states.stamp) // 2
+
+
+def test_a_planner_that_stamps_its_directions_is_one():
+    seen = healthy()
+    seen.topics['/direction'] = TopicSeen([TOPICS['direction']], [], [Endpoint('/compensator')])
+    assert any(finding.about == 'direction' for finding in check_system(seen))
+    seen.topics['/direction_stamped'] = TopicSeen(
+        [TOPICS['direction_stamped']], [Endpoint('/planner')], [Endpoint('/compensator')])
+    assert not any(finding.about == 'direction' for finding in check_system(seen))
+
+
 def test_gaps_and_noise_are_not_reported_as_wrong_velocity():
     seen = healthy()
     good = seen.states

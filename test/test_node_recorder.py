@@ -195,7 +195,8 @@ def test_a_full_disk_ends_the_recorder_with_a_message_and_a_readable_recording(t
         resource.prlimit(recorder._process.pid, resource.RLIMIT_FSIZE, (limit, limit))
         talk_until(probe, states, lambda n: not recorder.running, 'the end', count)
         assert recorder.wait() == 2
-        probe.status_of('recorder', lambda s: s.level == b'\x02' and 'cannot be written' in s.message)
+        probe.status_of('recorder', lambda status: status.level == b'\x02'
+                        and 'cannot be written' in status.message)
         lines = [line for line in recorder.text.splitlines() if 'cannot be written' in line]
         assert len(lines) == 1
         assert 'what was written before can be read' in lines[0]

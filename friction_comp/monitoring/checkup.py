@@ -94,8 +94,8 @@ def _states(seen: Observation) -> Iterator[Finding]:
                       'let the driver name each joint once: its value is ambiguous')
     yield _rate(seen, states)
     yield from _stamps(states, seen.clock)
-    for index, joint in enumerate(states.joints):
-        yield from _values(states, index, joint)
+    for joint in states.joints:
+        yield from _values(states.of(joint), joint)
 
 
 def _names(ends: Iterable[Endpoint]) -> str:
@@ -130,7 +130,7 @@ def _stamps(states: StatesSeen, ticking: bool) -> Iterator[Finding]:
     if not states.stamp.any():
         yield Finding(WARNING, 'clocks', 'joint_states have no stamp, so receive times are used',
                       'let the driver stamp its measurements')
-    elif (np.diff(states.stamp) < 0).any():
+    elif any((np.diff(states.stamp[named]) < 0).any() for named in states.named.T):
         yield Finding(PROBLEM, 'clocks', 'stamps of joint_states go backwards',
                       'use one publisher with a monotonic clock')
     elif not ticking and abs(late) > _STATE_TIMEOUT:
@@ -141,31 +141,32 @@ def _stamps(states: StatesSeen, ticking: bool) -> Iterator[Finding]:
         yield Finding(OK, 'clocks', f'joint_states are {1e3 * late:.2g} ms old')
 
 
-def _values(states: StatesSeen, index: int, joint: str) -> Iterator[Finding]:
+def _values(states: StatesSeen, joint: str) -> Iterator[Finding]:
+    """Check the values of the messages that name a joint."""
     for name, do in (('position', 'friction cannot be compensated without it'),
                      ('effort', 'let the driver report k_t · n · current; identification and '
                                 'refinement need it')):
-        missing = ~np.isfinite(getattr(states, name)[:, index])
+        missing = ~np.isfinite(getattr(states, name))
         if missing.all():
             yield Finding(PROBLEM, joint, f'joint_states hold no {name}', do)
         elif missing.any():
             yield Finding(WARNING, joint, f'{missing.sum()} of {len(missing)} joint_states hold no '
                           f'finite {name}', do)
     for name in ('position', 'velocity'):
-        values = getattr(states, name)[:, index]
+        values = getattr(states, name)
         if (impossible := beyond(name, values)).any():
             yield Finding(PROBLEM, joint, f'a {name} of {values[impossible][0]:.3g} '
                           f'{LIMITS[name][1]} is impossible', 'check how the driver converts its '
                           'sensor values, and how it reports a failed sensor')
-    if not np.isfinite(states.velocity[:, index]).any():
+    if not np.isfinite(states.velocity).any():
         yield Finding(NOTE, joint, 'joint_states hold no velocity; position is differentiated')
     else:
-        yield _velocity(states, index, joint)
+        yield _velocity(states, joint)
 
 
-def _velocity(states: StatesSeen, index: int, joint: str) -> Finding:
+def _velocity(states: StatesSeen, joint: str) -> Finding:
     time = states.stamp if states.stamp.any() else states.received
-    ratios = velocity_ratios(time, states.position[:, index], states.velocity[:, index])
+    ratios = velocity_ratios(time, states.position[:, 0], states.velocity[:, 0])
     if len(ratios) < _FEWEST_BLOCKS:
         return Finding(NOTE, joint, 'it hardly moved: signs and units could not be checked',
                        'run doctor again while it is moved')
@@ -194,7 +195,8 @@ def _commands(seen: Observation) -> Iterator[Finding]:
     yield Finding(OK, 'current_command', f'{names} to {_names(topic.subscribers)}: '
                   f'{len(seen.commands) / seen.seconds:.4g} Hz, '
                   f'up to {largest:.3g} {seen.command_unit}')
-    states = 0 if seen.states is None else len(seen.states.received)
+    # Of several drivers, a round of states has one command.
+    states = 0 if seen.states is None else int(seen.states.named.sum(axis=0).max(initial=0))
     if len(seen.commands) < 0.5 * states and 'compensator' in names:
         yield Finding(WARNING, 'current_command', f'{len(seen.commands)} commands for {states} '
                       'joint_states', 'the compensator commands once for each usable one: '
@@ -223,17 +225,20 @@ def _driver(seen: Observation) -> Iterator[Finding]:
 
 def _direction(seen: Observation) -> Iterator[Finding]:
     topic = seen.topic('direction')
-    if not topic.publishers:
+    planners = {end.node for name in ('direction', 'direction_stamped')
+                for end in seen.topic(name).publishers}
+    if not planners:
         if topic.subscribers:
             yield Finding(NOTE, 'direction', _describe_missing(seen, 'direction')
                           + ': no breakaway current is fed forward', 'start the exercise')
         return
-    planners = {end.node for name in ('direction', 'direction_stamped')
-                for end in seen.topic(name).publishers}
     if len(planners) > 1 or len(topic.publishers) > 1:
         yield Finding(WARNING, 'direction', f'{", ".join(sorted(planners))} announce directions',
                       'let one announce: where they contradict each other, the compensator '
                       'counts the direction as 0')
+    if not topic.publishers:
+        # Messages with a stamp are not observed.
+        return
     odd = sorted({value for one in seen.directions for value in one} - {-1, 0, 1})
     if odd:
         yield Finding(WARNING, 'direction', f'holds {odd}, which count as 0', 'send -1, 0 or +1')
@@ -285,8 +290,9 @@ def check_joint(seen: Observation, joint: str, model: FrictionModel) -> list[Fin
     states = seen.states
     if states is None or joint not in states.joints:
         return [Finding(WARNING, joint, 'joint_states do not name it', 'compare the names')]
+    states = states.of(joint)
     return [*_check_current(seen, states, joint, model), *_check_fit(
-        seen, joint, model, _rows(states, seen.load.get(joint), joint, model))]
+        seen, joint, model, _rows(states, seen.load.get(joint), model))]
 
 
 def _check_current(seen: Observation, states: StatesSeen, joint: str, model: FrictionModel
@@ -296,7 +302,7 @@ def _check_current(seen: Observation, states: StatesSeen, joint: str, model: Fri
                   if joint in (values.get('joints') or ()) and 'model_files' in values), [])
     if not order or seen.commands.shape[-1:] != (len(order),):
         return []
-    measured = states.effort[:, states.joints.index(joint)] / model.drive.torque_per_current
+    measured = states.effort[:, 0] / model.drive.torque_per_current
     unit = model.drive.torque_per_current if seen.command_unit == 'N·m' else 1.0
     command = np.interp(
         states.received, seen.commanded, seen.commands[:, order.index(joint)] / unit)
@@ -360,18 +366,17 @@ def _check_fit(seen: Observation, joint: str, model: FrictionModel, rows: np.nda
     return [*findings, Finding(level, joint, residual.blind or verdict.text, do)]
 
 
-def _rows(states: StatesSeen, measured_load: np.ndarray | None, joint: str, model: FrictionModel
+def _rows(states: StatesSeen, measured_load: np.ndarray | None, model: FrictionModel
           ) -> np.ndarray:
-    """Return measurements as rows for `LiveResidual`, shape (N, 6)."""
-    index = states.joints.index(joint)
+    """Return the measurements of one joint as rows for `LiveResidual`, shape (N, 6)."""
     time = states.stamp if states.stamp.any() else states.received
     load = temperature = np.full(len(time), np.nan)
     if measured_load is not None and len(measured_load) > 1:
         load = np.interp(states.received, measured_load[:, 0], measured_load[:, 1])
-    velocity = states.velocity[:, index]
+    position, velocity = states.position[:, 0], states.velocity[:, 0]
     if not np.isfinite(velocity).all():
-        velocity = np.gradient(states.position[:, index], time)
+        velocity = np.gradient(position, time)
     order = np.argsort(time, kind='stable')
     return np.column_stack((
-        time, states.position[:, index], velocity,
-        states.effort[:, index] / model.drive.torque_per_current, load, temperature))[order]
+        time, position, velocity, states.effort[:, 0] / model.drive.torque_per_current, load,
+        temperature))[order]

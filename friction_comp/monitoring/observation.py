@@ -54,6 +54,21 @@ class StatesSeen:
     effort: np.ndarray
     # Joints named more than once in a message.
     twice: list[str] = field(default_factory=list)
+    # Which joints each message names, shape (N, J), where drivers publish some of the joints each;
+    # by default all of them.
+    named: np.ndarray = field(default_factory=lambda: np.empty((0, 0), dtype=bool))
+
+    def __post_init__(self) -> None:
+        if not self.named.size:
+            self.named = np.ones(self.position.shape, dtype=bool)
+
+    def of(self, joint: str) -> StatesSeen:
+        """Return the messages that name a joint, with that joint only."""
+        index = self.joints.index(joint)
+        rows, column = self.named[:, index], slice(index, index + 1)
+        return StatesSeen(
+            [joint], self.received[rows], self.stamp[rows], self.position[rows, column],
+            self.velocity[rows, column], self.effort[rows, column], self.twice)
 
 
 @dataclass

@@ -111,14 +111,16 @@ def _to_arrays(messages: Any) -> Any:
     joints = list(dict.fromkeys(name for _, message in messages for name in message.name))
     index_of = {joint: index for index, joint in enumerate(joints)}
     table = np.full((3, len(messages), len(joints)), math.nan)
+    named = np.zeros(table.shape[1:], dtype=bool)
     stamps = np.empty(len(messages))
     for row, (_, message) in enumerate(messages):
         stamps[row] = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
         columns = [index_of[name] for name in message.name]
+        named[row, columns] = True
         for which, values in enumerate((message.position, message.velocity, message.effort)):
             if len(values) == len(columns):
                 table[which, row, columns] = values
     twice = [joint for joint in joints
              if any(message.name.count(joint) > 1 for _, message in messages)]
     return StatesSeen(joints, np.array([received for received, _ in messages]), stamps,
-                      table[0], table[1], table[2], twice)
+                      table[0], table[1], table[2], twice, named)
