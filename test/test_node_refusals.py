@@ -1,7 +1,8 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of nodes on unusable input, and the end of an exercise."""
+"""Messages of nodes on unusable input, their defaults, and the end of an exercise."""
 
+from contextlib import suppress
 import signal
 import time
 
@@ -9,15 +10,28 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
-from node_process import Process
+from node_process import Process, ROOT, ros_arguments
+import rclpy
+from rclpy.signals import SignalHandlerOptions
 from ros_system import joint_state, MODELS, own_domain, probe_node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Int8MultiArray
+import yaml
+
+from friction_comp.errors import InputError
+from friction_comp.nodes.compensator import CompensatorNode
+from friction_comp.nodes.exercise import ExerciseNode
+from friction_comp.nodes.identification import IdentificationNode
+from friction_comp.nodes.plant import PlantNode
+from friction_comp.nodes.recorder import RecorderNode
+from friction_comp.nodes.refinement import RefinementNode
 
 pytestmark = pytest.mark.slow
 
 ONE = {'joints': ['elbow'], 'model_files': MODELS[:1]}
 BROKEN_MODEL = 'format: friction_comp_model\nversion: 1\njoint: [\n'
+# Given at the start, or of every node in ROS 2.
+GIVEN = {'joints', 'model_files', 'use_sim_time', 'start_type_description_service'}
 ODD_EFFECT = 'format: friction_comp_undeclared\nversion: 1\neffects: [{name: ghost}]\n'
 
 
@@ -76,3 +90,30 @@ def test_an_exercise_takes_its_announcement_back_when_it_is_stopped(tmp_path):
         assert process.wait() == 0
         probe.until(lambda: list(directions[-1].data) == [0, 0], 'its end')
         assert 'Traceback' not in process.text
+
+
+@pytest.mark.parametrize('kind', [CompensatorNode, ExerciseNode, IdentificationNode, PlantNode,
+                                  RecorderNode, RefinementNode])
+def test_the_parameter_file_has_all_parameters_with_their_defaults(kind, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with own_domain():
+        rclpy.init(args=['x', *ros_arguments(ONE)], signal_handler_options=SignalHandlerOptions.NO)
+        try:
+            node = kind()
+            values = {name: parameter.value
+                      for name, parameter in node.get_parameters_by_prefix('').items()}
+            title = f'/**/{node.get_name()}'
+            # An empty recording is an error.
+            with suppress(InputError):
+                node.leave()
+            node.destroy_node()
+        finally:
+            rclpy.shutdown()
+    file = ROOT / 'config' / 'parameters.yaml'
+    listed = yaml.safe_load(file.read_text())[title]['ros__parameters']
+    defaults = {name: value for name, value in values.items() if name not in GIVEN}
+    assert listed.keys() == defaults.keys()
+    for name, value in defaults.items():
+        same = pytest.approx(value, abs=1e-4) if name == 'default_speeds' or isinstance(
+            value, float) else value
+        assert listed[name] == same, name
