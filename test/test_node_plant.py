@@ -116,7 +116,7 @@ def test_a_command_that_answers_another_state_is_passed_over(tmp_path):
             lambda: commander.stamps()[-1] == first + 2_000_000, 'the third state')
         # The second command repeated an answer; what was taken last is the third.
         status = commander.probe.status_of('plant')
-        assert value_of(status, 'command [A]') == '[0.03]'
+        assert value_of(status, 'elbow: command [A]') == '0.03'
 
 
 def test_a_plant_that_waits_for_the_reference_stands_still_without_it(tmp_path):
@@ -296,7 +296,9 @@ def test_the_exercise_runs_by_its_timer_and_keeps_the_direction_to_itself(tmp_pa
         probe.until(moved, 'the movement')
         probe.until(lambda: references[-1].position[0] == pytest.approx(0.3), 'its end')
         assert {tuple(m.data) for m in directions} == {(0,)}
-        probe.status_of('exercise', lambda s: s.message == 'done')
+        status = probe.status_of('exercise', lambda s: s.message == 'done')
+        assert [value_of(status, f'elbow: {what}') for what in (
+            'reference [rad]', 'reference velocity [rad/s]', 'direction')] == ['0.3', '0', '0']
 
 
 def test_the_exercise_names_the_joint_it_waits_for_and_takes_it_from_any_driver(tmp_path):

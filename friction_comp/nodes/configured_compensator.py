@@ -21,12 +21,6 @@ from friction_comp.nodes.joint_io import CommandPort, competing_publishers
 from friction_comp.nodes.joint_states import NANO, nanoseconds
 from friction_comp.nodes.model_loading import warm_up
 
-# Why a compensator does not know its model's residual, without and with the law `none`.
-_BLIND = (
-    'not known here: the current follows the model itself, and the load of a person is not '
-    'received; see node refinement where the load is measured',
-    'not known here: no current is commanded, and the load is not received')
-
 
 class ConfiguredCompensator:
     """Law, command port and subscriptions of a compensator; exists only while it is configured.
@@ -176,7 +170,6 @@ class ConfiguredCompensator:
             values.update(per_joint(joints, f'{name} [A]', term))
         for name, guarded in loop.law.guards.items():
             values.update(per_joint(joints, f'guard: {name}', guarded))
-        values.update((f'{joint}: residual', _BLIND[values['law'] == 'none']) for joint in joints)
         values.update(per_joint(joints, 'direction', loop.direction.at(stamp)))
         values.update(per_joint(joints, 'direction age [s]', (
             loop.direction.age(index, stamp) for index in range(len(joints)))))

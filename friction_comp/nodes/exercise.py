@@ -20,7 +20,7 @@ from std_msgs.msg import Int8MultiArray, MultiArrayDimension
 
 from friction_comp.exercise.exercise_script import load_exercise
 from friction_comp.exercise.reference_movement import ReferenceMovement
-from friction_comp.nodes.diagnostics import Diagnostics, OK, WARN
+from friction_comp.nodes.diagnostics import Diagnostics, OK, per_joint, WARN
 from friction_comp.nodes.joint_io import input_qos, RELIABLE
 from friction_comp.nodes.joint_states import JointColumns, NANO, nanoseconds, set_stamp
 from friction_comp.nodes.node_main import run
@@ -188,12 +188,11 @@ class ExerciseNode(Node):
     def _report(self) -> Any:
         if self._time is None:
             return WARN, self._describe_wait(), {}
-        position, velocity, _ = self._at(self._time)
         return OK, 'moving' if self._time < self._duration else 'done', {
             'time [s]': self._time, 'duration [s]': self._duration,
-            'reference [rad]': np.round(position, 6).tolist(),
-            'reference velocity [rad/s]': np.round(velocity, 6).tolist(),
-            'direction': list(self._direction.data)}
+            **per_joint(self._joints, 'reference [rad]', self._reference.position),
+            **per_joint(self._joints, 'reference velocity [rad/s]', self._reference.velocity),
+            **per_joint(self._joints, 'direction', self._direction.data)}
 
     def _describe_wait(self) -> str:
         """Return what the exercise waits for before it begins."""

@@ -17,7 +17,7 @@ from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Float64MultiArray
 
 from friction_comp.errors import InputError
-from friction_comp.nodes.diagnostics import Diagnostics, OK, Rate, WARN
+from friction_comp.nodes.diagnostics import Diagnostics, OK, per_joint, Rate, WARN
 from friction_comp.nodes.joint_io import command_interface, command_unit, RELIABLE, UNASKED, UNIT_OF
 from friction_comp.nodes.joint_states import JointColumns, NANO, nanoseconds, set_stamp
 from friction_comp.nodes.node_main import run
@@ -331,7 +331,7 @@ class PlantNode(Node):
             'clock': 'lockstep' if self._lockstep else 'real_time',
             'time [s]': self._plant.state.time,
             'samples per second of real time': self._rate.per_second(),
-            'command [A]': self._command.tolist(),
+            **per_joint(self._joints, 'command [A]', self._command),
             'commands not usable': self._bad_commands}
         if self._lockstep:
             values['waits for'] = self._describe_wait()
