@@ -5,6 +5,7 @@
 import subprocess
 import sys
 import threading
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ pytest.importorskip('friction_comp_interfaces', reason='the action type is not b
 
 from friction_comp_interfaces.action import PlayTrajectory
 from node_process import Process
+from rclpy.task import Future
 from ros_system import joint_state, MODELS, probe_node, RELIABLE, value_of
 from sensor_msgs.msg import JointState
 
@@ -22,6 +24,7 @@ from friction_comp.errors import InputError
 from friction_comp.excitation.joint_limits import JointLimits
 from friction_comp.excitation.plan import JointPlan, Move, trajectory_of
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.nodes import tool_client
 from friction_comp.nodes.goals import make_trajectory
 from friction_comp.nodes.tool_client import message_of, ToolClient
 from friction_comp.recordings import read_recording
@@ -134,3 +137,19 @@ def test_a_robots_controller_gets_all_joints_and_time_to_reach_the_first_point()
     # From -0.4 to 0 rad at a third of 0.8 rad/s.
     assert first.time_from_start.sec + 1e-9 * first.time_from_start.nanosec > 2.0
     assert last.positions[0] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_result_is_not_waited_for_when_its_node_is_gone(monkeypatch):
+    clock = [0.0]
+
+    def pass_time(timeout_sec):
+        clock[0] += timeout_sec
+    monkeypatch.setattr(tool_client, 'time', SimpleNamespace(monotonic=lambda: clock[0]))
+    client = tool_client.ToolClient()
+    client._executor = SimpleNamespace(spin_once=pass_time)
+    # Discovery loses it for a moment, and then it is killed.
+    action = SimpleNamespace(server_is_ready=lambda: clock[0] < 99.0 and not 9.0 < clock[0] < 9.5)
+    handle = SimpleNamespace(get_result_async=Future, cancel_goal_async=lambda: None)
+    with pytest.raises(InputError, match='identification has ended'):
+        client._result(action, handle, 'identification')
+    assert 100.0 < clock[0] < 101.0

@@ -31,6 +31,8 @@ from friction_comp.trajectory import Trajectory
 
 # Time after which an unanswered request is sent again, and time to send a cancellation, s.
 _ANSWER_TIME, _CANCEL_TIME = 5.0, 0.5
+# Time without its server, s, after which an action has no result any more.
+_GONE_TIME = 1.0
 _MAX_PARAMETERS = 500
 # Shortest duration of the approach to the first point, s, and its speed relative to the trajectory.
 _MIN_APPROACH_TIME, _APPROACH_SPEED = 2.0, 0.3
@@ -232,7 +234,7 @@ class ToolClient:
         try:
             self.wait_until(action.server_is_ready, f'the action of {what}')
             self._request(lambda: action.send_goal_async(probe), 'an answer to the goal')
-            outcome = self._result(self._send(action, goal, report, what), what)
+            outcome = self._result(action, self._send(action, goal, report, what), what)
         finally:
             action.destroy()
         if outcome.status != GoalStatus.STATUS_SUCCEEDED:
@@ -253,10 +255,19 @@ class ToolClient:
         reason = self.value(what, 'last refusal')
         raise InputError(f'{what} refuses the goal{": " if reason else ""}{reason or ""}')
 
-    def _result(self, handle: Any, what: str) -> Any:
+    def _result(self, action: Any, handle: Any, what: str) -> Any:
+        ready_at = time.monotonic()
+
+        def is_done() -> Any:
+            nonlocal ready_at
+            if action.server_is_ready():
+                ready_at = time.monotonic()
+            elif time.monotonic() - ready_at > _GONE_TIME and not future.done():
+                raise InputError(f'{what} has ended')
+            return future.done()
         try:
             future = handle.get_result_async()
-            self.wait_until(future.done, f'the result of {what}', 3600.0)
+            self.wait_until(is_done, f'the result of {what}', 3600.0)
         except BaseException:
             # Not every server notices that its client is gone.
             handle.cancel_goal_async()
