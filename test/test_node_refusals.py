@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages of nodes on unusable input, their defaults, and the end of an exercise."""
 
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 import signal
+import threading
 import time
 
 import pytest
@@ -11,7 +12,10 @@ import pytest
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
 from node_process import Process, ROOT, ros_arguments
+from rcl_interfaces.srv import SetParameters
 import rclpy
+from rclpy.lifecycle import TransitionCallbackReturn
+from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from ros_system import joint_state, MODELS, own_domain, probe_node
 from sensor_msgs.msg import JointState
@@ -92,23 +96,30 @@ def test_an_exercise_takes_its_announcement_back_when_it_is_stopped(tmp_path):
         assert 'Traceback' not in process.text
 
 
-@pytest.mark.parametrize('kind', [CompensatorNode, ExerciseNode, IdentificationNode, PlantNode,
-                                  RecorderNode, RefinementNode])
-def test_the_parameter_file_has_all_parameters_with_their_defaults(kind, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+@contextmanager
+def in_this_process(kind):
+    """Yield a node of one joint."""
     with own_domain():
         rclpy.init(args=['x', *ros_arguments(ONE)], signal_handler_options=SignalHandlerOptions.NO)
         try:
             node = kind()
-            values = {name: parameter.value
-                      for name, parameter in node.get_parameters_by_prefix('').items()}
-            title = f'/**/{node.get_name()}'
+            yield node
             # An empty recording is an error.
             with suppress(InputError):
                 node.leave()
             node.destroy_node()
         finally:
             rclpy.shutdown()
+
+
+@pytest.mark.parametrize('kind', [CompensatorNode, ExerciseNode, IdentificationNode, PlantNode,
+                                  RecorderNode, RefinementNode])
+def test_the_parameter_file_has_all_parameters_with_their_defaults(kind, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with in_this_process(kind) as node:
+        values = {name: parameter.value
+                  for name, parameter in node.get_parameters_by_prefix('').items()}
+        title = f'/**/{node.get_name()}'
     file = ROOT / 'config' / 'parameters.yaml'
     listed = yaml.safe_load(file.read_text())[title]['ros__parameters']
     defaults = {name: value for name, value in values.items() if name not in GIVEN}
@@ -117,3 +128,34 @@ def test_the_parameter_file_has_all_parameters_with_their_defaults(kind, tmp_pat
         same = pytest.approx(value, abs=1e-4) if name == 'default_speeds' or isinstance(
             value, float) else value
         assert listed[name] == same, name
+
+
+def test_models_of_several_requests_are_loaded_in_threads_of_their_own(monkeypatch):
+    with in_this_process(CompensatorNode) as node:
+        threads, load = [], node._load
+
+        def noted(files):
+            threads.append(threading.current_thread())
+            return load(files)
+        monkeypatch.setattr(node, '_load', noted)
+        answers = [SetParameters.Response() for _ in range(3)]
+        # The last two ask for the same model.
+        waiting = [node._parameter_services._set_parameters_callback(
+            SetParameters.Request(parameters=[
+                Parameter('model_files', value=[MODELS[number]]).to_parameter_msg()]), answer)
+            for number, answer in zip((1, 2, 2), answers)]
+        while waiting:
+            waiting = [request for request in waiting if next(request.__await__(), 'done') is None]
+        assert all(answer.results[0].successful for answer in answers)
+        assert len(threads) == 3
+        assert threading.main_thread() not in threads
+
+
+@pytest.mark.parametrize('end', ['stop_motor', 'leave'])
+def test_a_compensator_that_ends_cannot_be_activated_again(end):
+    with in_this_process(CompensatorNode) as node:
+        getattr(node, end)()
+        assert node.trigger_deactivate() == TransitionCallbackReturn.SUCCESS
+        assert node.trigger_activate() == TransitionCallbackReturn.FAILURE
+        assert node.trigger_cleanup() == TransitionCallbackReturn.SUCCESS
+        assert node.trigger_configure() == TransitionCallbackReturn.FAILURE

@@ -44,8 +44,11 @@ class CompensatorNode(LifecycleNode):
         super().__init__('compensator', start_parameter_services=False)
         self._parameter_services = PatientParameterService(self)
         self._state = 'unconfigured'
+        # The motor is not driven any more.
+        self._ending = False
         self._configured: ConfiguredCompensator | None = None
-        self._loading: Loading | None = None
+        # Models of the request whose parameters are being set.
+        self.loaded: Loading | None = None
         self._candidates: list[FrictionModel] | None = None
         self._failure = ''
         self._rate = Rate()
@@ -98,8 +101,7 @@ class CompensatorNode(LifecycleNode):
         for parameter in parameters:
             if parameter.name == 'model_files' and self._configured is not None and (
                     isinstance(parameter.value, (list, tuple))):
-                self._loading = Loading(names_in(parameter.value), self._load)
-                return self._loading
+                return Loading(names_in(parameter.value), self._load)
         return None
 
     def _load(self, files: Sequence[str]) -> list[FrictionModel]:
@@ -118,13 +120,10 @@ class CompensatorNode(LifecycleNode):
                     _check_law(parameter.value)
                 if parameter.name == 'model_files' and self._configured is not None:
                     files = tuple(names_in(parameter.value))
-                    loading = self._loading
-                    if loading is not None and loading.files == files:
-                        # Usually they are already loaded.
-                        self._loading = None
-                        models = loading.result()
-                    else:
-                        models = self._load(files)
+                    loaded, self.loaded = self.loaded, None
+                    # Usually they are already loaded.
+                    models = (loaded.result() if loaded is not None and loaded.files == files
+                              else self._load(files))
         except InputError as error:
             self.get_logger().warning(f'parameter refused: {error}')
             return SetParametersResult(successful=False, reason=str(error))
@@ -145,6 +144,8 @@ class CompensatorNode(LifecycleNode):
     def on_configure(self, state: Any) -> TransitionCallbackReturn:
         """Load the models and connect the topics."""
         self._failure = ''
+        if self._ending:
+            return TransitionCallbackReturn.FAILURE
         try:
             _check_law(self._value('law'))
             self._configured = ConfiguredCompensator(
@@ -165,7 +166,7 @@ class CompensatorNode(LifecycleNode):
 
     def on_activate(self, state: Any) -> TransitionCallbackReturn:
         """Start to answer joint states."""
-        if self._configured is None:
+        if self._configured is None or self._ending:
             return TransitionCallbackReturn.FAILURE
         self._configured.activate()
         self._set_state('active', 'active: commands the motor')
@@ -209,12 +210,15 @@ class CompensatorNode(LifecycleNode):
 
     def stop_motor(self) -> None:
         """Command zero current permanently; may be called from any thread."""
+        # First, since the main thread may activate the node meanwhile.
+        self._ending = True
         configured = self._configured
         if configured is not None:
             configured.loop.port.zero(permanent=True)
 
     def leave(self) -> None:
         """Command zero current, however the node ends."""
+        self._ending = True
         self._disconnect()
         self._state = 'finalized'
 

@@ -86,7 +86,8 @@ class PatientParameterService(ParameterService):
     """Parameter services that wait for models to be loaded without blocking the node.
 
     The node's method `prepare` is called with the parameters that are about to be set and returns a
-    Loading, or None if there is nothing to load.
+    Loading, or None if there is nothing to load. Its attribute `loaded` is this Loading while the
+    parameters are set: several requests may wait at the same time.
     """
 
     def __init__(self, node: Any) -> None:
@@ -107,7 +108,9 @@ class PatientParameterService(ParameterService):
         return super()._set_parameters_atomically_callback(request, response)
 
     async def _prepare(self, request: Any) -> None:
-        loading = self._get_node().prepare(
+        node = self._get_node()
+        loading = node.prepare(
             [Parameter.from_parameter_msg(message) for message in request.parameters])
         while loading is not None and not loading.done:
             await yield_to_executor()
+        node.loaded = loading
