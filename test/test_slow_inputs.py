@@ -225,6 +225,7 @@ def test_a_velocity_that_is_not_sent_any_more_contradicts_nothing():
 
 def test_two_drivers_that_start_together_lack_nothing():
     desk = Desk(['elbow', 'wrist'])
+    desk.loop.states.publishers = ['/a', '/b']
     for name in 2 * desk.joints:
         desk.move(0.001, names=[name])
     assert desk.logged == []
@@ -234,9 +235,17 @@ def test_two_drivers_that_start_together_lack_nothing():
     assert desk.port.last[0] > 0.0 == desk.port.last[1]
 
 
-def test_states_of_other_joints_alone_are_told_after_the_timeout():
+def test_a_single_driver_lacks_a_joint_at_once():
+    desk = Desk(['elbow', 'wrist'])
+    desk.move(0.001, names=['elbow'])
+    assert desk.logged == ['joint_states lack wrist']
+
+
+@pytest.mark.parametrize(('publishers', 'patience'), [([], 0.0), (['/a', '/b'], 0.04)])
+def test_that_there_are_states_of_other_joints_only_is_said(publishers, patience):
     desk = Desk()
-    desk.move(0.04, names=['wrist'])
+    desk.loop.states.publishers = publishers
+    desk.move(patience, names=['wrist'])
     assert desk.logged == []
     desk.move(0.04, names=['wrist'])
     assert desk.logged == ['joint_states lack elbow']
@@ -244,6 +253,7 @@ def test_states_of_other_joints_alone_are_told_after_the_timeout():
 
 def test_a_round_holds_no_state_from_before_a_restart():
     states = JointStateInput(['elbow', 'wrist'], SECOND // 20)
+    states.publishers = ['/a', '/b']
 
     def verdict(time, name):
         stamp = round(time * SECOND)

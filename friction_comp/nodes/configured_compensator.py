@@ -62,6 +62,7 @@ class ConfiguredCompensator:
 
     def activate(self) -> None:
         """Start to answer joint states."""
+        self._find_publishers()
         self.loop.activate(self.loop.port.others())
         self.loop.port.open()
         self.active = True
@@ -144,9 +145,12 @@ class ConfiguredCompensator:
     def supervise(self) -> None:
         """Check for other publishers of states, directions and commands."""
         loop = self.loop
-        loop.states.publishers = competing_publishers(self._node, 'joint_states')
+        self._find_publishers()
         loop.direction.planners = competing_publishers(self._node, 'direction', 'direction_stamped')
         loop.supervise(loop.port.others())
+
+    def _find_publishers(self) -> None:
+        self.loop.states.publishers = competing_publishers(self._node, 'joint_states')
 
     # Diagnostics.
 

@@ -96,8 +96,8 @@ class JointStateInput:
     Times are in ns. The attributes hold the last new state: `stamp` (0 before the first),
     `position`, `velocity` and `effort`, shape (J,), NaN where there is no value, the `missing`
     joints, and whether it followed a `gap` of stamps longer than the timeout or began a new time
-    base (`restarted`). `wrong` is the fault of the last state, if any; `overdue` whether there were
-    states for longer than the timeout, but none of these joints.
+    base (`restarted`). `wrong` is the fault of the last state, if any; `overdue` whether states
+    name none of these joints, for longer than the timeout if they have several publishers.
     """
 
     def __init__(self, joints: Sequence[str], timeout: int) -> None:
@@ -121,7 +121,7 @@ class JointStateInput:
         self.velocity: np.ndarray | None = None
         self.missing = list(self._joints)
         self._last: dict[tuple[str, ...], int] = {}
-        # Stamp of the last state of all joints, or of the first one.
+        # Stamp of the last state of all joints, or of the first one of several publishers.
         self._whole = 0
         self.overdue = False
         self._round = np.full((3, size), np.nan)
@@ -175,7 +175,8 @@ class JointStateInput:
         position, velocity, effort = self._columns.read(message)
         if self._columns.missing:
             if restarted or not self._whole:
-                self._whole = stamp
+                # The others may follow within the timeout, if there are any.
+                self._whole = stamp if len(self.publishers) > 1 else 0
             if len(self._columns.missing) == len(self._joints):
                 self.overdue = not self.stamp and stamp - self._whole > self._timeout
                 return PART
