@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A planned motion keeps its limits, is reproducible, and distinguishes effects."""
 
+from argparse import Namespace
 import json
+import math
 
 from helpers import short_search
 from hypothesis import example, given, strategies as st
@@ -35,6 +37,7 @@ from friction_comp.excitation.separation import (
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.tools.excite import limits_of
 
 ELBOW = JointLimits('elbow', -1.2, 1.0, 1.5, 6.0)
 PLAIN = ['--joint', 'elbow', '--position', '-1.2', '1.0', '--velocity', '1.5', '--acceleration',
@@ -158,6 +161,25 @@ def test_limits_come_from_files(tmp_path):
     assert from_urdf(tmp_path / 'arm.urdf', 3.0) == [JointLimits('a', -1.0, 1.0, 2.0, 3.0, 9.0)]
     with pytest.raises(InputError, match="no revolute joint 'b'"):
         from_urdf(tmp_path / 'arm.urdf', 3.0, ['b'])
+
+
+LIMITS = ('joint_limits:\n  elbow: {min_position: -1.2, max_position: 1.0, max_velocity: 2.0, '
+          'max_acceleration: 3.0}\n')
+URDF = ('<robot name="r"><joint name="elbow" type="revolute"><limit lower="-1.2" upper="1" '
+        'velocity="2" effort="9"/></joint></robot>')
+
+
+@pytest.mark.parametrize(('option', 'text', 'given', 'effort'), [
+    ('limits', LIMITS, {'velocity': 0.5, 'acceleration': 1.0}, math.inf),
+    ('urdf', URDF, {'velocity': 0.5, 'acceleration': 1.0, 'effort': 4.0}, 4.0),
+    ('urdf', URDF, {'velocity': 5.0, 'acceleration': 3.0, 'effort': 40.0}, 9.0)])
+def test_what_was_asked_for_lowers_the_limits_of_a_file(tmp_path, option, text, given, effort):
+    path = tmp_path / 'file'
+    path.write_text(text, encoding='utf-8')
+    arguments = Namespace(**{'limits': None, 'urdf': None, 'position': None, 'joint': [],
+                             option: path, **given})
+    assert limits_of(arguments) == [JointLimits(
+        'elbow', -1.2, 1.0, min(2.0, given['velocity']), given['acceleration'], effort)]
 
 
 def test_a_report_of_refine_says_what_to_tell_apart():

@@ -10,6 +10,7 @@ there.
 from __future__ import annotations
 
 from argparse import Namespace
+from dataclasses import replace
 import json
 import math
 from pathlib import Path
@@ -44,7 +45,7 @@ def main(argv: list[str] | None = None) -> int:
                         'all joints')
     add_limits(parser)
     parser.add_argument('--effort', metavar='N·M', type=positive,
-                        help='limit of effort, with --position and --model')
+                        help='limit of effort, with --model; lowers that of a file')
     parser.add_argument('--model', metavar='FILE', type=Path,
                         help='model file of one joint, to keep the limit of effort')
     asked = parser.add_mutually_exclusive_group()
@@ -116,26 +117,28 @@ def add_limits(parser: Arguments) -> None:
     source.add_argument('--urdf', metavar='FILE', type=Path,
                         help='URDF with the limits of the joints')
     parser.add_argument('--velocity', metavar='RAD/S', type=positive,
-                        help='limit of velocity, with --position')
+                        help='limit of velocity; lowers that of a file')
     parser.add_argument('--acceleration', metavar='RAD/S²', type=positive,
-                        help='limit of acceleration, with --position or --urdf')
+                        help='limit of acceleration; lowers that of --limits')
 
 
 def limits_of(arguments: Namespace) -> list[JointLimits]:
     """Return the joints' limits, by `add_limits` and --joint."""
     from friction_comp.excitation.joint_limits import from_urdf, from_yaml, JointLimits
 
-    if arguments.limits:
-        return from_yaml(arguments.limits, arguments.joint)
-    if arguments.acceleration is None:
+    given = {name: getattr(arguments, name, None) or math.inf
+             for name in ('velocity', 'acceleration', 'effort')}
+    if not arguments.limits and arguments.acceleration is None:
         raise InputError('--acceleration is missing')
-    if arguments.urdf:
-        return from_urdf(arguments.urdf, arguments.acceleration, arguments.joint)
-    if len(arguments.joint) != 1 or arguments.velocity is None:
-        raise InputError('with --position one --joint and --velocity are needed')
-    low, high = arguments.position
-    return [JointLimits(arguments.joint[0], low, high, arguments.velocity,
-                        arguments.acceleration, getattr(arguments, 'effort', None) or math.inf)]
+    if arguments.position:
+        if len(arguments.joint) != 1 or arguments.velocity is None:
+            raise InputError('with --position one --joint and --velocity are needed')
+        return [JointLimits(arguments.joint[0], *arguments.position, **given)]
+    own = (from_yaml(arguments.limits, arguments.joint) if arguments.limits
+           else from_urdf(arguments.urdf, arguments.acceleration, arguments.joint))
+    # What was asked for never lets a joint do more than its own limits.
+    return [replace(joint, **{name: min(getattr(joint, name), limit)
+                              for name, limit in given.items()}) for joint in own]
 
 
 def _model(arguments: Namespace, limits: list[JointLimits]) -> FrictionModel | None:
@@ -162,5 +165,5 @@ def _pairs(arguments: Namespace) -> list[Pair]:
     except OSError as error:
         raise InputError(f'{arguments.ambiguous}: cannot be read: {error.strerror}') from None
     except ValueError:
-        raise InputError(f'{arguments.ambiguous}: is no JSON') from None
+        raise InputError(f'{arguments.ambiguous}: is not valid JSON') from None
     return pairs_in(report, str(arguments.ambiguous))
