@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from friction_comp.refinement.refine import RefineResult
     from friction_comp.samples import Samples
 
+# Length of the running median that tells a lasting current from a wrong sample, s.
+_LASTING = 0.05
+
 
 def drive_of(arguments: Namespace, model: FrictionModel | None) -> Drive:
     """Return the drive: that of the model, else of the arguments, else of one A per N·m."""
@@ -38,19 +41,29 @@ def with_current_limit(arguments: Namespace, drive: Drive, recorded: list[Sample
                        ) -> tuple[Drive, dict[str, str]]:
     """Return the drive with its current limit, and a note on the origin of the limit.
 
-    If no limit is given, it is the largest current in the recordings, which the drive has certainly
-    withstood.
+    If no limit is given, it is the largest current that lasted, which the drive has certainly
+    withstood: single wrong samples say nothing about it.
     """
-    import numpy as np
-
     if arguments.current_limit:
         return replace(drive, current_limit=arguments.current_limit), {}
-    largest = max((float(np.nanmax(np.abs(samples.current))) for samples in recorded
-                   if np.isfinite(samples.current).any()), default=0.0)
+    largest = max(map(_largest_lasting_current, recorded), default=0.0)
     if arguments.model or not largest > 0.0:
         return drive, {}
     return (replace(drive, current_limit=float(f'{largest:.4g}')),
-            {'current_limit': 'the largest current recorded, since no other limit was given'})
+            {'current_limit': 'the largest current that lasted in the recordings, since no other '
+                              'limit was given'})
+
+
+def _largest_lasting_current(samples: Samples) -> float:
+    """Return the largest magnitude of the running median, A; 0 where no current is finite."""
+    import numpy as np
+    from scipy.ndimage import median_filter
+
+    size = np.abs(samples.current[np.isfinite(samples.current)])
+    if not size.size:
+        return 0.0
+    half = max(round(0.5 * _LASTING / max(samples.sample_time, 1e-6)), 1)
+    return float(median_filter(size, 2 * half + 1).max())
 
 
 def layout_of(arguments: Namespace) -> Layout:

@@ -45,8 +45,9 @@ def main(argv: list[str] | None = None) -> int:
                         help='also fit averages of earlier recordings, from .history.npz next to '
                         '--model, and write them next to the new model')
     parser.add_argument('--current-limit', metavar='A', type=positive,
-                        help='largest motor current that may be commanded, for the model '
-                             'file; by default that of --model, else the largest recorded one')
+                        help='largest motor current that may be commanded, for the model file; '
+                        'by default that of --model, else the largest that lasted in the '
+                        'recordings')
     arguments = parser.parse(argv)
     if arguments.history and (arguments.model is None or arguments.each or arguments.urdf):
         raise InputError('--history goes with --model, and with one joint: not with --each or '
