@@ -54,6 +54,15 @@ def test_what_is_kept_comes_back_and_no_recording_comes_twice(tmp_path):
         assert after.sample_time == pytest.approx(0.01)
 
 
+def test_without_a_date_the_content_tells_recordings_of_one_name_apart():
+    history, again, other = History(10.0), info('log.csv', 0.0), info('log.csv', 0.0)
+    assert history.add(recording(1.0), info('log.csv', 0.0))
+    assert not history.add(recording(1.0), again)
+    assert again.notes == ['already in the history: not added again']
+    assert history.add(recording(1.1), other)
+    assert not other.notes
+
+
 def test_an_hour_takes_no_more_room_than_minutes():
     history = History(10.0)
     history.add(recording(1.0, seconds=3600.0), info('long', 0.0))
@@ -123,3 +132,20 @@ def test_without_a_history_it_says_how_to_begin_one(tmp_path, refuses):
     MODEL.save(tmp_path / 'model.yaml')
     refuses('refine --history', 'history', tmp_path / 'model.yaml')
     refuses('--history goes with --model', 'refine', 'none.csv', '--history')
+
+
+def test_a_history_that_is_not_continued_is_not_lost(tmp_path, capsys):
+    for name in ('first', 'other'):
+        (tmp_path / name).mkdir()
+        MODEL.save(tmp_path / name / 'model.yaml')
+    kept = History(10.0, notes=[('2026-01-01', 'new grease')]).save(
+        tmp_path / 'first' / 'model.yaml')
+    content = kept.read_bytes()
+    assert run('refine', ['none.csv', '--model', str(tmp_path / 'other' / 'model.yaml'),
+                          '--history', '--output', str(tmp_path / 'first')]) == 2
+    assert 'would be lost: continue it with --model' in capsys.readouterr().err
+    assert kept.read_bytes() == content
+    # Continued in place: only the recording is missing.
+    assert run('refine', ['none.csv', '--model', str(tmp_path / 'first' / 'model.yaml'),
+                          '--history', '--output', str(tmp_path / 'first')]) == 2
+    assert 'none.csv: no such file' in capsys.readouterr().err

@@ -96,12 +96,14 @@ class History:
         return history
 
     def add(self, samples: Samples, info: RecordingInfo) -> bool:
-        """Add a recording; return False if it is already there."""
+        """Add a recording; if it is already there, return False and note that in its info."""
         name, start = info.path.name, float(info.start)
-        if any((name, start) == (recording.name, recording.start) for recording in self.recordings):
+        kept, has_date = condensed(samples, KEPT), start > _FIRST_DATE
+        # Tables without dates often begin at zero and have the same name: then the content tells.
+        if any((name, start) == (recording.name, recording.start)
+               and (has_date or _equal(kept, recording.samples)) for recording in self.recordings):
+            info.notes.append('already in the history: not added again')
             return False
-        kept = condensed(samples, KEPT)
-        has_date = start > _FIRST_DATE
         day = (datetime.fromtimestamp(start).date() if has_date else date.today()).isoformat()
         self.recordings.append(RecordedAverages(name, start, day, kept.with_(
             recording=np.zeros(len(kept), dtype=int), arm=None)))
@@ -134,3 +136,10 @@ class History:
         path = self.path_of(model)
         write_atomically(path, stream.getvalue())
         return path
+
+
+def _equal(one: Samples, other: Samples) -> bool:
+    """Return whether the signals that every recording has are the same."""
+    return len(one) == len(other) and all(
+        np.allclose(getattr(one, name), getattr(other, name), rtol=1e-6, atol=1e-9)
+        for name in ('time', 'position', 'current'))

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from argparse import Namespace
 from pathlib import Path
 
 from friction_comp.errors import InputError
@@ -63,6 +64,8 @@ def main(argv: list[str] | None = None) -> int:
         from friction_comp.tools.refine_arm import refine_whole_arm
 
         return refine_whole_arm(arguments)
+    if arguments.history:
+        _keep_history(arguments)
     from friction_comp.reports.refinement_report import refinement_report
 
     names = [str(path) for path in arguments.recordings]
@@ -82,3 +85,14 @@ def main(argv: list[str] | None = None) -> int:
     print_summary(result.report)
     print(arguments.output / 'report.html')
     return 0
+
+
+def _keep_history(arguments: Namespace) -> None:
+    """Raise InputError if a history in the output folder that is not continued would be lost."""
+    from friction_comp.recordings.history import History
+
+    model = arguments.output / 'model.yaml'
+    kept = History.path_of(model)
+    if kept.exists() and kept.resolve() != History.path_of(arguments.model).resolve():
+        raise InputError(f'{kept}: is there already and would be lost: continue it with --model '
+                         f'{model}, or choose another --output')
