@@ -22,6 +22,8 @@ from friction_comp.tools.processes import Nodes, ros_arguments
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
+from friction_comp.tools.demo_system import clear_results
+
 ROOT = Path(__file__).resolve().parent.parent
 
 
@@ -40,6 +42,20 @@ def test_a_failed_node_is_reported_with_its_reason(tmp_path, monkeypatch):
         assert nodes._running['plant'].wait() == 2
         with pytest.raises(InputError, match=r'plant ended with status 2: .*missing\.yaml'):
             nodes.running('plant')
+
+
+def test_a_demo_removes_only_results_of_a_demo(tmp_path):
+    own = tmp_path / 'recordings' / 'mine.mcap'
+    own.parent.mkdir()
+    own.write_text('not to be lost')
+    with pytest.raises(InputError, match='recordings: is there already and not of a demo'):
+        clear_results(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ['recordings']
+    own.unlink()
+    clear_results(tmp_path)
+    (tmp_path / 'models' / 'elbow.yaml').write_text('of the first demo')
+    clear_results(tmp_path)
+    assert not list((tmp_path / 'models').iterdir())
 
 
 def alive(folder):

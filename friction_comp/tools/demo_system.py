@@ -26,6 +26,9 @@ from friction_comp.tools.processes import IN_LOCKSTEP, Nodes, plant_parameters, 
 if TYPE_CHECKING:
     from friction_comp.reports.html import Report
 
+# Folders of a demo's results, and the file that marks them as such: the next demo removes them.
+_FOLDERS, _MARKER = ('recordings', 'models', 'logs'), '.demo'
+
 
 class DemoSystem:
     """The nodes of a demo scene: simulated joints in lockstep and all that acts on them."""
@@ -148,9 +151,20 @@ def _open_page(output: Path) -> subprocess.Popen[str]:
 
 
 def clear_results(output: Path) -> None:
-    """Remove an earlier demo's results and nothing else."""
-    for name in ('recordings', 'models', 'logs'):
+    """Remove an earlier demo's results and nothing else.
+
+    Raises InputError if the folders of the results hold files of another origin.
+    """
+    marker = output / _MARKER
+    for name in _FOLDERS:
+        if not marker.exists() and (output / name).exists() and (
+                not (output / name).is_dir() or any((output / name).iterdir())):
+            raise InputError(f'{output / name}: is there already and not of a demo, which would '
+                             'remove it: choose another --output')
+    output.mkdir(parents=True, exist_ok=True)
+    marker.touch()
+    for name in _FOLDERS:
         shutil.rmtree(output / name, ignore_errors=True)
-        (output / name).mkdir(parents=True)
+        (output / name).mkdir()
     for name in ('report.html', 'report.json', 'repetitions.csv'):
         (output / name).unlink(missing_ok=True)
