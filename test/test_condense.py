@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from friction_comp.drive import Drive
-from friction_comp.recordings import read_recording, write_samples
+from friction_comp.recordings import condense, read_recording, write_samples
 from friction_comp.recordings.condense import read_condensed
+from friction_comp.recordings.reader import stream_recording_with_info
 from friction_comp.refinement import refine
 from friction_comp.samples import JointStates, Samples
 
@@ -88,3 +89,26 @@ def test_averages_do_not_reach_across_a_gap():
     time = samples.time + np.where(samples.time > 5.0, 3.0, 0.0)
     kept = samples.with_(time=time).averaged(7)
     assert not np.any((kept.time > 5.01) & (kept.time < 8.0))
+
+
+@pytest.mark.parametrize('wrapped', [False, True])
+def test_turns_are_continued_between_stretches_and_none_are_added(tmp_path, monkeypatch, wrapped):
+    """A joint that swings about pi; the second half was recorded after a pause, a turn away."""
+    time = np.arange(6000) * 0.01
+    late = time > 30.0
+    swing = np.pi + 0.6 * np.sin(1.1 * time) + 2.0 * np.pi * late
+    position = (swing + np.pi) % (2.0 * np.pi) - np.pi if wrapped else swing
+    table = np.column_stack((time + 100.0 * late, position, np.sign(np.cos(1.1 * time))))
+    np.savetxt(tmp_path / 'log.csv', table, '%.9f', ',', header='time,position,effort',
+               comments='')
+    whole, = read_recording(tmp_path / 'log.csv')
+    for half in (late, ~late):
+        assert np.ptp(whole.position[half] - swing[half]) < 1e-6
+    parts = [part for part, _ in stream_recording_with_info(tmp_path / 'log.csv', seconds=7.0)]
+    assert len(parts) > 6
+    assert np.allclose(np.concatenate([part.position for part in parts]), whole.position)
+    # Half of the pieces are left out: the joint may have turned in between.
+    monkeypatch.setattr(condense, '_STRETCH', 7.0)
+    (kept, _), = read_condensed(tmp_path / 'log.csv', limit=3000)
+    assert 1000 < len(kept) < 5000
+    assert np.allclose(kept.position, np.interp(kept.time, whole.time, whole.position))

@@ -117,10 +117,6 @@ def _read(averaging: Averaging, path: Path, stretches: Iterator[tuple[Samples, R
     parts: list[Samples] = []
     notes: list[str] = []
     for samples, info in stretches:
-        if parts and len(samples):
-            # Angles were unwrapped within each stretch: continue the turns of the one before.
-            turns = round(float(samples.position[0] - parts[-1].position[-1]) / (2.0 * math.pi))
-            samples = samples.with_(position=samples.position - 2.0 * math.pi * turns)
         kept = averaging.apply(samples)
         if len(kept):
             parts.append(kept)

@@ -18,7 +18,7 @@ from friction_comp.recordings.scan import Scan, signal_of, Track
 from friction_comp.samples import JointStates, Samples
 
 # A jump by nearly a turn, rad, within this time, s, is a wrapped angle.
-_WRAP_TIME, _WRAP = 0.02, (1.8 * np.pi, 2.2 * np.pi)
+WRAP_TIME, _WRAP = 0.02, (1.8 * np.pi, 2.2 * np.pi)
 
 
 @dataclass
@@ -37,6 +37,7 @@ class RecordingInfo:
     model: str | None = None  # active model file, if recorded
     # What the compensator reported, each with the time in s since `start` from which it is valid.
     activity: list[tuple[float, Activity]] = field(default_factory=list)
+    turns: float = 0.0  # added to the last position because the sensor wraps around, rad
     effort_is_current: bool = False  # whether efforts were in A already, as a table may declare
 
 
@@ -124,8 +125,10 @@ def to_samples(scan: Scan, joint: str | None,
     base = time_base.TimeBase(stamp[order], track.receive[order], bool(track.stamp.any()), shifts)
     info.activity = [(base.to_state_time(activity.time) - info.start, activity.of(joint))
                      for activity in scan.activity]
+    unwrapped = _unwrap(time, position[order], info.notes)
+    info.turns = float(unwrapped[-1] - position[order[-1]])
     samples = Samples(
-        time=time, position=_unwrap(time, position[order], info.notes),
+        time=time, position=unwrapped,
         current=effort[order] / torque_per_current,
         velocity=None if velocity is None else velocity[order], joint=joint)
     samples = samples.with_(**time_base.other_signals(
@@ -175,7 +178,7 @@ def _unwrap(time: np.ndarray, position: np.ndarray, notes: list[str]) -> np.ndar
     """Return the position in rad without jumps by a turn, where the sensor wraps around."""
     jumps = np.diff(position)
     size = np.abs(jumps)
-    wraps = (size > _WRAP[0]) & (size < _WRAP[1]) & (np.diff(time) < _WRAP_TIME)
+    wraps = (size > _WRAP[0]) & (size < _WRAP[1]) & (np.diff(time) < WRAP_TIME)
     # Jumps are wraps only if the joint is slow otherwise.
     if not wraps.any() or np.quantile(size, 0.9) > 0.1 * np.pi:
         return position

@@ -19,6 +19,7 @@ from friction_comp.recordings.joint_samples import (
     RecordingInfo,
     to_samples,
     usable_joints,
+    WRAP_TIME,
 )
 from friction_comp.recordings.scan import Scan, Track
 from friction_comp.recordings.sources import (
@@ -204,7 +205,7 @@ def stream_recording_with_info(path: AnyPath, joint: str | None = None,
     """
     gain = Drive(torque_constant, gear_ratio).torque_per_current
     scanner = open_scanner(find_recording(path), None if others else joint, layout)
-    clock = _CommonClock()
+    clock, turns = _CommonClock(), _Turns()
     info = None
     for scan in _stretches(scanner.scans(), round(seconds * 1e9)):
         if info is not None and not scan.of('joint_states'):
@@ -215,7 +216,7 @@ def stream_recording_with_info(path: AnyPath, joint: str | None = None,
             progress(scanner.progress)
         # Gaps are counted over all stretches.
         info.notes = [note for note in info.notes if GAPS not in note]
-        samples = clock.convert(samples, info)
+        samples = turns.continued(clock.convert(samples, info), info)
         yield samples, info
     assert info is not None
     if clock.gaps:
@@ -292,3 +293,24 @@ class _CommonClock:
         info.start = self._origin
         info.activity = [(begin + offset, activity) for begin, activity in info.activity]
         return samples.with_(time=time)
+
+
+class _Turns:
+    """Continues a wrapped angle across stretches, within each of which it was unwrapped."""
+
+    def __init__(self) -> None:
+        self._offset = 0.0
+        self._last: tuple[float, float] | None = None  # time (s) and position of the last sample
+
+    def continued(self, samples: Samples, info: RecordingInfo) -> Samples:
+        """Return the next stretch, with the turns of those before it."""
+        if not len(samples):
+            return samples
+        position = samples.position + self._offset
+        # As within a stretch, only a jump between neighbours is a wrapped angle.
+        if self._last is not None and samples.time[0] - self._last[0] < WRAP_TIME:
+            turns = 2.0 * np.pi * round((position[0] - self._last[1]) / (2.0 * np.pi))
+            self._offset, position = self._offset - turns, position - turns
+        self._offset += info.turns
+        self._last = float(samples.time[-1]), float(position[-1])
+        return samples.with_(position=position)
