@@ -151,6 +151,15 @@ def unit_factor(signal: str, unit: str) -> float:
     raise InputError(f'{signal} cannot be in {unit!r}; its units are {listed}{more}')
 
 
+def signal_with_unit(unit: str) -> str | None:
+    """Return a signal that has a known unit which effort cannot have, else None."""
+    if unit in _UNITS['effort']:
+        return None
+    if _COUNTS.fullmatch(unit):
+        return 'velocity' if unit.endswith('/s') else 'position'
+    return next((signal for signal, units in _UNITS.items() if unit in units), None)
+
+
 def to_numbers(values: np.ndarray, name: str, where: object) -> np.ndarray:
     """Return the values of a column as floats, and dates in s.
 

@@ -222,9 +222,24 @@ def test_what_is_wrong_with_a_table_is_said_in_one_line(tmp_path, refuses, text,
     (['--columns', 'when=t'], "no signal 'when'"),
     (['--columns', 'time=when'], "no column 'when'"),
     (['--unit', 'position=furlong'], 'rad, mrad, deg'),
+    (['--unit', 'deg'], "--unit: 'deg' is not of the form SIGNAL=NAME"),
     (['--columns', 'effort=tau,current=tau'], 'both effort and current')])
 def test_errors_in_columns_arguments_say_what_is_valid(tmp_path, refuses, arguments, said):
     refuses(said, 'evaluate', write_csv(tmp_path / 'log.csv', moving()), *arguments)
+
+
+@pytest.mark.parametrize(('unit', 'said'), [
+    ('deg', 'for instance position=deg'), ('ms', 'for instance time=ms'),
+    ('position:deg', 'for instance position=deg'), ('counts/4096', 'position=counts/4096')])
+def test_a_unit_alone_is_that_of_effort(refuses, unit, said):
+    refuses(said, 'refine', 'log.csv', '--unit', unit)
+
+
+def test_columns_and_units_of_what_is_no_table_are_not_ignored(tmp_path, refuses):
+    write_samples(tmp_path / 'bag', moving(300))
+    for option, value in (('--columns', 'position=q_2'), ('--unit', 'position=deg')):
+        for tool in ('refine', 'evaluate', 'convert'):
+            refuses('describe tables, and this is none', tool, tmp_path / 'bag', option, value)
 
 
 def test_a_broken_npz_or_parquet_is_no_traceback(tmp_path, refuses):

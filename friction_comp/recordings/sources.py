@@ -91,6 +91,8 @@ def open_scanner(path: AnyPath, joint: str | None = None, layout: Layout | None 
     path = Path(path)
     if path.is_file() and is_table(path):
         return TableScanner(path, layout, joint, **options)
+    if layout is not None and (layout.columns or layout.units):
+        raise InputError(f'{path}: --columns and --unit describe tables, and this is none')
     return MessageScanner(path, joint, **options)
 
 

@@ -68,23 +68,22 @@ def _largest_lasting_current(samples: Samples) -> float:
 
 def layout_of(arguments: Namespace) -> Layout:
     """Return the layout of a table according to ``--columns`` and ``--unit``."""
-    text = arguments.unit or ''
+    given = {option: read_pairs(text, option) if text else {} for option, text in (
+        ('--columns', arguments.columns), ('--unit', arguments.unit))}
     try:
-        return Layout(read_pairs(arguments.columns, '--columns') if arguments.columns else {},
-                      read_pairs(text, '--unit') if '=' in text else {})
+        return Layout(given['--columns'], given['--unit'])
     except InputError as error:
-        where = '' if str(error).startswith('--') else '--columns or --unit: '
-        raise InputError(f'{where}{error}') from None
+        raise InputError(f'--columns or --unit: {error}') from None
 
 
 def unit_of(arguments: Namespace, model: FrictionModel | None,
             infos: Sequence[RecordingInfo] = ()) -> str:
     """Return the unit of the fitted signal: A if the drive is known, else that of the effort.
 
-    If effort is a servo's voltage or the force of a linear axis, ``--unit`` must name its unit.
+    If effort is a servo's voltage or the force of a linear axis, `figures` must name its unit.
     """
-    if arguments.unit and '=' not in arguments.unit:
-        return str(arguments.unit)
+    if arguments.figures:
+        return str(arguments.figures)
     if model is not None and not (arguments.torque_constant or arguments.gear_ratio):
         return str(model.notes.get('unit', 'A'))
     if arguments.torque_constant is not None or arguments.gear_ratio is not None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 from argparse import Namespace
 from pathlib import Path
 
+from friction_comp.columns import signal_with_unit
 from friction_comp.errors import InputError
 from friction_comp.tools.common import (
     Arguments,
@@ -50,6 +51,7 @@ def main(argv: list[str] | None = None) -> int:
                         'by default that of --model, else the largest that lasted in the '
                         'recordings')
     arguments = parser.parse(argv)
+    arguments.unit, arguments.figures = _units(arguments.unit)
     if arguments.history and (arguments.model is None or arguments.each or arguments.urdf):
         raise InputError('--history goes with --model, and with one joint: not with --each or '
                          '--urdf')
@@ -85,6 +87,17 @@ def main(argv: list[str] | None = None) -> int:
     print_summary(result.report)
     print(arguments.output / 'report.html')
     return 0
+
+
+def _units(text: str | None) -> tuple[str | None, str | None]:
+    """Return the units of columns and the unit of the figures, one of which ``--unit`` gives."""
+    if not text or '=' in text:
+        return text, None
+    other = signal_with_unit(text)
+    if other or ':' in text:
+        raise InputError(f'--unit: {text!r} is no unit of effort; that of a column is given as '
+                         f'SIGNAL=UNIT, for instance {other or "position"}={text.split(":")[-1]}')
+    return None, text
 
 
 def _keep_history(arguments: Namespace) -> None:

@@ -34,6 +34,8 @@ def refine_whole_arm(arguments: Namespace) -> int:
     from friction_comp.recordings import read_arm
     from friction_comp.refinement.whole_arm import refine_arm
 
+    if arguments.figures:
+        raise InputError('--unit: with --urdf the figures are in A')
     given = arguments.torque_constant is not None or arguments.gear_ratio is not None
     models = _start_models(arguments)
     names = [str(path) for path in arguments.recordings]
