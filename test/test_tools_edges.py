@@ -145,3 +145,13 @@ def test_without_a_home_the_variable_is_named_that_helps():
     assert line.startswith('exercise: ROS 2 cannot write its log')
     assert 'ROS_LOG_DIR' in line
     assert 'Traceback' not in done.stderr
+
+
+def test_recordings_with_and_without_a_load_are_not_mixed(tmp_path, refuses):
+    time = np.arange(2000) * 0.01
+    samples = Samples(time=time, position=np.sin(time), current=np.sign(np.cos(time)),
+                      joint='elbow')
+    write_samples(tmp_path / 'without', samples)
+    write_samples(tmp_path / 'with', samples.with_(load=np.cos(time)))
+    refuses(f'with: has a load (interaction_wrench), and {tmp_path / "without"} has none',
+            'refine', tmp_path / 'without', tmp_path / 'with')

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import compress
 from pathlib import Path
@@ -122,6 +122,7 @@ def refine_recordings(arguments: Namespace, paths: Sequence[Path], joint: str | 
         for samples, info in usable:
             history.add(samples, info)
         recorded = history.samples()
+        _check_loads((one.name, one.samples) for one in history.recordings)
     # Without its constants, a drive does not tell how much current a recorded load takes.
     known = model or arguments.torque_constant or arguments.gear_ratio or unit == 'N·m'
     with errors_name(f'{paths[0]}: {joint}' if joint else paths[0]):
@@ -145,6 +146,8 @@ def showing_friction(recorded: Mapping[str, list[tuple[Samples, RecordingInfo]]]
     """
     from friction_comp.recordings.joint_samples import without_compensation
 
+    for parts in recorded.values():
+        _check_loads((info.path, samples) for samples, info in parts)
     if all(samples.load is not None for parts in recorded.values() for samples, _ in parts):
         return dict(recorded)
     rest = {joint: [(without_compensation(samples, info), info) for samples, info in parts]
@@ -157,6 +160,17 @@ def showing_friction(recorded: Mapping[str, list[tuple[Samples, RecordingInfo]]]
             'the friction. Record the load (topic interaction_wrench), or move the joint by its '
             'motor without the compensator')
     return {joint: list(compress(parts, kept)) for joint, parts in rest.items()}
+
+
+def _check_loads(recorded: Iterable[tuple[object, Samples]]) -> None:
+    """Raise InputError if the load was measured in some recordings (name, samples) only.
+
+    Fitted together they have no load, and what the person did would count as friction.
+    """
+    names = {samples.load is not None: name for name, samples in recorded}
+    if len(names) > 1:
+        raise InputError(f'{names[True]}: has a load (interaction_wrench), and {names[False]} has '
+                         'none: refine them separately')
 
 
 def folder_name(joint: str) -> str:
