@@ -73,8 +73,24 @@ def test_a_recording_becomes_a_table_and_a_recording_again(tmp_path, capsys):
     assert main(['convert', str(tmp_path / 'log.csv'), '--output', str(tmp_path / 'again')]) == 0
     first, again = read_recording([tmp_path / 'bag', tmp_path / 'again'])
     assert_alike(again, first, SIGNALS)
-    assert main(['convert', str(tmp_path / 'log.csv'), '--output', str(tmp_path / 'again')]) == 2
-    assert 'is there already' in capsys.readouterr().err
+    # A table is no more overwritten than a recording.
+    for source, output in (('log.csv', 'again'), ('again', 'log.csv')):
+        before = (tmp_path / 'log.csv').read_bytes()
+        assert main(['convert', str(tmp_path / source), '--output', str(tmp_path / output)]) == 2
+        assert 'already exists; recordings are not overwritten' in capsys.readouterr().err
+        assert (tmp_path / 'log.csv').read_bytes() == before
+
+
+def test_a_converted_recording_keeps_its_date_and_the_joints_that_are_usable(tmp_path, capsys):
+    joints = [moving(300), moving(300).with_(joint='grip', current=np.full(300, np.nan))]
+    write_samples(tmp_path / 'bag', joints, start_ns=1_700_000_000_000_000_000)
+    assert main(['convert', str(tmp_path / 'bag'), '--output', str(tmp_path / 'again')]) == 0
+    assert 'left out' in capsys.readouterr().out
+    (_, info), = read_recording_with_info(tmp_path / 'again')
+    assert (info.joint, info.start) == ('elbow', 1.7e9)
+    assert main(['convert', str(tmp_path / 'bag'), '--joint', 'grip',
+                 '--output', str(tmp_path / 'no')]) == 2
+    assert 'no finite effort' in capsys.readouterr().err
 
 
 def test_guessed_columns_are_reported(tmp_path):

@@ -14,7 +14,7 @@ import threading
 import numpy as np
 import pytest
 
-from friction_comp.__main__ import main
+from friction_comp.__main__ import main, run
 from friction_comp.errors import InputError
 from friction_comp.files import check_file, check_folder, write_atomically
 from friction_comp.recordings import write_samples
@@ -35,7 +35,7 @@ class Absent(importlib.abc.MetaPathFinder):
             raise ModuleNotFoundError(f'No module named {name!r}', name=name)
 
 sys.meta_path.insert(0, Absent())
-from friction_comp.__main__ import main
+from friction_comp.__main__ import main, run
 sys.exit(main(sys.argv[1:]))
 """
 
@@ -155,3 +155,17 @@ def test_recordings_with_and_without_a_load_are_not_mixed(tmp_path, refuses):
     write_samples(tmp_path / 'with', samples.with_(load=np.cos(time)))
     refuses(f'with: has a load (interaction_wrench), and {tmp_path / "without"} has none',
             'refine', tmp_path / 'without', tmp_path / 'with')
+
+
+@pytest.mark.parametrize(('tool', 'arguments'), [
+    ('convert', ['log.csv', '--output', 'log.csv']),
+    ('predict', ['log.csv', '--model', 'model.yaml', '--output', 'log.csv']),
+    ('predict', ['log.csv', '--model', 'model.yaml', '--output', 'model.yaml']),
+    ('export', ['model.yaml', '--to', 'csv', '--output', './model.yaml'])])
+def test_no_output_is_written_over_an_input(tmp_path, monkeypatch, capsys, tool, arguments):
+    monkeypatch.chdir(tmp_path)
+    for name in ('log.csv', 'model.yaml'):
+        Path(name).write_text(name)
+    assert run(tool, arguments) == 2
+    assert 'is the input itself' in capsys.readouterr().err
+    assert all(path.read_text() == path.name for path in tmp_path.iterdir())

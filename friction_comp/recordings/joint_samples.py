@@ -137,9 +137,9 @@ def to_samples(scan: Scan, joint: str | None,
     return samples, info
 
 
-def usable_joints(scan: Scan, torque_per_current: Callable[[str], float]
-                  ) -> dict[str, tuple[Samples, RecordingInfo]]:
-    """Return every usable joint of a scan; raises InputError if there is none."""
+def usable_joints(scan: Scan, torque_per_current: Callable[[str], float],
+                  notes: list[str] | None = None) -> dict[str, tuple[Samples, RecordingInfo]]:
+    """Return every usable joint of a scan, and note the others; InputError if there is none."""
     read: dict[str, tuple[Samples, RecordingInfo]] = {}
     reason = None
     wanted: list[str | None] = [*scan.joints] or [None]
@@ -149,6 +149,8 @@ def usable_joints(scan: Scan, torque_per_current: Callable[[str], float]
         except InputError as error:
             # An arm is usable even if, for instance, its gripper has no effort.
             reason = error
+            if notes is not None:
+                notes.append(f'left out: {error}')
             continue
         read[entry[1].joint] = entry
     if not read and reason:

@@ -138,8 +138,8 @@ def read_arm(paths: AnyPath | Sequence[AnyPath],
 
 
 def read_joints(path: AnyPath, joint: str | None = None, progress: Progress | None = None,
-                layout: Layout | None = None) -> tuple[list[Samples], list[str]]:
-    """Read one or all joints of one recording on one time base.
+                layout: Layout | None = None) -> tuple[list[Samples], RecordingInfo]:
+    """Read one or all usable joints of one recording on one time base.
 
     `current` is the effort in N·m, as with k_t = n = 1.
 
@@ -147,8 +147,8 @@ def read_joints(path: AnyPath, joint: str | None = None, progress: Progress | No
     -------
     list of Samples
         One per joint, all with the same `time`: the joint states in which all joints are usable.
-    list of str
-        Notes for readers of the results.
+    RecordingInfo
+        That of the first joint, with the notes on all.
 
     Raises
     ------
@@ -156,18 +156,20 @@ def read_joints(path: AnyPath, joint: str | None = None, progress: Progress | No
         If the recording or a joint cannot be used.
     """
     scan, = _scan_all(find_recording(path), progress, None, layout)
-    wanted: list[str | None] = [*scan.joints] if joint is None else [joint]
-    read = [to_samples(scan, name, 1.0) for name in wanted or [None]]
+    notes: list[str] = []
+    read = list(usable_joints(scan, lambda joint: 1.0, notes).values()) if joint is None else [
+        to_samples(scan, joint, 1.0)]
+    first = read[0][1]
     # In µs since the first joint's start: joints of several topics may begin at different times.
-    start = read[0][1].start
-    times = [np.round(1e6 * (samples.time + (info.start - start))) for samples, info in read]
+    times = [np.round(1e6 * (samples.time + (info.start - first.start))) for samples, info in read]
     common = reduce(np.intersect1d, times)
     if not len(common):
         raise InputError(f'{path}: the joints {", ".join(scan.joints)} never have values together')
     joints = [samples.take(np.searchsorted(time, common))
               for (samples, _), time in zip(read, times)]
-    return ([samples.with_(time=joints[0].time) for samples in joints],
-            list(dict.fromkeys(note for _, info in read for note in info.notes)))
+    first.notes = list(dict.fromkeys(
+        [*notes, *(note for _, info in read for note in info.notes)]))
+    return [samples.with_(time=joints[0].time) for samples in joints], first
 
 
 def _scan_all(paths: AnyPath | Sequence[AnyPath], progress: Progress | None, joint: str | None,

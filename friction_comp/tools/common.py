@@ -151,6 +151,12 @@ def _checked(text: str, kind: Callable[[str], T], check: Callable[[object], T]) 
         raise argparse.ArgumentTypeError(str(error).strip()) from None
 
 
+def keep_inputs(output: Path, *inputs: Path) -> None:
+    """Raise InputError if a file to be written is one that is read."""
+    if output.exists() and any(one.exists() and output.samefile(one) for one in inputs):
+        raise InputError(f'{output}: is the input itself')
+
+
 @contextmanager
 def output_folder(path: Path) -> Iterator[Path]:
     """Yield a folder for results, which are moved to `path` when the block succeeds.

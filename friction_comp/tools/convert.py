@@ -11,7 +11,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from friction_comp.errors import InputError
-from friction_comp.tools.common import Arguments, progress
+from friction_comp.tools.common import Arguments, keep_inputs, progress
 from friction_comp.tools.recorded_drive import layout_of
 
 
@@ -27,23 +27,22 @@ def main(argv: list[str] | None = None) -> int:
     from friction_comp.recordings.tables import is_table, write_table
 
     output = arguments.output
-    to_table = is_table(output)
-    if not to_table and output.exists():
-        raise InputError(f'{output}: is there already; a recording is never written over')
-    if output.resolve() == arguments.recording.resolve():
-        raise InputError(f'{output}: is the recording itself')
+    keep_inputs(output, arguments.recording)
+    if output.exists():
+        raise InputError(f'{output}: already exists; recordings are not overwritten')
     with progress('reading') as report:
-        joints, notes = read_joints(
+        joints, info = read_joints(
             arguments.recording, arguments.joint, lambda share: report(0.5 * share),
             layout_of(arguments))
         report(0.5, 'writing')
         output.parent.mkdir(parents=True, exist_ok=True)
-        if to_table:
+        if is_table(output):
             write_table(output, joints)
         else:
-            write_samples(output, joints)
+            # Zero would mean that a message has no stamp.
+            write_samples(output, joints, start_ns=max(round(1e9 * info.start), 1_000_000_000))
     names = ', '.join(samples.joint or 'one joint' for samples in joints)
     print(f'{output}: {len(joints[0])} instants of {names}')
-    for note in notes:
+    for note in info.notes:
         print(f'note: {note}')
     return 0

@@ -14,7 +14,7 @@ from xml.sax.saxutils import quoteattr
 
 from friction_comp import __version__
 from friction_comp.files import write_atomically
-from friction_comp.tools.common import Arguments, positive
+from friction_comp.tools.common import Arguments, keep_inputs, positive
 
 if TYPE_CHECKING:
     from friction_comp.model.simulator_joint import SimulatorJoint
@@ -40,6 +40,7 @@ def main(argv: list[str] | None = None) -> int:
                         help='largest load of the table, if friction depends on it (10)')
     parser.add_output_file('the file to write')
     arguments = parser.parse(argv)
+    keep_inputs(arguments.output, arguments.model)
     import numpy as np
 
     from friction_comp.model.friction_model import FrictionModel

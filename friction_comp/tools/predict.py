@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from friction_comp.errors import errors_name
 from friction_comp.files import write_atomically
-from friction_comp.tools.common import Arguments, progress
+from friction_comp.tools.common import Arguments, keep_inputs, progress
 from friction_comp.tools.recorded_drive import layout_of
 
 if TYPE_CHECKING:
@@ -42,6 +42,7 @@ def main(argv: list[str] | None = None) -> int:
                         help='also apply effects of the time since the start: for the recording '
                              'that was refined, or one that began just as cold')
     arguments = parser.parse(argv)
+    keep_inputs(arguments.output, arguments.recording, arguments.model)
     import numpy as np
 
     from friction_comp.model.friction_model import FrictionModel
