@@ -139,6 +139,27 @@ def test_the_page_seeks_plays_and_changes_the_joint(feed):
     assert not play.active, 'it stops at the end'
 
 
+def test_a_joint_without_a_name_is_shown_too(tmp_path):
+    time = np.arange(0.0, 12.0, 0.005)
+    np.savetxt(tmp_path / 'plain.csv', np.column_stack((time, np.sin(time), np.cos(time))),
+               '%.6f', ',', header='time,position,effort', comments='')
+    document = Document()
+    live_page(watch.recorded_feed(tmp_path / 'plain.csv', [], []))(document)
+    source = next(s for s in document.select({'type': ColumnDataSource}) if 'time' in s.data)
+    assert len(source.data['time']) > 100
+
+
+def test_a_joint_without_effort_is_left_out_unless_it_was_asked_for(tmp_path):
+    time = np.arange(0.0, 12.0, 0.005)
+    elbow = Samples(time=time, position=np.sin(time), current=np.cos(time), joint='elbow')
+    write_samples(tmp_path / 'r', [elbow, elbow.with_(joint='grip', current=np.nan * time)])
+    shown = watch.recorded_feed(tmp_path / 'r', [], [])
+    assert shown.joints == ['elbow']
+    assert any('left out' in text and "'grip'" in text for _, _, text in shown.status())
+    with pytest.raises(InputError, match="no finite effort of joint 'grip'"):
+        watch.recorded_feed(tmp_path / 'r', ['elbow', 'grip'], [])
+
+
 def test_no_line_across_a_gap_and_no_residual_at_rest(feed):
     data = feed.window('elbow', 12.0, 12.0)
     cut = {name: np.delete(values, slice(300, 400)) for name, values in data.items()}
@@ -183,6 +204,9 @@ def test_what_cannot_be_used_is_named(recording, monkeypatch, capsys):
         watch.recorded_feed(recording, [], [MODEL])
     with pytest.raises(InputError, match='nothing'):
         watch.recorded_feed(recording / 'nothing', [], [])
+    with pytest.raises(SystemExit):
+        watch.main([str(recording), '--port', '99999'])
+    assert 'must be a whole number from 0 to 65535' in capsys.readouterr().err
     monkeypatch.setitem(sys.modules, 'bokeh.server.server', None)
     monkeypatch.setitem(sys.modules, 'bokeh', None)
     with pytest.raises(InputError, match=r'pip install'):

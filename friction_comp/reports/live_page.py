@@ -151,8 +151,10 @@ class _Page:
         self._updated = now
         if self._joint.options != self._feed.joints:
             self._joint.options = list(self._feed.joints)
-            self._joint.value = self._joint.value or next(iter(self._feed.joints), '')
-        if self._joint.value:
+            if self._joint.value not in self._feed.joints:
+                self._joint.value = next(iter(self._feed.joints), '')
+        # The only joint of a table may have no name.
+        if self._joint.value in self._feed.joints:
             data = self._feed.window(self._joint.value, self._seek.value, _LENGTH)
             self._source.data = with_gaps(data)
             self._drawing.text = self._draw_joint(self._joint.value, data)

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 import itertools
 import json
+import math
 import os
 from pathlib import Path
 import re
@@ -133,10 +134,11 @@ def positive(text: str) -> float:
     return _checked(text, float, lambda value: check_number(value, '', above=0.0))
 
 
-def whole_number(least: int = 1) -> Callable[[str], int]:
-    """Return a type for an argument that is an integer not below `least`."""
+def whole_number(least: int = 1, most: float = math.inf) -> Callable[[str], int]:
+    """Return a type for an argument that is an integer from `least` to `most`."""
     def read(text: str) -> int:
-        return _checked(text, int, lambda value: check_whole_number(value, '', least=least))
+        return _checked(text, int, lambda value: check_whole_number(
+            value, '', least=least, most=most))
     return read
 
 

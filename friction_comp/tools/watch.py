@@ -44,7 +44,7 @@ def main(argv: list[str] | None = None) -> int:
                         'those that the compensator uses or used')
     parser.add_argument('--joint', metavar='NAME', nargs='+', default=[],
                         help='joints to show; all by default')
-    parser.add_argument('--port', type=whole_number(0), default=5006,
+    parser.add_argument('--port', type=whole_number(0, 65535), default=5006,
                         help='port on localhost; 0 chooses a free one (%(default)s)')
     arguments = parser.parse(given)
     try:
@@ -178,8 +178,15 @@ def recorded_feed(path: Path, joints: list[str], models: Sequence[FrictionModel]
         chosen = dict(zip(wanted, models))
         for index, joint in enumerate(wanted):
             drive = chosen[joint].drive if joint in chosen else Drive(1.0, 1.0)
-            (samples[joint], info), = read_recording_with_info(
-                path, joint, drive.torque_constant, drive.gear_ratio)
+            try:
+                (samples[joint], info), = read_recording_with_info(
+                    path, joint, drive.torque_constant, drive.gear_ratio)
+            except InputError as error:
+                # One without effort, such as a gripper, unless it was asked for.
+                if joints or (not samples and index == len(wanted) - 1):
+                    raise
+                notes.append(f'left out: {error}')
+                continue
             notes += [note for note in info.notes if note not in notes]
             model = None if joint in chosen else recorded_model(info, joint, notes)
             if model is not None:
