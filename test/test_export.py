@@ -101,3 +101,10 @@ def test_mujoco_gives_the_models_current_within_the_error_stated(tmp_path):
 
 def test_bad_input_is_named(refuses):
     refuses('no.yaml', 'export', 'no.yaml', '--to', 'urdf')
+
+
+@pytest.mark.parametrize('form, option, value', [
+    ('csv', '--joint', 'elbow'), ('mujoco', '--load', '5')])
+def test_an_option_that_the_form_does_not_use_is_refused(tmp_path, refuses, form, option, value):
+    MODEL.save(tmp_path / 'model.yaml')
+    refuses(option, 'export', tmp_path / 'model.yaml', '--to', form, option, value)

@@ -13,13 +13,16 @@ from typing import TYPE_CHECKING
 from xml.sax.saxutils import quoteattr
 
 from friction_comp import __version__
-from friction_comp.files import write_atomically
+from friction_comp.errors import InputError
+from friction_comp.files import read_yaml, write_atomically
 from friction_comp.tools.common import Arguments, keep_inputs, positive
 
 if TYPE_CHECKING:
     from friction_comp.model.simulator_joint import SimulatorJoint
 
 _FORMS = ('mujoco', 'urdf', 'sdf', 'csv')
+# Largest load of a table by default, N·m.
+_LOAD = 10.0
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -31,29 +34,34 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument('--to', choices=_FORMS, required=True,
                         help='mujoco, urdf, sdf: attributes of one joint; csv: a table over '
                         'speed, position and load')
-    parser.add_argument('--joint', metavar='NAME', help='name of the joint in the file; by '
-                        'default that of the model, else "joint"')
+    parser.add_argument('--joint', metavar='NAME', help='joint of the model file of an '
+                        'arm, and its name in the file that is written; by default that of the '
+                        'model, else "joint"')
     parser.add_argument('--top-speed', metavar='RAD/S', type=positive,
                         help='speed up to which the form is fitted; by default the largest that '
                         'identification measured, or 1 without one')
-    parser.add_argument('--load', metavar='N·M', type=positive, default=10.0,
+    parser.add_argument('--load', metavar='N·M', type=positive,
                         help='largest load of the table, if friction depends on it (10)')
     parser.add_output_file('the file to write')
     arguments = parser.parse(argv)
     keep_inputs(arguments.output, arguments.model)
     import numpy as np
 
-    from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.model.friction_model import FrictionModel, joints_of
     from friction_comp.model.simulator_joint import friction_table, simulator_joint
 
-    model = FrictionModel.load(arguments.model)
+    model = FrictionModel.load(arguments.model, arguments.joint)
     if arguments.to == 'csv':
-        names, rows = friction_table(model, np.linspace(-arguments.load, arguments.load, 9),
-                                     arguments.top_speed)
+        if arguments.joint and joints_of(read_yaml(arguments.model)) is None:
+            raise InputError('--joint is the name of the joint in the file: a table has none')
+        load = arguments.load or _LOAD
+        names, rows = friction_table(model, np.linspace(-load, load, 9), arguments.top_speed)
         lines = [','.join(names), *(','.join(f'{value:.6g}' for value in row) for row in rows)]
         write_atomically(arguments.output, '\n'.join(lines) + '\n')
         print(f'{arguments.output}: {len(rows)} rows')
         return 0
+    if arguments.load:
+        raise InputError('--load goes with --to csv: the other forms have no effect of the load')
     joint = simulator_joint(model, arguments.top_speed)
     name = arguments.joint or model.joint or 'joint'
     remarks = remarks_on(joint, str(arguments.model))
