@@ -3,6 +3,7 @@
 """Conditions are distinguished and compared within recordings, between them and over weeks."""
 
 import csv
+from dataclasses import replace
 from datetime import date, timedelta
 from functools import partial
 import json
@@ -20,11 +21,9 @@ from friction_comp.evaluation.ensemble import Ensemble
 from friction_comp.evaluation.intervals import mean_interval, share_interval
 from friction_comp.evaluation.movements import spectral_arc_length
 from friction_comp.evaluation.sessions import evaluate_pieces, evaluate_recordings, pieces_of
-from friction_comp.recordings import (
-    read_recording_with_info,
-    RecordingInfo,
-    write_samples,
-)
+from friction_comp.files import write_yaml
+from friction_comp.model.friction_model import arm_document
+from friction_comp.recordings import read_recording_with_info, RecordingInfo, write_samples
 from friction_comp.recordings.activity import Activity
 from friction_comp.recordings.reader import stream_recording_with_info
 from friction_comp.reports.evaluation_words import summary, verdict
@@ -248,6 +247,22 @@ def test_every_joint_is_evaluated(tmp_path):
     report = json.loads((tmp_path / 'out' / 'report.json').read_text())
     assert {one['joint']: round(one['conditions'][0]['peak_torque'], 2)
             for one in report['joints']} == {'elbow': 1.0, 'wrist': 0.5}
+
+
+def test_each_joint_is_compared_with_its_own_model(tmp_path, capsys):
+    joints = [trial([1.0] * 4).with_(joint=joint) for joint in ('elbow', 'wrist', 'grip')]
+    write_samples(tmp_path / 'r', joints)
+    models = {joint: replace(note_model(number), joint=joint).to_dict()
+              for joint, number in (('elbow', 1), ('wrist', 2))}
+    write_yaml(tmp_path / 'arm.yaml', arm_document(models))
+    assert run('evaluate', [str(tmp_path / 'r'), '--model', str(tmp_path / 'arm.yaml'),
+                            '--output', str(tmp_path / 'out')]) == 0
+    assert 'left out: ' in capsys.readouterr().out
+    report = json.loads((tmp_path / 'out' / 'report.json').read_text())
+    assert [one['joint'] for one in report['joints']] == ['elbow', 'wrist']
+    elbow, wrist = (one['conditions'][0]['figures']['residual_current']['mean']
+                    for one in report['joints'])
+    assert elbow != wrist
 
 
 @pytest.mark.slow

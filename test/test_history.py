@@ -96,6 +96,15 @@ def test_what_is_no_history_of_the_drive_is_refused_by_name(tmp_path, content, w
     assert '\n' not in str(error.value)
 
 
+def test_the_history_of_another_joint_is_refused(tmp_path):
+    history = History(10.0)
+    history.add(recording(1.0), info('a', MARCH))
+    history.save(tmp_path / 'model.yaml')
+    with pytest.raises(InputError, match="history.npz: is of joint 'elbow', not 'wrist'"):
+        History.beside(tmp_path / 'model.yaml', MODEL.drive, 'wrist')
+    assert History.beside(tmp_path / 'model.yaml', MODEL.drive, '').recordings
+
+
 @pytest.mark.slow
 def test_months_of_recordings_give_one_model_and_one_page(tmp_path, capsys):
     MODEL.save(tmp_path / 'model.yaml')

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tools with pipes, devices, unusual names, folders, and without ROS 2."""
 
+from dataclasses import replace
 import io
 import json
 import os
@@ -16,7 +17,8 @@ import pytest
 
 from friction_comp.__main__ import main, run
 from friction_comp.errors import InputError
-from friction_comp.files import check_file, check_folder, write_atomically
+from friction_comp.files import check_file, check_folder, write_atomically, write_yaml
+from friction_comp.model.friction_model import arm_document, FrictionModel
 from friction_comp.recordings import write_samples
 from friction_comp.samples import Samples
 from friction_comp.tools import demo, evaluate, predict, refine, reproduce
@@ -169,3 +171,41 @@ def test_no_output_is_written_over_an_input(tmp_path, monkeypatch, capsys, tool,
     assert run(tool, arguments) == 2
     assert 'is the input itself' in capsys.readouterr().err
     assert all(path.read_text() == path.name for path in tmp_path.iterdir())
+
+
+@pytest.fixture
+def swinging(tmp_path):
+    """A recording of an elbow, and a model of a wrist."""
+    time = np.arange(2000) * 0.01
+    write_samples(tmp_path / 'elbow', Samples(
+        time=time, position=np.sin(time), current=np.sign(np.cos(time)), joint='elbow'))
+    replace(FrictionModel.load(MODEL), joint='wrist').save(tmp_path / 'wrist.yaml')
+    return tmp_path
+
+
+@pytest.mark.parametrize('tool', ['evaluate', 'predict', 'refine'])
+def test_the_model_of_another_joint_is_refused(swinging, refuses, tool):
+    refuses("wrist.yaml: is of joint 'wrist', not 'elbow'", tool, swinging / 'elbow', '--model',
+            swinging / 'wrist.yaml')
+
+
+def test_one_constant_of_the_drive_is_not_enough(swinging, refuses):
+    for option in ('--torque-constant', '--gear-ratio'):
+        refuses('belong together: give 1 for', 'refine', swinging / 'elbow', option, 5)
+
+
+@pytest.mark.parametrize('tool, arguments', [
+    ('export', ['--to', 'urdf', '--joint', 'knee']), ('history', ['--joint', 'knee']),
+    ('excite', ['--joint', 'knee', '--position', -1, 1, '--velocity', 1, '--acceleration', 5])])
+def test_of_the_file_of_an_arm_the_joint_is_used_that_was_named(swinging, refuses, tool,
+                                                                arguments):
+    write_yaml(swinging / 'arm.yaml', arm_document(
+        {joint: FrictionModel.load(MODEL).to_dict() for joint in ('elbow', 'wrist')}))
+    path = [swinging / 'arm.yaml'] if tool != 'excite' else ['--model', swinging / 'arm.yaml']
+    refuses("arm.yaml: holds no joint 'knee', but 'elbow', 'wrist'", tool, *path, *arguments)
+
+
+def test_a_recording_of_one_sample_has_no_movement(tmp_path, refuses):
+    for name, rows in (('one', '0,0,1'), ('equal', '0,0,1\n0,1,1')):
+        (tmp_path / f'{name}.csv').write_text(f'time,position,effort\n{rows}\n')
+        refuses('no movement of joint', 'evaluate', tmp_path / f'{name}.csv')

@@ -14,6 +14,7 @@ from friction_comp.compensation.law import CompensationLaw
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.recordings import read_arm, write_samples
 from friction_comp.refinement.whole_arm import refine_arm
 from friction_comp.statistics import rms
@@ -111,6 +112,13 @@ def test_one_joint_of_an_arm_has_the_usual_files(refined, tmp_path):
     report = json.loads((tmp_path / 'out' / 'report.json').read_text(encoding='utf-8'))
     assert report['joint'] == 'bend'
     assert FrictionModel.load(tmp_path / 'out' / 'model.yaml').arm.joints == PLANE
+
+
+def test_models_of_joints_that_are_not_recorded_are_refused(refined, tmp_path, refuses):
+    FrictionModel(drive=Drive(0.1, 100.0), sigmoid=Sigmoid(0.2, -0.2, 400.0), joint='wrist').save(
+        tmp_path / 'wrist.yaml')
+    refuses("wrist.yaml: is of joint 'wrist', but recorded are 'turn', 'lift', 'bend'", 'refine',
+            refined / 'fit', '--urdf', refined / 'arm.urdf', '--model', tmp_path / 'wrist.yaml')
 
 
 @pytest.mark.parametrize('arguments, words', [

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from functools import partial
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from friction_comp.columns import Layout
 from friction_comp.errors import InputError
 from friction_comp.evaluation.conditions import Evaluation, MeasuredJoint, repetitions_of
 from friction_comp.evaluation.ensemble import LEAD
+from friction_comp.model.friction_model import FrictionModel
 from friction_comp.parallel import Failure, run_each, Runner
 from friction_comp.recordings import (
     find_recordings,
@@ -22,9 +22,6 @@ from friction_comp.recordings import (
     stream_recording_with_info,
 )
 from friction_comp.samples import Samples
-
-if TYPE_CHECKING:
-    from friction_comp.model.friction_model import FrictionModel
 
 # Length of the stretches in which recordings are read, s; those shorter than two are read whole.
 _STRETCH = 300.0
@@ -74,7 +71,7 @@ def evaluate_recordings(paths: Sequence[str | Path], joint: str | None = None,
 
 
 def evaluate_pieces(pieces: Sequence[Piece], failures: Sequence[Failure] = (),
-                    friction: FrictionModel | None = None, seconds: float = _STRETCH,
+                    model: str | Path | None = None, seconds: float = _STRETCH,
                     progress: Callable[[float], None] | None = None,
                     run: Runner = run_each) -> list[Evaluation]:
     """Evaluate pieces; the result does not depend on their order.
@@ -84,8 +81,9 @@ def evaluate_pieces(pieces: Sequence[Piece], failures: Sequence[Failure] = (),
     pieces : sequence of Piece
     failures : sequence of Failure
         Recordings that are left out already.
-    friction : FrictionModel, optional
-        As for `conditions.evaluate`.
+    model : path-like, optional
+        Model file of one joint or of an arm, for the missing current: see `conditions.evaluate`.
+        Pieces of joints that it does not hold are left out.
     seconds : float
         Length of the stretches in which recordings are read.
     progress : callable, optional
@@ -105,7 +103,7 @@ def evaluate_pieces(pieces: Sequence[Piece], failures: Sequence[Failure] = (),
     """
     joints: dict[str, MeasuredJoint] = {}
     left_out = list(failures)
-    work = partial(_measure_piece, friction=friction, seconds=seconds)
+    work = partial(_measure_piece, model=model, seconds=seconds)
     for outcome in _in_order(run(work, pieces) if pieces else (), len(pieces), progress):
         if isinstance(outcome, Failure):
             left_out.append(outcome)
@@ -134,9 +132,13 @@ def _in_order(outcomes: Iterable[tuple[int, MeasuredJoint | Failure]], count: in
             following += 1
 
 
-def _measure_piece(piece: Piece, friction: FrictionModel | None, seconds: float) -> MeasuredJoint:
+def _measure_piece(piece: Piece, model: str | Path | None, seconds: float) -> MeasuredJoint:
     """Measure the repetitions of a piece."""
     path = piece.path
+    friction = None
+    if model is not None:
+        friction = FrictionModel.load(model, piece.joint)
+        friction.check_joint(piece.joint, model)
     constants = (1.0, 1.0) if friction is None else (
         friction.drive.torque_constant, friction.drive.gear_ratio)
     measured = MeasuredJoint('')
@@ -151,7 +153,8 @@ def _measure_piece(piece: Piece, friction: FrictionModel | None, seconds: float)
             buffer = part if buffer is None else Samples.concatenate([buffer, part])
             buffer = buffer.with_(recording=0 * buffer.recording)
         at_end = not len(part)
-        if buffer is None or not (at_end or buffer.time[-1] - buffer.time[0] >= 2.0 * seconds):
+        if buffer is None or len(buffer) < 2 or not (
+                at_end or buffer.time[-1] - buffer.time[0] >= 2.0 * seconds):
             continue
         # The last stretch is evaluated again with the next one, since movements are recognised by
         # comparison with their neighbours.

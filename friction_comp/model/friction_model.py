@@ -213,6 +213,14 @@ class FrictionModel:
             except OverflowError:
                 raise InputError('holds a number that is too large') from None
 
+    def check_joint(self, joint: str | None, path: str | Path) -> None:
+        """Raise InputError if the model, of the file `path`, is not that of a joint.
+
+        A model or a joint without a name fits any.
+        """
+        if self.joint and joint and self.joint != joint:
+            raise InputError(f'{path}: is of joint {self.joint!r}, not {joint!r}')
+
     @classmethod
     def from_dict(cls, document: dict[str, Any]) -> FrictionModel:
         """Make a model from the plain values of its file."""

@@ -58,10 +58,11 @@ class History:
         return Path(model).with_suffix('.history.npz')
 
     @classmethod
-    def beside(cls, model: str | Path, drive: Drive) -> History:
+    def beside(cls, model: str | Path, drive: Drive, joint: str = '') -> History:
         """Return a model file's history, an empty one where there is none.
 
-        Raises InputError if it is invalid, or made with another torque constant or gear ratio.
+        Raises InputError if it is invalid, of another joint, or made with another torque constant
+        or gear ratio.
         """
         path, gain = cls.path_of(model), drive.torque_per_current
         if not path.exists():
@@ -71,6 +72,9 @@ class History:
             raise InputError(
                 f'{path}: was made with {history.torque_per_current:g} N·m/A at the joint, the '
                 f'model has {gain:g}; delete it to start over')
+        kept = next((one.samples.joint for one in history.recordings if one.samples.joint), '')
+        if joint and kept and kept != joint:
+            raise InputError(f'{path}: is of joint {kept!r}, not {joint!r}')
         return history
 
     @classmethod

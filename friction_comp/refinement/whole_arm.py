@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -59,8 +59,8 @@ class ArmResult:
 
 def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
                drives: dict[str, Drive] | None = None,
-               models: dict[str, FrictionModel] | None = None, declared: bool = False,
-               only: Sequence[str] | None = None,
+               models: dict[str, FrictionModel] | None = None,
+               declared: Collection[str] = (), only: Sequence[str] | None = None,
                progress: Callable[[float, str], None] | None = None) -> ArmResult:
     """Fit an arm's rigid bodies, then refine each joint.
 
@@ -71,8 +71,8 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
     urdf : path-like
     drives, models : dict of str, optional
         Drives and initial models of joints.
-    declared : bool
-        Whether torque constants and gear ratios of all drives are known, so that masses are
+    declared : collection of str
+        Joints whose torque constant and gear ratio are known. If they are of all joints, masses are
         fitted to torques.
     only : sequence of str, optional
         Joints to refine; all of the arm when omitted.
@@ -95,9 +95,9 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
         if name not in names:
             raise InputError(f'{urdf}: joint {name!r} is not in the URDF')
     scales = None
-    if declared:
+    if set(names) <= set(declared):
         scales = np.array([1.0 / drives[name].torque_per_current for name in names])
-    carried = {name: [_add_person_torque(samples, drives[name]) if declared else samples
+    carried = {name: [_add_person_torque(samples, drives[name]) if name in declared else samples
                       for samples in recorded[name]] for name in names}
     fit = fit_arm(chain, _at_common_times(carried), scales,
                   lambda share: report(_BODIES * share, 'rigid bodies'))
@@ -115,7 +115,7 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
         samples = samples.with_(rigid_body=fit.torque(samples))
         drive = drives.get(name)
         try:
-            result = refine([samples], models.get(name), drive if declared else None,
+            result = refine([samples], models.get(name), drive if name in declared else None,
                             report_joint, 'A' if drive else None)
         except InputError as error:
             notes.append(f'joint {name!r}: {error}')

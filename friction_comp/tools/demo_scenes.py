@@ -105,7 +105,7 @@ def play_arm(system: DemoSystem) -> None:
             {joint: [samples] for joint, samples in alone.items()},
             package_file('config', 'arms', 'guided_arm.urdf'),
             {joint: model.drive for joint, model in drives.items()}, drives,
-            declared=True, progress=show)
+            declared=drives, progress=show)
     path = system.output / 'models' / 'arm.yaml'
     write_yaml(path, arm_document({
         joint: one.model.to_dict() for joint, one in result.results.items()}))

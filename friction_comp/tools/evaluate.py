@@ -30,22 +30,21 @@ def main(argv: list[str] | None = None) -> int:
     ).add_recordings().add_output().add_jobs().add_json()
     parser.add_argument(
         '--model', metavar='FILE', type=Path,
-        help='model file, to show the missing current, also without a torque sensor')
+        help='model file of one joint or of an arm, to show the missing current, also without a '
+        'torque sensor')
     arguments = parser.parse(argv)
     from friction_comp.evaluation.sessions import evaluate_pieces, pieces_of
-    from friction_comp.model.friction_model import FrictionModel
     from friction_comp.recordings.sources import size_of
     from friction_comp.reports.evaluation_report import evaluation_report
     from friction_comp.reports.evaluation_words import condition_line, summary
 
-    friction = FrictionModel.load(arguments.model) if arguments.model else None
     with progress('reading') as report:
         pieces, failures = pieces_of(
             arguments.recordings, arguments.joint, layout_of(arguments))
         shared = sum(size_of(piece.path) for piece in pieces) >= _MIN_SHARED
         jobs = arguments.jobs or (os.cpu_count() or 1 if shared else 1)
         evaluations = evaluate_pieces(
-            pieces, failures, friction, progress=lambda share: report(
+            pieces, failures, arguments.model, progress=lambda share: report(
                 0.95 * share, f'{round(share * len(pieces))} of {len(pieces)}'),
             run=partial(run_each, jobs=jobs))
         report(0.95, 'writing')

@@ -148,10 +148,9 @@ def _model(arguments: Namespace, limits: list[JointLimits]) -> FrictionModel | N
 
     if len(limits) > 1:
         raise InputError('--model is that of one joint: name it with --joint')
-    model = FrictionModel.load(arguments.model)
-    if model.joint and model.joint != limits[0].joint:
-        raise InputError(f'{arguments.model}: is of joint {model.joint!r}, not '
-                         f'{limits[0].joint!r}')
+    joint = limits[0].joint
+    model = FrictionModel.load(arguments.model, joint)
+    model.check_joint(joint, arguments.model)
     return model
 
 

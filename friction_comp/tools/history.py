@@ -22,14 +22,16 @@ def main(argv: list[str] | None = None) -> int:
                         help='model file with a history next to it')
     parser.add_argument('--note', metavar='TEXT',
                         help='remark on maintenance, stored with the date')
+    parser.add_argument('--joint', metavar='NAME', help='joint, if the model file has several')
     arguments = parser.parse(argv)
     from friction_comp.evaluation.drive_history import recorded_friction
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.recordings.history import History
     from friction_comp.reports.history_report import history_report
 
-    model = FrictionModel.load(arguments.model)
-    history = History.beside(arguments.model, model.drive)
+    model = FrictionModel.load(arguments.model, arguments.joint)
+    model.check_joint(arguments.joint, arguments.model)
+    history = History.beside(arguments.model, model.drive, model.joint)
     if not history.recordings:
         raise InputError(f'{History.path_of(arguments.model)}: no recordings are kept beside this '
                          'model; `refine --history` keeps them')

@@ -75,13 +75,16 @@ def main(argv: list[str] | None = None) -> int:
         raise InputError('--model, or --torque-constant and --gear-ratio, must specify the drive')
     from friction_comp.model.friction_model import FrictionModel
 
-    simulated = FrictionModel.load(arguments.simulate) if arguments.simulate else None
+    named = arguments.joint[0] if arguments.joint else None
+    simulated = FrictionModel.load(arguments.simulate, named) if arguments.simulate else None
     if simulated and not arguments.joint:
         arguments.joint = [simulated.joint or arguments.simulate.stem]
     limits, *more = limits_of(arguments)
     if more:
         raise InputError('one joint is improved at a time: name it with --joint')
     model = FrictionModel.load(arguments.model, limits.joint) if arguments.model else None
+    if model:
+        model.check_joint(limits.joint, arguments.model)
     drive = simulated.drive if simulated and not model else drive_of(arguments, model)
     from friction_comp.excitation.improve import improve, Schedule
     from friction_comp.recordings import read_recording_with_info

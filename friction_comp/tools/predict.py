@@ -55,6 +55,7 @@ def main(argv: list[str] | None = None) -> int:
             find_recording(arguments.recording),
             arguments.joint or (model.joint if whole_arm else None), model.drive.torque_constant,
             model.drive.gear_ratio, progress=report, others=whole_arm, layout=layout_of(arguments))
+        model.check_joint(info.joint, arguments.model)
         report(1.0, 'predicting')
         with errors_name(arguments.recording):
             predicted = model.predict(samples, same_recording=arguments.with_time_effects)

@@ -28,12 +28,18 @@ _LASTING = 0.05
 
 
 def drive_of(arguments: Namespace, model: FrictionModel | None) -> Drive:
-    """Return the drive: that of the model, else of the arguments, else of one A per N·m."""
+    """Return the drive: that of the model with the constants given, else that of the constants.
+
+    Without any, current is what the recordings contain as effort.
+    """
     given = {name: value for name, value in (
         ('torque_constant', arguments.torque_constant), ('gear_ratio', arguments.gear_ratio))
         if value is not None}
     if model is not None:
         return replace(model.drive, **given)
+    if len(given) == 1:
+        raise InputError('--torque-constant and --gear-ratio belong together: give 1 for the one '
+                         'that effort already contains')
     return Drive(**{'torque_constant': 1.0, 'gear_ratio': 1.0, **given})
 
 
@@ -110,10 +116,13 @@ def refine_recordings(arguments: Namespace, paths: Sequence[Path], joint: str | 
 
     model = FrictionModel.load(arguments.model, joint) if arguments.model else None
     drive = drive_of(arguments, model)
-    history = History.beside(arguments.model, drive) if arguments.history else None
+    history = (History.beside(arguments.model, drive, model.joint)
+               if model and arguments.history else None)
     recordings = read_condensed(
         paths, joint, drive.torque_constant, drive.gear_ratio,
         progress=lambda share: show(0.2 * share, 'reading'), layout=layout_of(arguments))
+    if model:
+        model.check_joint(recordings[0][1].joint, arguments.model)
     unit = unit_of(arguments, model, [info for _, info in recordings])
     usable, = showing_friction({joint or '': recordings}).values()
     recorded = [samples for samples, _ in usable]

@@ -44,6 +44,10 @@ def refine_whole_arm(arguments: Namespace) -> int:
             arguments.recordings,
             lambda name: drive_of(arguments, models.get(name)).torque_per_current,
             lambda share: report(0.1 * share), layout_of(arguments))
+        unknown = [name for name in models if name not in recordings]
+        if unknown:
+            raise InputError(f'{arguments.model}: is of joint {unknown[0]!r}, but recorded are '
+                             f'{", ".join(map(repr, recordings))}')
         recorded = {name: [samples for samples, _ in parts]
                     for name, parts in showing_friction(recordings).items()}
         drives, limits = {}, {}
@@ -52,7 +56,7 @@ def refine_whole_arm(arguments: Namespace) -> int:
                 arguments, drive_of(arguments, models.get(name)), parts)
         try:
             result = refine_arm(
-                recorded, arguments.urdf, drives, models, given or bool(models),
+                recorded, arguments.urdf, drives, models, recorded if given else models,
                 [arguments.joint] if arguments.joint else None,
                 lambda share, word: report(0.1 + 0.8 * share, word))
         except InputError as error:
@@ -89,12 +93,12 @@ def _start_models(arguments: Namespace) -> dict[str, FrictionModel]:
     joints = joints_of(read_yaml(arguments.model))
     if joints is None:
         model = FrictionModel.load(arguments.model)
+        model.check_joint(arguments.joint, arguments.model)
         joint = arguments.joint or model.joint
         if not joint:
             raise InputError(f'{arguments.model}: names no joint: give it with --joint')
         return {joint: model}
-    return {name: FrictionModel.load(arguments.model, name) for name in joints
-            if arguments.joint in (None, name)}
+    return {name: FrictionModel.load(arguments.model, name) for name in joints}
 
 
 def _write(folder: Path, result: ArmResult, names: list[str], arguments: Namespace) -> None:
