@@ -69,7 +69,7 @@ _VELOCITY_UNITS = {
     math.degrees(1.0): 'velocity is in deg/s, not rad/s',
     30.0 / math.pi: 'velocity is in turns per minute, not rad/s',
     0.5 / math.pi: 'velocity is in turns per second, not rad/s',
-    1000.0: 'velocity is in mrad/s or position in 1000 rad',
+    1000.0: 'velocity is in mrad/s, position in 1000 rad or time in ms',
     math.radians(1.0): 'position is in degrees, not rad',
     2.0 * math.pi: 'position is in turns, not rad',
     0.001: 'position is in mrad, or velocity in 1000 rad/s',

@@ -109,8 +109,9 @@ def test_any_separator_will_do(tmp_path, separator):
     assert_alike(read_recording(path)[0], moving())
 
 
-def test_decimal_commas_compressed(tmp_path):
-    text = write_csv(tmp_path / 'log.csv', moving(), ';').read_text().replace('.', ',')
+@pytest.mark.parametrize('separator', [';', '\t', ' '])
+def test_decimal_commas_compressed(tmp_path, separator):
+    text = write_csv(tmp_path / 'log.csv', moving(), separator).read_text().replace('.', ',')
     with gzip.open(tmp_path / 'log.csv.gz', 'wt') as stream:
         stream.write(text)
     assert_alike(read_recording(tmp_path / 'log.csv.gz')[0], moving())
@@ -227,6 +228,7 @@ def test_rows_that_lack_something_are_left_out(tmp_path):
     ('q,tau\n0,1\n', 'which column is the time'),
     ('t,q,tau,q\n0,1,2,3\n', "two columns called 'q'"),
     ('t,q,tau\n0,1,2\n1,x,2\n', "line 3, column 'q': 'x' is not a number"),
+    ('t,q,tau\n1.7e18,0,1\n1.7e18,1,2\n', "column 't' holds values such as 1.7e+18"),
     ('\0\0,q\n0,1\n', 'not a text file')])
 def test_what_is_wrong_with_a_table_is_said_in_one_line(tmp_path, refuses, text, said):
     (tmp_path / 'log.csv').write_text(text)

@@ -32,6 +32,8 @@ _TOPICS = {'load': 'interaction_wrench', 'temperature': 'motor_temperature',
            'command': 'current_command', 'direction': 'direction'}
 _SIGNALS = ('position', 'velocity', 'effort', 'command', 'direction', 'load', 'temperature',
             'reference_position', 'reference_velocity')
+# Magnitude above which a number is no time, s: 64 bits hold no more in ns.
+_LATEST = 9e9
 Columns = dict[str, np.ndarray]
 
 
@@ -63,6 +65,7 @@ class TableScanner:
                 self.progress = share
                 size = len(columns[wanted[0]])
                 if size:
+                    self._check_time(columns[self._use.time.name])
                     tracks = list(_tracks(columns, self._use, rows, self._joint))
                     rows += size
                     yield Scan(self._path, tracks,
@@ -71,6 +74,16 @@ class TableScanner:
                                effort_is_current=self._use.effort_is_current)
         if not rows:
             raise InputError(f'{self._path}: has no row below its header')
+
+    def _check_time(self, values: np.ndarray) -> None:
+        """Raise InputError if no number in the column can be a time."""
+        time = self._use.time
+        finite = values[np.isfinite(values)]
+        if not finite.size or (np.abs(time.factor * finite) < _LATEST).any():
+            return
+        raise InputError(
+            f'{self._path}: column {time.name!r} holds values such as {finite[0]:.4g}, which are '
+            f'no times in {time.unit}: its unit can be given, for instance --unit time=ns')
 
 
 def _tracks(columns: Columns, use: Assignment, first: int, joint: str | None) -> Iterator[Track]:
@@ -111,7 +124,7 @@ def _stamps(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
     The other rows get the time of the row before, so that time does not jump.
     """
-    valid = np.abs(time) < 9e9
+    valid = np.abs(time) < _LATEST
     stamp = np.zeros(len(time), dtype=np.int64)
     stamp[valid] = np.round(1e9 * time[valid]).astype(np.int64)
     if valid.any():
@@ -175,8 +188,8 @@ class _Csv:
 
     def _parse(self, lines: list[str], indices: list[int], first_line: int) -> np.ndarray:
         """Return the selected cells, shape (rows, columns)."""
-        if self._separator == ';':
-            # A comma between semicolons is a decimal one.
+        if self._separator != ',':
+            # A comma that does not separate is a decimal one.
             lines = [line.replace(',', '.') for line in lines]
         try:
             return np.loadtxt(lines, delimiter=self._separator, usecols=indices, ndmin=2,
