@@ -55,6 +55,10 @@ def test_files_that_are_no_recordings(tmp_path, name, content, words):
 def test_folders_that_are_no_recordings(tmp_path):
     with pytest.raises(InputError, match='no recording in this folder'):
         read_recording(tmp_path)
+    (tmp_path / 'week').mkdir()
+    (tmp_path / 'week' / 'log.csv').write_text('t,q,tau\n')
+    with pytest.raises(InputError, match='no recording in this folder; tables must be named'):
+        read_recording(tmp_path)
     for text in ('', 'rosbag2_bagfile_information: 3', '[', 'rosbag2_bagfile_information: {}'):
         (tmp_path / 'metadata.yaml').write_text(text)
         with pytest.raises(InputError, match='not a readable recording') as error:

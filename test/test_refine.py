@@ -30,7 +30,7 @@ from friction_comp.refinement import refine
 from friction_comp.refinement.judge import Finding, verdict_of
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
-from friction_comp.tools.predict import main as run_predict
+from friction_comp.tools.predict import main as run_predict, moving
 from friction_comp.tools.recorded_drive import showing_friction
 from friction_comp.tools.refine import main as run_refine
 from simulated_recordings.drives import excitation_for, random_drive, record
@@ -152,6 +152,16 @@ def test_the_measured_torque_of_a_person_is_added_to_the_motors(drive, tmp_path,
     assert run_predict([str(tmp_path / 'r'), '--model', str(tmp_path / 'model.yaml'),
                         '--output', str(tmp_path / 'out.csv')]) == 0
     assert 'N·m where the joint moves' in capsys.readouterr().out
+
+
+def test_predict_counts_slow_motion_as_refinement_does():
+    time = np.arange(0.0, 20.0, 0.005)
+    # At full speed, at a thirtieth of it, and at rest.
+    speed = np.select([time < 8.0, time < 16.0], [1.0, 1.0 / 30.0])
+    samples = Samples(time=time, position=np.cumsum(speed) * 0.005, current=speed)
+    moves = moving(samples, note_model())
+    for begin, end, share in ((1.0, 7.0, 1.0), (9.0, 15.0, 1.0), (17.0, 19.0, 0.0)):
+        assert np.mean(moves[(time > begin) & (time < end)]) == share
 
 
 @pytest.mark.slow

@@ -46,7 +46,8 @@ def read_recording(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
     Parameters
     ----------
     paths : path-like or list of path-like
-        Rosbag2 folders, .mcap files, tables (CSV, Parquet, npz), or folders of recordings.
+        Rosbag2 folders, .mcap files, tables (CSV, Parquet, npz), or folders of recordings that are
+        no tables.
     joint : str, optional
         Name of the joint; required if a recording has several.
     torque_constant, gear_ratio : float

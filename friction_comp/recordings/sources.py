@@ -43,9 +43,12 @@ def find_recordings(paths: AnyPath | Sequence[AnyPath]) -> list[Path]:
         except OSError as error:
             raise InputError(f'{path}: cannot be read: {error.strerror or error}') from None
         if not recordings:
-            kind = 'no recording in this folder' if path.is_dir() else (
-                'not a recording (a rosbag2 folder, an .mcap file or a table is needed: '
-                f'{", ".join(TABLES)})')
+            kind = 'not a recording (a rosbag2 folder, an .mcap file or a table is needed: ' \
+                f'{", ".join(TABLES)})'
+            if path.is_dir():
+                tables = any(map(is_table, path.rglob('*')))
+                kind = 'no recording in this folder' + (
+                    '; tables must be named, for instance with *.csv' if tables else '')
             raise InputError(f'{path}: {kind}')
         for recording in recordings:
             unique.setdefault(recording.resolve(), recording)

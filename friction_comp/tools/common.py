@@ -80,7 +80,7 @@ class Arguments(argparse.ArgumentParser):
             'recordings' if several else 'recording', metavar='RECORDING',
             type=Path, nargs='+' if several else None,
             help='rosbag2 folder, .mcap file, table (.csv, .parquet, .npz)' + (
-                ', or folder of recordings' if several else ''))
+                ', or folder of recordings other than tables' if several else ''))
         self.add_argument('--joint', help='name of the joint, if a recording has several')
         self.add_argument(
             '--columns', metavar='SIGNAL=COLUMN,…',

@@ -24,9 +24,6 @@ if TYPE_CHECKING:
     from friction_comp.recordings import RecordingInfo
     from friction_comp.samples import Samples
 
-# Share of the top speed below which a joint is considered at rest.
-_SLOWEST = 0.05
-
 
 def main(argv: list[str] | None = None) -> int:
     """Write a row for each joint state: time (s), measured, predicted current (A); returns 0."""
@@ -82,18 +79,17 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def moving(samples: Samples, model: FrictionModel) -> np.ndarray:
-    """Return where the joint moves by the criterion of refinement, shape (N,) of bool.
+    """Return where the joint moves by the speed that refinement uses, shape (N,) of bool.
 
     At standstill, friction balances any torque up to breakaway: a model's error says little.
     """
     import numpy as np
 
     from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
-    from friction_comp.statistics import top_speed
+    from friction_comp.refinement.recorded_motion import standstill_speed
 
-    speed = np.abs(np.asarray(differentiate(
-        samples, model.differentiation or DEFAULT_SETTINGS).velocity))
-    return speed > _SLOWEST * top_speed(speed)
+    moved = differentiate(samples, model.differentiation or DEFAULT_SETTINGS)
+    return np.abs(np.asarray(moved.velocity)) > standstill_speed(moved)
 
 
 def table(samples: Samples, info: RecordingInfo, measured: np.ndarray,
