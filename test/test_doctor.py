@@ -2,12 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """The doctor names the faults of a system, and reports nothing if there are none."""
 
+from argparse import Namespace
 from dataclasses import replace
 import json
+from pathlib import Path
+import re
 
 import numpy as np
 import pytest
 
+from friction_comp.errors import InputError
 from friction_comp.files import write_yaml
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import arm_document, FrictionModel
@@ -26,6 +30,7 @@ from friction_comp.topics import TOPICS
 
 MODEL = FrictionModel.load(package_file('config', 'armin_configuration_1.yaml'))
 JOINT = 'elbow'
+ROOT = Path(__file__).resolve().parent.parent
 
 
 def states(share=1.0):
@@ -258,6 +263,20 @@ def test_the_machine_alone(capsys, monkeypatch):
     monkeypatch.setattr(doctor, '_PACKAGES', (('no_such_module', 'nothing', '', False),))
     assert doctor.main(['--installed']) == 1
     assert 'pip install nothing' in capsys.readouterr().out
+
+
+def test_everything_that_is_required_is_looked_for():
+    required = re.findall(r'^[\w-]+', (ROOT / 'requirements' / 'run.txt').read_text(
+        encoding='utf-8'), re.MULTILINE)
+    looked_for = {name for _, name, _, optional in doctor._PACKAGES if not optional}
+    assert {name.lower() for name in looked_for} == {name.lower() for name in required}
+
+
+def test_a_model_that_cannot_be_used_is_named_before_the_system_is_observed(monkeypatch):
+    pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
+    monkeypatch.setattr('friction_comp.nodes.system_probe.observe', lambda *_: 1 / 0)
+    with pytest.raises(InputError, match=r'nothere\.yaml'):
+        doctor.check_running_system(Namespace(seconds=1.0, model=['nothere.yaml']), [])
 
 
 def test_a_middleware_that_is_not_installed_is_named_before_it_ends_the_process(

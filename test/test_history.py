@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Averages of a drive's recordings are stored beside its model, and shown over months."""
 
+from dataclasses import replace
 import json
 from pathlib import Path
 
@@ -135,6 +136,21 @@ def test_months_of_recordings_give_one_model_and_one_page(tmp_path, capsys):
     page = (tmp_path / 'page' / 'report.html').read_text(encoding='utf-8')
     assert 'new grease' in page
     assert '<svg' in page
+
+
+def test_errors_have_the_unit_of_the_model(tmp_path, capsys):
+    in_torque = replace(MODEL, notes={'unit': 'N·m'})
+    in_torque.save(tmp_path / 'model.yaml')
+    history = History(10.0)
+    history.add(recording(1.0), info('a', MARCH))
+    history.save(tmp_path / 'model.yaml')
+    assert run('history', [str(tmp_path / 'model.yaml'), '--output', str(tmp_path / 'page')]) == 0
+    page = (tmp_path / 'page' / 'report.html').read_text(encoding='utf-8')
+    for said in (capsys.readouterr().out, page):
+        assert 'N·m' in said
+        assert ' mA' not in said
+        assert '(mA)' not in said
+    assert '"unit": "N·m"' in (tmp_path / 'page' / 'report.json').read_text(encoding='utf-8')
 
 
 def test_without_a_history_it_says_how_to_begin_one(tmp_path, refuses):

@@ -11,7 +11,7 @@ import numpy as np
 
 from friction_comp.evaluation.drive_history import RecordedFriction
 from friction_comp.reports.figures import COLOURS, new_figure, styled
-from friction_comp.reports.html import Report
+from friction_comp.reports.html import quantity, Report
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -21,10 +21,11 @@ _MOST_LABELS = 16
 
 
 def history_report(model: str, recordings: Sequence[RecordedFriction],
-                   notes: Sequence[tuple[str, str]]) -> Report:
+                   notes: Sequence[tuple[str, str]], unit: str = 'A') -> Report:
     """Return the report on a model file's recordings, at least one, in order of date.
 
-    `notes` are pairs of an ISO date and a text, such as maintenance of the drive.
+    `unit` is that of the model's currents. `notes` are pairs of an ISO date and a text, such as
+    maintenance of the drive.
     """
     report = Report('History of a drive', f'{model}, {len(recordings)} recordings from '
                     f'{recordings[0].day} to {recordings[-1].day}')
@@ -32,20 +33,23 @@ def history_report(model: str, recordings: Sequence[RecordedFriction],
     text = f"In the latest recording, friction is **{100 * last.level:.0f} %** of the model's"
     if len(recordings) > 1:
         text += f'; in the first it was {100 * first.level:.0f} %'
-    report.verdict(f"{text}. The model's error in the latest is {1e3 * last.error:.3g} mA RMS.")
+    report.verdict(f"{text}. The model's error in the latest is {quantity(last.error, unit)} RMS.")
     listed = '; '.join(f'{note} ({day})' for day, note in notes)
-    report.figure(_figure(recordings, notes), 'Each dot is a recording; bars are 95 % intervals.'
-                  + (f' Dashed lines: {listed}.' if listed else ''))
-    report.table(['recording', 'date', 'data kept (s)', 'friction (% of the model)', 'error (mA)',
-                  'motor (°C)'],
+    scale, shown = (1e3, 'mA') if unit == 'A' else (1.0, unit)
+    errors = [scale * recording.error for recording in recordings]
+    report.figure(_figure(recordings, notes, errors, shown), 'Each dot is a recording; bars are '
+                  '95 % intervals.' + (f' Dashed lines: {listed}.' if listed else ''))
+    report.table(['recording', 'date', 'data kept (s)', 'friction (% of the model)',
+                  f'error ({shown})', 'motor (°C)'],
                  [[recording.name, recording.day, round(recording.seconds),
-                   round(100.0 * recording.level, 1), 1e3 * recording.error,
-                   recording.temperature] for recording in recordings])
+                   round(100.0 * recording.level, 1), error, recording.temperature]
+                  for recording, error in zip(recordings, errors)])
     return report
 
 
 @styled
-def _figure(recordings: Sequence[RecordedFriction], notes: Sequence[tuple[str, str]]) -> Figure:
+def _figure(recordings: Sequence[RecordedFriction], notes: Sequence[tuple[str, str]],
+            errors: Sequence[float], unit: str) -> Figure:
     warm = [recording.temperature for recording in recordings]
     rows = 2 + any(value is not None for value in warm)
     figure, axes = new_figure(rows, 1, height=2.1, sharex=True)
@@ -55,10 +59,9 @@ def _figure(recordings: Sequence[RecordedFriction], notes: Sequence[tuple[str, s
                      color=COLOURS['blue'], capsize=3)
     axes[0].axhline(100.0, color=COLOURS['grey'], linewidth=0.8)
     axes[0].set_ylabel('friction\n(% of the model)')
-    axes[1].plot(order, [1e3 * recording.error for recording in recordings], 'o',
-                 color=COLOURS['orange'])
-    axes[1].set_ylim(0.0, 1.2e3 * max(recording.error for recording in recordings))
-    axes[1].set_ylabel('error (mA)')
+    axes[1].plot(order, errors, 'o', color=COLOURS['orange'])
+    axes[1].set_ylim(0.0, 1.2 * max(errors))
+    axes[1].set_ylabel(f'error ({unit})')
     if rows == 3:
         axes[2].plot(order, np.array(warm, dtype=float), 'o', color=COLOURS['red'])
         axes[2].set_ylabel('motor (°C)')

@@ -80,9 +80,9 @@ def _identify(system: DemoSystem) -> Path:
     system.start('identification', TRUE_MODEL, output_folder=system.output / 'models')
     system.start_recorder('identification')
     system.wait_for_recorder()
-    with progress('identifies') as show:
+    with progress('identifying') as show:
         result = system.ros.identify(GOAL, lambda feedback: show(
-            feedback.progress, f'identifies: {feedback.phase}, '
+            feedback.progress, f'identifying: {feedback.phase}, '
             f"{feedback.remaining_seconds:.0f} s left of the joint's time"))
     system.nodes.stop('recorder', 'identification')
     system.log(f'identified {JOINT}: breakaway at {1e3 * result.breakaway_positive_mean:.1f} '
@@ -107,7 +107,7 @@ def _record_trial(system: DemoSystem, name: str, title: str, announced: bool,
 
 def _load_refined(system: DemoSystem, refining: Future[RefineResult]) -> RefineResult:
     """Wait for the refined model, and load it into the compensator."""
-    system.wait_while('looks for what the model lacks', lambda: not refining.done(), lambda: 0.5)
+    system.wait_while('looking for what the model lacks', lambda: not refining.done(), lambda: 0.5)
     result = refining.result()
     path = system.output / 'models' / f'{JOINT}_refined.yaml'
     replace(result.model, joint=JOINT).save(path)

@@ -26,6 +26,7 @@ from friction_comp.package_files import add_environment_to_ament_path, middlewar
 from friction_comp.tools.common import Arguments, positive, progress, to_json
 
 if TYPE_CHECKING:
+    from friction_comp.model.friction_model import FrictionModel
     from friction_comp.monitoring.observation import Observation
 
 # Module, distribution on PyPI, purpose, and whether the package works without it.
@@ -34,7 +35,9 @@ _PACKAGES = (
     ('yaml', 'PyYAML', '', False), ('matplotlib', 'matplotlib', '', False),
     ('rich', 'rich', '', False), ('markdown_it', 'markdown-it-py', '', False),
     ('rosbags', 'rosbags', '', False), ('mcap', 'mcap', '', False),
+    ('zstandard', 'zstandard', '', False),
     ('pinocchio', 'pin', 'refine --urdf', True),
+    ('mujoco', 'mujoco', 'plant with engine mujoco, and demo --scene arm', True),
     ('bokeh', 'bokeh', 'watch, and curves to hover and zoom in pages', True),
     ('pyarrow', 'pyarrow', 'Parquet files', True))
 _ROS = ('rclpy', 'sensor_msgs', 'std_msgs', 'geometry_msgs', 'diagnostic_msgs', 'lifecycle_msgs')
@@ -128,32 +131,35 @@ def _middleware() -> Iterator[Finding]:
 
 def check_running_system(arguments: argparse.Namespace, ros: list[str]) -> list[Finding]:
     """Return the findings about the running system."""
+    from friction_comp.model.friction_model import FrictionModel
     from friction_comp.monitoring.checkup import check_system
     from friction_comp.nodes.system_probe import middleware, observe
 
+    # A file that cannot be used is named before anything is observed.
+    models = [FrictionModel.load(path) for path in arguments.model]
     variables = ', '.join(f'{name}={os.environ[name]}' for name in (
         'ROS_DOMAIN_ID', 'ROS_AUTOMATIC_DISCOVERY_RANGE', 'ROS_STATIC_PEERS', 'ROS_LOCALHOST_ONLY')
         if name in os.environ)
     findings = [Finding(
         OK, 'middleware', f'{middleware()}; {variables or "domain 0, all defaults"}')]
-    with progress('looks') as report:
+    with progress('observing') as report:
         seen = observe(arguments.seconds, ros, report)
-    return findings + check_system(seen) + _check_models(seen, arguments.model)
+    return findings + check_system(seen) + _check_models(seen, models)
 
 
-def _check_models(seen: Observation, paths: list[Path]) -> list[Finding]:
-    """Compare models with live data: those of `paths`, or without them the compensator's."""
+def _check_models(seen: Observation, given: list[FrictionModel]) -> list[Finding]:
+    """Compare models with live data: those that are given, or without them the compensator's."""
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.monitoring.checkup import check_joint
 
     joints = seen.states.joints if seen.states else []
     findings: list[Finding] = []
     models = []
-    for index, model in enumerate(map(FrictionModel.load, paths)):
+    for index, model in enumerate(given):
         # The file of a joint of another name belongs to the joint at its place in the list.
         is_named = model.joint in joints or index >= len(joints)
         models.append((model.joint if is_named else joints[index], model))
-    if not paths:
+    if not given:
         for node, values in seen.parameters.items():
             if 'compensator' not in node:
                 continue

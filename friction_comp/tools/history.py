@@ -28,6 +28,7 @@ def main(argv: list[str] | None = None) -> int:
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.recordings.history import History
     from friction_comp.reports.history_report import history_report
+    from friction_comp.reports.html import quantity
 
     model = FrictionModel.load(arguments.model, arguments.joint)
     model.check_joint(arguments.joint, arguments.model)
@@ -41,14 +42,15 @@ def main(argv: list[str] | None = None) -> int:
     recorded = recorded_friction(history, model)
     if not recorded:
         raise InputError(f'{arguments.model}: in none of the recordings kept does the joint slide')
-    content = {'model': str(arguments.model),
+    unit = str(model.notes.get('unit', 'A'))
+    content = {'model': str(arguments.model), 'unit': unit,
                'recordings': [vars(one) for one in recorded],
                'notes': [{'day': day, 'text': text} for day, text in history.notes]}
     with output_folder(arguments.output) as folder:
         write_report(folder, content, history_report(
-            str(arguments.model), recorded, history.notes), arguments.command)
+            str(arguments.model), recorded, history.notes, unit), arguments.command)
     for one in recorded:
         print(f"{one.day}  {100 * one.level:5.1f} % of the model's friction, error "
-              f'{1e3 * one.error:.3g} mA  {one.name}')
+              f'{quantity(one.error, unit)}  {one.name}')
     print(arguments.output / 'report.html')
     return 0

@@ -98,7 +98,7 @@ def main(argv: list[str] | None = None) -> int:
     for note in (note for _, info in recordings for note in info.notes):
         print(f'note: {note}')
     names = [str(path) for path in arguments.recorded]
-    with _system(arguments, limits.joint) as (ros, nodes), progress('improves') as show:
+    with _system(arguments, limits.joint) as (ros, nodes), progress('improving') as show:
         improvement = improve(
             lambda plan: _play(arguments, names, plan, ros, nodes, drive, show), limits, drive,
             model=model, recorded=recorded, schedule=schedule, progress=show,

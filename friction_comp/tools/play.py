@@ -34,10 +34,10 @@ def main(argv: list[str] | None = None) -> int:
         trajectory = trajectory.of(arguments.joint)
     from friction_comp.nodes.tool_client import ToolClient
 
-    with ToolClient(patience=_PATIENCE) as ros, progress('plays') as show:
+    with ToolClient(patience=_PATIENCE) as ros, progress('playing') as show:
         if arguments.controller:
             ros.play_on(arguments.controller, trajectory,
-                        lambda share, phase: show(share, f'plays: {phase}'))
+                        lambda share, phase: show(share, f'playing: {phase}'))
         else:
             for index, joint in enumerate(trajectory.joints):
                 def report(share: float, phase: str, k: int = index, name: str = joint) -> None:
