@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Long recordings are read as averages, in bounded memory."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -109,6 +111,8 @@ def test_turns_are_continued_between_stretches_and_none_are_added(tmp_path, monk
     assert np.allclose(np.concatenate([part.position for part in parts]), whole.position)
     # Half of the pieces are left out: the joint may have turned in between.
     monkeypatch.setattr(condense, '_STRETCH', 7.0)
-    (kept, _), = read_condensed(tmp_path / 'log.csv', limit=3000)
+    (kept, info), = read_condensed(tmp_path / 'log.csv', limit=3000)
+    assert re.fullmatch(r'the recordings are long: [\d.]+ % of their samples were kept',
+                        info.notes[-1])
     assert 1000 < len(kept) < 5000
     assert np.allclose(kept.position, np.interp(kept.time, whole.time, whole.position))

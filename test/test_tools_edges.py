@@ -23,6 +23,7 @@ from friction_comp.recordings import write_samples
 from friction_comp.samples import Samples
 from friction_comp.tools import demo, evaluate, predict, refine, reproduce
 from friction_comp.tools.common import output_folder
+from friction_comp.tools.recorded_drive import folder_names
 
 ROOT = Path(__file__).resolve().parent.parent
 MODEL = ROOT / 'config' / 'armin_configuration_1.yaml'
@@ -209,3 +210,8 @@ def test_a_recording_of_one_sample_has_no_movement(tmp_path, refuses):
     for name, rows in (('one', '0,0,1'), ('equal', '0,0,1\n0,1,1')):
         (tmp_path / f'{name}.csv').write_text(f'time,position,effort\n{rows}\n')
         refuses('no movement of joint', 'evaluate', tmp_path / f'{name}.csv')
+
+
+def test_names_that_differ_only_in_odd_letters_get_folders_of_their_own():
+    assert folder_names(['left/elbow', 'left_elbow', 'left elbow', '..', 'x']) == [
+        'left_elbow', 'left_elbow_', 'left_elbow__', '_', 'x']

@@ -54,7 +54,10 @@ class Averaging:
         return samples.take((piece * _GOLDEN) % 1.0 < self.share)
 
     def __str__(self) -> str:
-        kept = f', and {100 * self.share:.3g} % of them kept' if self.share < 1.0 else ''
+        share = f'{100 * self.share:.3g} %'
+        if self.length == 1:
+            return f'the recordings are long: {share} of their samples were kept'
+        kept = f', and {share} of them kept' if self.share < 1.0 else ''
         return (f'{self.length} samples at a time were averaged{kept}: the recordings are long; '
                 'errors are those of the averages')
 

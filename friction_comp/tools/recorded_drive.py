@@ -182,9 +182,15 @@ def _check_loads(recorded: Iterable[tuple[object, Samples]]) -> None:
                          'none: refine them separately')
 
 
-def folder_name(joint: str) -> str:
-    """Return a joint's name as the name of a folder."""
-    return re.sub(r'[^\w.-]', '_', joint).lstrip('.') or '_'
+def folder_names(names: Iterable[str]) -> list[str]:
+    """Return a different name of a folder for each name of a joint or recording."""
+    folders: list[str] = []
+    for name in names:
+        folder = re.sub(r'[^\w.-]', '_', name).lstrip('.') or '_'
+        while folder in folders:
+            folder += '_'
+        folders.append(folder)
+    return folders
 
 
 def print_summary(report: dict[str, Any]) -> None:

@@ -12,7 +12,7 @@ from friction_comp.errors import InputError
 from friction_comp.tools.common import output_folder, progress, write_report
 from friction_comp.tools.recorded_drive import (
     drive_of,
-    folder_name,
+    folder_names,
     layout_of,
     print_summary,
     showing_friction,
@@ -108,7 +108,8 @@ def _write(folder: Path, result: ArmResult, names: list[str], arguments: Namespa
     from friction_comp.reports.refinement_report import refinement_report
 
     arm, joint, command = result.report(), arguments.joint, arguments.command
-    folders = {name: folder if joint else folder / folder_name(name) for name in result.results}
+    folders = {name: folder if joint else folder / own
+               for name, own in zip(result.results, folder_names(result.results))}
     for name, one in result.results.items():
         folders[name].mkdir(exist_ok=True)
         own = {**one.report, 'arm': arm} if joint else one.report

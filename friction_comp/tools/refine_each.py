@@ -18,7 +18,7 @@ from friction_comp.errors import InputError
 from friction_comp.files import encodable, to_yaml
 from friction_comp.parallel import Failure, interrupts_deferred, run_each
 from friction_comp.tools.common import output_folder, progress, to_json, write_report
-from friction_comp.tools.recorded_drive import folder_name, layout_of, refine_recordings
+from friction_comp.tools.recorded_drive import folder_names, layout_of, refine_recordings
 
 if TYPE_CHECKING:
     from friction_comp.evaluation.sessions import Piece
@@ -84,18 +84,15 @@ def refine_each(arguments: Namespace) -> int:
 
 def _folders(pieces: Sequence[Piece]) -> list[str]:
     """Return a different folder name for each piece."""
-    names: list[str] = []
     if not pieces:
-        return names
+        return []
+    names: list[str] = []
     above = os.path.commonpath([piece.path.absolute().parent for piece in pieces])
     joints = Counter(piece.path for piece in pieces)
     for piece in pieces:
         name = '_'.join(piece.path.absolute().relative_to(above).with_suffix('').parts)
-        name = folder_name(f'{name}_{piece.joint}' if joints[piece.path] > 1 else name)
-        while name in names:
-            name += '_'
-        names.append(name)
-    return names
+        names.append(f'{name}_{piece.joint}' if joints[piece.path] > 1 else name)
+    return folder_names(names)
 
 
 def _refine_one(arguments: Namespace, piece: Piece) -> tuple[dict[str, Any], dict[str, str]]:
