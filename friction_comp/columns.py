@@ -174,14 +174,14 @@ def to_numbers(values: np.ndarray, name: str, where: object) -> np.ndarray:
         raise InputError(f'{where}: column {name!r} does not contain numbers') from None
 
 
-def read_pairs(text: str, what: str) -> dict[str, str]:
-    """Parse ``a=b,c=d`` into a dictionary; raises InputError if the form is invalid."""
+def read_pairs(text: str, what: str, form: str = 'SIGNAL=NAME, for instance time=t,position=q_2'
+               ) -> dict[str, str]:
+    """Parse ``a=b,c=d`` into a dictionary; InputError, which says the form, if it is invalid."""
     pairs: dict[str, str] = {}
     for part in text.split(','):
         name, sign, value = (piece.strip() for piece in part.partition('='))
         if not (name and sign and value):
-            raise InputError(f'{what}: {part.strip()!r} is not of the form SIGNAL=NAME, for '
-                             'instance time=t,position=q_2')
+            raise InputError(f'{what}: {part.strip()!r} is not of the form {form}')
         if name in pairs:
             raise InputError(f'{what}: names {name} twice')
         pairs[name] = value

@@ -240,7 +240,7 @@ def test_what_is_wrong_with_a_table_is_said_in_one_line(tmp_path, refuses, text,
     (['--columns', 'when=t'], "no signal 'when'"),
     (['--columns', 'time=when'], "no column 'when'"),
     (['--unit', 'position=furlong'], 'rad, mrad, deg'),
-    (['--unit', 'deg'], "--unit: 'deg' is not of the form SIGNAL=NAME"),
+    (['--unit', 'deg'], "--unit: 'deg' is not of the form SIGNAL=UNIT"),
     (['--columns', 'effort=tau,current=tau'], 'both effort and current')])
 def test_errors_in_columns_arguments_say_what_is_valid(tmp_path, refuses, arguments, said):
     refuses(said, 'evaluate', write_csv(tmp_path / 'log.csv', moving()), *arguments)

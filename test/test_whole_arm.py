@@ -121,6 +121,22 @@ def test_models_of_joints_that_are_not_recorded_are_refused(refined, tmp_path, r
             refined / 'fit', '--urdf', refined / 'arm.urdf', '--model', tmp_path / 'wrist.yaml')
 
 
+@pytest.mark.parametrize('model, known', [('model.yaml', True), ('lift/model.yaml', False)])
+def test_masses_are_fitted_to_torques_where_all_drives_are_known(refined, tmp_path, monkeypatch,
+                                                                 model, known):
+    seen = []
+
+    def stop(chain, samples, scales, progress):
+        seen.append(scales)
+        raise InputError('enough')
+    monkeypatch.setattr('friction_comp.refinement.whole_arm.fit_arm', stop)
+    with pytest.raises(InputError, match='enough'):
+        refine_tool.main([
+            str(refined / 'fit'), '--urdf', str(refined / 'arm.urdf'), '--model',
+            str(refined / 'out' / model), '--output', str(tmp_path / 'out')])
+    assert (seen[0] is not None) == known
+
+
 @pytest.mark.parametrize('arguments, words', [
     (['nowhere.urdf'], 'nowhere.urdf: cannot be read'),
     (['arm.urdf', '--joint', 'wrist'], "joint 'wrist' is not in the URDF")])

@@ -74,10 +74,11 @@ def _largest_lasting_current(samples: Samples) -> float:
 
 def layout_of(arguments: Namespace) -> Layout:
     """Return the layout of a table according to ``--columns`` and ``--unit``."""
-    given = {option: read_pairs(text, option) if text else {} for option, text in (
-        ('--columns', arguments.columns), ('--unit', arguments.unit))}
+    columns = read_pairs(arguments.columns, '--columns') if arguments.columns else {}
+    units = read_pairs(arguments.unit, '--unit', 'SIGNAL=UNIT, for instance time=ms,position=deg'
+                       ) if arguments.unit else {}
     try:
-        return Layout(given['--columns'], given['--unit'])
+        return Layout(columns, units)
     except InputError as error:
         raise InputError(f'--columns or --unit: {error}') from None
 
