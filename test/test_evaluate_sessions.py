@@ -297,8 +297,9 @@ def test_a_movement_where_two_stretches_meet_is_one(tmp_path):
 
 def test_effort_is_a_current_only_where_the_drive_is_known(tmp_path):
     write_samples(tmp_path / 'one', trial([1.0] * 2))
-    for model, known in ((None, False), (note_model(1), True)):
-        evaluation, = evaluate_pieces(*pieces_of([tmp_path / 'one']), friction=model)
+    note_model(1).save(tmp_path / 'model.yaml')
+    for model, known in ((None, False), (tmp_path / 'model.yaml', True)):
+        evaluation, = evaluate_pieces(*pieces_of([tmp_path / 'one']), model=model)
         assert ('rms_current' in evaluation.conditions[0].figures) is known
 
 
