@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+import math
 from typing import Any
 
 import numpy as np
@@ -54,6 +55,14 @@ def top_speed(speed: np.ndarray, share: float = 0.95) -> float:
         return 0.0
     middle = ordered[np.searchsorted(path, 0.5 * path[-1])]
     return float(max(np.quantile(ordered, share), 0.5 * middle))
+
+
+def evenly_spread(index: Any) -> Any:
+    """Return places in 0..1 that are spread evenly, without a period, however many there are.
+
+    They are the multiples `index` of the golden ratio, modulo 1.
+    """
+    return index * (0.5 * (math.sqrt(5.0) - 1.0)) % 1.0
 
 
 def quantile_edges(values: np.ndarray, count: int, tails: Sequence[float] = ()) -> np.ndarray:

@@ -10,7 +10,7 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
-from friction_comp.statistics import holm, top_speed
+from friction_comp.statistics import evenly_spread, holm, top_speed
 
 # Eq. 11 with the rows of configurations 2 and 3 in the order its own text asks for; test_readme.py
 # says that they are swapped.
@@ -112,6 +112,12 @@ def test_rests_lower_the_top_speed_by_no_more_than_half(rests, seed):
     noise = 1e-6 * random.random(rests)
     assert 0.2 < top_speed(np.concatenate((speed, noise))) <= top_speed(speed) < 0.5
     assert top_speed(np.zeros(rests)) == 0.0
+
+
+@given(count=st.integers(1, 300))
+def test_any_number_of_places_is_spread_evenly(count):
+    places = np.concatenate(([0.0], np.sort(evenly_spread(np.arange(count)))[1:], [1.0]))
+    assert np.diff(places).max() < 2.0 / count
 
 
 def test_holm_adjusts_each_p_value_for_the_tests_that_are_left():

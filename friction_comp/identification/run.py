@@ -44,6 +44,7 @@ from friction_comp.identification.velocity_control import (
     velocity_controller_state,
     velocity_controller_step,
 )
+from friction_comp.statistics import evenly_spread
 
 # The joint slides when its mean speed over this time in s exceeds this speed in rad/s, and it has
 # moved by more than this many encoder counts. A ramp ends when it has slid this far, rad: a rotor
@@ -133,8 +134,7 @@ class IdentificationMotion(Motion):
 
     def _place(self, index: int) -> float:
         """Return the start in rad of the next ramps; any number of them is evenly spread."""
-        golden = 0.5 * (math.sqrt(5.0) - 1.0)
-        share = 2.0 * math.fmod(0.5 + index * golden, 1.0) - 1.0
+        share = 2.0 * ((0.5 + evenly_spread(index)) % 1.0) - 1.0
         return self.start + share * PLACES_SHARE * self.goal.motion_range
 
     def _check_accelerations(self) -> None:

@@ -23,6 +23,7 @@ from friction_comp.recordings.reader import read_recording_with_info, stream_rec
 from friction_comp.recordings.sources import find_recordings, part_of, Progress, size_of
 from friction_comp.recordings.storage import AnyPath
 from friction_comp.samples import Samples
+from friction_comp.statistics import evenly_spread
 
 # Most samples of one fit: about 600 MB of working memory, ten times the size of most recordings.
 LIMIT = 400_000
@@ -32,8 +33,6 @@ _SLOWEST_RATE = 100.0
 _STRETCH, _PIECE = 60.0, 10.0
 # Length that is read to estimate the number of samples, s.
 _PROBE = 600.0
-# Golden ratio: its multiples modulo 1, which are spread evenly, select pieces.
-_GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 # Smallest size of a sample in a file, bytes.
 _LEAST_SAMPLE_SIZE = 10
 
@@ -51,7 +50,7 @@ class Averaging:
         if self.share >= 1.0 or not len(samples):
             return samples
         piece = np.floor(samples.time / _PIECE) + 7919 * samples.recording
-        return samples.take((piece * _GOLDEN) % 1.0 < self.share)
+        return samples.take(evenly_spread(piece) < self.share)
 
     def __str__(self) -> str:
         share = f'{100 * self.share:.3g} %'

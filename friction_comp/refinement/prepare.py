@@ -36,6 +36,7 @@ from friction_comp.refinement.recorded_motion import (
     standstill_speed,
 )
 from friction_comp.samples import Samples
+from friction_comp.statistics import evenly_spread
 
 _SLOWEST_RATE = 100.0
 # A limit occurs more often than this multiple of the value next to it. At its turning points, a
@@ -173,8 +174,7 @@ def thinned(start: np.ndarray) -> np.ndarray:
     share = _MOST * thresholds.ROWS / max(len(start), 1)
     if share >= 1.0:
         return start
-    # Multiples of the golden ratio, modulo 1, are evenly distributed without a period.
-    return start[(np.arange(len(start)) // _PIECE * 0.5 * (math.sqrt(5.0) - 1.0)) % 1.0 < share]
+    return start[evenly_spread(np.arange(len(start)) // _PIECE) < share]
 
 
 def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = None,
