@@ -154,14 +154,18 @@ def test_the_measured_torque_of_a_person_is_added_to_the_motors(drive, tmp_path,
     assert 'N·m where the joint moves' in capsys.readouterr().out
 
 
-def test_predict_counts_slow_motion_as_refinement_does():
+def test_predict_counts_motion_as_refinement_does():
     time = np.arange(0.0, 20.0, 0.005)
     # At full speed, at a thirtieth of it, and at rest.
     speed = np.select([time < 8.0, time < 16.0], [1.0, 1.0 / 30.0])
     samples = Samples(time=time, position=np.cumsum(speed) * 0.005, current=speed)
     moves = moving(samples, note_model())
-    for begin, end, share in ((1.0, 7.0, 1.0), (9.0, 15.0, 1.0), (17.0, 19.0, 0.0)):
+    # Slow motion next to a rest is presliding.
+    for begin, end, share in ((1.0, 7.0, 1.0), (9.0, 15.0, 1.0), (15.93, 15.99, 0.0),
+                              (17.0, 19.0, 0.0)):
         assert np.mean(moves[(time > begin) & (time < end)]) == share
+    short = Samples(time=time[:100], position=samples.position[:100], current=speed[:100])
+    assert not moving(short, note_model()).any()
 
 
 @pytest.mark.slow

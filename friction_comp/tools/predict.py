@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
-from friction_comp.errors import errors_name
+from friction_comp.errors import errors_name, InputError
 from friction_comp.files import write_atomically
 from friction_comp.tools.common import Arguments, keep_inputs, progress
 from friction_comp.tools.recorded_drive import layout_of
@@ -79,17 +79,22 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def moving(samples: Samples, model: FrictionModel) -> np.ndarray:
-    """Return where the joint moves by the speed that refinement uses, shape (N,) of bool.
+    """Return which samples refinement would fit, shape (N,) of bool; none if they are too few.
 
-    At standstill, friction balances any torque up to breakaway: a model's error says little.
+    At standstill and in presliding, friction balances any torque up to breakaway: a model's error
+    says little.
     """
     import numpy as np
 
     from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
-    from friction_comp.refinement.recorded_motion import standstill_speed
+    from friction_comp.refinement.recorded_motion import in_motion, standstill_speed
 
-    moved = differentiate(samples, model.differentiation or DEFAULT_SETTINGS)
-    return np.abs(np.asarray(moved.velocity)) > standstill_speed(moved)
+    settings: dict[str, Any] = dict(model.differentiation or DEFAULT_SETTINGS)
+    moved, none = differentiate(samples, settings), np.zeros(len(samples), dtype=bool)
+    try:
+        return in_motion(moved, none, standstill_speed(moved), settings.get('bandwidth'))
+    except InputError:
+        return none
 
 
 def table(samples: Samples, info: RecordingInfo, measured: np.ndarray,
