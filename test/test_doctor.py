@@ -288,3 +288,13 @@ def test_a_middleware_that_is_not_installed_is_named_before_it_ends_the_process(
                 if one['about'] == 'middleware')
     assert 'rmw_of_another_world_cpp' in finding['what']
     assert 'unset RMW_IMPLEMENTATION' in finding['do']
+
+
+def test_every_action_is_looked_for(monkeypatch):
+    built = Namespace(IdentifyFriction=None, RefineModel=None)
+    monkeypatch.setattr(doctor.importlib, 'import_module', lambda name: built)
+    finding, = doctor._interfaces()
+    assert (finding.level, finding.what) == (PROBLEM, 'no PlayTrajectory')
+    built.PlayTrajectory = None
+    finding, = doctor._interfaces()
+    assert finding.what == 'IdentifyFriction, PlayTrajectory, RefineModel'

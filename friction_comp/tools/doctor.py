@@ -41,6 +41,7 @@ _PACKAGES = (
     ('bokeh', 'bokeh', 'watch, and curves to hover and zoom in pages', True),
     ('pyarrow', 'pyarrow', 'Parquet files', True))
 _ROS = ('rclpy', 'sensor_msgs', 'std_msgs', 'geometry_msgs', 'diagnostic_msgs', 'lifecycle_msgs')
+_ACTIONS = ('IdentifyFriction', 'PlayTrajectory', 'RefineModel')
 _STYLES = {OK: ('green', 'ok'), NOTE: ('cyan', 'note'), WARNING: ('yellow', 'warning'),
            PROBLEM: ('bold red', 'PROBLEM')}
 
@@ -105,15 +106,14 @@ def _interfaces() -> Iterator[Finding]:
     add_environment_to_ament_path()
     try:
         action = importlib.import_module('friction_comp_interfaces.action')
-        wanted = [name for name in ('IdentifyFriction', 'RefineModel')
-                  if not hasattr(action, name)]
+        wanted = [name for name in _ACTIONS if not hasattr(action, name)]
     except ImportError:
         wanted = ['friction_comp_interfaces']
     if wanted:
         yield Finding(PROBLEM, 'actions', f'no {", ".join(wanted)}',
                       'build the package again: make setup, or colcon build')
     else:
-        yield Finding(OK, 'actions', 'IdentifyFriction, RefineModel')
+        yield Finding(OK, 'actions', ', '.join(_ACTIONS))
 
 
 def _middleware() -> Iterator[Finding]:
