@@ -58,8 +58,8 @@ class IdentificationNode(Node):
         super().__init__('identification')
         self._joints = declare_joints(self)
         models = load_models(declare(
-            self, 'model_files', [], "model file of each joint, of which only the section 'drive' "
-            'is used'), self._joints)
+            self, 'model_files', [], "model file of each joint: section 'drive'; 'position_limits' "
+            'are kept, all else is replaced'), self._joints)
         self._drives = [model.drive for model in models]
         self._limits = [model.position_limits for model in models]
         declare(
