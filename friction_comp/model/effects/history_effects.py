@@ -124,8 +124,8 @@ class Hysteresis(Effect):
     @classmethod
     def insufficient_data(cls, coverage: Coverage) -> str:
         if coverage.reversals < 3:
-            return (f'The direction of motion changed {coverage.reversals:.0f} times: effects of '
-                    'reversals cannot be seen.')
+            return ('The joint reversed its motion fewer than three times: effects of reversals '
+                    'cannot be seen.')
         return too_coarse(coverage)
 
     def live(self) -> LiveTerm:
