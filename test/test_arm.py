@@ -91,6 +91,8 @@ def test_a_hanging_rod_weighs_what_a_hanging_rod_weighs():
     (lambda d: d['links'][1].update(parent='nobody'), 'arm: nobody is missing'),
     (lambda d: d['links'][0].update(axis=[0, 0, 2]), 'unit vectors'),
     (lambda d: d['links'][0].update(rotation=[[1, 0, 0], [0, 1, 0], [0, 0, 2]]), 'rotation'),
+    # A reflection is orthonormal, too.
+    (lambda d: d['links'][0].update(rotation=np.diag([1, 1, -1]).tolist()), 'rotation'),
     (lambda d: d['links'][0].update(inertial_parameters=[1.0]), 'arm'),
     (lambda d: d.update(gravity=[0, 0, float('nan')]), 'finite'),
 ])

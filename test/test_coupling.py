@@ -128,7 +128,8 @@ def test_weight_and_inertia_that_cancel_are_found_together():
 
 @pytest.mark.parametrize('change', [
     {'kind': 'guess'}, {'joints': ['two']}, {'coefficients': [1.0]},
-    {'coefficients': [1.0, np.inf]}, {'angles': [['one', 'two', 'three']]}])
+    {'coefficients': [1.0, np.inf]}, {'angles': [['one', 'two', 'three']]},
+    {'angles': [['one', 0.5]]}, {'angles': [['one', np.inf]]}, {'angles': [['one', 1]] * 2}])
 def test_a_broken_coupling_is_refused(change):
     group = {'kind': 'kinetic', 'angles': [['one', 1]], 'joints': ['one', 'two', 'two'],
              'coefficients': [1.0, 2.0]}

@@ -121,9 +121,12 @@ class Coupling:
         groups, coefficients = [], []
         try:
             for entry in document['groups']:
+                angles = tuple((str(name), int(side)) for name, side in entry['angles'])
+                if any(side not in (1, -1) for _, side in entry['angles']) or (
+                        len(dict(angles)) < len(angles)):
+                    raise ValueError('angles must be different joints, each with sign 1 or -1')
                 group = Group(
-                    str(entry['kind']),
-                    tuple((str(name), int(side)) for name, side in entry['angles']),
+                    str(entry['kind']), angles,
                     tuple(str(name) for name in entry['joints']))
                 numbers = tuple(float(value) for value in entry['coefficients'])
                 wanted = 2 if group.angles else 1
@@ -133,6 +136,6 @@ class Coupling:
                     raise ValueError('coefficients must be finite')
                 groups.append(group)
                 coefficients.append(numbers)
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise InputError(f'coupling: {error}') from None
         return cls(tuple(groups), tuple(coefficients))

@@ -57,7 +57,8 @@ class Tree:
         if parents.shape != (size,) or (parents >= np.arange(size)).any() or (parents < -1).any():
             raise InputError('each joint of an arm is carried by an earlier one, or by the base')
         products = self.rotations @ self.rotations.transpose(0, 2, 1)
-        if np.abs(products - np.eye(3)).max() > _ROUNDED:
+        if np.abs(products - np.eye(3)).max() > _ROUNDED or (
+                np.linalg.det(self.rotations) < 0.0).any():
             raise InputError('arm.rotations must be rotation matrices')
         if np.abs(np.linalg.norm(self.axes, axis=1) - 1.0).max() > _ROUNDED:
             raise InputError('arm.axes must be unit vectors')
