@@ -230,6 +230,23 @@ def test_names_that_differ_only_by_convention_are_matched(recorded_name, describ
     assert not unknown
 
 
+def test_a_name_that_only_resembles_a_joint_does_not_take_it():
+    arm = ['joint1', 'joint2']
+    # Names without Latin letters are no exception.
+    for other in ('finger_joint1', 'κλειδί', '~'):
+        for recorded in ([other, *arm], [*arm, other]):
+            pairs, unknown = match_names(recorded, arm, 'arm.urdf')
+            assert list(pairs) == list(pairs.values()) == arm
+            assert unknown == [other]
+    # Of eleven joints the last also ends in 1.
+    many = [f'joint_{number}' for number in range(1, 12)]
+    pairs, _ = match_names([f'arm_{number}' for number in range(1, 12)], many, 'arm.urdf')
+    assert list(pairs.values()) == many
+    for recorded in (['left_joint1', 'right_joint1'], ['Joint1', 'JOINT1']):
+        with pytest.raises(InputError, match='matches several'):
+            match_names(recorded, arm, 'arm.urdf')
+
+
 def test_the_urdf_of_another_robot_is_refused(pinocchio, tmp_path):
     with pytest.raises(InputError, match=r"arm\.urdf: joint 'wrist' .* is not in") as caught:
         chain_of(tmp_path, small_arm(), ('turn', 'wrist'))

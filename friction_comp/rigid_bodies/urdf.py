@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
@@ -164,34 +165,44 @@ def match_names(recorded: Sequence[str], described: Sequence[str],
     """Return each recorded joint's name in a URDF file, and the recorded joints that it lacks.
 
     Names match if they are equal, otherwise if they are equal apart from case, underscores, the
-    words joint and axis, and a prefix. Raises InputError if a joint matches several, or most are
-    not in the file.
+    words joint and axis, and a prefix. Raises InputError if a joint matches several, two match one,
+    or most are not in the file.
     """
     pairs: dict[str, str] = {}
-    unknown: list[str] = []
     listed = ', '.join(map(repr, described))
-    for name in recorded:
-        short = _short_name(name)
-        matches = ([other for other in described if other == name]
-                   or [other for other in described if _short_name(other) == short]
-                   or [other for other in described
-                       if _short_name(other).endswith(short)
-                       or short.endswith(_short_name(other))])
-        if len(matches) > 1 or (matches and matches[0] in pairs.values()):
-            raise InputError(f'{path}: joint {name!r} of the recording matches several of the '
-                             f'URDF, or one that is taken: {listed}')
-        if matches:
-            pairs[name] = matches[0]
-        else:
-            unknown.append(name)
+    # Equal names of all joints come first: a gripper's finger_joint1 must not take joint1.
+    for alike in (str.__eq__, _same_words, _ends_alike):
+        free = [other for other in described if other not in pairs.values()]
+        found = {name: [other for other in free if alike(name, other)]
+                 for name in recorded if name not in pairs}
+        claims = Counter(other for matches in found.values() for other in matches)
+        for name, matches in found.items():
+            if len(matches) > 1 or any(claims[other] > 1 for other in matches):
+                raise InputError(f'{path}: joint {name!r} of the recording matches several of the '
+                                 f'URDF, or one that another matches: {listed}')
+            if matches:
+                pairs[name] = matches[0]
+    unknown = [name for name in recorded if name not in pairs]
     if len(unknown) >= max(1, len(pairs)):
         raise InputError(f'{path}: joint {unknown[0]!r} of the recording is not in the URDF, whose '
                          f'joints are {listed}')
     return pairs, unknown
 
 
-def _short_name(name: str) -> str:
-    """Return a joint's name in lower case, without underscores and the words joint and axis."""
-    words = re.findall(r'[a-z]+|[0-9]+', name.lower())
-    kept = [word for word in words if word not in _GENERIC_WORDS]
-    return ''.join(kept or words)
+def _same_words(one: str, other: str) -> bool:
+    return _words(one) != [] and ''.join(_words(one)) == ''.join(_words(other))
+
+
+def _ends_alike(one: str, other: str) -> bool:
+    """Return whether one of two names is the other after a prefix."""
+    end, whole = sorted((_words(one), _words(other)), key=lambda words: len(''.join(words)))
+    if end and end[0].isdigit():
+        # No number is the end of another: joint 11 is not joint 1.
+        return whole[-len(end):] == end
+    return bool(end) and ''.join(whole).endswith(''.join(end))
+
+
+def _words(name: str) -> list[str]:
+    """Return a joint's words and numbers in lower case, without the words joint and axis."""
+    words = re.findall(r'[^\W\d_]+|\d+', name.lower())
+    return [word for word in words if word not in _GENERIC_WORDS] or words
