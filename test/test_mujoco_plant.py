@@ -35,6 +35,17 @@ def engine():
     pytest.importorskip('mujoco', reason='MuJoCo is not in this environment')
 
 
+def test_time_begins_at_zero():
+    plant = arm()
+    assert plant.state.time == 0.0
+    assert plant.step(np.zeros(3)).time == plant.sample_time
+
+
+def test_a_joint_that_is_named_twice_is_refused():
+    with pytest.raises(InputError, match='turn, turn'):
+        MujocoPlant(ARM, ['turn', 'turn'], [drive(1), drive(2)])
+
+
 @pytest.mark.parametrize('number', [1, 2, 3])
 def test_a_joint_without_a_link_moves_as_with_our_own_engine(number, tmp_path):
     (tmp_path / 'wheel.xml').write_text(WHEEL, encoding='utf-8')

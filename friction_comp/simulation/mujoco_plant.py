@@ -49,6 +49,8 @@ class MujocoPlant(Plant):
         if len(joints) != len(models):
             raise InputError(f'the arm needs one model per joint, not {len(models)} for '
                              f'{len(joints)} joints')
+        if len(set(joints)) < len(joints):
+            raise InputError(f'the joints of the arm must differ, not {", ".join(joints)}')
         self._step_of_engine, self._multiply = mujoco.mj_step, mujoco.mj_mulM
         self.body = _model(mujoco, file)
         self._position, self._velocity = np.array([
@@ -70,8 +72,8 @@ class MujocoPlant(Plant):
         self._update_inertia()
         self._forces(self._zeros, 0, self._zeros, self._zeros, self._nobody)
         self._end_sample()
-        # The encoder has not moved yet.
-        self._out['velocity'] = 0.0
+        # No sample has passed, and the encoder has not moved yet.
+        self._samples[:] = self._out['velocity'] = 0.0
         self.state = self._measured()
 
     def _moving(self) -> tuple[np.ndarray, np.ndarray]:
