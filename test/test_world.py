@@ -223,6 +223,14 @@ def test_the_supply_limits_the_speed():
     assert 0.5 * fastest < state.velocity[0] < fastest
 
 
+def test_a_motor_with_another_torque_constant_has_its_back_emf():
+    model = note_model(1, gear='clamp', supply_voltage=24.0, winding_resistance=2.0)
+    factor = Undeclared.from_effects([{'name': 'torque_constant', 'parameters': {'factor': 0.8}}])
+    record = joint_parameters(model, factor)
+    assert record['back_emf'] == record['torque_per_current']
+    assert record['back_emf'] == pytest.approx(0.8 * model.drive.torque_per_current)
+
+
 def test_undeclared_effects_act_on_every_gear():
     """A constant torque beyond friction sets the joint in motion, the other way for minus."""
     for gear in ({}, {'gear': 'clamp'}, {'gear': 'lugre'}, {'gear': 'maxwell_slip'}):

@@ -203,7 +203,7 @@ def _set_gear(p: np.void, model: FrictionModel, presliding: float) -> None:
         p['voltage'] = _entry(section, 'supply_voltage', 0.0, above=0.0)
         p['resistance'] = _entry(section, 'winding_resistance', 0.0, above=0.0)
         # In SI units the torque constant of a motor equals its back-EMF constant.
-        p['back_emf'] = model.drive.torque_per_current
+        p['back_emf'] = p['torque_per_current']
 
 
 def set_presliding(p: np.void, distance: float, shares: np.ndarray, damping: float) -> None:
