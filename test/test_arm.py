@@ -234,17 +234,17 @@ def test_a_name_that_only_resembles_a_joint_does_not_take_it():
     arm = ['joint1', 'joint2']
     # Names without Latin letters are no exception.
     for other in ('finger_joint1', 'κλειδί', '~'):
-        for recorded in ([other, *arm], [*arm, other]):
-            pairs, unknown = match_names(recorded, arm, 'arm.urdf')
+        for names in ([other, *arm], [*arm, other]):
+            pairs, unknown = match_names(names, arm, 'arm.urdf')
             assert list(pairs) == list(pairs.values()) == arm
             assert unknown == [other]
     # Of eleven joints the last also ends in 1.
     many = [f'joint_{number}' for number in range(1, 12)]
     pairs, _ = match_names([f'arm_{number}' for number in range(1, 12)], many, 'arm.urdf')
     assert list(pairs.values()) == many
-    for recorded in (['left_joint1', 'right_joint1'], ['Joint1', 'JOINT1']):
+    for names in (['left_joint1', 'right_joint1'], ['Joint1', 'JOINT1']):
         with pytest.raises(InputError, match='matches several'):
-            match_names(recorded, arm, 'arm.urdf')
+            match_names(names, arm, 'arm.urdf')
 
 
 def test_the_urdf_of_another_robot_is_refused(pinocchio, tmp_path):

@@ -72,8 +72,9 @@ def from_urdf(path: str | Path, acceleration: float,
               joints: Sequence[str] = ()) -> list[JointLimits]:
     """Return the limits, of all revolute joints by default, that a URDF states in ``<limit>``.
 
-    It does not state the acceleration, rad/s². Raises InputError if the file cannot be used, or a
-    joint has no limits of position.
+    Joints that mimic another are left out: they have no motor of their own. A URDF does not state
+    the acceleration, rad/s². Raises InputError if the file cannot be used, or a joint has no limits
+    of position.
     """
     try:
         root = ElementTree.parse(path).getroot()
@@ -81,13 +82,17 @@ def from_urdf(path: str | Path, acceleration: float,
         raise InputError(f'{path}: cannot be read: {error.strerror}') from None
     except (ElementTree.ParseError, ValueError) as error:
         raise InputError(f'{path}: not a usable URDF file: {error}') from None
-    revolute = {str(one.get('name')): one.find('limit') for one in root.findall('joint')
-                if one.get('type') == 'revolute'}
+    found = {str(one.get('name')): one for one in root.findall('joint')
+             if one.get('type') == 'revolute'}
+    revolute = {name: one.find('limit') for name, one in found.items()
+                if one.find('mimic') is None}
     if not revolute:
         raise InputError(f'{path}: the URDF has no revolute joint')
     limits = []
     for name in joints or revolute:
         limit = revolute.get(name)
+        if name in found and name not in revolute:
+            raise InputError(f'{path}: joint {name!r} mimics another, and cannot be moved itself')
         if limit is None:
             raise InputError(f'{path}: has no revolute joint {name!r} with a <limit>')
         try:
