@@ -163,6 +163,28 @@ def test_limits_come_from_files(tmp_path):
         from_urdf(tmp_path / 'arm.urdf', 3.0, ['b'])
 
 
+def test_a_joint_that_mimics_another_is_not_planned(tmp_path):
+    limit = '<limit lower="-1" upper="1" velocity="2"/>'
+    (tmp_path / 'arm.urdf').write_text(
+        f'<robot name="r"><joint name="a" type="revolute">{limit}</joint>'
+        f'<joint name="b" type="revolute">{limit}<mimic joint="a"/></joint></robot>',
+        encoding='utf-8')
+    assert from_urdf(tmp_path / 'arm.urdf', 3.0) == [JointLimits('a', -1.0, 1.0, 2.0, 3.0)]
+    with pytest.raises(InputError, match="'b' mimics another"):
+        from_urdf(tmp_path / 'arm.urdf', 3.0, ['b'])
+
+
+def test_a_long_plan_of_a_fast_joint_moves_to_its_end():
+    # The search finds the shortest moves and rests.
+    shortest = Namespace(x=[0.5, 4.0, 1.0, 0.05, 0.05])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr('friction_comp.excitation.plan.differential_evolution',
+                      lambda *_, **__: shortest)
+        plan = plan_joint(JointLimits('j', -0.1, 0.1, 2.0, 20.0), [('gravity', 'stribeck')],
+                          1800.0, 0)
+    assert plan.moves[-1].begin + plan.moves[-1].duration > 1790.0
+
+
 LIMITS = ('joint_limits:\n  elbow: {min_position: -1.2, max_position: 1.0, max_velocity: 2.0, '
           'max_acceleration: 3.0}\n')
 URDF = ('<robot name="r"><joint name="elbow" type="revolute"><limit lower="-1.2" upper="1" '

@@ -32,9 +32,10 @@ from friction_comp.trajectory import Trajectory
 SHAPE = ((0.01, 0.5), (0.3, 4.0), (1.0, 15.0), (0.05, 3.0), (0.05, 1.2))
 # Share of the limits that is used: controllers interpolate and overshoot.
 MARGIN = 0.95
-# Shortest plan, s: below, it has too few moves; longest: beyond, it has more than points are drawn.
+# Shortest plan, s: below, it has too few moves; longest: beyond, it may have more moves than points
+# are drawn, since the shortest moves take 0.2 s, and half of the points may be left out.
 _SHORTEST, _LONGEST = 20.0, 1800.0
-_POINTS, _EVALUATED = 2048, 50.0
+_POINTS, _EVALUATED = 32768, 50.0
 _POPULATION, _GENERATIONS = 6, 10
 # Factor by which a plan that needs too much effort is slowed down, and how often.
 _SLOWER, _TRIALS = 0.8, 12
