@@ -11,6 +11,7 @@ from hypothesis import example, given, strategies as st
 import numpy as np
 import pytest
 from report_pages import assert_documented
+from scipy.interpolate import BPoly
 from scipy.stats import qmc
 import yaml
 
@@ -163,6 +164,21 @@ def test_limits_come_from_files(tmp_path):
         from_urdf(tmp_path / 'arm.urdf', 3.0, ['b'])
 
 
+@pytest.mark.parametrize(('rate', 'keeps'), [(20.0, True), (5.0, False)])
+def test_splines_through_the_points_of_the_lowest_rate_keep_the_limits(rate, keeps):
+    limits = JointLimits('j', -0.1, 0.1, 2.0, 20.0)
+    start, moves = moves_of_shape([0.5, 4.0, 1.0, 0.05, 1.2], limits, 20.0,
+                                  qmc.Sobol(3, scramble=True, seed=0).random(512))
+    points = JointPlan(limits, start, tuple(moves), 20.0, {}).samples(rate)
+    # As a robot's trajectory controller moves between points.
+    path = BPoly.from_derivatives(points.time, np.column_stack(
+        (points.position, points.velocity, points.acceleration)))
+    time = np.arange(0.0, 20.0, 1e-3)
+    within = [np.abs(own(time)).max() < limit for own, limit in (
+        (path, 0.1), (path.derivative(), 2.0), (path.derivative(2), 20.0))]
+    assert all(within) == keeps
+
+
 def test_a_joint_that_mimics_another_is_not_planned(tmp_path):
     limit = '<limit lower="-1" upper="1" velocity="2"/>'
     (tmp_path / 'arm.urdf').write_text(
@@ -232,7 +248,8 @@ def test_the_tool_writes_plan_page_and_report(tmp_path, capsys):
     (['--effects', 'stribeck'], 'at least two effects'),
     (['--seconds', '5'], 'too short for a plan'),
     (['--seconds', '1e9'], 'too long for a plan'),
-    (['--rate', '1e9'], '--rate must be at most'),
+    (['--rate', '1e9'], '--rate must be from 20 to 1000 Hz'),
+    (['--rate', '5'], '--rate must be from 20 to 1000 Hz'),
     (['--effort', '5'], '--effort needs --model'),
     (['--ambiguous', 'missing.json'], 'cannot be read'),
     (['--position', '1.0', '-1.0'], 'is not below'),

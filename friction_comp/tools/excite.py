@@ -32,7 +32,8 @@ if TYPE_CHECKING:
     from friction_comp.excitation.separation import Pair
     from friction_comp.model.friction_model import FrictionModel
 
-_HIGHEST_RATE = 1000.0
+# Hz. With fewer points, splines between them overshoot short moves, and leave the limits.
+_LOWEST_RATE, _HIGHEST_RATE = 20.0, 1000.0
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -54,7 +55,7 @@ def main(argv: list[str] | None = None) -> int:
                        help='report.json of refine: distinguish the effects that it could not')
     parser.add_argument('--seconds', metavar='S', type=positive, default=60.0, help='duration (60)')
     parser.add_argument('--rate', metavar='HZ', type=positive, default=50.0,
-                        help='points of the trajectory per second (50)')
+                        help='points of the trajectory per second (50), from 20 to 1000')
     parser.add_argument('--seed', metavar='N', type=whole_number(0), default=0,
                         help='the same seed gives the same plan (0)')
     arguments = parser.parse(argv)
@@ -66,8 +67,8 @@ def main(argv: list[str] | None = None) -> int:
 
     if arguments.effort is not None and arguments.model is None:
         raise InputError('--effort needs --model, which predicts the effort of a motion')
-    if arguments.rate > _HIGHEST_RATE:
-        raise InputError(f'--rate must be at most {_HIGHEST_RATE:g} Hz')
+    if not _LOWEST_RATE <= arguments.rate <= _HIGHEST_RATE:
+        raise InputError(f'--rate must be from {_LOWEST_RATE:g} to {_HIGHEST_RATE:g} Hz')
     pairs, limits = _pairs(arguments), limits_of(arguments)
     model = _model(arguments, limits)
     seconds, rate = arguments.seconds, 50.0
