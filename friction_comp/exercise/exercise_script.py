@@ -28,6 +28,8 @@ _KEYS = {'format', 'version', 'unit', 'joints', 'repetitions', 'announcement', '
 _SAME = 1e-9
 # Number of points at which a movement is sampled to find where it begins to decelerate.
 _GRID = 200
+# All repetitions are computed at the beginning. So many of 10 s last more than a day.
+_MOST_REPETITIONS = 10_000
 
 
 class ExerciseScript:
@@ -110,7 +112,8 @@ def exercise_of(document: Any) -> ExerciseScript:
             or not all(isinstance(name, str) and name for name in joints)):
         raise InputError('joints must be a list of distinct names')
     announcement = check_number(document.get('announcement', 1.0), 'announcement', least=0.0)
-    count = check_whole_number(document.get('repetitions', 1), 'repetitions', least=1)
+    count = check_whole_number(
+        document.get('repetitions', 1), 'repetitions', least=1, most=_MOST_REPETITIONS)
     steps = check_list(document.get('steps'), 'steps')
     if not steps:
         raise InputError('steps must be a list of holds and movements')
