@@ -220,6 +220,15 @@ def test_joints_on_different_time_bases_are_refused(pinocchio, tmp_path):
         fit_arm(chain_of(tmp_path, small_arm(), PLANE), joints)
 
 
+def test_currents_that_are_not_finite_are_refused(pinocchio, tmp_path):
+    joints, _ = simulated(6, 500)
+    current = joints[1].current.copy()
+    current[10] = np.nan
+    joints[1] = joints[1].with_(current=current)
+    with pytest.raises(InputError, match=f"'{joints[1].joint}'.* must be finite"):
+        fit_arm(chain_of(tmp_path, small_arm(), PLANE), joints)
+
+
 @pytest.mark.parametrize('recorded_name, described', [
     ('elbow_joint', 'elbow_joint'), ('elbow', 'ur10e_elbow_joint'), ('left/joint1', 'joint_1'),
     ('J1', 'j1'), ('gen3_joint_1', 'Joint1')])

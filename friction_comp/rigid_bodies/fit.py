@@ -132,7 +132,8 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
     Raises
     ------
     InputError
-        If there is too little motion to fit anything.
+        If there are too few samples, or some are not finite, or the currents cannot be those of
+        the URDF.
     """
     report = progress or (lambda share: None)
     if [one.joint for one in joints] != list(chain.tree.joints) or any(
@@ -141,6 +142,10 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
     if len(joints[0]) < FEWEST:
         raise InputError(f'{len(joints[0])} samples are too few for an arm: at least {FEWEST} '
                          'are needed')
+    for one in joints:
+        if not np.isfinite((one.position, one.current)).all():
+            raise InputError(f'joint {one.joint!r}: positions and currents of an arm must be '
+                             'finite numbers')
     bodies = Bodies(chain.tree.parameters)
     best = _best_settings(chain, joints, bodies, declared, lambda share: report(0.5 * share))
     chain, (_, settings, problem, prior, x) = _with_gravity_direction(

@@ -76,7 +76,7 @@ def sums_of(chain: Chain, joints: list[Samples], settings: dict[str, Any],
     friction = np.stack((np.ones_like(v), np.tanh(v / (_TRANSITION * top)), v, a), axis=2)
     # At rest, stiction can take any value; but a joint that hardly ever moves has no other data.
     moving = np.abs(v) > _STILL * top
-    counts = np.where(moving.mean(axis=0) > 0.2, moving, True) & np.isfinite(current)
+    counts = np.where(moving.mean(axis=0) > 0.2, moving, True)
     # An effort that is constant, such as zeros of a gripper, is not a measurement.
     counts &= np.ptp(current, axis=0) > 0.0
     variance = np.maximum(np.var(current, axis=0), 1e-12)
