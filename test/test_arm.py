@@ -262,6 +262,11 @@ def test_the_urdf_of_another_robot_is_refused(pinocchio, tmp_path):
     assert '\n' not in str(caught.value)
 
 
+def test_a_negative_mass_is_refused(pinocchio, tmp_path):
+    with pytest.raises(InputError, match=r"'bend' .* negative mass"):
+        chain_of(tmp_path, small_arm(masses=(4.0, 3.0, -2.0)), PLANE)
+
+
 def test_a_gripper_that_the_urdf_lacks_is_left_out(pinocchio, tmp_path):
     chain = chain_of(tmp_path, small_arm(), (*PLANE, 'gripper'))
     assert chain.unknown == ['gripper']

@@ -74,6 +74,8 @@ class Chain:
             axes.append(subspace[:3] if prismatic else subspace[3:])
             placements.append(self._model.jointPlacements[index])
             parameters.append(self._model.inertias[index].toDynamicParameters())
+            if parameters[-1][0] < 0.0:
+                raise InputError(f'joint {joints[index - 1]!r} of the URDF carries a negative mass')
             parents.append(self._model.parents[index] - 1)
         return Tree(
             tuple(joints), tuple(kinds), np.array(parents),
