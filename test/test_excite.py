@@ -179,6 +179,15 @@ def test_splines_through_the_points_of_the_lowest_rate_keep_the_limits(rate, kee
     assert all(within) == keeps
 
 
+def test_a_file_may_say_that_effort_is_not_limited_and_name_a_joint_by_a_number(tmp_path):
+    path = tmp_path / 'limits.yaml'
+    path.write_text(
+        'joint_limits:\n  1: {min_position: -1.0, max_position: 1.0, max_velocity: 2.0, '
+        'max_acceleration: 3.0, has_effort_limits: false, max_effort: 0.0}\n', encoding='utf-8')
+    for joints in ((), ('1',)):
+        assert from_yaml(path, joints) == [JointLimits('1', -1.0, 1.0, 2.0, 3.0)]
+
+
 def test_a_joint_that_mimics_another_is_not_planned(tmp_path):
     limit = '<limit lower="-1" upper="1" velocity="2"/>'
     (tmp_path / 'arm.urdf').write_text(

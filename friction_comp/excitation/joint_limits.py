@@ -53,6 +53,8 @@ def from_yaml(path: str | Path, joints: Sequence[str] = ()) -> list[JointLimits]
     entries = document.get('joint_limits') if isinstance(document, dict) else None
     if not isinstance(entries, dict) or not entries:
         raise InputError(f'{path}: has no joint_limits')
+    # YAML reads a joint named 1 as a number.
+    entries = {str(joint): entry for joint, entry in entries.items()}
     limits = []
     names = ('min_position', 'max_position', 'max_velocity', 'max_acceleration')
     for joint in joints or entries:
@@ -63,8 +65,10 @@ def from_yaml(path: str | Path, joints: Sequence[str] = ()) -> list[JointLimits]
             if name not in entry:
                 raise InputError(f'{path}: joint {joint!r} has no {name}')
         low, high, velocity, acceleration = (entry[name] for name in names)
-        limits.append(JointLimits(str(joint), low, high, velocity, acceleration,
-                                  entry.get('max_effort', math.inf)))
+        # Files without a limit of effort often state it as 0.
+        limited = entry.get('has_effort_limits', True)
+        limits.append(JointLimits(joint, low, high, velocity, acceleration,
+                                  entry.get('max_effort', math.inf) if limited else math.inf))
     return limits
 
 
