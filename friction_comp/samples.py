@@ -14,6 +14,7 @@ import numpy as np
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
+from friction_comp.statistics import smallest_step
 
 if TYPE_CHECKING:
     from friction_comp.columns import Layout
@@ -306,10 +307,7 @@ class Samples:
     @cached_property
     def position_step(self) -> float:
         """Smallest change of position in rad, usually one encoder count; 0 without motion."""
-        steps = np.abs(np.diff(self.position))
-        # Smaller ones are rounding errors.
-        steps = steps[steps > 1e-12]
-        return float(np.min(steps)) if steps.size else 0.0
+        return smallest_step(self.position)
 
     @cached_property
     def _segments(self) -> dict[float, list[slice]]:

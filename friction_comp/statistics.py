@@ -42,6 +42,16 @@ def noise_level(values: np.ndarray) -> float:
     return float(np.median(np.abs(np.diff(values)))) / 0.954
 
 
+def smallest_step(values: np.ndarray) -> float:
+    """Return the smallest change between neighbours, beyond rounding errors; 0 without changes.
+
+    Of a position it usually is one encoder count.
+    """
+    steps = np.abs(np.diff(values))
+    steps = steps[steps > 1e-12]
+    return float(np.min(steps)) if steps.size else 0.0
+
+
 def top_speed(speed: np.ndarray, share: float = 0.95) -> float:
     """Return the quantile `share` of the speed, 0 without motion.
 

@@ -205,9 +205,9 @@ def with_effect(name, coefficients, **parameters):
 
 @pytest.mark.parametrize(('model', 'words'), [
     (with_effect('temperature', [0.01, 0.0], reference_temperature=25.0, transition=0.01),
-     "'temperature' of the initial model needs temperature, which"),
+     "'temperature' needs temperature, which"),
     (with_effect('load_friction', [0.02], exponent=1.0, transition=0.01),
-     "'load_friction' of the initial model needs load, which")])
+     "'load_friction' needs load, which")])
 def test_an_initial_effect_whose_signal_is_missing_is_named(model, words):
     with pytest.raises(InputError, match=words):
         refine([swings(1)], model)

@@ -211,12 +211,12 @@ def _torque_figures(samples: Samples, load: np.ndarray, movement: Movement,
     whole = _slice_between(samples, movement.begin - EARLY, movement.rest_end)
     torque = counted_torque(samples.time[whole], load[whole], movement, onset, has_reference)
     peak = int(np.argmax(torque))
-    counts = torque[peak] >= 0.0
     constant = _slice_between(samples, movement.constant_begin, movement.constant_end)
+    peaks = {} if torque[peak] < 0.0 else {
+        'peak_torque': float(torque[peak]),
+        'peak_time': float(samples.time[whole.start + peak] - movement.begin)}
     return {
-        'peak_torque': float(torque[peak]) if counts else math.nan,
-        'peak_time': float(samples.time[whole.start + peak] - movement.begin)
-        if counts else math.nan,
+        **peaks,
         'rms_torque': rms(load[_slice_between(samples, movement.begin, movement.end)]),
         'constant_velocity_torque': float(movement.sign * np.mean(load[constant]))}
 

@@ -101,9 +101,10 @@ class IdentificationGoal(MotionGoal):
         speeds = sorted({round(speed, 9) for speed in speeds})
         if len(speeds) < 2:
             raise InputError('speeds: at least two different magnitudes are needed')
-        for name in ('motion_range', 'ramp_slope', 'ramp_period', 'largest_speed', 'longest_cycle'):
-            if name != 'longest_cycle' or self.longest_cycle != math.inf:
-                check_number(getattr(self, name), name, above=0.0)
+        for name in ('motion_range', 'ramp_slope', 'ramp_period', 'largest_speed'):
+            check_number(getattr(self, name), name, above=0.0)
+        if self.longest_cycle != math.inf:
+            check_number(self.longest_cycle, 'longest_cycle', above=0.0)
         check_whole_number(self.breakaway_cycles, 'breakaway_cycles', least=1, most=100_000)
         if speeds[-1] > 1.01 * self.largest_speed:
             raise InputError(
@@ -111,12 +112,12 @@ class IdentificationGoal(MotionGoal):
         if self.ramp_period < 1.0:
             raise InputError(f'ramp_period must be at least 1 s, not {self.ramp_period:g} s')
         object.__setattr__(self, 'speeds', tuple(speeds))
-        shortest = 0.3 * self.cycle(speeds[-1])[0]
-        if shortest < 0.12:
+        duration, width = self.cycle(speeds[-1])
+        if 0.3 * duration < 0.12:
             cause = (f'motion_range: {self.motion_range:g} rad'
-                     if self.cycle(speeds[-1])[1] == _USED_SHARE * self.motion_range
+                     if width == _USED_SHARE * self.motion_range
                      else f'longest_cycle: {self.longest_cycle:g} s')
-            raise InputError(f'{cause} leaves {shortest:.2g} s of constant velocity at '
+            raise InputError(f'{cause} leaves {0.3 * duration:.2g} s of constant velocity at '
                              f'{speeds[-1]:g} rad/s; 0.12 s are needed')
 
     def cycle(self, speed: float) -> tuple[float, float]:

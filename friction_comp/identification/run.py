@@ -44,7 +44,7 @@ from friction_comp.identification.velocity_control import (
     velocity_controller_state,
     velocity_controller_step,
 )
-from friction_comp.statistics import evenly_spread
+from friction_comp.statistics import evenly_spread, smallest_step
 
 # The joint slides when its mean speed over this time in s exceeds this speed in rad/s, and it has
 # moved by more than this many encoder counts. A ramp ends when it has slid this far, rad: a rotor
@@ -301,10 +301,8 @@ class IdentificationRun(SupervisedRun):
 
     def _resolution(self) -> float:
         """Return the encoder's step in rad: that of the drive, or a coarser one that was seen."""
-        steps = [np.abs(np.diff(ramp.samples[:, 1])) for ramp in self._motion.ramps]
-        seen = min((float(step[step > 1e-12].min()) for step in steps if (step > 1e-12).any()),
-                   default=0.0)
-        return max(self.drive.position_resolution or 1e-6, seen)
+        seen = [smallest_step(ramp.samples[:, 1]) for ramp in self._motion.ramps]
+        return max(self.drive.position_resolution or 1e-6, min(filter(None, seen), default=0.0))
 
     def _acceleration(self) -> float:
         """Return k_t·n/J in rad/s² per A from the cycles of Eq. 3, or else from the push."""

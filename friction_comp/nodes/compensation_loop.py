@@ -66,7 +66,7 @@ class CompensationLoop:
         self.faults.clear()
         self._first = 0
         self._silent_since: float | None = None
-        self._was_driving = False
+        self._computed: Any = ()
         self._alone_since: float | None = None
         self.yields = False
         self._velocities = [VelocityCheck(
@@ -113,8 +113,8 @@ class CompensationLoop:
             self.watchdog.feed()
             currents = self._currents()
             self.port.answer(currents, ticket, states.stamp if self.simulated else 0)
-            # Not what the port holds at the silence: faulty states may come before it.
-            self._was_driving = bool((np.abs(currents) >= NEGLIGIBLE).any())
+            # Not what the port holds at a silence: faulty states may come before it.
+            self._computed = currents
             self._compare_velocities()
         elif verdict == joint_states.AGAIN:
             self.port.repeat(sent)
@@ -252,7 +252,8 @@ class CompensationLoop:
 
     def _end_silence(self, silence: float) -> None:
         self._silent_since = None
-        if self._was_driving and silence > RESTART_SILENCE and not self.simulated:
+        was_driving = (np.abs(self._computed) >= NEGLIGIBLE).any()
+        if was_driving and silence > RESTART_SILENCE and not self.simulated:
             self.faults.latch('driver', f'joint_states were silent for {silence:.3g} s while the '
                               'motor was driven: the driver may have been restarted')
 

@@ -13,7 +13,6 @@ import numpy as np
 from scipy import optimize
 
 from friction_comp.drive import Drive
-from friction_comp.errors import InputError
 from friction_comp.model.differentiation import shifted_in_time
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
@@ -181,10 +180,7 @@ def search_with(problem: Problem, settings: dict[str, Any] | None = None,
     effects = [effect for effect in model.effects if not (
         rows.load_coefficient and effect.known_coefficients(problem.drive))] if model else []
     for effect in effects:
-        for signal in {'load', 'temperature'} & set(effect.needs):
-            if getattr(rows.samples, signal) is None:
-                raise InputError(f"effect '{effect.name}' of the initial model needs {signal}, "
-                                 'which is not recorded')
+        effect.check_signals(rows.samples)
     initial = table.add([Term(type(effect), dict(effect.values)) for effect in effects])
     if not model:
         table.fit_transition([])

@@ -87,7 +87,8 @@ def unit_of(arguments: Namespace, model: FrictionModel | None,
             infos: Sequence[RecordingInfo] = ()) -> str:
     """Return the unit of the fitted signal: A if the drive is known, else that of the effort.
 
-    If effort is a servo's voltage or the force of a linear axis, `figures` must name its unit.
+    If effort is a servo's voltage or the force of a linear axis, ``--unit`` must name its unit,
+    which is then `arguments.figures`.
     """
     if arguments.figures:
         return str(arguments.figures)

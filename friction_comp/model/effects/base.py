@@ -239,11 +239,15 @@ class Effect(ABC):
             result[index] = column
         return result.T
 
-    def current(self, samples: Samples) -> np.ndarray:
-        """Return the effect's current in A, shape (N,)."""
+    def check_signals(self, samples: Samples) -> None:
+        """Raise InputError if the effect needs a signal that the samples lack."""
         for signal in self.needs:
             if getattr(samples, signal) is None:
                 raise InputError(f"effect '{self.name}' needs {signal}, which is not recorded")
+
+    def current(self, samples: Samples) -> np.ndarray:
+        """Return the effect's current in A, shape (N,)."""
+        self.check_signals(samples)
         matrix = self.matrix(_clip_to_ranges(samples, self.valid_range), self.values)
         if matrix.shape[1] != len(self.coefficients):
             raise InputError(f"effect '{self.name}' takes {matrix.shape[1]} coefficients, "
