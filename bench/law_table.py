@@ -2,13 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Judges the compensation law: every floor, on gears of two worlds that share nothing with it.
 
-    python3 bench/law_table.py [--worlds gear mujoco refined] [--models true identified]
+    python3 bench/law_table.py [--worlds gear mujoco refined chain] [--models true identified]
                                [--laws continuous none paper] [--floors release peak ...]
                                [--set SHARE=0.95 ...] [--without backlash ...]
                                [--kinds NAME ...] [--draws N] [--seed S] [--workers N] [--detail]
 
 `gear` are gears of five friction models and the note's drives, `refined` those with one more
-effect, in their models too; `mujoco` are gears in an engine that is not ours (PyPI `mujoco`). Even
+effect, in their models too; `mujoco` are gears in an engine that is not ours (PyPI `mujoco`);
+`chain` are the note's drives behind chains of Maxwell elements, for identification only. Even
 seeds are for tuning on, odd seeds are kept for judging: report both, tune on one. The law is given
 the plant's own true model, times the factor that a floor names, or the one that identification
 finds. --set shows what becomes of it with other constants, by their names in law_parameters;
@@ -40,7 +41,7 @@ FLOORS = {f.__name__: f for f in (
     identification)}
 # Folder, kinds, and gears of each.
 WORLDS = {'gear': ('independent_gear', 'KINDS', 2), 'mujoco': ('mujoco_gear', 'KINDS', 4),
-          'refined': ('independent_gear', 'REFINED', 1)}
+          'refined': ('independent_gear', 'REFINED', 1), 'chain': ('maxwell_chain', 'KINDS', 4)}
 
 
 def main():
@@ -97,7 +98,8 @@ def make_jobs(options):
                 if floor == 'identification':
                     # It has no law, and its effects are computed joint by joint.
                     laws = laws[:1] if world != 'refined' and models == 'true' else []
-                elif floor == 'bad_samples' and (world != 'gear' or models != 'true'):
+                elif world == 'chain' or (
+                        floor == 'bad_samples' and (world != 'gear' or models != 'true')):
                     continue
                 for law in laws:
                     yield world, models, floor, law

@@ -46,6 +46,12 @@ class Drive:
         """Joint torque per motor current, k_t · n, in N·m/A."""
         return self.torque_constant * self.gear_ratio
 
+    def in_words(self, current: float, torque: bool = False) -> str:
+        """Return a motor current in A as text with its unit, or the torque that it gives."""
+        if torque:
+            return f'{current * self.torque_per_current:.3g} N·m at the joint'
+        return f'{current:.3g} A'
+
     @property
     def position_resolution(self) -> float | None:
         """Joint angle of one encoder count in rad; None if the encoder is unknown."""

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What current ramps show: breakaway, presliding, stiffness, and whether a joint keeps moving."""
+"""What current ramps show: breakaway, presliding, stiffness, and whether a joint rests."""
 
 import math
 
@@ -8,8 +8,9 @@ from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 
+from friction_comp.drive import Drive
 from friction_comp.identification.excitation import cycle_position
-from friction_comp.identification.goal import IdentificationError
+from friction_comp.identification.goal import IdentificationError, IdentificationGoal
 from friction_comp.identification.kinetic import acceleration_of_cycle, local_parabolas
 from friction_comp.identification.presliding import (
     combined_presliding,
@@ -18,36 +19,39 @@ from friction_comp.identification.presliding import (
     presliding_std,
     ramp_friction,
 )
-from friction_comp.identification.ramp_evaluation import (
-    evaluate_ramps,
-    moving_level,
-    Ramp,
-    STOP_TIME,
-    time_of_ramp,
-)
+from friction_comp.identification.ramp_evaluation import evaluate_ramps
+from friction_comp.identification.run import IdentificationMotion
+from friction_comp.identification.staircase import rests
+from friction_comp.identification.supervision import Sample
 
 LEVEL, RATE, COUNT = 0.3, 60.0, 1.5e-5  # A, rad/s² per A, rad
 
 
-def ramp(contact, slope=0.2, stops=(), sign=1, before=-1, level=LEVEL, strengthening=0.0):
-    """Record a ramp on a joint whose friction is `level` times contact(way), until 0.05 rad/s.
+def ramp(contact, slope=0.2, sign=1, before=-1, level=LEVEL, strengthening=0.0, first=0.85):
+    """Drive a ramp on a joint whose friction is `level` times contact(way).
 
     What a slide takes more at speed is `strengthening`, A, reached within 0.02 rad/s.
     """
-    samples, x, v, t = [], 0.0, 0.0, 0.0
-    while v < 0.05 and t < 20.0:
-        current = slope * time_of_ramp(t, slope, stops)
-        samples.append((t, sign * math.floor(x / COUNT) * COUNT, sign * current))
-        for _ in range(10):
-            friction = level * contact(x) + strengthening * (1.0 - math.exp(-max(v, 0.0) / 0.005))
-            # With enough damping, the rotor does not oscillate on its contact.
-            friction += 3.0 * math.sqrt(level / 3e-4 / RATE) * v * (1.0 - contact(x))
-            v += 1e-4 * RATE * (current - friction)
-            if v < 0.0:
-                v = 0.0
-            x += 1e-4 * v
-        t += 1e-3
-    return Ramp(sign, before, np.array(samples), tuple(stops))
+    drive = Drive(0.1, 100.0, round(2.0 * math.pi / COUNT / 100.0), 3.0)
+    motion = IdentificationMotion(IdentificationGoal(
+        (0.1, 0.2), ramp_slope=slope, ramp_period=5.0 * LEVEL / slope), drive)
+    x, v, t = 0.0, 0.0, 0.0
+    motion.sample, motion._slid = Sample(0.0, 0.0, 0.0), before
+    steps = motion._ramp(sign, first * level)
+    command = next(steps)
+    try:
+        while True:
+            for _ in range(10):
+                friction = level * contact(x) + strengthening * (
+                    1.0 - math.exp(-max(v, 0.0) / 0.005))
+                # With enough damping, the rotor does not oscillate on its contact.
+                friction += 3.0 * math.sqrt(level / 3e-4 / RATE) * v * (1.0 - contact(x))
+                v = max(0.0, v + 1e-4 * RATE * (sign * command - friction))
+                x += 1e-4 * v
+            t += 1e-3
+            command = steps.send(Sample(t, sign * math.floor(x / COUNT) * COUNT, command))
+    except StopIteration as end:
+        return end.value[0]
 
 
 def dahl(distance):
@@ -55,30 +59,48 @@ def dahl(distance):
     return lambda x: -math.expm1(-3.0 * x / distance)
 
 
+def evaluated(recorded):
+    return evaluate_ramps(recorded, COUNT, RATE, 0.0)
+
+
 def friction_of(recorded):
-    time, position, current = recorded.samples.T
-    return ramp_friction(time, position, current, recorded.direction, COUNT, RATE)
+    rows = recorded.samples[recorded.samples[:, 0] <= recorded.held.end]
+    return ramp_friction(*rows.T, recorded.direction, COUNT, RATE)
 
 
 @pytest.mark.parametrize('distance', [2e-4, 1e-3, 2e-3])
 @pytest.mark.parametrize('slope', [0.1, 0.3])
 def test_breakaway_does_not_depend_on_the_presliding_distance(distance, slope):
-    found = friction_of(ramp(dahl(distance), slope))
-    assert found.breakaway == pytest.approx(LEVEL, rel=0.02)
-    assert found.presliding(LEVEL) == pytest.approx(distance, rel=0.2)
+    recorded = ramp(dahl(distance), slope)
+    assert evaluated([recorded]).records.current == pytest.approx([LEVEL], rel=0.02)
+    assert friction_of(recorded).presliding(LEVEL) == pytest.approx(distance, rel=0.2)
 
 
-def test_a_ramp_on_which_the_joint_only_creeps_has_no_breakaway():
-    recorded = ramp(dahl(1e-3))
-    samples = recorded.samples[recorded.samples[:, 2] < 0.8 * LEVEL]
-    assert friction_of(recorded._replace(samples=samples)) is None
+@pytest.mark.parametrize('strengthening', [-0.05, 0.05, 0.15, 0.5])
+def test_breakaway_is_the_largest_current_that_holds_however_friction_goes_on(strengthening):
+    """Whether friction rises from standstill, as in configuration 2 of the note, or falls."""
+    recorded = [ramp(dahl(distance), sign=sign, strengthening=strengthening * LEVEL)
+                for distance in (1e-4, 1e-3) for sign in (1, -1)]
+    np.testing.assert_allclose(
+        evaluated(recorded).records.current, LEVEL * np.array([1, -1, 1, -1]), rtol=0.03)
 
 
-def test_an_error_of_the_inertia_hardly_shows():
-    time, position, current = ramp(dahl(5e-4)).samples.T
-    for factor in (0.8, 1.25):
-        found = ramp_friction(time, position, current, 1, COUNT, factor * RATE)
-        assert found.breakaway == pytest.approx(LEVEL, rel=0.03)
+def test_a_ramp_whose_first_stair_does_not_hold_is_no_ramp():
+    assert ramp(dahl(3e-4), first=1.05) is None
+
+
+def test_a_joint_rests_if_it_slows_down_and_slides_if_it_does_not():
+    time = np.arange(0.0, 0.4, 1e-3)
+
+    def moved(way):
+        return rests(time, np.floor(way / COUNT) * COUNT, 1, COUNT)
+    assert moved(3e-4 * -np.expm1(-time / 0.1))
+    assert not moved(3e-4 * -np.expm1(-time / 0.5)), 'a longer pause will tell'
+    assert not moved(1e-3 * time)
+    assert not moved(0.1 * time ** 2)
+    trembling = 5.0 * COUNT * np.random.default_rng(1).normal(size=time.size)
+    assert moved(3e-4 + trembling)
+    assert not moved(5e-3 * time + trembling)
 
 
 def test_stiffness_is_the_slope_of_the_first_third():
@@ -135,7 +157,7 @@ def test_backlash_is_reported_with_its_size_and_excluded_from_breakaway(backlash
     ramps = [ramp(turned if sign != before else onward, slope=slope, sign=sign, before=before)
              for slope in (0.19, 0.2, 0.21)
              for sign, before in [(1, -1), (1, 1), (-1, 1), (-1, -1)]]
-    found = evaluate_ramps(ramps, [], 0.2, COUNT, RATE, 0.0)
+    found = evaluated(ramps)
     assert found.backlash == pytest.approx(backlash, rel=0.2)
     assert found.presliding.backlash == found.backlash
     assert any('backlash of' in warning for warning in found.warnings)
@@ -164,7 +186,7 @@ def test_breakaway_that_backlash_makes_unsure_is_refused_with_that_word():
     ramps = [ramp(loose(1e-3), sign=sign, before=-sign, level=level * LEVEL)
              for level in (0.8, 0.9, 1.0, 1.1) for sign in (1, -1)]
     with pytest.raises(IdentificationError, match=r'backlash of .* rad: breakaway .* scatters'):
-        evaluate_ramps(ramps, [], 0.2, COUNT, RATE, 0.0)
+        evaluated(ramps)
 
 
 def test_presliding_is_the_less_sure_the_more_ramps_differ_and_the_coarser_the_encoder():
@@ -175,56 +197,6 @@ def test_presliding_is_the_less_sure_the_more_ramps_differ_and_the_coarser_the_e
     assert presliding_std(same, 3e-4, 1e-4) > few[0]
     # One ramp a side tells little.
     assert presliding_std(same[:2], 3e-4, COUNT) > few[1]
-
-
-STOPS = tuple(LEVEL * share for share in np.arange(0.8, 1.3, 0.025))
-
-
-def test_presliding_comes_to_rest_at_a_stop_and_a_slide_does_not():
-    for distance in (2e-4, 1e-3, 2e-3):
-        assert moving_level(ramp(dahl(distance), stops=STOPS), 0.2, COUNT) == pytest.approx(
-            LEVEL, rel=0.04)
-    sliding = ramp(dahl(2e-4), stops=STOPS, strengthening=0.15 * LEVEL)
-    assert moving_level(sliding, 0.2, COUNT) == pytest.approx(LEVEL, rel=0.05)
-    assert friction_of(sliding).breakaway > 1.1 * LEVEL
-
-
-def test_a_ramp_waits_at_its_stops():
-    times = [time_of_ramp(t, 0.1, [0.1, 0.2]) for t in (
-        0.5, 1.0, 1.0 + STOP_TIME, 1.5 + STOP_TIME, 2.0 + 1.5 * STOP_TIME, 3.0 + 2 * STOP_TIME)]
-    assert times == pytest.approx([0.5, 1.0, 1.0, 1.5, 2.0, 3.0])
-
-
-@pytest.mark.parametrize(('distance', 'strengthening'), [(2e-4, 0.15), (1.5e-3, 0.0)])
-def test_friction_that_grows_with_speed_is_told_from_presliding(distance, strengthening):
-    """Both look alike on a plain ramp; the ramps with stops decide."""
-    random = np.random.default_rng(1)
-    levels = LEVEL * (1.0 + 0.02 * random.normal(size=8))
-    ramps = [ramp(dahl(distance), sign=sign, before=before, level=level,
-                  strengthening=strengthening * LEVEL)
-             for level, (sign, before) in zip(levels, [(1, -1), (1, 1), (-1, 1), (-1, -1)] * 2)]
-    stopping = [ramp(dahl(distance), stops=STOPS, strengthening=strengthening * LEVEL)]
-    found = evaluate_ramps(ramps, stopping, 0.2, COUNT, RATE, 0.0)
-    for sign in (1, -1):
-        assert abs(np.mean(found.records.currents(sign))) == pytest.approx(LEVEL, rel=0.04)
-    assert found.presliding.distance == pytest.approx(distance, rel=0.25)
-    assert len(found.records) == 8
-    assert found.warnings == []
-
-
-@pytest.mark.parametrize('count', [1, 5])
-def test_ramps_with_stops_that_contradict_each_other_leave_the_lower_breakaway(count):
-    """Two that scatter prove nothing, ten do."""
-    ramps = [ramp(dahl(2e-4), sign=sign, before=before, strengthening=0.15 * LEVEL)
-             for sign, before in [(1, -1), (1, 1), (-1, 1), (-1, -1)]]
-    stopping = [ramp(dahl(2e-4), stops=STOPS, strengthening=part * LEVEL)
-                for part in (0.0, 0.1)] * count
-    found = evaluate_ramps(ramps, stopping, 0.2, COUNT, RATE, 0.0)
-    borne = abs(np.mean(found.records.currents(1)))
-    if count == 1:
-        assert borne == pytest.approx(LEVEL, rel=0.04)
-    else:
-        assert borne > 1.1 * LEVEL
 
 
 @given(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))

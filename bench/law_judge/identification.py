@@ -19,14 +19,14 @@ LEAST_BACKLASH = 4.0    # counts, from which on it is to be said
 
 
 def identify(bank):
-    """Return result (None where refused), what was said and the fastest speed, one a gear."""
+    """Return result (None where refused), words, fastest speed and drive time in s of each."""
     return run_all(bank, [IdentificationRun(_goal(document), Drive(**document['drive']))
                           for document in bank.documents])
 
 
 def identified_bank(bank):
     """Return the bank with the models that identification finds, and what it refused."""
-    results, said, _ = identify(bank)
+    results, said, _, _ = identify(bank)
     kept, documents, refused = [], [], []
     for g, (result, document) in enumerate(zip(results, bank.documents)):
         if result is None:
@@ -47,7 +47,7 @@ def identification(bank, _law=None):
     touching, has reached 95 % of its level; it is off by what is beyond the count by which an
     encoder cannot tell.
     """
-    results, said, fastest = identify(bank)
+    results, said, fastest, taken = identify(bank)
     truth = bank.world.breakaway_currents(bank.gears, bank.seed + 1000, TRUTH_REPETITIONS)
     found = [_judge(bank.world, gear, true, result)
              for gear, true, result in zip(bank.gears, truth, results)]
@@ -76,6 +76,8 @@ def identification(bank, _law=None):
         wrong = np.isfinite(table['backlash'])[loose == 0.0]
         rows.append(Row('identification: backlash said where there is none',
                         int(wrong.sum()), 0.0, joints=len(wrong)))
+    rows.append(Row('identification: drive time, longest', float(taken.max()), None, ' s',
+                    detail=np.round(taken, 1).tolist()))
     rows.append(Row('identification: faster than twice what was asked',
                     int((fastest > SHAKING * SPEEDS[-1]).sum()), 0.0,
                     joints=len(fastest)))
@@ -103,12 +105,12 @@ def _goal(document):
 
 
 def run_all(bank, runs):
-    """Drive identifications side by side; return results, words and fastest speeds."""
+    """Drive identifications side by side; return results, words, fastest speeds and times."""
     gears = bank.gears.copy()
     gears['gravity'] = 0.0      # held by the robot's own controller
     plant = bank.world.Plant(gears, nobody(len(runs)), bank.seed)
     command, said, fastest = np.zeros(len(runs)), {}, np.zeros(len(runs))
-    waiting = set(range(len(runs)))
+    waiting, taken = set(range(len(runs))), np.zeros(len(runs))
     while waiting and plant.time < 1200.0:
         position, velocity = plant.sample()
         for j in tuple(waiting):
@@ -119,6 +121,7 @@ def run_all(bank, runs):
                 said[j], command[j] = str(error), 0.0
             if j in said or runs[j].finished:
                 waiting.discard(j)
+                taken[j] = plant.time
         plant.advance(command)
         fastest = np.maximum(fastest, np.abs(plant.states['motor_velocity']))
     results = []
@@ -129,7 +132,7 @@ def run_all(bank, runs):
         except Exception as error:
             said.setdefault(j, str(error))
             results.append(None)
-    return results, said, fastest
+    return results, said, fastest, taken
 
 
 def _judge(world, gear, truth, result):

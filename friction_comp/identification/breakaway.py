@@ -1,17 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Breakaway currents from recorded current ramps (note, section 2.4, Eq. 8-10).
-
-Applied literally, Eq. 9 detects breakaway at the first encoder count. But a joint at rest flickers
-by a count, and creeps by tens of counts in presliding before it slides. Each ramp is therefore
-evaluated backwards. First the run-away is found: a speed that persists too long for flicker or
-creep. Then the beginning of the slide is found by fitting the position with a smooth creep that
-changes into a slide at an unknown time. The current at that time is a local mean of the measured
-current, corrected for the slope of the ramp.
-
-This is possible with recordings of a joint of unknown inertia. Identification knows the inertia and
-uses the peak of friction instead, if there is one; see `ramp_evaluation`.
-"""
+"""Breakaway currents of an identification, and their statistics."""
 
 from __future__ import annotations
 
@@ -23,21 +12,9 @@ import numpy as np
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import Breakaway
 
-# Speed in rad/s that creep does not reach, and s over which it is computed. The speed of creep is
-# ramp slope times k_t·n over the stiffness: a few mrad/s at most for a geared joint.
-_RUNAWAY_SPEED, _SPEED_WINDOW = 0.02, 0.03
-_CURRENT_WINDOW = 0.1  # s on each side over which the current is averaged
-_SHORTEST_RAMP = 20    # samples
-_POINTS = 160          # of the fit
-_MISFIT = 0.13         # error of the fit as a share of the distance slid
-# Longest time in s from the beginning of the slide to the run-away: a sliding joint takes tenths of
-# a second. With a longer window, creep of soft contacts, which grows towards breakaway, would be
-# mistaken for the slide.
-_LONGEST_WINDOW = 0.6
-
 
 class SlideBegin(NamedTuple):
-    """Where a joint begins to slide on a ramp: time t_s in s, current in A, position in rad."""
+    """Where a joint breaks away on a ramp: time in s, measured current in A, position in rad."""
 
     time: float
     current: float
@@ -80,113 +57,3 @@ def breakaway_records(begins: list[SlideBegin], directions: list[int]) -> Breaka
     """Return the beginnings of slides, and their directions, as arrays."""
     time, current, position = np.array(begins, dtype=float).reshape(-1, 3).T
     return BreakawayRecords(time, current, position, np.array(directions, dtype=int))
-
-
-def breakaway_currents(time: np.ndarray, position: np.ndarray, current: np.ndarray,
-                       command: np.ndarray, resolution: float) -> BreakawayRecords:
-    """Find every breakaway in a recording of current ramps.
-
-    The ramps may continue after breakaway, as in Eq. 8, or end there, and may differ in slope.
-
-    Parameters
-    ----------
-    time, position, current, command : ndarray, shape (N,)
-        s, rad, and the measured and the commanded motor current in A, zero between ramps.
-    resolution : float
-        Joint angle of an encoder count in rad.
-    """
-    signs = np.sign(command).astype(int)
-    edges = [0, *(np.flatnonzero(np.diff(signs)) + 1).tolist(), len(signs)]
-    begins, directions = [], []
-    for first, end in zip(edges[:-1], edges[1:]):
-        sign, part = int(signs[first]), slice(first, end)
-        begin = slide_begin(time[part], position[part], current[part], sign, resolution
-                            ) if sign else None
-        if begin is not None:
-            begins.append(begin)
-            directions.append(sign)
-    return breakaway_records(begins, directions)
-
-
-def slide_begin(time: np.ndarray, position: np.ndarray, current: np.ndarray, sign: int,
-                resolution: float) -> SlideBegin | None:
-    """Return where the joint begins to slide on one ramp; None if it does not.
-
-    The arrays contain this ramp only, in s, rad and measured A; `sign` is its direction, and
-    `resolution` the angle of an encoder count in rad.
-    """
-    if len(time) < _SHORTEST_RAMP:
-        return None
-    runaway = _runaway(time, position, sign, resolution)
-    if runaway < 0:
-        return None
-    window, instant = _LONGEST_WINDOW, 0.0
-    for _ in range(4):
-        first = max(0, int(np.searchsorted(time, time[runaway] - window, side='right')) - 1)
-        instant = _hinge(time[first:runaway + 1], sign * position[first:runaway + 1], resolution)
-        window = min(max(4.0 * (time[runaway] - instant), 0.15), _LONGEST_WINDOW)
-    return SlideBegin(instant, _current_at(time, current, instant),
-                      float(position[np.searchsorted(time, instant)]))
-
-
-def _runaway(time: np.ndarray, position: np.ndarray, sign: int, resolution: float) -> int:
-    """Return the first sample with the run-away speed over the window; -1 if there is none."""
-    tail = np.searchsorted(time, time - _SPEED_WINDOW, side='left')
-    elapsed, moved = time - time[tail], sign * (position - position[tail])
-    fast = ((elapsed >= 0.5 * _SPEED_WINDOW) & (moved > _RUNAWAY_SPEED * elapsed)
-            & (moved > 4.0 * resolution))
-    return int(np.argmax(fast)) if fast.any() else -1
-
-
-def _current_at(time: np.ndarray, current: np.ndarray, instant: float) -> float:
-    """Return the current in A at a time on the ramp, averaged to suppress noise."""
-    t = time - np.mean(time)
-    gradient = float(np.dot(t, current) / np.dot(t, t))
-    reach = min(_CURRENT_WINDOW, max(time[-1] - instant, 0.01))
-    a, b = np.searchsorted(time, (instant - reach, instant + reach))
-    near = slice(int(a), int(b) + 1)
-    return float(np.mean(current[near] - gradient * (time[near] - instant)))
-
-
-def _hinge(time: np.ndarray, position: np.ndarray, resolution: float) -> float:
-    """Return the time at which creep changes into a slide, by least squares.
-
-    Creep is a parabola. The slide adds quadratic and cubic terms that are not negative, without a
-    jump in speed. No formula holds far into the slide, so the weight of a sample decreases with the
-    distance slid.
-    """
-    count = min(_POINTS, len(time))
-    if count < 12:
-        return float(time[0])
-    index = (len(time) - 1) * np.arange(count) // (count - 1)
-    span = float(time[-1] - time[0])
-    t, x = (time[index] - time[0]) / span, position[index] - position[0]
-    early = max(6, int(0.4 * count))
-    gone = np.maximum(0.0, x - np.polyval(np.polyfit(t[:early], x[:early], 1), t))
-    weight = 1.0 / np.hypot(0.5 * resolution + 1e-12, _MISFIT * gone)
-    knees = np.linspace(0.02, 0.97, 41)
-    for _ in range(3):
-        knee = float(knees[np.argmin(_hinge_errors(t, x, weight, knees))])
-        width = knees[1] - knees[0]
-        knees = np.linspace(max(0.0, knee - width), min(0.97, knee + width), 13)
-    return float(time[0]) + knee * span
-
-
-def _hinge_errors(t: np.ndarray, x: np.ndarray, weight: np.ndarray, knees: np.ndarray
-                  ) -> np.ndarray:
-    """Return weighted squared errors of a parabola plus powers of (t - knee)₊, shape (K,)."""
-    slide = np.maximum(t - knees[:, None], 0.0)
-    creep = [np.broadcast_to(t ** power, slide.shape) for power in range(3)]
-    design = weight[:, None] * np.stack((*creep, slide ** 2, slide ** 3), axis=2)
-    scaled = design / (np.sqrt(np.sum(design ** 2, axis=1)) + 1e-300)[:, None]
-    target, turned = weight * x, np.swapaxes(scaled, 1, 2)
-    gram, goal = turned @ scaled + 1e-12 * np.eye(5), turned @ target[:, None]
-    best = np.full(len(knees), np.inf)
-    for columns in ([0, 1, 2, 3, 4], [0, 1, 2, 3], [0, 1, 2, 4], [0, 1, 2]):
-        coefficients = np.zeros(goal.shape)
-        coefficients[:, columns] = np.linalg.solve(
-            gram[:, columns][:, :, columns], goal[:, columns])
-        error = np.sum((target[:, None] - scaled @ coefficients)[:, :, 0] ** 2, axis=1)
-        forwards = (coefficients[:, 3:, 0] >= 0.0).all(axis=1)
-        best = np.where(forwards, np.minimum(best, error), best)
-    return best

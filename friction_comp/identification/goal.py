@@ -31,7 +31,7 @@ class IdentificationError(InputError):
 class MotionGoal(ABC):
     """How a joint may be moved, and the current ramps that break it free."""
 
-    ramp_slope: float                   # A/s
+    ramp_slope: float | None            # A/s; None: found by the joint's first motion
     ramp_period: float                  # s
     motion_range: float                 # width of the range that the joint may use, rad
     speeds: Sequence[float]             # rad/s, the lowest first
@@ -41,16 +41,18 @@ class MotionGoal(ABC):
         """Return the duration in s and the distance in rad of one cycle at a speed in rad/s."""
 
     @property
-    def ramp_peak(self) -> float:
-        """Largest current in A that the ramps of Eq. 8 reach, 0.4·s·T."""
-        return 0.4 * self.ramp_slope * self.ramp_period
+    def ramp_peak(self) -> float | None:
+        """Largest current in A that the ramps of Eq. 8 reach, 0.4·s·T; None without a slope."""
+        return None if self.ramp_slope is None else 0.4 * self.ramp_slope * self.ramp_period
 
-    def check(self, drive: Drive) -> None:
-        """Raise InputError if the drive cannot meet the goal."""
-        if self.ramp_peak > drive.current_limit:
+    def check(self, drive: Drive, torque: bool = False) -> None:
+        """Raise InputError if the drive cannot meet the goal; with `torque`, texts have N·m."""
+        peak = self.ramp_peak
+        if peak is not None and peak > drive.current_limit:
             raise InputError(
-                f'ramp_slope and ramp_period: the ramps would reach {self.ramp_peak:g} A, above '
-                f'the current limit of {drive.current_limit:g} A')
+                'ramp_slope and ramp_period: the ramps would reach '
+                f'{drive.in_words(peak, torque)}, above the limit of '
+                f'{drive.in_words(drive.current_limit, torque)}')
 
 
 @dataclass(frozen=True)
@@ -64,13 +66,13 @@ class IdentificationGoal(MotionGoal):
         both directions, so signs and repeated magnitudes are dropped.
     motion_range : float
         Width in rad of the range, centred on the position at the start, that the joint may use.
-    ramp_slope : float
-        Slope s of Eq. 8 in A/s.
+    ramp_slope : float, optional
+        Slope s of Eq. 8 in A/s. None: the joint is first broken free by a current that grows
+        towards the drive's limit, and ramps reach what that took within 1.5 s.
     ramp_period : float
         T of Eq. 8 in s.
     breakaway_cycles : int
-        Ramps per direction. After the 2nd, 6th, 10th ..., an extra ramp with pauses follows in
-        each direction.
+        Ramps per direction.
     largest_speed : float
         Limit of ``|ω_c|`` in rad/s; the note's is 100 deg/s.
     longest_cycle : float
@@ -85,7 +87,7 @@ class IdentificationGoal(MotionGoal):
 
     speeds: Sequence[float]
     motion_range: float = 1.0
-    ramp_slope: float = 0.1
+    ramp_slope: float | None = None
     ramp_period: float = 10.0
     breakaway_cycles: int = 20
     largest_speed: float = LARGEST_SPEED
@@ -102,7 +104,8 @@ class IdentificationGoal(MotionGoal):
         if len(speeds) < 2:
             raise InputError('speeds: at least two different magnitudes are needed')
         for name in ('motion_range', 'ramp_slope', 'ramp_period', 'largest_speed'):
-            check_number(getattr(self, name), name, above=0.0)
+            if name != 'ramp_slope' or self.ramp_slope is not None:
+                check_number(getattr(self, name), name, above=0.0)
         if self.longest_cycle != math.inf:
             check_number(self.longest_cycle, 'longest_cycle', above=0.0)
         check_whole_number(self.breakaway_cycles, 'breakaway_cycles', least=1, most=100_000)

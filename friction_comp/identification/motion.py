@@ -12,6 +12,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
+from functools import partial
 import math
 from typing import NoReturn
 
@@ -19,10 +20,13 @@ from friction_comp.drive import Drive
 from friction_comp.identification.excitation import travel_state
 from friction_comp.identification.goal import IdentificationError, MotionGoal
 from friction_comp.identification.kinetic import acceleration_of_push, KineticPoint
-from friction_comp.identification.supervision import Sample, Supervision
+from friction_comp.identification.supervision import LEAST_SHARE, Sample, Supervision
 from friction_comp.identification.velocity_control import (
-    BANDWIDTH,
     Controller,
+    LEAST_BANDWIDTH,
+    LEAST_RATE,
+    LONGEST_DELAY,
+    stable_bandwidth,
     velocity_controller_state,
     velocity_controller_step,
 )
@@ -33,6 +37,13 @@ _PATIENCE = 10.0        # longest time to come to rest, s
 # A joint is at rest if it moves by at most this many counts or this angle in rad.
 _STILL_COUNTS, _STILL_ANGLE = 2.5, 1e-5
 _PUSH_SPEED = 0.3       # speed at which the short push ends, rad/s
+# Without a slope, the first current grows by a factor of e in so many s, from this share of the
+# drive's limit: fast below, slow enough to be read when the joint breaks free. Ramps then reach
+# what broke the joint free within so many s, and at most so many times that.
+_GROWTH, _FIRST_SHARE, _RISE_TIME, _BEYOND = 0.7, 1.0 / 300.0, 1.5, 2.0
+# Share of the drive's limit beyond which the first current grows only if the encoder has counted:
+# a joint winds up before it breaks free, a dead encoder never counts.
+_BLIND_SHARE = 0.1
 
 
 def speed_over(samples: Sequence[Sample], sign: int, window: float) -> float:
@@ -48,11 +59,16 @@ def speed_over(samples: Sequence[Sample], sign: int, window: float) -> float:
 class Motion(ABC):
     """A joint's movements as generators that yield currents in A and receive samples."""
 
-    def __init__(self, goal: MotionGoal, drive: Drive) -> None:
-        goal.check(drive)
+    def __init__(self, goal: MotionGoal, drive: Drive, torque: bool = False) -> None:
+        goal.check(drive, torque)
         self.goal, self.drive = goal, drive
+        self.say = partial(drive.in_words, torque=torque)   # a current as text
+        # Slope of the ramps in A/s and their largest current in A.
+        self.ramp_slope = goal.ramp_slope or math.nan
+        self.ramp_peak = goal.ramp_peak or drive.current_limit
         # Has to confirm that the measured current is the commanded one before the first push.
-        self.supervision = Supervision(goal, drive)
+        self.supervision = Supervision(
+            drive, goal.ramp_peak or _BLIND_SHARE * drive.current_limit, self.say)
         self.phase = 'standstill'           # present step, for feedback
         self.sample = Sample(math.nan, math.nan, math.nan)  # the latest one
         self.start = math.nan               # position at the start, rad
@@ -67,6 +83,7 @@ class Motion(ABC):
         self._resolution = drive.position_resolution or 1e-6
         self._push = {1: 0.0, -1: 0.0}     # current that broke the joint free, magnitude in A
         self._slid = 0                     # direction of the latest slide
+        self._counted = False              # whether the encoder has ever changed
 
     def run(self) -> Generator[float, Sample, None]:
         """Yield currents in A and receive samples: the whole motion, from rest to rest."""
@@ -117,7 +134,12 @@ class Motion(ABC):
         for sign in (1, -1):
             rates.append((yield from self._short_push(sign)))
         # Typically, a joint's own breakaway torque accelerates it at 10 rad/s².
-        typical = 10.0 / max(self._push.values())
+        push = max(self._push.values())
+        if self.goal.ramp_slope is None:
+            self.ramp_slope = push / _RISE_TIME
+            self.ramp_peak = min(_BEYOND * push, self.drive.current_limit)
+        self.supervision.require_controllable(1.0 / LEAST_RATE, LONGEST_DELAY)
+        typical = 10.0 / push
         rates = [rate for rate in rates if math.isfinite(rate) and rate > typical / 100.0]
         if not rates:
             self.warnings.append('the inertia could not be estimated; a typical one was assumed')
@@ -125,18 +147,18 @@ class Motion(ABC):
 
     def _short_push(self, sign: int) -> Generator[float, Sample, float]:
         """Break the joint free, push it briefly, let it coast; return k_t·n/J or NaN."""
-        peak = self.goal.ramp_peak
-        slope = peak / 3.0
+        peak = self.ramp_peak
         yield from self._standstill(STILL_TIME)
         sample = self.sample
         begin, home = sample.time, sample.position
         window = deque([sample], maxlen=200)
         while True:
-            current = slope * (sample.time - begin)
+            current = self._first_current(sample.time - begin)
             if current > peak:
                 self._refuse_blocked(sign, peak)
             sample = yield from self._step(sign * current)
             window.append(sample)
+            self._counted = self._counted or sample.position != home
             if speed_over(window, sign, 0.01) > _PUSH_SPEED / 10.0 and (
                     sign * (sample.position - home) > 8.0 * self._resolution):
                 break
@@ -146,6 +168,7 @@ class Motion(ABC):
             self.supervision.require_confirmed_current()
             sample = self.sample
         self._push[sign] = current
+        self.supervision.least = min(self.supervision.least, LEAST_SHARE * current)
         self._update_friction()
         strong = min(1.3 * current, self.drive.current_limit)
         room = sample.position + sign * 0.04 * self.goal.motion_range
@@ -161,7 +184,21 @@ class Motion(ABC):
             if sample.time - coasted[0].time > 2.0:
                 break
         yield from self._standstill(STILL_TIME)
+        self.supervision.measure_delay()
         return acceleration_of_push(pushed, coasted, strong, sign)
+
+    def _first_current(self, elapsed: float) -> float:
+        """Return the current in A that breaks the joint free, a time in s after its beginning."""
+        if self.goal.ramp_slope is not None:
+            return self.ramp_peak * elapsed / 3.0
+        limit = self.drive.current_limit
+        current = _FIRST_SHARE * limit * math.expm1(elapsed / _GROWTH)
+        if current > _BLIND_SHARE * limit and not self._counted:
+            raise IdentificationError(
+                f'the encoder has not counted once up to {self.say(current)}: it is stuck, or the '
+                'joint is blocked. If its counts are too coarse to show how gears yield, request '
+                'a ramp_slope')
+        return current
 
     def _update_friction(self) -> None:
         """Update `friction` after a push or a cycle, not with every sample."""
@@ -176,20 +213,22 @@ class Motion(ABC):
     def _refuse_blocked(self, sign: int, reached: float) -> NoReturn:
         side = 'positive' if sign > 0 else 'negative'
         raise IdentificationError(
-            f'the joint did not break free in the {side} direction up to {reached:.3g} A. '
-            'If it did move, its encoder is stuck. If it is not blocked, request a steeper '
-            'ramp_slope or a longer ramp_period')
+            f'the joint did not break free in the {side} direction up to {self.say(reached)}. '
+            'If it did move, its encoder is stuck. If it is not blocked, ' + (
+                "the drive's current_limit is too low" if self.goal.ramp_slope is None else
+                'request a steeper ramp_slope or a longer ramp_period, or no ramp_slope'))
 
     # Following a reference.
 
-    def _controller(self, bandwidth: float, speed: float) -> Controller:
+    def _controller(self, factor: float, speed: float) -> Controller:
+        bandwidth = factor * stable_bandwidth(self.supervision.step, self.supervision.delay)
         # A single encoder count must not change the current by more than friction.
         quiet = math.sqrt(
             0.06 * min(self._push.values()) * self.acceleration / self._resolution)
         return Controller(
             self.acceleration, float(self._plausible_current(speed)),
             self._expected_current(1, speed), self._expected_current(-1, speed),
-            max(min(bandwidth, quiet), 5.0))
+            max(min(bandwidth, quiet), 0.5 * LEAST_BANDWIDTH))
 
     def _plausible_current(self, speed: float) -> float:
         """Return the largest plausible current in A at a speed.
@@ -228,7 +267,8 @@ class Motion(ABC):
 
         Each command in A is the one that was applied before its sample.
         """
-        parameters = self._controller(factor * BANDWIDTH, speed)
+        parameters = self._controller(factor, speed)
+        self.supervision.control(parameters.bandwidth)
         state = velocity_controller_state()
         begin, last = self.sample.time, self.sample.time - 1e-3
         samples, commands, sample = [], [], self.sample
@@ -239,8 +279,8 @@ class Motion(ABC):
             if abs(position - sample.position) > allowance:
                 raise IdentificationError(
                     f'the joint lags {abs(position - sample.position):.3g} rad behind its '
-                    f'reference at {abs(command):.3g} A: blocked, encoder stuck, or current limit '
-                    f'({parameters.limit:.3g} A, or what was plausible so far) too low')
+                    f'reference at {self.say(abs(command))}: blocked, encoder stuck, or limit '
+                    f'({self.say(parameters.limit)}, or what was plausible so far) too low')
             last = sample.time
             sample = yield from self._step(command)
             samples.append(sample)

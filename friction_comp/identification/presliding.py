@@ -1,17 +1,14 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Friction along current ramps: its peak is breakaway; presliding and backlash come before.
+"""Friction along current ramps, as long as a current holds the joint: presliding and backlash.
 
 A part of the motor's current accelerates the joint, the rest is friction:
 
 ``f = i - a / (k_t·n/J) - c·ω``
 
-without the viscous current c·ω of Eq. 6. In presliding, f rises with the current; once the joint
-slides, f no longer rises and the excess current accelerates the joint (in the LuGre, Dahl, Bouc-Wen
-and Maxwell-slip models alike: Armstrong-Hélouvry, Dupont and Canudas de Wit, Automatica 30(7),
-1994). The peak of f is therefore the breakaway current for any kind of presliding. The first
-motion, or the first motion faster than creep, comes 5 to 30 % too early on a gear with long
-presliding.
+without the viscous current c·ω of Eq. 6. In presliding, f rises with the current. A ramp's curve of
+f over displacement ends with the last pause at which the joint rested (see `staircase`): there f is
+the current.
 """
 
 from __future__ import annotations
@@ -25,8 +22,6 @@ import numpy as np
 from friction_comp.identification.kinetic import local_parabolas
 from friction_comp.statistics import noise_level
 
-# Speed above which a joint slides, rad/s; later samples are not breakaway.
-_SLIDING_SPEED = 0.02
 # Limits of the smoothing window of f, s: shorter than a rotor needs to break free, and long enough
 # to suppress the resonance on the gear's compliance.
 _SHORTEST, _LONGEST = 0.024, 0.064
@@ -54,20 +49,19 @@ _NEAR = 0.75         # share of the backlash from which on the tangent at the to
 
 @dataclass(frozen=True)
 class RampFriction:
-    """Friction along one ramp until the joint slides, in the ramp's direction; shapes (M,)."""
+    """Friction along one ramp up to breakaway, in the ramp's direction; shapes (M,)."""
 
     time: np.ndarray        # s
     current: np.ndarray     # friction current, smoothed, A
     position: np.ndarray    # displacement since the beginning of the ramp, smoothed, rad
     measured: np.ndarray    # the same as measured by the encoder, rad
-    peak: int               # index of the largest friction current
     half: int               # half the smoothing window, samples
     noise: float            # standard deviation of the smoothed current, A
 
     @property
     def breakaway(self) -> float:
         """Breakaway current in A, a magnitude."""
-        return float(self.current[self.peak])
+        return float(np.max(self.current[-self.half:]))
 
     def presliding(self, breakaway: float, upturn: int = 0) -> float:
         """Return the displacement in rad at which friction reaches 95 % of this ramp's breakaway.
@@ -93,13 +87,12 @@ class RampFriction:
 
 def ramp_friction(time: np.ndarray, position: np.ndarray, current: np.ndarray, sign: int,
                   resolution: float, acceleration_per_current: float,
-                  viscous: float = 0.0) -> RampFriction | None:
+                  viscous: float = 0.0) -> RampFriction:
     """Separate friction from the current that accelerates the joint, along one ramp.
 
     Time in s, position in rad and current in A, shape (N,), belong to a ramp in the direction
-    `sign` that starts at rest; `resolution` is the angle of an encoder count in rad. An error of
-    20 % in k_t·n/J causes one of 1 % of breakaway, since only a few percent of the current
-    accelerate the joint. Returns None if the joint does not slide, or the ramp is too short.
+    `sign` that starts at rest and ends with the largest current that holds; `resolution` is the
+    angle of an encoder count in rad.
     """
     step = float(np.median(np.diff(time)))
     even = time[0] + step * np.arange(int((time[-1] - time[0]) / step) + 1)
@@ -107,24 +100,16 @@ def ramp_friction(time: np.ndarray, position: np.ndarray, current: np.ndarray, s
     driven = np.interp(even, time, sign * current)
     count = _window(step, driven, resolution, acceleration_per_current)
     half = count // 2
-    if even.size < 3 * count:
-        return None
-
     smooth_position, speed, acceleration = local_parabolas(moved, count, step)
     smooth = np.convolve(driven, np.full(count, 1.0 / count), 'valid')
     # Deceleration is left out: friction, or teeth that touch after backlash, stop the joint.
     inertia = np.maximum(acceleration, 0.0) / acceleration_per_current
     friction = smooth - inertia - viscous * speed
-    # The link stops a rotor that slides through backlash, so the last slide is the joint's.
-    slow = speed <= _SLIDING_SPEED
-    end = even.size - count + 1 - int(np.argmax(slow[::-1]))
-    if slow.all() or not slow.any():
-        return None
+    end = even.size - count + 1
     return RampFriction(
-        time=even[half:half + end], current=friction[:end], position=smooth_position[:end],
+        time=even[half:half + end], current=friction, position=smooth_position,
         measured=moved[half:half + end], half=half,
-        noise=float(np.std(driven[half:half + end] - smooth[:end]) / np.sqrt(count)),
-        peak=int(np.argmax(np.where(slow[:end], friction[:end], -np.inf))))
+        noise=float(np.std(driven[half:half + end] - smooth) / np.sqrt(count)))
 
 
 def _window(step: float, driven: np.ndarray, resolution: float, rate: float) -> int:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Generator, Sequence
+from dataclasses import replace
 import math
 from typing import TypeAlias
 
@@ -19,7 +20,7 @@ import numpy as np
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.identification.excitation import cycle_position, cycle_velocity, ramp_current
+from friction_comp.identification.excitation import cycle_position, cycle_velocity
 from friction_comp.identification.goal import (
     IdentificationError,
     IdentificationGoal,
@@ -31,13 +32,18 @@ from friction_comp.identification.kinetic import (
     KineticPoint,
 )
 from friction_comp.identification.motion import Motion, speed_over, STILL_TIME
-from friction_comp.identification.ramp_evaluation import (
-    evaluate_ramps,
-    Ramp,
-    STOP_TIME,
-    time_of_ramp,
-)
+from friction_comp.identification.ramp_evaluation import evaluate_ramps, Ramp
 from friction_comp.identification.sigmoid_fit import fit_sigmoid
+from friction_comp.identification.staircase import (
+    FIRST_STAIR,
+    Held,
+    LONGEST_PAUSE,
+    rests,
+    SHORTEST_PAUSE,
+    SLIDE_SHARE,
+    SLIDING_STAIR,
+    STAIR,
+)
 from friction_comp.identification.supervision import check_load, Sample, SupervisedRun
 from friction_comp.identification.velocity_control import (
     Controller,
@@ -47,8 +53,9 @@ from friction_comp.identification.velocity_control import (
 from friction_comp.statistics import evenly_spread, smallest_step
 
 # The joint slides when its mean speed over this time in s exceeds this speed in rad/s, and it has
-# moved by more than this many encoder counts. A ramp ends when it has slid this far, rad: a rotor
-# that crosses backlash also slides, and is then stopped; few robot gears have more backlash.
+# moved by more than this many encoder counts. A ramp ends when it has slid this far, rad, at this
+# speed or since it came to rest last: a rotor that crosses backlash also slides, and is then
+# stopped; few robot gears have more backlash.
 CUT_SPEED, CUT_WINDOW, CUT_COUNTS, CUT_DISTANCE = 0.05, 0.02, 8.0, 5e-3
 # Stick-slip requires higher gains; a joint with more lag than expected, or with a link that is much
 # heavier than its rotor and oscillates against it, requires lower ones.
@@ -60,10 +67,9 @@ REST_SHARE = 0.1        # of the ramp period at zero current after each ramp, as
 # Ramps start at positions up to this share of the motion range off its centre, so that cogging and
 # other position-dependent torques average out; four ramps at each position.
 PLACES_SHARE = 0.015
-# After the first two of this many cycles, a ramp with pauses follows in each direction. The
-# currents of the pauses are shares of the current at which the joint broke free on the previous
-# ramp.
-STOPPING_CYCLES, STOPS = 4, np.linspace(0.8, 1.1, 13)
+# Share of the current that broke the joint free in the short push that surely holds: a push is read
+# late. Share of the ramps that may begin with a stair that does not hold; each is repeated.
+_PUSH_HOLDS, _MOST_LOST = 0.8, 0.2
 
 # Measured and commanded currents at one speed, forwards and backwards.
 _Cycle: TypeAlias = tuple[tuple[KineticPoint, ...], tuple[KineticPoint, ...]]
@@ -74,19 +80,18 @@ class IdentificationMotion(Motion):
 
     goal: IdentificationGoal
 
-    def __init__(self, goal: IdentificationGoal, drive: Drive) -> None:
-        super().__init__(goal, drive)
+    def __init__(self, goal: IdentificationGoal, drive: Drive, torque: bool = False) -> None:
+        super().__init__(goal, drive, torque)
         self.points: list[KineticPoint] = []    # of measured currents: the look-up table so far
-        self.ramps: list[Ramp] = []             # without pauses
-        self.stopping: list[Ramp] = []          # with pauses
+        self.ramps: list[Ramp] = []
         # Time in s, position in rad and current in A, shape (N, 3), of each evaluated cycle.
         self.cycles_driven: list[np.ndarray] = []
         self._highest_gain = math.inf      # largest factor of GAIN_LADDER that may be used
         self._uneven = False               # whether the current varies at any gain
-        self._reached = {1: 0.5, -1: 0.5}  # share of the ramp at which the joint broke free
+        self._held: dict[int, list[float]] = {1: [], -1: []}    # largest currents that held, A
+        self._ramp_time, self._lost = 0.25 * goal.ramp_period + 3.0, 0
         self._speeds_done = 0
-        # Compile the functions of the control loop before the first sample arrives.
-        ramp_current(0.1, 1.0, 1.0)
+        # Compile the function of the control loop before the first sample arrives.
         velocity_controller_step(
             Controller(1.0, 1.0), velocity_controller_state(), 0.0, 0.0, 0.0, 1e-3)
 
@@ -101,12 +106,7 @@ class IdentificationMotion(Motion):
         for speed in goal.speeds[self._speeds_done:]:
             duration, width = goal.cycle(speed)
             left += duration + self._travel_time(0.5 * width) + STILL_TIME
-        ramps = 2 * goal.breakaway_cycles - len(self.ramps)
-        share = 0.5 * (self._reached[1] + self._reached[-1])
-        left += ramps * goal.ramp_period * (0.4 * share + REST_SHARE)
-        stopping = 2 * ((goal.breakaway_cycles + 2) // STOPPING_CYCLES) - len(self.stopping)
-        left += stopping * (goal.ramp_period * (0.4 * share + REST_SHARE) + 9.0 * STOP_TIME)
-        return left
+        return left + (2 * goal.breakaway_cycles - len(self.ramps)) * self._ramp_time
 
     def _movements(self) -> Generator[float, Sample, None]:
         """Yield currents and receive samples: sections 2.3 and 2.4 in order."""
@@ -126,11 +126,7 @@ class IdentificationMotion(Motion):
                     if abs(self.sample.position - self.start) > 0.2 * self.goal.motion_range:
                         yield from self._travel(self.start)
                     self.phase = 'breakaway'
-                    self.ramps.append((yield from self._ramp(sign)))
-            if first % STOPPING_CYCLES == 0 and count > 1:
-                for sign in (1, -1):
-                    cut = self._reached[sign] * self.goal.ramp_peak
-                    self.stopping.append((yield from self._ramp(sign, (cut * STOPS).tolist())))
+                    yield from self._breakaway(sign)
 
     def _place(self, index: int) -> float:
         """Return the start in rad of the next ramps; any number of them is evenly spread."""
@@ -144,8 +140,8 @@ class IdentificationMotion(Motion):
             if needed > 0.9 * self.drive.current_limit:
                 raise IdentificationError(
                     f'{speed:g} rad/s within {self.goal.motion_range:g} rad would take about '
-                    f'{needed:.2g} A to accelerate, the current limit is '
-                    f'{self.drive.current_limit:g} A: lower the speed or widen the range')
+                    f'{self.say(needed)} to accelerate, the limit is '
+                    f'{self.say(self.drive.current_limit)}: lower the speed or widen the range')
 
     def _constant_velocity(self, speed: float) -> Generator[float, Sample, None]:
         """Run a cycle of Eq. 3 at one speed, with lower gains if the controller oscillates."""
@@ -202,36 +198,99 @@ class IdentificationMotion(Motion):
         self.cycles_driven.append(driven)
         return points, held
 
-    def _ramp(self, sign: int, stops: Sequence[float] = ()) -> Generator[float, Sample, Ramp]:
-        """Raise the current along Eq. 8 until the joint slides; pause at `stops`, A."""
-        goal = self.goal
-        yield from self._standstill(max(STILL_TIME, REST_SHARE * goal.ramp_period))
-        sample = self.sample
-        begin, home, samples = sample.time, sample.position, [sample]
-        window = deque([sample], maxlen=200)
-        farthest = 0.2 * goal.motion_range
-        slide: tuple[float, float] | None = None    # where it began: ramp time s, displacement rad
+    def _breakaway(self, sign: int) -> Generator[float, Sample, None]:
+        """Find the largest current that holds, on one ramp; repeat it if no stair held."""
+        held = self._held[sign]
+        expected = sum(held) / len(held) if held else _PUSH_HOLDS * self._push[sign]
         while True:
-            rise = time_of_ramp(sample.time - begin, goal.ramp_slope, stops)
-            if rise > 0.4 * goal.ramp_period:
-                self._refuse_blocked(sign, goal.ramp_peak)
-            sample = yield from self._step(
-                sign * ramp_current(rise, goal.ramp_slope, goal.ramp_period))
-            samples.append(sample)
-            window.append(sample)
-            moved = sign * (sample.position - home)
-            if (moved <= CUT_COUNTS * self._resolution
-                    or speed_over(window, sign, CUT_WINDOW) <= CUT_SPEED):
-                slide = None
-            elif slide is None:
-                slide = rise, moved
-            if moved > farthest or (slide is not None and moved > slide[1] + CUT_DISTANCE):
+            begin = self.sample.time
+            ramp, level = yield from self._ramp(sign, FIRST_STAIR * expected)
+            if ramp is not None:
                 break
-        if len(stops) == 0:
-            broke = rise if slide is None else slide[0]
-            self._reached[sign] = min(1.0, broke / (0.4 * goal.ramp_period))
+            self._lost += 1
+            expected *= FIRST_STAIR
+            if self._lost > 2 + _MOST_LOST * 2 * self.goal.breakaway_cycles:
+                raise IdentificationError(
+                    f'no current holds the joint reliably: it slid at {self.say(level)}, although '
+                    'more held it before; something pushes it, or its friction changes')
+        held.append(level)
+        self.ramps.append(ramp)
+        self._ramp_time += (self.sample.time - begin - self._ramp_time) / min(len(self.ramps), 8)
+
+    def _ramp(self, sign: int, stair: float
+              ) -> Generator[float, Sample, tuple[Ramp | None, float]]:
+        """Raise the current to `stair`, A, and on by stairs of 1 % until the joint slides away.
+
+        Return the ramp and the largest current that held; no ramp if none did.
+        """
+        yield from self._standstill(max(STILL_TIME, REST_SHARE * self.goal.ramp_period))
+        watch = _Slide(self.sample, sign, self._resolution, 0.2 * self.goal.motion_range)
+        current, held, level = 0.0, None, stair
+        while not watch.gone:
+            begin, low = self.sample.time, current
+            while current < stair and not watch.gone:
+                current = min(stair, low + self.ramp_slope * (self.sample.time - begin))
+                watch.take((yield from self._step(sign * current)))
+            if stair > self.ramp_peak:
+                self._refuse_blocked(sign, self.ramp_peak)
+            rested = yield from self._pause(sign * current, watch)
+            if rested is not None:
+                held, level = rested, current
+            stair *= 1.0 + (SLIDING_STAIR if watch.slides else STAIR)
         before, self._slid = self._slid, sign
-        return Ramp(sign, before, np.array(samples), tuple(stops))
+        if held is None:
+            return None, stair
+        return Ramp(sign, before, np.array(watch.samples), held), level
+
+    def _pause(self, command: float, watch: _Slide) -> Generator[float, Sample, Held | None]:
+        """Keep a current until it is clear whether it holds the joint; return the rest, if so."""
+        begin, first, duration = self.sample.time, len(watch.samples) - 1, SHORTEST_PAUSE
+        while not watch.gone:
+            watch.take((yield from self._step(command)))
+            if self.sample.time - begin < 0.999 * duration:
+                continue
+            time, position, _ = np.array(watch.samples[first:]).T
+            if rests(time, position, watch.sign, self._resolution):
+                watch.rest()
+                return Held(begin, self.sample.time, self.sample.position)
+            moved = watch.sign * (self.sample.position - position[0])
+            if (watch.slides or duration >= LONGEST_PAUSE
+                    or moved > SLIDE_SHARE * watch.sign * (position[0] - watch.home)):
+                break
+            duration *= 2.0
+        watch.slides = True
+        return None
+
+
+class _Slide:
+    """The samples of a ramp, and whether the joint has slid away on it."""
+
+    def __init__(self, sample: Sample, sign: int, resolution: float, farthest: float) -> None:
+        self.sign, self.samples = sign, [sample]
+        self.gone = self.slides = False     # slides: it did not come to rest on the last stair
+        self._resolution, self._farthest = resolution, farthest
+        self.home = self._rested = sample.position
+        self._window = deque([sample], maxlen=200)
+        self._began: float | None = None    # displacement at which a fast slide began, rad
+
+    def take(self, sample: Sample) -> None:
+        """Add a sample and update `gone`."""
+        self.samples.append(sample)
+        self._window.append(sample)
+        moved = self.sign * (sample.position - self.home)
+        if (moved <= CUT_COUNTS * self._resolution
+                or speed_over(self._window, self.sign, CUT_WINDOW) <= CUT_SPEED):
+            self._began = None
+        elif self._began is None:
+            self._began = moved
+        self.gone = (moved > self._farthest
+                     or (self._began is not None and moved > self._began + CUT_DISTANCE)
+                     or (self.slides and self.sign * (sample.position - self._rested)
+                         > max(CUT_DISTANCE, CUT_COUNTS * self._resolution)))
+
+    def rest(self) -> None:
+        """Take note that the joint came to rest."""
+        self.slides, self._rested = False, self.samples[-1].position
 
 
 def _current_scatter(points: Sequence[KineticPoint]) -> float:
@@ -249,6 +308,8 @@ class IdentificationRun(SupervisedRun):
     ----------
     goal : IdentificationGoal
     drive : Drive
+    torque : bool
+        Whether messages have joint torques in N·m instead of motor currents in A.
 
     Raises
     ------
@@ -258,8 +319,8 @@ class IdentificationRun(SupervisedRun):
 
     _motion: IdentificationMotion
 
-    def __init__(self, goal: IdentificationGoal, drive: Drive) -> None:
-        super().__init__(IdentificationMotion(goal, drive))
+    def __init__(self, goal: IdentificationGoal, drive: Drive, torque: bool = False) -> None:
+        super().__init__(IdentificationMotion(goal, drive, torque))
         self.goal = goal
         self._result: IdentificationResult | None = None
 
@@ -269,8 +330,7 @@ class IdentificationRun(SupervisedRun):
         Raises
         ------
         IdentificationError
-            If the run is not finished, too many ramps show no breakaway, or breakaway scatters
-            because of backlash.
+            If the run is not finished, or breakaway scatters because of backlash.
         """
         if not self.finished:
             raise IdentificationError(f'identification is not complete: {self.error or self.phase}')
@@ -283,18 +343,17 @@ class IdentificationRun(SupervisedRun):
         points = sorted(motion.points, key=lambda point: point.speed)
         sigmoid, error = fit_sigmoid([p.speed for p in points], [p.current for p in points])
         acceleration = self._acceleration()
-        ramps = evaluate_ramps(
-            motion.ramps, motion.stopping, self.goal.ramp_slope, self._resolution(), acceleration,
-            sigmoid.viscous)
+        ramps = evaluate_ramps(motion.ramps, self._resolution(), acceleration, sigmoid.viscous)
         breakaway = ramps.records.statistics()
         wrong, doubtful = check_load(
             points, (breakaway.positive_mean, breakaway.negative_mean),
-            max(breakaway.positive_std, breakaway.negative_std))
+            max(breakaway.positive_std, breakaway.negative_std), motion.say)
         if wrong:
             raise IdentificationError(wrong)
         return IdentificationResult(
             points=points, sigmoid=sigmoid, sigmoid_error=error, breakaway=breakaway,
-            records=ramps.records, acceleration_per_current=acceleration, goal=self.goal,
+            records=ramps.records, acceleration_per_current=acceleration,
+            goal=replace(self.goal, ramp_slope=motion.ramp_slope),
             warnings=[*motion.warnings, *motion.supervision.warnings(), *ramps.warnings,
                       *([doubtful] if doubtful else [])],
             presliding=ramps.presliding, backlash=ramps.backlash)

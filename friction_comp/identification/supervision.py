@@ -13,13 +13,14 @@ the first ramp is commanded, which ends when the joint moves.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 import math
 from typing import NamedTuple, TYPE_CHECKING
 
 from friction_comp.drive import Drive
-from friction_comp.identification.goal import IdentificationError, MotionGoal
+from friction_comp.identification.goal import IdentificationError
 from friction_comp.identification.kinetic import KineticPoint
+from friction_comp.identification.velocity_control import LONGEST_DELAY, PHASE
 from friction_comp.signal_checks import Answer, current_fault, CurrentCheck, VelocityCheck
 
 if TYPE_CHECKING:
@@ -32,11 +33,14 @@ _FACTOR = 2.0
 # A gain is wrong if it is outside these limits by this many standard errors; it is confirmed if its
 # standard error is at most this share of it.
 _ERRORS, _CONFIRMED = 3.0, 0.25
-# Correlation above which the measured current is the delayed commanded one; and delay in s above
-# which that explains why a joint does not respond.
-_ALIKE, _LATE = 0.9, 0.01
-# Smallest commanded current that is compared, as a share of the ramps' peak.
-_LEAST = 0.02
+# Correlation above which the measured current is the delayed commanded one.
+_ALIKE = 0.9
+LEAST_SHARE = 0.02
+"""Smallest commanded current that is compared, as a share of one that breaks the joint free."""
+# Samples from which the time between them is known.
+_SAMPLES = 20
+# Time in s over which arrivals are compared.
+_LATELY = 1.0
 # Deviation of the overall gain from 1 above which the result contains a warning.
 _DOUBTFUL = 0.15
 # Longest step between samples that is integrated, s.
@@ -58,12 +62,39 @@ class Sample(NamedTuple):
     current: float
 
 
-class Supervision:
-    """Compares measurements with commands, sample by sample."""
+class Arrivals:
+    """When samples arrive, compared with when they were taken."""
 
-    def __init__(self, goal: MotionGoal, drive: Drive):
-        self._drive = drive
-        self._least = _LEAST * goal.ramp_peak
+    def __init__(self) -> None:
+        self._lags: deque[tuple[float, float]] = deque()
+
+    def take(self, stamp: float, now: float) -> None:
+        """Add a sample: its stamp and its arrival, each in s by a clock of its own."""
+        self._lags.append((now, now - stamp))
+        while now - self._lags[0][0] > _LATELY:
+            self._lags.popleft()
+
+    def uneven(self) -> float:
+        """Return by how much lags of the last second differ, s; NaN if arrivals are not known."""
+        lags = [lag for _, lag in self._lags]
+        return max(lags) - min(lags) if lags else math.nan
+
+
+class Supervision:
+    """Compares measurements with commands, sample by sample.
+
+    `delay` is that of the measured current in s, `step` the mean time between samples in s, `least`
+    the smallest current in A that is compared. `say` returns a current as text. A node adds
+    `arrivals`.
+    """
+
+    def __init__(self, drive: Drive, peak: float, say: Callable[[float], str]) -> None:
+        self._drive, self._say = drive, say
+        self.least = LEAST_SHARE * peak
+        self.arrivals = Arrivals()
+        self.delay, self.step = 0.0, 1e-3
+        self._late = LONGEST_DELAY  # delay in s that explains why a joint does not respond
+        self._first, self._count = math.nan, 0
         self._resolution = drive.position_resolution or 1e-6
         self._last: tuple[float, float] | None = None
         self._currents = CurrentCheck()
@@ -79,12 +110,15 @@ class Supervision:
         `Motion`.
         """
         if self._last is None:
-            self._last = time, position
+            self._last, self._first = (time, position), time
             return
         step = time - self._last[0]
         if step <= 0.0:
             return
         self._last = time, position
+        self._count += 1
+        if self._count > _SAMPLES:
+            self.step = (time - self._first) / self._count
         if math.isfinite(current):
             self._currents.take(time, min(step, _STEP), command, current)
             self._compare_currents()
@@ -99,13 +133,13 @@ class Supervision:
     # The measured current must be the commanded one.
 
     def _compare_currents(self) -> None:
-        gain = self._currents.gain(self._least)
+        gain = self._currents.gain(self.least)
         if not math.isfinite(gain) or 1.0 / _FACTOR <= gain <= _FACTOR:
             return
         answer = self._currents.answer()
-        _refuse_late(answer)
+        self._refuse_late(answer)
         # Do not compare yet while the current has had no time to take effect.
-        if answer.old_command > self._least:
+        if answer.old_command > self.least:
             self._refuse_gain(answer)
 
     def is_current_confirmed(self) -> bool:
@@ -119,7 +153,7 @@ class Supervision:
         if self.is_current_confirmed():
             return
         answer = self._currents.answer()
-        _refuse_late(answer)
+        self._refuse_late(answer)
         self._refuse_gain(answer)
         raise IdentificationError(
             'the measured current cannot be confirmed to be the commanded one: its ratio is '
@@ -132,11 +166,53 @@ class Supervision:
             return
         raise IdentificationError(
             f'the measured current is {gain:.2g} times the commanded one of '
-            f'{self._currents.commanded:.3g} A: {current_fault(gain, self._drive)}')
+            f'{self._say(self._currents.commanded)}: {current_fault(gain, self._drive)}')
+
+    # The drive must answer in time.
+
+    def measure_delay(self) -> None:
+        """Measure `delay`; call it within half a second after a current was switched off."""
+        answer = self._currents.answer()
+        if answer.correlation > _ALIKE:
+            self.delay = max(self.delay, answer.delay)
+
+    def control(self, bandwidth: float) -> None:
+        """Take note of the controller's bandwidth, rad/s, which limits the delay from now on."""
+        self._late = min(LONGEST_DELAY, max(PHASE / bandwidth - self.step, 0.0))
+
+    def require_controllable(self, longest_step: float, longest_delay: float) -> None:
+        """Raise if samples are too far apart or the measured current is too late, s."""
+        if self.step > longest_step:
+            raise IdentificationError(
+                f'joint_states come {1.0 / self.step:.3g} times per second; to move a joint by '
+                f'currents takes {1.0 / longest_step:g}')
+        if self.delay > longest_delay:
+            self._late = longest_delay
+            self._refuse_late(self._currents.answer()._replace(delay=self.delay))
+
+    def _refuse_late(self, answer: Answer) -> None:
+        """Raise if the measured current is the commanded one, but too late for the controller."""
+        if (answer.delay <= self._late or answer.correlation <= _ALIKE
+                or not 1.0 / _FACTOR <= answer.gain <= _FACTOR):
+            return
+        uneven = self.arrivals.uneven()
+        if uneven > 0.5 * answer.delay:
+            cause = ('This machine is overloaded: joint_states arrive in bursts, some '
+                     f'{uneven:.2g} s later than others. End other programs, or give this one '
+                     'priority')
+        elif math.isfinite(uneven):
+            cause = ('joint_states arrive evenly, so the drive is late, not this machine: shorten '
+                     'the filters and cycles of its driver and bus')
+        else:
+            cause = 'Machine or network are overloaded, or the driver delays currents or states'
+        raise IdentificationError(
+            f'the measured current follows the commanded one {answer.delay:.2g} s late, with the '
+            f'right size (ratio {answer.gain:.2g}): too late to control a joint, the limit is '
+            f'{self._late:.2g} s at {1.0 / self.step:.3g} Hz. {cause}')
 
     def warnings(self) -> list[str]:
         """Return warnings as text."""
-        gain = self._currents.gain(self._least, lately=False)
+        gain = self._currents.gain(self.least, lately=False)
         if not math.isfinite(gain) or abs(gain - 1.0) <= _DOUBTFUL:
             return []
         return [f'the measured current is {gain:.2f} times the commanded one: torque constant, '
@@ -163,37 +239,27 @@ class Supervision:
         self._expected += self._speed * step
         duration = time - self._since
         least = max(_EXPECTED_COUNTS * self._resolution, _ANSWERED * abs(self._drift) * duration)
-        if self._expected < least or duration < _ANSWER_TIME:
+        if self._expected < least or duration < _ANSWER_TIME + self.delay:
             return
         # Accept a joint that keeps moving, and one whose motion changes, for instance brakes.
         moved = position - self._from
         gained = moved - self._drift * duration
         if max(sign * moved, sign * gained) < _ANSWERED * self._expected:
-            _refuse_late(self._currents.answer())
+            self._refuse_late(self._currents.answer())
             raise IdentificationError(
-                f'the joint does not move at {command:.3g} A, although less current broke it free '
-                'before: it is blocked, at a stop or held, or the encoder is stuck')
+                f'the joint does not move at {self._say(command)}, although less current broke it '
+                'free before: it is blocked, at a stop or held, or the encoder is stuck')
         self._begin_answer(time, position, sign)
 
 
-def _refuse_late(answer: Answer) -> None:
-    """Raise IdentificationError if the measured current is the commanded one, but late."""
-    if (answer.delay >= _LATE and answer.correlation > _ALIKE
-            and 1.0 / _FACTOR <= answer.gain <= _FACTOR):
-        raise IdentificationError(
-            f'the measured current follows the commanded one {answer.delay:.2g} s late, with the '
-            f'right size (ratio {answer.gain:.2g}): this is too late to control a joint. Machine '
-            'or network are overloaded, or the driver delays currents or states')
-
-
-def check_load(points: Sequence[KineticPoint], breakaway: tuple[float, float],
-               spread: float) -> tuple[str, str]:
+def check_load(points: Sequence[KineticPoint], breakaway: tuple[float, float], spread: float,
+               say: Callable[[float], str]) -> tuple[str, str]:
     """Return an error and a warning on loads during a finished run; each is empty if none.
 
     Friction is about equal in both directions. A load adds to one direction and reduces the other:
     gravity, a spring, or a person leaning on the joint. Gravity affects the look-up table and the
     breakaway currents alike, a person perhaps not. `breakaway` has the means of both directions,
-    `spread` their largest standard deviation, in A.
+    `spread` their largest standard deviation, in A; `say` returns a current as text.
     """
     friction = 0.5 * (breakaway[0] - breakaway[1])
     shift = 0.5 * (breakaway[0] + breakaway[1])
@@ -202,15 +268,15 @@ def check_load(points: Sequence[KineticPoint], breakaway: tuple[float, float],
     if friction <= 0.0:
         return 'breakaway needs no current: the joint was pushed', ''
     if spread > 0.6 * friction:
-        return (f'the breakaway currents scatter by {spread:.3g} A around {friction:.3g} A: the '
+        return (f'breakaway scatters by {say(spread)} around {say(friction)}: the '
                 'joint was touched during the measurement', '')
     if abs(shift - sliding) > 0.6 * friction:
-        return (f'the load was {sliding:.3g} A while the joint moved, but {shift:.3g} A when it '
+        return (f'the load was {say(sliding)} while the joint moved, but {say(shift)} when it '
                 'broke free: somebody leant on it during part of the run', '')
     if max(abs(shift), abs(sliding)) > 0.12 * friction:
         more = 2.0 * max(shift, sliding, key=abs)
         return '', (f'the {"positive" if more > 0.0 else "negative"} direction needs '
-                    f'{abs(more):.3g} A more than the other: gravity or a spring, or somebody '
+                    f'{say(abs(more))} more than the other: gravity or a spring, or somebody '
                     'leant on the joint')
     return '', ''
 
@@ -233,6 +299,11 @@ class SupervisedRun:
         self._begin: float | None = None
         self._last: float | None = None
         self._estimated, self._command = -math.inf, 0.0
+
+    @property
+    def arrivals(self) -> Arrivals:
+        """When samples arrive; whoever drives a real joint adds each before `update`."""
+        return self._motion.supervision.arrivals
 
     @property
     def phase(self) -> str:

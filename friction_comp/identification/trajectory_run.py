@@ -39,7 +39,7 @@ class TrajectoryGoal(MotionGoal):
     times: Sequence[float]          # s, ascending from zero or later
     positions: Sequence[float]      # rad
     velocities: Sequence[float]     # rad/s
-    ramp_slope: float = 0.1
+    ramp_slope: float | None = None     # A/s; None: the current grows towards the drive's limit
     ramp_period: float = 10.0
     motion_range: float = field(init=False)         # of the positions
     speeds: Sequence[float] = field(init=False)     # a low one for travel, and the highest
@@ -65,7 +65,8 @@ class TrajectoryGoal(MotionGoal):
         if not self.motion_range > 0.0:
             raise InputError('the trajectory does not move the joint')
         for name in ('ramp_slope', 'ramp_period'):
-            check_number(getattr(self, name), name, above=0.0)
+            if name != 'ramp_slope' or self.ramp_slope is not None:
+                check_number(getattr(self, name), name, above=0.0)
 
     def cycle(self, speed: float) -> tuple[float, float]:
         """Return duration in s and width in rad of a cycle with the trajectory's acceleration."""
@@ -79,8 +80,8 @@ class TrajectoryMotion(Motion):
 
     goal: TrajectoryGoal
 
-    def __init__(self, goal: TrajectoryGoal, drive: Drive) -> None:
-        super().__init__(goal, drive)
+    def __init__(self, goal: TrajectoryGoal, drive: Drive, torque: bool = False) -> None:
+        super().__init__(goal, drive, torque)
         self._began: float | None = None
         self._path = CubicHermiteSpline(goal.times, goal.positions, goal.velocities)
         self._speed = self._path.derivative()
@@ -113,5 +114,5 @@ class TrajectoryMotion(Motion):
 class TrajectoryRun(SupervisedRun):
     """One trajectory, from standstill to zero current; see `SupervisedRun`."""
 
-    def __init__(self, goal: TrajectoryGoal, drive: Drive) -> None:
-        super().__init__(TrajectoryMotion(goal, drive))
+    def __init__(self, goal: TrajectoryGoal, drive: Drive, torque: bool = False) -> None:
+        super().__init__(TrajectoryMotion(goal, drive, torque))

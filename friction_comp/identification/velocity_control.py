@@ -19,7 +19,24 @@ from friction_comp.low_pass import low_pass_weight
 
 BANDWIDTH = 100.0
 """Crossover frequency in rad/s: far below the sampling frequency of 1 kHz, far above that of the
-profile."""
+profile. It falls with rate and delay, see `stable_bandwidth`."""
+
+PHASE = 1.0
+"""Phase margin in rad of the loop without any delay: a quarter turn less what filter, integrator
+and position take at the crossover frequency, 0.2 + 0.2 + 0.16 rad. A delay of this over the
+bandwidth makes the loop unstable."""
+
+DELAY_SHARE = 0.4
+"""Share of `PHASE` that sampling and delay may take: 34 degrees then remain."""
+
+LEAST_BANDWIDTH = 10.0
+"""Crossover frequency in rad/s below which slow constant velocities are not held."""
+
+LEAST_RATE = 100.0
+"""Lowest rate of joint states in Hz at which a joint is moved."""
+
+LONGEST_DELAY = DELAY_SHARE * PHASE / LEAST_BANDWIDTH - 1.0 / LEAST_RATE
+"""Longest delay in s between command and measured current at which a joint is moved, 0.03 s."""
 
 # rad/s of reference velocity over which the push fades in.
 _BLEND_VELOCITY = 0.002
@@ -42,6 +59,15 @@ class Controller(NamedTuple):
     push_positive: float = 0.0          # A
     push_negative: float = 0.0          # A, negative
     bandwidth: float = BANDWIDTH        # rad/s
+
+
+def stable_bandwidth(step: float, delay: float) -> float:
+    """Return the crossover frequency in rad/s at a time between samples and a delay, s.
+
+    Holding a current for a sample and computing the velocity from two positions delay by half a
+    sample each.
+    """
+    return min(BANDWIDTH, DELAY_SHARE * PHASE / max(step + delay, 1e-6))
 
 
 def velocity_controller_state() -> np.ndarray:

@@ -29,10 +29,11 @@ class Action:
 
     kind: Any
     name: str
-    # Converts a request, with joints, drives and defaults, to joint index and goal.
-    make_goal: Callable[[Any, list[str], list[Drive], dict[str, Any]], tuple[int, Any]]
-    # Makes the run of a goal and a drive.
-    run: Callable[[Any, Any], SupervisedRun]
+    # Converts a request, with joints, drives, defaults and whether messages have torques, to joint
+    # index and goal.
+    make_goal: Callable[[Any, list[str], list[Drive], dict[str, Any], bool], tuple[int, Any]]
+    # Makes the run of a goal and a drive; whether its messages have torques.
+    run: Callable[[Any, Any, bool], SupervisedRun]
     # Called with finished run, joint index and result message, which it fills.
     finish: Callable[[SupervisedRun, int, Any], None]
 
@@ -63,7 +64,7 @@ def declare_defaults(node: Any) -> dict[str, Any]:
         node, 'default_speeds', DEFAULT_SPEEDS, 'speeds of a goal that names none [rad/s]'))}
     for name, default, text, unit, low, high in (
             ('motion_range', 1.0, 'motion range', ' [rad]', 1e-3, 100.0),
-            ('ramp_slope', 0.06, 'ramp slope', ' [A/s]', 1e-6, 100.0),
+            ('ramp_slope', 0.0, 'ramp slope', ' [A/s]; 0: found by the first motion', 0.0, 100.0),
             ('ramp_period', 10.0, 'ramp period', ' [s]', 1.0, 1000.0),
             ('breakaway_cycles', 20, 'breakaway cycles', '', 1, 100_000)):
         defaults[name] = declare(
@@ -71,13 +72,14 @@ def declare_defaults(node: Any) -> dict[str, Any]:
     return defaults
 
 
-def make_goal(request: Any, joints: list[str], drives: list[Drive],
-              defaults: dict[str, Any]) -> tuple[int, IdentificationGoal]:
+def make_goal(request: Any, joints: list[str], drives: list[Drive], defaults: dict[str, Any],
+              torque: bool = False) -> tuple[int, IdentificationGoal]:
     """Return joint index and checked goal of an IdentifyFriction goal."""
     index = _index_of(request.joint, joints) if request.joint else 0
     fields = {name: getattr(request, name) or default for name, default in defaults.items()}
-    goal = IdentificationGoal(**dict(fields, speeds=tuple(fields['speeds'])))
-    goal.check(drives[index])
+    goal = IdentificationGoal(**dict(
+        fields, speeds=tuple(fields['speeds']), ramp_slope=fields['ramp_slope'] or None))
+    goal.check(drives[index], torque)
     return index, goal
 
 
@@ -88,7 +90,8 @@ def _index_of(joint: str, joints: list[str]) -> int:
 
 
 def make_trajectory(request: Any, joints: list[str], drives: list[Drive],
-                    defaults: dict[str, Any]) -> tuple[int, TrajectoryGoal]:
+                    defaults: dict[str, Any], torque: bool = False
+                    ) -> tuple[int, TrajectoryGoal]:
     """Return joint index and checked goal of a PlayTrajectory goal."""
     names, points = list(request.trajectory.joint_names), request.trajectory.points
     if len(names) != 1:
@@ -99,9 +102,9 @@ def make_trajectory(request: Any, joints: list[str], drives: list[Drive],
     goal = TrajectoryGoal(
         [point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec for point in points],
         [point.positions[0] for point in points], [point.velocities[0] for point in points],
-        request.ramp_slope or defaults['ramp_slope'],
+        request.ramp_slope or defaults['ramp_slope'] or None,
         request.ramp_period or defaults['ramp_period'])
-    goal.check(drives[index])
+    goal.check(drives[index], torque)
     return index, goal
 
 

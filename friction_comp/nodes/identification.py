@@ -73,9 +73,10 @@ class IdentificationNode(Node):
         self._states = JointStateInput(self._joints, round(NANO * timeout))
         torques = [drive.torque_per_current for drive in self._drives]
         self._per_effort = joint_io.currents_per_effort(self, torques)
+        interface = joint_io.command_interface(self)
+        self._torque = interface == 'effort'    # the unit in messages
         self._port = joint_io.CommandPort(
-            self, [drive.current_limit for drive in self._drives], torques,
-            joint_io.command_interface(self))
+            self, [drive.current_limit for drive in self._drives], torques, interface)
         self._watchdog = Watchdog(timeout, self._on_silence).start()
         self._rate = Rate()
         self._received = self._fresh = -math.inf
@@ -109,7 +110,8 @@ class IdentificationNode(Node):
                 raise InputError('another goal is running')
             if action.kind is IdentifyFriction:
                 check_folder(self.get_parameter('output_folder').value)
-            self._accepted = action.make_goal(request, self._joints, self._drives, self._defaults)
+            self._accepted = action.make_goal(
+                request, self._joints, self._drives, self._defaults, self._torque)
             self._check_surroundings(self._joints[self._accepted[0]])
         except InputError as error:
             self._refused = str(error)
@@ -142,7 +144,7 @@ class IdentificationNode(Node):
             self._port.open()
             goal = self._goal = RunningGoal(
                 action, goal_handle, index, self._joints[index],
-                action.run(request, self._drives[index]))
+                action.run(request, self._drives[index], self._torque))
             self.get_logger().info(f'{action.name}: moves {goal.joint}')
             if goal_handle.is_cancel_requested:
                 # It arrived before there was a run to end.
@@ -229,6 +231,7 @@ class IdentificationNode(Node):
 
     def _measure(self, goal: RunningGoal, ticket: int) -> None:
         """Answer a new joint state with the current of the run."""
+        received = time.monotonic()
         states, index, run = self._states, goal.index, goal.run
         if goal.started is None:
             goal.started = states.stamp
@@ -239,6 +242,8 @@ class IdentificationNode(Node):
             raise InputError(
                 f'joint_states hold no finite position and effort of {goal.joint}')
         measured = effort * self._per_effort[index]
+        if not self.get_clock().ros_time_is_active:
+            run.arrivals.take(at, received)
         current = run.update(at, position, velocity, measured)
         commands = [0.0] * len(self._joints)
         commands[index] = 0.0 if run.finished else current

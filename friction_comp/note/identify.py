@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from numba import njit, prange
 import numpy as np
 
-from friction_comp.identification.breakaway import breakaway_currents, BreakawayRecords
+from friction_comp.identification.breakaway import BreakawayRecords
 from friction_comp.identification.excitation import ramp_current
 from friction_comp.identification.goal import IdentificationGoal
 from friction_comp.identification.run import (
@@ -20,6 +20,7 @@ from friction_comp.identification.run import (
     CUT_WINDOW,
     IdentificationRun,
 )
+from friction_comp.note.breakaway import breakaway_currents
 from friction_comp.note.published import RAMP_PERIOD
 from friction_comp.simulation.joint import joint_sample, measure, Plant, start_joint
 from friction_comp.simulation.joint_parameters import joint_parameters, JOINT_STATE, MEASURED
