@@ -14,7 +14,8 @@ from friction_comp.errors import InputError
 from friction_comp.identification.goal import IdentificationError, IdentificationGoal
 from friction_comp.identification.kinetic import constant_velocity_currents
 from friction_comp.identification.run import IdentificationRun
-from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.friction_model import Breakaway, FrictionModel
+from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.undeclared import Undeclared
 
@@ -216,6 +217,47 @@ def test_ramp_that_ends_too_early_says_what_to_change():
     goal = IdentificationGoal(speeds=(0.2, 0.5), ramp_slope=0.05, breakaway_cycles=1)
     with pytest.raises(IdentificationError, match=r'up to 0\.2 A.*steeper ramp_slope'):
         identify(model, goal)
+
+
+@pytest.mark.parametrize('friction', [0.3, 7.5])
+def test_without_a_slope_ramps_follow_from_what_breaks_the_joint_free(friction):
+    """Of a drive that takes 0.03 A as of one that takes 0.75; the limit is 3 A."""
+    model = with_friction(note_model(1), friction)
+    goal = IdentificationGoal(speeds=np.radians([40.0, 100.0]), breakaway_cycles=2,
+                              longest_cycle=2.0)
+    run, commands, _ = identify(model, goal)
+    result = run.result()
+    level = model.breakaway.positive_mean
+    assert result.breakaway.positive_mean == pytest.approx(level, rel=0.08)
+    assert result.goal.ramp_slope == pytest.approx(level / 1.2, rel=0.3)
+    assert np.max(np.abs(commands)) < 4.0 * level
+
+
+def with_friction(model, factor):
+    """Return a model with its friction, and what the joint's motion takes, times a factor."""
+    c = model.sigmoid.coefficients()
+    breakaway = model.breakaway
+    return replace(
+        model, sigmoid=Sigmoid.from_coefficients(
+            (c[0] * factor, c[1], c[2] * factor, *c[3:5], c[5] * factor)),
+        breakaway=Breakaway(*(factor * value for value in (
+            breakaway.positive_mean, breakaway.negative_mean, breakaway.positive_std,
+            breakaway.negative_std))),
+        simulation={**model.simulation, 'inertia': model.simulation['inertia'] * factor,
+                    'presliding_stiffness': model.simulation['presliding_stiffness'] * factor,
+                    'presliding_damping': model.simulation['presliding_damping'] * factor})
+
+
+def test_without_a_slope_an_encoder_that_never_counts_costs_a_tenth_of_the_limit():
+    model, heard = note_model(1), []
+
+    def dead(run, sample):
+        heard.append(run._command)
+        return [sample[0], 0.0, 0.0, sample[3]]
+    with pytest.raises(IdentificationError, match=r'not counted once up to 3\.\d+ N·m at the j'):
+        follow(IdentificationRun(IdentificationGoal((0.5, 1.0)), model.drive, torque=True),
+               Plant([model], seed=1, sample_time=STEP), dead)
+    assert max(heard) <= 0.1 * model.drive.current_limit
 
 
 def test_joint_that_moves_at_zero_current_is_refused():

@@ -294,7 +294,39 @@ def test_a_controller_that_rattles_is_no_wrong_unit():
         look_at_rattle(0.2)
 
 
-@pytest.mark.parametrize('samples', [5, 20, 62])
+@pytest.mark.parametrize('samples', [2, 4, 6])
+def test_a_drive_that_is_slow_but_in_time_is_identified_with_lower_gains(samples):
+    """At 250 Hz the current comes 8 to 24 ms after the command."""
+    result = Bench(late=samples).finish()
+    truth = note_model().sigmoid(result.speeds)
+    np.testing.assert_allclose(result.currents, truth, rtol=0.05)
+    assert result.breakaway.positive_mean == pytest.approx(0.0995, rel=0.1)
+
+
+def test_joint_states_that_come_too_seldom_are_refused_with_the_rate_it_takes():
+    def alter(run, sample):
+        return [2.0 * sample[0], sample[1], math.nan, sample[3]]
+    bench = Bench(alter, step=0.01)
+    with pytest.raises(IdentificationError, match='50 times per second; .* takes 100'):
+        bench.finish()
+
+
+@pytest.mark.parametrize(('pause', 'words'), [
+    (1, 'arrive evenly, so the drive is late'), (15, 'machine is overloaded')])
+def test_an_overloaded_machine_is_told_from_a_late_drive(pause, words):
+    """Samples arrive one by one, or so many at a time."""
+    count = [0]
+
+    def alter(run, sample):
+        count[0] += 1
+        run.arrivals.take(sample[0], STEP * pause * math.ceil(count[0] / pause) + 7.0)
+        return sample
+    bench = Bench(alter, late=15)
+    with pytest.raises(IdentificationError, match=words):
+        bench.finish()
+
+
+@pytest.mark.parametrize('samples', [10, 20, 62])
 def test_a_drive_that_answers_late_is_not_told_to_have_another_unit(samples):
     """As on a machine that is busy with something else; not even the first current was right."""
     bench = Bench(late=samples)

@@ -51,7 +51,7 @@ class MotionGoal(ABC):
         if peak is not None and peak > drive.current_limit:
             raise InputError(
                 'ramp_slope and ramp_period: the ramps would reach '
-                f'{drive.in_words(peak, torque)}, above the limit of '
+                f'{drive.in_words(peak, torque)}, above the current limit of '
                 f'{drive.in_words(drive.current_limit, torque)}')
 
 
@@ -68,7 +68,7 @@ class IdentificationGoal(MotionGoal):
         Width in rad of the range, centred on the position at the start, that the joint may use.
     ramp_slope : float, optional
         Slope s of Eq. 8 in A/s. None: the joint is first broken free by a current that grows
-        towards the drive's limit, and ramps reach what that took within 1.5 s.
+        towards the drive's limit, and ramps reach what that took within 1.2 s.
     ramp_period : float
         T of Eq. 8 in s.
     breakaway_cycles : int

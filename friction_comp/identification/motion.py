@@ -40,7 +40,7 @@ _PUSH_SPEED = 0.3       # speed at which the short push ends, rad/s
 # Without a slope, the first current grows by a factor of e in so many s, from this share of the
 # drive's limit: fast below, slow enough to be read when the joint breaks free. Ramps then reach
 # what broke the joint free within so many s, and at most so many times that.
-_GROWTH, _FIRST_SHARE, _RISE_TIME, _BEYOND = 0.7, 1.0 / 300.0, 1.5, 2.0
+_GROWTH, _FIRST_SHARE, _RISE_TIME, _BEYOND = 0.7, 1.0 / 300.0, 1.2, 2.0
 # Share of the drive's limit beyond which the first current grows only if the encoder has counted:
 # a joint winds up before it breaks free, a dead encoder never counts.
 _BLIND_SHARE = 0.1
@@ -168,7 +168,8 @@ class Motion(ABC):
             self.supervision.require_confirmed_current()
             sample = self.sample
         self._push[sign] = current
-        self.supervision.least = min(self.supervision.least, LEAST_SHARE * current)
+        if self.goal.ramp_slope is None:
+            self.supervision.least = LEAST_SHARE * current
         self._update_friction()
         strong = min(1.3 * current, self.drive.current_limit)
         room = sample.position + sign * 0.04 * self.goal.motion_range
@@ -279,8 +280,8 @@ class Motion(ABC):
             if abs(position - sample.position) > allowance:
                 raise IdentificationError(
                     f'the joint lags {abs(position - sample.position):.3g} rad behind its '
-                    f'reference at {self.say(abs(command))}: blocked, encoder stuck, or limit '
-                    f'({self.say(parameters.limit)}, or what was plausible so far) too low')
+                    f'reference at {self.say(abs(command))}: blocked, encoder stuck, or current '
+                    f'limit ({self.say(parameters.limit)}, or what was plausible so far) too low')
             last = sample.time
             sample = yield from self._step(command)
             samples.append(sample)

@@ -140,7 +140,7 @@ class IdentificationMotion(Motion):
             if needed > 0.9 * self.drive.current_limit:
                 raise IdentificationError(
                     f'{speed:g} rad/s within {self.goal.motion_range:g} rad would take about '
-                    f'{self.say(needed)} to accelerate, the limit is '
+                    f'{self.say(needed)} to accelerate, the current limit is '
                     f'{self.say(self.drive.current_limit)}: lower the speed or widen the range')
 
     def _constant_velocity(self, speed: float) -> Generator[float, Sample, None]:

@@ -24,15 +24,15 @@ STAIR, SLIDING_STAIR = 0.01, 0.03
 FIRST_STAIR = 0.9
 """The first stair, as a share of the current that held so far."""
 
-SHORTEST_PAUSE, LONGEST_PAUSE = 0.1, 0.8
+SHORTEST_PAUSE, LONGEST_PAUSE = 0.15, 0.6
 """Times on a stair, s: doubled from the shortest on until the joint rests, or slides."""
 
 SLIDE_SHARE = 0.5
 """A joint slides that moves during a pause by this share of all its movement on the ramp before."""
 
 # The joint rests if it moves in the last third of a pause by at most this share of its movement in
-# the second third, or by at most so many counts, or by less than its noise shows.
-_SPEED_SHARE, _COUNTS, _ERRORS = 0.5, 1.0, 3.0
+# the second third, or by at most so much of a count, or by less than its noise shows.
+_SPEED_SHARE, _COUNTS, _ERRORS = 0.5, 0.5, 3.0
 
 
 class Held(NamedTuple):
