@@ -232,6 +232,8 @@ class IdentificationMotion(Motion):
                 current = min(stair, low + self.ramp_slope * (self.sample.time - begin))
                 watch.take((yield from self._step(sign * current)))
             if stair > self.ramp_peak:
+                if watch.slides and held is not None:
+                    break
                 self._refuse_blocked(sign, self.ramp_peak)
             rested = yield from self._pause(sign * current, watch)
             if rested is not None:
