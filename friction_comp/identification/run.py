@@ -227,14 +227,14 @@ class IdentificationMotion(Motion):
         watch = _Slide(self.sample, sign, self._resolution, 0.2 * self.goal.motion_range)
         current, held, level = 0.0, None, stair
         while not watch.gone:
-            begin, low = self.sample.time, current
-            while current < stair and not watch.gone:
-                current = min(stair, low + self.ramp_slope * (self.sample.time - begin))
-                watch.take((yield from self._step(sign * current)))
             if stair > self.ramp_peak:
                 if watch.slides and held is not None:
                     break
                 self._refuse_blocked(sign, self.ramp_peak)
+            begin, low = self.sample.time, current
+            while current < stair and not watch.gone:
+                current = min(stair, low + self.ramp_slope * (self.sample.time - begin))
+                watch.take((yield from self._step(sign * current)))
             rested = yield from self._pause(sign * current, watch)
             if rested is not None:
                 held, level = rested, current
