@@ -82,7 +82,10 @@ def _held_current(ramp: Ramp) -> float:
     """Return the mean measured current in A of the pause that held."""
     begin = ramp.held.begin + _SETTLING * (ramp.held.end - ramp.held.begin)
     time, _, current = ramp.samples.T
-    return float(np.nanmean(current[(time >= begin) & (time <= ramp.held.end)]))
+    measured = current[(time >= begin) & (time <= ramp.held.end) & np.isfinite(current)]
+    if not measured.size:
+        raise IdentificationError('the measured current is not finite')
+    return float(np.mean(measured))
 
 
 def _until_held(ramp: Ramp) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

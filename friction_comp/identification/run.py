@@ -212,7 +212,7 @@ class IdentificationMotion(Motion):
             if self._lost > 2 + _MOST_LOST * 2 * self.goal.breakaway_cycles:
                 raise IdentificationError(
                     f'no current holds the joint reliably: it slid at {self.say(level)}, although '
-                    'more held it before; something pushes it, or its friction changes')
+                    'more held it before; it is pushed, or its friction changes')
         held.append(level)
         self.ramps.append(ramp)
         self._ramp_time += (self.sample.time - begin - self._ramp_time) / min(len(self.ramps), 8)
