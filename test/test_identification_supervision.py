@@ -263,9 +263,14 @@ def test_no_measured_current_changes_what_is_commanded(monkeypatch):
     assert commands[0] == commands[1]
 
 
+def supervised():
+    drive = note_model().drive
+    return Supervision(drive, IdentificationGoal(**GOAL).ramp_peak, drive.in_words)
+
+
 def look_at_rattle(mean):
     """Command a current that rattles about a mean, of which the amplifier gives two fifths."""
-    supervision = Supervision(IdentificationGoal(**GOAL), note_model().drive)
+    supervision = supervised()
     rattle = 0.4 * np.sign(np.sin(2.0 * math.pi * (np.arange(3000) + 0.5) / 6.0))
     for k, command in enumerate(rattle + mean):
         supervision.check(1e-3 * k, 0.0, None, 0.4 * command, command, None, math.nan)
@@ -273,7 +278,7 @@ def look_at_rattle(mean):
 
 def brake(speeds):
     """Check a joint that four times its breakaway current brakes from 0.1 s on."""
-    supervision = Supervision(IdentificationGoal(**GOAL), note_model().drive)
+    supervision = supervised()
     for k, position in enumerate(np.cumsum(speeds) * 1e-3):
         supervision.check(
             1e-3 * k, position, None, math.nan, 0.6 if k < 100 else -2.0, (0.5, -0.5), 4.0)
