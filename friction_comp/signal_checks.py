@@ -32,6 +32,8 @@ LIMITS = {
 """Largest magnitude and unit of each signal, far beyond any geared drive: one turn per second for
 four hours is 1e5 rad, the fastest motors turn at 1e4 rad/s, the shaft of a wind turbine carries
 1e7 N·m."""
+LOWEST = {'temperature': -273.15}
+"""Smallest value of signals for which it is not minus the largest: absolute zero, °C."""
 
 BLOCK = 0.1
 """Duration over which velocity is integrated and compared with the change of position, s."""
@@ -77,9 +79,10 @@ _VELOCITY_UNITS = {
 
 
 def beyond(signal: str, values: np.ndarray) -> np.ndarray:
-    """Return whether each value of a signal exceeds its limit in `LIMITS`; False for NaN."""
+    """Return whether each value of a signal is impossible by `LIMITS`, `LOWEST`; False for NaN."""
+    limit = LIMITS[signal][0]
     with np.errstate(invalid='ignore'):
-        return np.asarray(np.abs(values) > LIMITS[signal][0])
+        return np.asarray((values > limit) | (values < LOWEST.get(signal, -limit)))
 
 
 def _name_unit(ratio: float, units: Mapping[float, str]) -> str:

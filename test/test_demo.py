@@ -18,7 +18,7 @@ import yaml
 from friction_comp.__main__ import run
 from friction_comp.errors import InputError
 from friction_comp.parallel import interrupts_deferred
-from friction_comp.tools.processes import Nodes, ros_arguments
+from friction_comp.tools.processes import Nodes, only_user, ros_arguments
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
@@ -32,6 +32,20 @@ def test_parameters_are_written_as_yaml_reads_them():
     written = dict(word.split(':=') for word in ros_arguments(values)[4::2])
     assert {name: yaml.safe_load(word) for name, word in written.items()} == {
         **values, 'd': 'größe'}
+
+
+def test_a_second_demo_into_the_folder_of_a_running_one_is_refused(tmp_path, capsys):
+    model = tmp_path / 'room' / 'models' / 'elbow.yaml'
+    with only_user(tmp_path / 'room'):
+        (tmp_path / 'room' / '.demo').touch()
+        model.parent.mkdir()
+        model.write_text('of the first demo')
+        for scene in ('loop', 'improve'):
+            assert run('demo', ['--scene', scene, '--output', str(tmp_path / 'room')]) == 2
+            assert 'another run is writing there' in capsys.readouterr().err
+    assert model.exists()
+    with only_user(tmp_path / 'room'):
+        pass
 
 
 @pytest.mark.slow

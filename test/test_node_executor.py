@@ -16,6 +16,7 @@ from ros_system import own_domain, probe_node, RELIABLE
 from std_msgs.msg import Int32
 from std_srvs.srv import Trigger
 
+from friction_comp.errors import InputError
 from friction_comp.nodes.executor import StreamExecutor
 
 
@@ -119,12 +120,43 @@ def test_services_and_callbacks_that_wait_go_on_beside_the_messages(room):
     until(executor, lambda: ('later', -1) in node.heard)
 
 
-def test_an_error_in_a_callback_ends_the_spinning(room):
+def test_what_raises_an_error_is_refused_and_the_next_is_processed(room):
     probe, node, executor = room
+    hear = node.hear
 
     def fail(*_):
         raise ZeroDivisionError('as if')
+
+    def choosy(topic, message):
+        hear(topic, message) if message.data else fail()
+    node.hear, node.answer = choosy, fail
+    node.create_service(Trigger, 'fail', fail)
+    client = probe.create_client(Trigger, 'fail')
+    probe.until(client.service_is_ready, 'the service')
+    for number in (0, 1):
+        probe._published['first'].publish(Int32(data=number))
+    # Bytes that are no message of the type.
+    probe._published['second'].publish(b'\x00\x01\x00\x00\x01')
+    until(executor, lambda: node.heard == [('first', 1)])
+    future = client.call_async(Trigger.Request())
+    end = time.monotonic() + PATIENCE
+    while not future.done():
+        assert time.monotonic() < end
+        executor.spin_once(0.001)
+        probe.spin_for(0.001)
+    assert not future.result().success
+    assert 'as if' in future.result().message
+    probe._published['second'].publish(Int32(data=2))
+    until(executor, lambda: node.heard[-1] == ('second', 2))
+
+
+def test_a_node_that_cannot_go_on_ends(room):
+    """As a recorder whose disk is full."""
+    probe, node, executor = room
+
+    def fail(*_):
+        raise InputError('the disk is full')
     node.hear = fail
     probe._published['first'].publish(Int32(data=1))
-    with pytest.raises(ZeroDivisionError):
+    with pytest.raises(InputError):
         until(executor, lambda: False)

@@ -264,6 +264,23 @@ def test_a_round_holds_no_state_from_before_a_restart():
     assert states.position.tolist() == [1.0, 1.0]
 
 
+def test_an_impossible_temperature_is_passed_over_with_a_word():
+    desk = Desk()
+    desk.loop.take_temperature('elbow', 30.0, 0, 1)
+    for value in (-300.0, math.inf):
+        desk.loop.take_temperature('elbow', value, 0, 2)
+        assert 'impossible' in desk.loop.faults.worst[1]
+    assert desk.loop.temperature.before(3) == [30.0]
+
+
+def test_temperatures_without_joint_states_do_not_accumulate():
+    temperature = MotorTemperature(['elbow'])
+    for k in range(10_000):
+        temperature.take('elbow', 30.0 + 1e-3 * k, k)
+    assert len(temperature._pending) <= 100
+    assert temperature.before(10_000)[0] == pytest.approx(39.999)
+
+
 def test_a_temperature_without_a_stamp_has_that_of_the_newest_state():
     desk = Desk()
     desk.state()

@@ -60,9 +60,7 @@ class CompensationLoop:
         """Start without history and faults; `others` are nodes that may command already."""
         self.watchdog.rest()
         self._begin_anew()
-        self.states.forget()
-        self.direction.forget()
-        self.temperature.forget()
+        self._forget_inputs()
         self.faults.clear()
         self._first = 0
         self._silent_since: float | None = None
@@ -79,6 +77,11 @@ class CompensationLoop:
         """Forget the history of the current: what follows does not continue it."""
         self.law.reset()
         self._fade: Any = None
+
+    def _forget_inputs(self) -> None:
+        self.states.forget()
+        self.direction.forget()
+        self.temperature.forget()
 
     def changed(self) -> None:
         """Continue from the present current after a change of law or model."""
@@ -140,7 +143,9 @@ class CompensationLoop:
 
     def take_temperature(self, joint: str, value: float, stamp: int, now: int) -> None:
         """Take a temperature in degrees Celsius with the stamp of its measurement."""
-        self.temperature.take(joint, value, stamp or self.states.stamp or now)
+        if not self.temperature.take(joint, value, stamp or self.states.stamp or now):
+            self.faults.report('temperature', f'{joint}: a motor temperature of {value:.4g} °C is '
+                               'impossible and was passed over', WARN)
 
     def _refuse_direction(self) -> None:
         self.faults.report(
@@ -252,10 +257,23 @@ class CompensationLoop:
 
     def _end_silence(self, silence: float) -> None:
         self._silent_since = None
+        self._doubt_driver(f'joint_states were silent for {silence:.3g} s', silence)
+
+    def _doubt_driver(self, what: str, seconds: float) -> None:
+        """Latch a fault if joint states were not followed for long while the motor was driven."""
         was_driving = (np.abs(self._computed) >= NEGLIGIBLE).any()
-        if was_driving and silence > RESTART_SILENCE and not self.simulated:
-            self.faults.latch('driver', f'joint_states were silent for {silence:.3g} s while the '
-                              'motor was driven: the driver may have been restarted')
+        if was_driving and seconds > RESTART_SILENCE and not self.simulated:
+            self.faults.latch('driver', f'{what} while the motor was driven: the driver may have '
+                              'been restarted')
+
+    def resume(self, seconds: float) -> None:
+        """Begin anew after the process was stopped for some s, without earlier inputs."""
+        self._silent_since = None
+        self.watchdog.rest()
+        self._begin_anew()
+        self._forget_inputs()
+        self._doubt_driver(f'the node was stopped for {seconds:.3g} s', seconds)
+        self._computed = ()
 
     def supervise(self, others: Sequence[str]) -> None:
         """Report what is in doubt, and check for `others` that publish commands; call it often.

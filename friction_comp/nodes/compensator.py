@@ -209,12 +209,21 @@ class CompensatorNode(LifecycleNode):
             self._configured = None
 
     def stop_motor(self) -> None:
-        """Command zero current permanently; may be called from any thread."""
+        """Command zero current until `resume`; may be called from any thread."""
         # First, since the main thread may activate the node meanwhile.
         self._ending = True
         configured = self._configured
         if configured is not None:
             configured.loop.port.zero(permanent=True)
+
+    def resume(self, seconds: float) -> None:
+        """Begin anew after the process was stopped for some s."""
+        self._ending = False
+        self.get_logger().warning(f'was stopped for {seconds:.3g} s and begins anew')
+        configured = self._configured
+        if configured is not None:
+            configured.loop.resume(seconds)
+            configured.loop.port.release()
 
     def leave(self) -> None:
         """Command zero current, however the node ends."""

@@ -1,6 +1,12 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""An executor for nodes that process frequent messages."""
+"""An executor for nodes that process frequent messages.
+
+Every callback passes it, so it is also the one place where what reaches a node cannot end it: a
+message that raises an error is ignored, a request is refused, each with a word in the log. Only
+InputError, by which a node says that it cannot go on, and errors of timers, which nothing from
+outside calls, end the spinning.
+"""
 
 from __future__ import annotations
 
@@ -11,15 +17,24 @@ import time
 import types
 from typing import Any
 
+from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy import executors
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.subscription import Subscription
 from rclpy.waitable import NumberOfEntities
 
+from friction_comp.errors import InputError
+from friction_comp.nodes.ros_start import without_source_locations
+
 # Real s between polls of everything but the streams. It also limits the delay of signals, which
 # Python handles only when the executor returns from the middleware.
 _POLL_PERIOD = 0.02
 _NANO = 1_000_000_000
+# Real s after a stopped process continues, in which the messages sent meanwhile arrive.
+_SETTLING = 0.2
+# Real s before the same refusal is logged again.
+_AGAIN = 1.0
 
 
 @types.coroutine
@@ -110,12 +125,18 @@ class StreamExecutor(executors.Executor):
         self._fast: _WaitSet | None = None
         self._slow: _WaitSet | None = None
         self._due = 0.0
+        self._deaf_until = 0.0
+        self._said: dict[str, float] = {}
         self.add_node(node)
 
     def wake(self) -> None:
         """Note that the node's entities have changed."""
         self._is_changed = True
         super().wake()
+
+    def ignore_waiting(self) -> None:
+        """Ignore messages that were sent while the process was stopped; from a signal handler."""
+        self._deaf_until = time.monotonic() + _SETTLING
 
     def shutdown(self, timeout_sec: Any = None) -> Any:
         """Release the node."""
@@ -143,7 +164,7 @@ class StreamExecutor(executors.Executor):
             node = self._node
             subscriptions = list(node.subscriptions)
             self._subscriptions = [
-                (entity.handle, entity.msg_type, entity.raw, entity.callback,
+                (entity, entity.handle, entity.msg_type, entity.raw, entity.callback,
                  entity._callback_type is Subscription.CallbackType.MessageOnly)
                 for entity in subscriptions]
             self._slow_timers = [timer for timer in node.timers if timer not in self._fast_timers]
@@ -170,12 +191,49 @@ class StreamExecutor(executors.Executor):
         if self._batch_time:
             time.sleep(min(self._batch_time, seconds))
 
-    def _take(self, handle: Any, kind: Any, raw: bool, callback: Any, message_only: bool) -> bool:
-        message = handle.take_message(kind, raw)
-        if message is None:
+    def _take(self, entity: Any, handle: Any, kind: Any, raw: bool, callback: Any,
+              message_only: bool) -> bool:
+        try:
+            message = handle.take_message(kind, raw)
+            if message is None:
+                return False
+            if self._deaf_until:
+                if time.monotonic() < self._deaf_until:
+                    return True
+                self._deaf_until = 0.0
+            self._schedule(callback(message[0]) if message_only else callback(*message))
+        except InputError:
+            raise
+        except Exception as error:
+            self._refuse(f'a message on {entity.topic_name} was ignored', error)
             return False
-        self._schedule(callback(message[0]) if message_only else callback(*message))
         return True
+
+    def _take_service(self, service: Any) -> Any:
+        """Return what answers a request, as rclpy does; a request that raises is refused."""
+        with service.handle:
+            request, header = service.handle.service_take_request(service.srv_type.Request)
+
+        async def answer() -> None:
+            if header is None:
+                return
+            response = service.srv_type.Response()
+            try:
+                response = await executors.await_or_execute(service.callback, request, response)
+            except Exception as error:
+                text = self._refuse(f'a request to {service.srv_name} was refused', error)
+                response = _refusal(service.srv_type.Response(), request, text)
+            service.send_response(response, header)
+        return answer
+
+    def _refuse(self, what: str, error: Exception) -> str:
+        """Log what was refused because of an error, and return the text."""
+        why = without_source_locations(error) or repr(error)
+        text, now = f'{what}: {why}', time.monotonic()
+        if now - self._said.get(what, -_AGAIN) >= _AGAIN:
+            self._said[what] = now
+            self._node.get_logger().error(text)
+        return text
 
     def _call_timers(self, timers: list[Any]) -> None:
         for timer in timers:
@@ -200,7 +258,35 @@ class StreamExecutor(executors.Executor):
         with suppress(executors.ShutdownException, executors.TimeoutException):
             # One pass over the waiting callbacks and what is ready ends with a timeout.
             while True:
-                task, _, _ = self.wait_for_ready_callbacks(0.0, [self._slow_entities])
+                task, entity, _ = self.wait_for_ready_callbacks(0.0, [self._slow_entities])
                 task()
-                if task.exception() is not None:
-                    raise task.exception()
+                error = task.exception()
+                if isinstance(error, InputError):
+                    raise error
+                if error is not None:
+                    self._refuse(f'what reached {_name_of(entity)} was ignored', error)
+                    _release(entity)
+
+
+def _name_of(entity: Any) -> str:
+    """Return the name of a service or client, otherwise of the kind of entity."""
+    return str(getattr(entity, 'srv_name', type(entity).__name__))
+
+
+def _release(entity: Any) -> None:
+    """Let an entity, and others of its group, be called again after an error before its call."""
+    if entity is not None:
+        entity._executor_event = False
+        with suppress(AssertionError):
+            entity.callback_group.ending_execution(entity)
+
+
+def _refusal(response: Any, request: Any, text: str) -> Any:
+    """Return a response, of which all that says success is false by default, with the reason."""
+    if isinstance(response, SetParameters.Response):
+        response.results = [SetParametersResult(reason=text) for _ in request.parameters]
+    elif isinstance(response, SetParametersAtomically.Response):
+        response.result.reason = text
+    elif hasattr(response, 'message'):
+        response.message = text
+    return response

@@ -304,8 +304,15 @@ class IdentificationNode(Node):
         return OK, 'ready', values
 
     def stop_motor(self) -> None:
-        """Command zero current permanently; may be called from any thread."""
+        """Command zero current until `resume`; may be called from any thread."""
         self._port.zero(permanent=True)
+
+    def resume(self, seconds: float) -> None:
+        """End a running goal after the process was stopped for some s."""
+        self._end('aborted', f'the node was stopped for {seconds:.3g} s')
+        self._states.forget()
+        self._received = self._fresh = -math.inf
+        self._port.release()
 
     def leave(self) -> None:
         """End a running goal with zero current."""

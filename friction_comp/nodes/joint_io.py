@@ -206,7 +206,10 @@ class CommandPort:
             self.answer(self.last, self.ticket, self._stamp)
 
     def zero(self, permanent: bool = False) -> None:
-        """Command zero current on all joints now; `permanent` blocks all later commands."""
+        """Command zero current on all joints now.
+
+        `permanent` blocks all later commands, until `release`.
+        """
         self._sealed = self._sealed or permanent
         self.ticket += 1
         # A blocked publication must not prevent the zero command.
@@ -221,6 +224,10 @@ class CommandPort:
         finally:
             if taken:
                 self._lock.release()
+
+    def release(self) -> None:
+        """Allow commands again after a permanent zero."""
+        self._sealed = False
 
     def others(self) -> list[str]:
         """Return the names of other nodes that publish the same topic."""

@@ -27,10 +27,12 @@ from friction_comp.nodes.executor import StreamExecutor
 from friction_comp.nodes.ros_start import start_ros, steady_timer, without_source_locations
 
 _FINAL_SPINS = 10
+# Signals that stop a process until SIGCONT.
+_STOPPING = (signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU)
 # Signals that do not end a process of Python, and those that cannot be caught: after the handler of
 # a crash, the instruction that crashed is repeated.
-_HARMLESS = {'SIGCHLD', 'SIGCONT', 'SIGURG', 'SIGWINCH', 'SIGPIPE', 'SIGXFSZ', 'SIGTSTP', 'SIGTTIN',
-             'SIGTTOU'}
+_HARMLESS = {'SIGCHLD', 'SIGCONT', 'SIGURG', 'SIGWINCH', 'SIGPIPE', 'SIGXFSZ',
+             *(number.name for number in _STOPPING)}
 _FATAL = {'SIGKILL', 'SIGSTOP', 'SIGSEGV', 'SIGBUS', 'SIGFPE', 'SIGILL'}
 # Most real-time signals have no name.
 SIGNALS = sorted(number for number in signal.valid_signals()
@@ -49,8 +51,12 @@ def run(name: str, make_node: Callable[[], Any], argv: Sequence[str]) -> int:
 
     Signals are not handled by rclpy, which would shut the context down at once, so that zero
     current could no longer be published. The node's method `leave()` is always called at the end.
-    Its method `stop_motor()`, if any, is called in another thread as soon as a signal arrives. It
-    ends by itself when its attribute `finished` is True.
+    It ends by itself when its attribute `finished` is True.
+
+    A node that drives a motor has two more methods. `stop_motor()` commands zero current and blocks
+    all later commands; it is called in another thread as soon as a signal arrives, and at the end
+    whatever happened. `resume(seconds)` is called after the process was stopped (Ctrl-Z) for so
+    long: the node begins anew, without what was sent meanwhile.
     """
     signals = _Signals()
     sys.setswitchinterval(_SWITCH_INTERVAL)
@@ -71,7 +77,8 @@ def run(name: str, make_node: Callable[[], Any], argv: Sequence[str]) -> int:
         except _rclpy.RCLError as error:
             # For instance missing keys, or a middleware without security.
             raise InputError(without_source_locations(error)) from None
-        signals.set_callback(getattr(node, 'stop_motor', None))
+        stop_motor = getattr(node, 'stop_motor', None)
+        signals.set_callback(stop_motor)
         _look_for_peers(node)
         executor = StreamExecutor(node)
         # Exclude long-lived objects from garbage collection between samples.
@@ -80,8 +87,11 @@ def run(name: str, make_node: Callable[[], Any], argv: Sequence[str]) -> int:
         threading.Thread(
             target=_compile, args=(node.get_logger(),), name='compiling', daemon=True).start()
         try:
-            return _spin(executor, node, signals.caught)
+            return _spin(executor, node, signals)
         finally:
+            # First, so that zero is the last command also if leaving fails.
+            if stop_motor is not None:
+                stop_motor()
             node.leave()
             # Publish what leaving has caused, such as the result of an action.
             for _ in range(_FINAL_SPINS):
@@ -132,10 +142,17 @@ class _Signals:
 
     def __init__(self) -> None:
         self.caught: list[int] = []
+        # Called by SIGCONT, in the main thread before it goes on with anything else.
+        self.on_continue: Callable[[], None] = _do_nothing
+        self.continued = False
         self._callback: Callable[[], None] | None = None
         self._arrived = False
         for signum in SIGNALS:
             signal.signal(signum, lambda signum, _: self.caught.append(signum))
+        for signum in _STOPPING:
+            # Otherwise the process would stop at once; `_listen` stops it.
+            signal.signal(signum, lambda *_: None)
+        signal.signal(signal.SIGCONT, self._continue)
         end, begin = os.pipe()
         os.set_blocking(begin, False)
         signal.set_wakeup_fd(begin, warn_on_full_buffer=False)
@@ -148,17 +165,38 @@ class _Signals:
         if self._arrived and callback is not None:
             callback()
 
+    def _continue(self, *_: Any) -> None:
+        self.continued = True
+        self.on_continue()
+
     def _listen(self, end: Any) -> None:
         while True:
-            if set(os.read(end, 16)) & set(SIGNALS):
-                self._arrived = True
-                if self._callback is not None:
-                    self._callback()
+            arrived = set(os.read(end, 16))
+            ends, stops = arrived & set(SIGNALS), arrived & set(_STOPPING)
+            self._arrived = self._arrived or bool(ends)
+            if (ends or stops) and self._callback is not None:
+                self._callback()
+            if stops:
+                # Nobody can catch this one. Zero current was published before.
+                os.kill(os.getpid(), signal.SIGSTOP)
 
 
-def _spin(executor: Any, node: Any, caught: list[int]) -> int:
+def _do_nothing() -> None:
+    """Do nothing."""
+
+
+def _spin(executor: Any, node: Any, signals: _Signals) -> int:
+    resume = getattr(node, 'resume', None)
+    if resume is not None:
+        signals.on_continue = executor.ignore_waiting
+    last = time.monotonic()
     try:
-        while not caught and not node.finished:
+        while not signals.caught and not node.finished:
+            if signals.continued:
+                signals.continued = False
+                if resume is not None:
+                    resume(time.monotonic() - last)
+            last = time.monotonic()
             executor.spin_once()
     except (ExternalShutdownException, ROSInterruptException):
         pass

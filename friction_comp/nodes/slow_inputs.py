@@ -9,8 +9,12 @@ import math
 
 import numpy as np
 
+from friction_comp.signal_checks import beyond
+
 # Largest age of a temperature, ns; friction follows it within minutes.
 _TEMPERATURE_TIMEOUT = 60_000_000_000
+# Readings that are kept until joint states follow, which may never do so.
+_MOST_PENDING = 100
 _NEVER = -math.inf
 
 
@@ -157,10 +161,18 @@ class MotorTemperature:
         self._values, self._times = [math.nan] * len(self._indices), [0] * len(self._indices)
         self._pending: list[tuple[int, int, float]] = []
 
-    def take(self, joint: str, value: float, time: int) -> None:
-        """Add a reading in degrees Celsius with its stamp."""
-        if joint in self._indices and math.isfinite(value):
-            self._pending.append((time, self._indices[joint], value))
+    def take(self, joint: str, value: float, time: int) -> bool:
+        """Add a reading in degrees Celsius with its stamp; return False if it is impossible.
+
+        A reading that is not finite says that there is none, and is passed over.
+        """
+        if joint not in self._indices or math.isnan(value):
+            return True
+        if beyond('temperature', np.array(value)):
+            return False
+        self._pending.append((time, self._indices[joint], value))
+        del self._pending[:-_MOST_PENDING]
+        return True
 
     def why_unknown(self, index: int, time: int) -> str:
         """Return why there is no reading of a joint for a state with a stamp, as text."""
@@ -176,8 +188,7 @@ class MotorTemperature:
         for stamp, index, value in self._pending:
             if stamp < time:
                 self._times[index], self._values[index] = stamp, value
-        # Limited, since readings of another clock would accumulate.
-        self._pending = [reading for reading in self._pending if reading[0] >= time][-100:]
+        self._pending = [reading for reading in self._pending if reading[0] >= time]
         values = [value if time - stamp <= _TEMPERATURE_TIMEOUT else math.nan
                   for value, stamp in zip(self._values, self._times)]
         return None if all(map(math.isnan, values)) else np.array(values)

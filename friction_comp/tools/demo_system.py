@@ -21,7 +21,13 @@ from rich.console import Console
 from friction_comp.errors import InputError
 from friction_comp.nodes.tool_client import ToolClient
 from friction_comp.tools.common import progress, write_report
-from friction_comp.tools.processes import IN_LOCKSTEP, Nodes, plant_parameters, SAMPLE_TIME
+from friction_comp.tools.processes import (
+    IN_LOCKSTEP,
+    Nodes,
+    only_user,
+    plant_parameters,
+    SAMPLE_TIME,
+)
 
 if TYPE_CHECKING:
     from friction_comp.reports.html import Report
@@ -121,9 +127,8 @@ class DemoSystem:
 def open_system(arguments: Namespace) -> Iterator[DemoSystem]:
     """Yield the system of a scene, whose nodes end with the block."""
     output = arguments.output.absolute()
-    clear_results(output)
     os.environ['ROS_LOG_DIR'] = str(output / 'logs' / 'ros')
-    with Nodes(output / 'logs') as nodes, ToolClient(nodes.check) as ros:
+    with only_user(output), _cleared(output) as nodes, ToolClient(nodes.check) as ros:
         page = _open_page(output) if arguments.watch else None
         try:
             yield DemoSystem(arguments, nodes, ros)
@@ -148,6 +153,12 @@ def _open_page(output: Path) -> subprocess.Popen[str]:
         raise InputError(path.read_text().strip() or 'the live page does not start')
     Console(highlight=False).print(f'watch it: {line.split()[0]}', soft_wrap=True)
     return page
+
+
+def _cleared(output: Path) -> Nodes:
+    """Remove an earlier demo's results and return the nodes of a new one."""
+    clear_results(output)
+    return Nodes(output / 'logs')
 
 
 def clear_results(output: Path) -> None:

@@ -26,7 +26,7 @@ from friction_comp.tools.common import (
     write_report,
 )
 from friction_comp.tools.excite import add_limits, limits_of
-from friction_comp.tools.processes import IN_LOCKSTEP, Nodes, plant_parameters
+from friction_comp.tools.processes import IN_LOCKSTEP, Nodes, only_user, plant_parameters
 from friction_comp.tools.recorded_drive import drive_of, showing_friction
 from friction_comp.tools.ros_domain import private_domain
 
@@ -121,6 +121,7 @@ def _system(arguments: Namespace, joint: str) -> Iterator[tuple[ToolClient, Node
     """Yield a ROS 2 client and the nodes of the tool, with --simulate plant and identification."""
     output = arguments.output.absolute()
     with ExitStack() as stack:
+        stack.enter_context(only_user(output))
         if arguments.simulate:
             stack.enter_context(private_domain())
         os.environ.setdefault('ROS_LOG_DIR', str(output / 'logs' / 'ros'))

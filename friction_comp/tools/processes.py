@@ -4,8 +4,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+import fcntl
 import json
+import os
 from pathlib import Path
 import signal
 import subprocess
@@ -45,6 +48,28 @@ def ros_arguments(parameters: Mapping[str, Any]) -> list[str]:
     for name, value in parameters.items():
         arguments += ['-p', f'{name}:={json.dumps(value, default=str, ensure_ascii=False)}']
     return arguments
+
+
+@contextmanager
+def only_user(folder: Path) -> Iterator[None]:
+    """Make a folder, and keep other tools that run nodes out of it during the block.
+
+    Raises InputError if one is in it. The lock is the kernel's: it ends with the process.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    except OSError as error:
+        raise InputError(f'{folder}: {error.strerror or error}') from None
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InputError(f'{folder}: another run is writing there: wait for its end, or choose '
+                             'another --output') from None
+        yield
+    finally:
+        os.close(handle)
 
 
 class Nodes:
