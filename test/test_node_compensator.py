@@ -294,6 +294,36 @@ def test_refuses_parameters_that_make_no_sense(shared_compensator, name, value):
     assert probe.get_parameter_of('compensator', name) == before
 
 
+def test_a_model_in_another_unit_is_refused_while_the_motor_is_driven(driver, tmp_path):
+    before = driver.ask(ZERO, ZERO)
+    model = FrictionModel.load(MODELS[0])
+    for unit, word in (('LSB', 'LSB'), ('N·m', 'command_interface')):
+        model.notes = {'unit': unit}
+        model.save(tmp_path / 'elbow.yaml')
+        why = driver.probe.set_parameter(
+            'compensator', 'model_files', [str(tmp_path / 'elbow.yaml'), MODELS[1]])
+        assert word in why
+    assert driver.ask(ZERO, ZERO) == before
+
+
+def test_a_weight_beyond_the_limit_is_said_before_and_while_it_is_not_supported(driver, tmp_path):
+    model = FrictionModel.load(MODELS[0]).to_dict()
+    FrictionModel.from_dict({**model, 'effects': [{'name': 'gravity', 'parameters': {
+        'coefficients': [0.1, 0.0]}}]}).save(tmp_path / 'heavy.yaml')
+    probe = driver.probe
+    assert probe.set_parameter('compensator', 'current_limit', 0.05) is None
+    assert probe.set_parameter(
+        'compensator', 'model_files', [str(tmp_path / 'heavy.yaml'), MODELS[1]]) is None
+    assert 'in some postures its weight takes up to 0.1 A' in driver.process.text
+    driver.begin_anew()
+    driver.ask(ZERO, ZERO)
+    words = 'gravity needs 0.1 A, more than the limit of 0.05 A'
+    status = probe.status_of('compensator', lambda status: words in status.message)
+    values = {value.key: value.value for value in status.values}
+    assert 'more than the limit' in values['left_out']
+    assert float(values['elbow: guard: not carried']) == pytest.approx(0.05)
+
+
 def test_the_current_limit_holds(driver):
     assert driver.probe.set_parameter('compensator', 'current_limit', 0.05) is None
     driver.announce([1, -1])

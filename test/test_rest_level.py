@@ -86,15 +86,6 @@ def test_friction_of_effects_is_asked_for_in_both_directions_of_sliding():
                 ['temperature'] if temperature is None else [])
 
 
-def test_asking_for_the_bound_does_not_change_memory_effects():
-    bristles = Hysteresis({'coefficients': [0.05, 0.0], 'distance': 0.01, 'exponent': 1.0,
-                           'transition': 0.001})
-    effects, fresh = (EffectCurrents(model([bristles]), NOT_FED_BACK) for _ in range(2))
-    assert effects.largest(1.0)[0] == pytest.approx(0.05)
-    for time, position in ((0.0, 0.3), (0.01, 0.301), (0.02, 0.304)):
-        assert effects.total(time, position, 0.3, {}) == fresh.total(time, position, 0.3, {})
-
-
 def test_a_breakaway_position_is_a_number():
     with pytest.raises(InputError, match='positive_position'):
         Breakaway(0.1, -0.1, positive_position=float('nan'))

@@ -14,7 +14,7 @@ import math
 from typing import NamedTuple
 
 from friction_comp.model.effects.base import Effect
-from friction_comp.model.effects.definitions import CARRIES, RESISTS
+from friction_comp.model.effects.definitions import CARRIES
 from friction_comp.model.effects.live_term import LiveTerm
 from friction_comp.model.friction_model import FrictionModel
 
@@ -59,12 +59,15 @@ class EffectCurrents:
         Those that are applied.
     breakaway_positions : tuple of float, or None
         Positions at which the positive and negative breakaway currents were measured, rad.
+    largest_weight : float
+        The most that supporting the limb takes in any posture, A.
     """
 
     def __init__(self, model: FrictionModel, why_left_out: Callable[[Effect], str]) -> None:
         pairs = [(effect, effect.live()) for effect in model.effects if not why_left_out(effect)]
         self.terms: list[tuple[Effect, LiveTerm]] = [
             (effect, term) for effect, term in pairs if term is not None]
+        self.largest_weight = self._largest_weight(model, self.terms)
         both = model.breakaway
         self.breakaway_positions: tuple[float, float] | None = None
         if both is not None and both.positive_position is not None and (
@@ -73,6 +76,11 @@ class EffectCurrents:
 
     def __len__(self) -> int:
         return len(self.terms)
+
+    @property
+    def carrying(self) -> list[str]:
+        """Names of the effects that carry."""
+        return [effect.name for effect, _ in self.terms if effect.role == CARRIES]
 
     def reset(self) -> None:
         """Forget the motion."""
@@ -145,28 +153,11 @@ class EffectCurrents:
         positive, negative = (value if math.isfinite(value) else 0.0 for value in shifts)
         return positive, negative
 
-    def largest(self, speed: float) -> tuple[float, float]:
-        """Return the largest currents of the effects that resist, and of the others, A.
-
-        Within a turn of the joint and up to a speed in rad/s. Effects of signals that are not known
-        yet count with the sum of their coefficients.
-        """
-        friction = carried = 0.0
-        for effect, _ in self.terms:
-            # A new term, since evaluation changes terms with memory.
-            term = LiveTerm(effect)
-            if term.needs:
-                most = sum(map(abs, effect.coefficients))
-            else:
-                most = 0.0
-                for k in range(65):
-                    position = _FULL_TURN * (k / 32.0 - 1.0)
-                    for v in (0.0, 0.1 * speed, speed):
-                        for value in term.both_sides(0.0, position, v):
-                            if math.isfinite(value):
-                                most = max(most, abs(value))
-            if effect.role == RESISTS:
-                friction += most
-            else:
-                carried += most
-        return friction, carried
+    @staticmethod
+    def _largest_weight(model: FrictionModel, terms: list[tuple[Effect, LiveTerm]]) -> float:
+        """Return a bound of the current that supports the limb at rest, over all postures, A."""
+        largest = 0.0 if model.arm is None else model.arm.largest_at_rest(model.joint)
+        signals = {} if model.arm is None else {model.arm.signal: largest}
+        return sum(max(abs(term.update(0.0, _FULL_TURN * k / 64.0, 0.0, **signals))
+                       for k in range(64))
+                   for effect, term in terms if effect.weight and set(term.needs) <= set(signals))

@@ -65,7 +65,13 @@ class CompensationLaw:
         Joint, effect and missing signals for every effect that was not applied at the last sample;
         no signals if its value was not finite.
     left_out : list of (int, str, str)
-        Joint, effect and reason: all effects that are not applied.
+        Joint, effect and reason: all effects that are not applied, or not in full.
+    limited : list of (int, str, str)
+        Joint, effects and reason where the drive's limit is below what carries at this sample.
+    largest_weights : ndarray, shape (J,)
+        The most that supporting the limb takes in any posture, A.
+    limits : ndarray, shape (J,)
+        Largest current of each drive, A.
     guards : dict of str to ndarray, shape (J,)
         What limited the current of the continuous law: see `guards`.
 
@@ -96,6 +102,7 @@ class CompensationLaw:
         self._usable = np.zeros(self.joints, dtype=bool)
         self._effects = [EffectCurrents(model, self._why_left_out) for model in self.models]
         self._missing: list[list[tuple[str, tuple[str, ...]]] | None] = [None] * self.joints
+        self.limits = np.zeros(self.joints)
         for j in range(self.joints):
             self._take_parameters(j)
         self._collect_never_applied()
@@ -122,7 +129,19 @@ class CompensationLaw:
         """All effects that are not applied, with the reasons."""
         return self.never_applied + [
             (j, name, f'{" and ".join(signals)} unknown' if signals else 'value is not finite')
-            for j, name, signals in self.missing]
+            for j, name, signals in self.missing] + self.limited
+
+    @property
+    def limited(self) -> list[tuple[int, str, str]]:
+        """Effects that carry more than the drive's limit at the last sample."""
+        return [(j, ' and '.join(self._effects[j].carrying), f'needs {self._carried[j]:.3g} A, '
+                 f'more than the limit of {self.limits[j]:.3g} A')
+                for j in np.flatnonzero(np.abs(self._carried) > self.limits).tolist()]
+
+    @property
+    def largest_weights(self) -> np.ndarray:
+        """The most that supporting the limb takes in any posture, A, shape (J,)."""
+        return np.array([effects.largest_weight for effects in self._effects])
 
     @property
     def guards(self) -> dict[str, np.ndarray]:
@@ -133,7 +152,8 @@ class CompensationLaw:
         long it did, s; ``withheld``: share withheld while the joint slows down, or is faster than
         before in this movement; ``slips``: how often it slipped under its preload; ``samples
         dropped``: number of implausible samples; ``in doubt``: whether these, or a velocity that
-        contradicts the encoder, cause zero current.
+        contradicts the encoder, cause zero current; ``not carried``: what the drive's limit, or
+        that of the rate of change, takes from the effects that carry, A.
         """
         s, p = self._states, self._parameters
         begun = s['started'] == 1
@@ -143,7 +163,16 @@ class CompensationLaw:
             'withheld': s['withheld'].copy(),
             'slips': s['slips'].astype(int),
             'samples dropped': s['dropped'].astype(int),
-            'in doubt': (s['doubt'] > p['bad_time']) | (s['contradiction'] > p['rest_time'])}
+            'in doubt': (s['doubt'] > p['bad_time']) | (s['contradiction'] > p['rest_time']),
+            'not carried': self._not_carried()}
+
+    def _not_carried(self) -> np.ndarray:
+        s = self._states
+        # What is missing is taken from what carries where both have the same sign.
+        lacking = (s['friction'] + self._carried - s['current']) * np.sign(self._carried)
+        most = np.where(self._parameters['law'] == CONTINUOUS, lacking,
+                        np.abs(self._carried) - self.limits)
+        return np.clip(most, 0.0, np.abs(self._carried))
 
     def update(self, time: float, position: ArrayLike, velocity: ArrayLike | None,
                direction: ArrayLike, temperature: ArrayLike | None = None,
@@ -241,8 +270,9 @@ class CompensationLaw:
     def _take_parameters(self, joint: int) -> None:
         parameters = law_parameters(self.models[joint], **self._options[joint])
         p = parameters[0]
+        self.limits[joint] = p['limit']
         if p['law'] == CONTINUOUS:
-            bound_current(p, *self._effects[joint].largest(float(p['fade_from'])))
+            bound_current(p, self.limits[joint])
         self._parameters[joint] = p
         self._states[joint]['changed'] = self._states[joint]['started']
 
@@ -255,6 +285,9 @@ class CompensationLaw:
         self._missing[joint] = currents.missing
         if self.models[joint].breakaway is not None:
             set_breakaway(p, self.models[joint].breakaway, currents.shifts)
+        if p['law'] == CONTINUOUS:
+            bound_current(p, self.limits[joint], max(0.0, currents.forward, -currents.backward),
+                          currents.carried)
         return currents.forward, currents.backward, currents.carried
 
     def _arm_signals(self, joint: int, positions: np.ndarray) -> dict[str, float | None]:

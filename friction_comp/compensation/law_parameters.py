@@ -44,7 +44,7 @@ DEFAULT_SLOWEST = math.radians(1.0)
 # sample is considered implausible.
 FADE = 1.25
 UNBELIEVABLE = 3.0
-# The current may exceed what identification measured by this factor.
+# The current may exceed friction by the model, beside what other effects carry, by this factor.
 BOUND = 1.25
 # s within which the current may change from full friction in one direction to the other.
 TURN_TIME = 0.02
@@ -212,16 +212,18 @@ def _set_speeds(p: Any, model: FrictionModel) -> None:
     p['slope'] = 2.0 * sliding / TURN_TIME
 
 
-def bound_current(p: np.void, friction: float, carried: float) -> None:
-    """Bound the current near what identification measured.
+def bound_current(p: np.void, limit: float, friction: float = 0.0, carried: float = 0.0) -> None:
+    """Bound the current of this sample near friction by the model, which takes from nothing else.
 
     Parameters
     ----------
     p : record of records.PARAMETERS
         Changed in place.
+    limit : float
+        The drive's limit, A.
     friction, carried : float
-        The most that friction effects add to sliding friction, and that other effects ask for, A.
+        What friction effects add to sliding friction here, and what other effects ask for, A.
     """
-    level = max(p['upper'], -p['lower']) + max(0.0, p['viscous']) * p['fade_from'] + friction
-    level = max(level, p['break_positive'], p['break_negative'])
-    p['limit'] = min(p['limit'], BOUND * level + carried)
+    level = max(p['upper'], -p['lower']) + max(0.0, p['viscous']) * p['fade_from']
+    level = max(level + friction + p['dahl'], p['break_positive'], p['break_negative'])
+    p['limit'] = min(limit, BOUND * level + abs(carried))

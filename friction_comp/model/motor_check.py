@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from friction_comp.model.effects.base import Effect
     from friction_comp.model.friction_model import FrictionModel
 
+CURRENT, TORQUE = 'A', 'N·m'
+"""Units in which a motor can be commanded; `notes.unit` of a model is A if it is not given."""
+
 # rad/s; the note's largest speed, used if the file does not give the largest identified speed.
 _SPEED = math.radians(100.0)
 # s, Hz: a movement to and fro, and the rate at which it is sampled.
@@ -50,10 +53,24 @@ def check_for_motor(model: FrictionModel, joint: str = '', joints: Collection[st
     """
     if model.joint != joint and model.joint in joints:
         raise InputError(f"this is the model of joint '{model.joint}', not of '{joint}'")
+    _check_unit(model)
     motion = _motion(model)
     friction = _check_sigmoid(model, motion)
     resisting = [_check_effect(model, effect, motion, friction) for effect in model.effects]
     _check_breakaway(model, friction + sum(resisting))
+
+
+def unit_of(model: FrictionModel) -> str:
+    """Return the unit of the model's currents by its notes."""
+    return str(model.notes.get('unit') or CURRENT)
+
+
+def _check_unit(model: FrictionModel) -> None:
+    unit = unit_of(model)
+    if unit not in (CURRENT, TORQUE):
+        raise InputError(
+            f"notes.unit: its figures are in '{unit}', not in A or N·m: they are no current. "
+            "Convert the recording's effort and refine it again")
 
 
 def _motion(model: FrictionModel) -> Samples:

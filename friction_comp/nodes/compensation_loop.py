@@ -314,6 +314,9 @@ class CompensationLoop:
                                'drive slipped under its preload or was faster than identified: its '
                                'friction may have decreased; identify it again', WARN)
 
+        limited = [f'{self._joints[j]}: {effects} {why}' for j, effects, why in self.law.limited]
+        if limited:
+            self.faults.report('limit', '; '.join(limited), WARN)
         disputed = self.direction.disputed(self.states.stamp)
         if disputed:
             self.faults.report('planners', f'the direction of {", ".join(disputed)} counts as 0: '

@@ -15,6 +15,7 @@ from std_srvs.srv import Trigger
 from friction_comp.compensation.law import GRAVITY, LAWS
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.motor_check import TORQUE, unit_of
 from friction_comp.nodes.configured_compensator import ConfiguredCompensator
 from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, Rate
 from friction_comp.nodes.faults import Faults
@@ -108,6 +109,10 @@ class CompensatorNode(LifecycleNode):
         """Return validated models: checked, and run in a separate law."""
         models = load_models(files, self._joints, for_motor=True)
         for model, path in zip(models, files):
+            if unit_of(model) == TORQUE and self._value('command_interface') == 'current':
+                raise InputError(
+                    f'{path}: its figures are in N·m, the commands in A: set command_interface to '
+                    'effort, or refine it with --torque-constant and --gear-ratio')
             try_model(model, self._value('gravity'), path)
         return models
 

@@ -111,6 +111,11 @@ class ConfiguredCompensator:
                 logger.warning(f"{joint}: its model file is for joint '{model.joint}'")
         for index, effect, why in law.never_applied:
             logger.warning(f'{self._joints[index]}: {effect} is not fed back: {why}')
+        for joint, weight, limit in zip(self._joints, law.largest_weights, law.limits):
+            if weight > limit:
+                logger.warning(
+                    f'{joint}: in some postures its weight takes up to {weight:.3g} A, more than '
+                    f'the limit of {limit:.3g} A: it is not supported in full there')
 
     # Topics.
 
@@ -183,7 +188,7 @@ class ConfiguredCompensator:
             'faults so far': self._faults.count,
             'listeners to the command': loop.port.listeners,
             'left_out': '; '.join(f'{joints[index]}: {effect} ({why})' for index, effect, why in [
-                *loop.law.never_applied, *self._without_signals()])})
+                *loop.law.never_applied, *self._without_signals(), *loop.law.limited])})
         return values
 
     def _without_signals(self) -> list[tuple[int, str, str]]:

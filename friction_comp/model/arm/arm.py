@@ -50,6 +50,7 @@ class Arm:
     source: Tree | Coupling     # rigid bodies, or terms found without a URDF
     # How velocity and acceleration of all joints are derived from a recording.
     differentiation: dict[str, Any] = field(default_factory=dict)
+    _largest: dict[str, float] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -87,6 +88,14 @@ class Arm:
         if isinstance(self.source, Tree):
             return float(self.source.weight(position)[self._index(joint)])
         return self.source.weight(self.joints, np.asarray(position, dtype=float))
+
+    def largest_at_rest(self, joint: str) -> float:
+        """Return the largest magnitude of `at_rest` over all postures; the first call takes ms."""
+        if joint not in self._largest:
+            self._largest[joint] = (
+                self.source.largest_weight(self._index(joint)) if isinstance(self.source, Tree)
+                else self.source.largest_weight())
+        return self._largest[joint]
 
     def to_dict(self) -> dict[str, Any]:
         """Return the arm as the plain values of a model file."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+import math
 from typing import Any
 
 import numpy as np
@@ -101,6 +102,12 @@ class Coupling:
             (group.columns(names, states, still, still) @ np.asarray(coefficients))[0]
             for group, coefficients in zip(self.groups, self.coefficients)
             if group.kind == 'weight'))
+
+    def largest_weight(self) -> float:
+        """Return a bound of `weight` over all postures, A: the amplitudes of its terms."""
+        return float(sum(math.hypot(*coefficients)
+                         for group, coefficients in zip(self.groups, self.coefficients)
+                         if group.kind == 'weight'))
 
     @property
     def joints(self) -> list[str]:

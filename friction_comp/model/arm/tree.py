@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+import math
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,10 @@ FREE_FALL = (0.0, 0.0, -9.81)
 # Rotation matrices in a file are rounded; if it is farther from orthonormal than this, it is no
 # rotation.
 _ROUNDED = 1e-6
+# The search of the largest weight: postures to start from, passes over the joints at most, and the
+# relative gain at which it ends.
+_STARTS, _SWEEPS, _CLOSE = 16, 20, 1e-6
+_GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 _KINDS = ('revolute', 'prismatic')
 
 
@@ -88,6 +93,42 @@ class Tree:
         q = np.asarray(position, dtype=float)[None]
         rest = np.zeros_like(q)
         return self.torques(q, rest, rest)[0]
+
+    def largest_weight(self, index: int) -> float:
+        """Return the largest torque that holds a joint at rest over all postures, N·m or N.
+
+        Prismatic joints stay at zero, since their travel is not known. At rest the torque is a
+        constant plus one harmonic of each angle, so that three postures give the best angle of a
+        joint while the others stay. This is repeated for all joints, from many postures at once.
+        """
+        size = len(self.joints)
+        # Evenly distributed postures, each for a torque in both directions.
+        q = math.tau * np.modf(np.outer(np.arange(_STARTS) + 0.5, _GOLDEN ** np.arange(1, size + 1))
+                               )[0].repeat(2, axis=0)
+        q[:, self.prismatic] = 0.0
+        signs = np.tile([1.0, -1.0], _STARTS)
+        largest = self._at_rest(q, index) * signs
+        for _ in range(_SWEEPS):
+            before = largest
+            for k in np.flatnonzero(~self.prismatic):
+                q[:, k], largest = self._best_angles(index, signs, q, int(k))
+            if largest.max() <= before.max() * (1.0 + _CLOSE):
+                break
+        return float(max(0.0, largest.max()))
+
+    def _best_angles(self, index: int, signs: np.ndarray, q: np.ndarray, k: int
+                     ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the angles of joint k with the largest torque, (N,), and these torques."""
+        angles = math.tau / 3.0 * np.arange(3.0)
+        postures = q.repeat(3, axis=0)
+        postures[:, k] = np.tile(angles, len(q))
+        torques = signs[:, None] * self._at_rest(postures, index).reshape(-1, 3)
+        cosine, sine = (2.0 / 3.0 * torques @ wave(angles) for wave in (np.cos, np.sin))
+        return np.arctan2(sine, cosine), torques.mean(axis=1) + np.hypot(cosine, sine)
+
+    def _at_rest(self, postures: np.ndarray, index: int) -> np.ndarray:
+        still = np.zeros_like(postures)
+        return self.torques(postures, still, still)[:, index]
 
     def to_dict(self) -> dict[str, Any]:
         """Return the tree as the plain values of a model file."""
