@@ -14,13 +14,12 @@ from std_srvs.srv import Trigger
 
 from friction_comp.compensation.law import GRAVITY, LAWS
 from friction_comp.errors import InputError
-from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.motor_check import TORQUE, unit_of
 from friction_comp.nodes.configured_compensator import ConfiguredCompensator
 from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, Rate
 from friction_comp.nodes.faults import Faults
 from friction_comp.nodes.joint_io import command_interface, input_qos
-from friction_comp.nodes.model_loading import Loading, PatientParameterService, try_model
+from friction_comp.nodes.model_loading import Loaded, Loading, PatientParameterService, try_model
 from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import (
     declare,
@@ -50,7 +49,7 @@ class CompensatorNode(LifecycleNode):
         self._configured: ConfiguredCompensator | None = None
         # Models of the request whose parameters are being set.
         self.loaded: Loading | None = None
-        self._candidates: list[FrictionModel] | None = None
+        self._candidates: list[Loaded] | None = None
         self._failure = ''
         self._rate = Rate()
         self._faults = Faults(self.get_logger())
@@ -105,16 +104,16 @@ class CompensatorNode(LifecycleNode):
                 return Loading(names_in(parameter.value), self._load)
         return None
 
-    def _load(self, files: Sequence[str]) -> list[FrictionModel]:
+    def _load(self, files: Sequence[str]) -> list[Loaded]:
         """Return validated models: checked, and run in a separate law."""
-        models = load_models(files, self._joints, for_motor=True)
+        models, loaded = load_models(files, self._joints, for_motor=True), []
         for model, path in zip(models, files):
             if unit_of(model) == TORQUE and self._value('command_interface') == 'current':
                 raise InputError(
                     f'{path}: its figures are in N·m, the commands in A: set command_interface to '
                     'effort, or refine it with --torque-constant and --gear-ratio')
-            try_model(model, self._value('gravity'), path)
-        return models
+            loaded.append(try_model(model, self._value('gravity'), path))
+        return loaded
 
     def _check_parameters(self, parameters: list[Any]) -> SetParametersResult:
         """Refuse unusable values; the node continues with the present ones."""
@@ -133,7 +132,9 @@ class CompensatorNode(LifecycleNode):
             self.get_logger().warning(f'parameter refused: {error}')
             return SetParametersResult(successful=False, reason=str(error))
         self._candidates = models
-        return SetParametersResult(successful=True)
+        told = '' if models is None or self._configured is None else (
+            '; '.join(self._configured.told(models)))
+        return SetParametersResult(successful=True, reason=told)
 
     def _apply_parameters(self, parameters: list[Any]) -> None:
         models, self._candidates = self._candidates, None

@@ -13,13 +13,12 @@ from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Int8MultiArray
 
 from friction_comp.compensation.law import CompensationLaw
-from friction_comp.model.friction_model import FrictionModel
 from friction_comp.nodes.compensation_loop import CompensationLoop
 from friction_comp.nodes.diagnostics import OK, per_joint, Rate, WARN
 from friction_comp.nodes.faults import Faults
 from friction_comp.nodes.joint_io import CommandPort, competing_publishers
 from friction_comp.nodes.joint_states import NANO, nanoseconds
-from friction_comp.nodes.model_loading import warm_up
+from friction_comp.nodes.model_loading import Loaded, warm_up
 
 
 class ConfiguredCompensator:
@@ -28,11 +27,14 @@ class ConfiguredCompensator:
     Joint states are answered while it is `active`.
     """
 
-    def __init__(self, node: Any, joints: list[str], models: Sequence[FrictionModel], qos: Any,
+    def __init__(self, node: Any, joints: list[str], loaded: Sequence[Loaded], qos: Any,
                  faults: Faults, rate: Rate) -> None:
         self._node, self._joints, self._faults, self._rate = node, joints, faults, rate
+        self._feeds = [one.feed for one in loaded]
+        self._tell([f'{joint} {text}' for joint, one in zip(joints, loaded)
+                    for text in one.told()])
         self.active = False
-        law = CompensationLaw(models, *self._tuning(), gravity=self._value('gravity'))
+        law = CompensationLaw([one.model for one in loaded], *self._tuning(), gravity=self._value('gravity'))
         warm_up(law)
         zeros = [0.0] * len(joints)
         port = CommandPort(node, zeros, zeros, self._value('command_interface'))
@@ -82,14 +84,27 @@ class ConfiguredCompensator:
 
     # Parameters.
 
-    def apply(self, names: set[str], models: Sequence[FrictionModel] | None) -> None:
-        """Apply parameters that have changed; `models` if `model_files` is one of them."""
+    def told(self, loaded: Sequence[Loaded]) -> list[str]:
+        """Return what feeds forward otherwise with these models, as text."""
+        return [f'{joint} {text}' for joint, one, before in zip(self._joints, loaded, self._feeds)
+                for text in one.told(before)]
+
+    def _tell(self, texts: list[str]) -> None:
+        self._told = texts
+        for text in texts:
+            self._node.get_logger().warning(text)
+
+    def apply(self, names: set[str], loaded: Sequence[Loaded] | None) -> None:
+        """Apply parameters that have changed; `loaded` if `model_files` is one of them."""
         loop, logger = self.loop, self._node.get_logger()
         if 'direction_timeout' in names:
             loop.direction.timeout = self._value('direction_timeout')
-        if models is not None:
-            for index, model in enumerate(models):
-                loop.law.set_model(index, model)
+        if loaded is not None:
+            # Before they are used.
+            self._tell(self.told(loaded))
+            for index, one in enumerate(loaded):
+                loop.law.set_model(index, one.model)
+            self._feeds = [one.feed for one in loaded]
             self._set_limits()
             logger.info(f'activated {", ".join(self._value("model_files"))}')
             self.warn_left_out()
@@ -179,6 +194,10 @@ class ConfiguredCompensator:
             values.update(per_joint(joints, f'{name} [A]', term))
         for name, guarded in loop.law.guards.items():
             values.update(per_joint(joints, f'guard: {name}', guarded))
+        for place in ('rest', 'sliding'):
+            values.update(per_joint(joints, f'fed forward, {place} [A]', (
+                max(getattr(feed, place)) for feed in self._feeds)))
+        values['fed forward otherwise'] = '; '.join(self._told)
         values.update(per_joint(joints, 'direction', loop.direction.at(stamp)))
         values.update(per_joint(joints, 'direction age [s]', (
             loop.direction.age(index, stamp) for index in range(len(joints)))))

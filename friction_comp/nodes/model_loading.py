@@ -9,13 +9,14 @@ from concurrent.futures import Future
 import math
 import threading
 import time
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.parameter import Parameter
 from rclpy.parameter_service import ParameterService
 
+from friction_comp.compensation.feed_forward import feed_forward, FeedForward
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
@@ -57,7 +58,21 @@ class Loading:
         return self._future.result()
 
 
-def try_model(model: FrictionModel, gravity: str, path: str) -> None:
+class Loaded(NamedTuple):
+    """A model that was tried, and what the law feeds forward with it."""
+
+    model: FrictionModel
+    feed: FeedForward
+
+    def told(self, before: FeedForward | None = None) -> list[str]:
+        """Return what feeds forward otherwise than before, or than the model says, as text."""
+        return [*(f'feeds forward otherwise than before: {text}'
+                  for text in (self.feed.compared(before) if before is not None else ())),
+                *(f'feeds forward otherwise than its model says: {text}'
+                  for text in self.feed.lacking(self.model))]
+
+
+def try_model(model: FrictionModel, gravity: str, path: str) -> Loaded:
     """Run a model in a separate law for a movement to and fro; raise InputError if it fails."""
     try:
         law = CompensationLaw([model], gravity=gravity)
@@ -68,6 +83,7 @@ def try_model(model: FrictionModel, gravity: str, path: str) -> None:
                 temperature=[25.0])
             if not np.isfinite(current).all():
                 raise InputError('its currents are not finite')
+        return Loaded(model, feed_forward(model))
     except InputError as error:
         raise InputError(f'{path}: {error}') from None
     except Exception as error:

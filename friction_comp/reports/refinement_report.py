@@ -13,6 +13,7 @@ import numpy as np
 from friction_comp.model.effects import EFFECTS
 from friction_comp.refinement.judge import in_unit
 from friction_comp.refinement.thresholds import LEAST_SHARE
+from friction_comp.reports.feed_forward_section import feed_forward_section
 from friction_comp.reports.html import number, quantity, Report
 from friction_comp.reports.refinement_figures import (
     friction_figure,
@@ -103,6 +104,7 @@ def refinement_report(result: RefineResult, names: list[str]) -> Report:
         page.figure(spectrum_figure(result), 'Spectrum of the residual over position: ripple shows '
                     'as a peak at its number of periods per turn. '
                     + largest_ripple(result, k, size), interactive=True)
+    feed_forward_section(page, result, unit)
     page.heading('The model')
     page.bullets(model_words(result.model, unit))
     page.code(formula(result.model, unit))
