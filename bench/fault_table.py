@@ -20,8 +20,9 @@ import tempfile
 import time
 
 from bench_tools import ROOT
+from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
-from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.msg import Parameter as ParameterMessage, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from ros_system import (
@@ -251,6 +252,53 @@ def _(rig):
     rig.probe.until(client.service_is_ready, 'the service', 10.0)
     client.call_async(request)
     return rig.send
+
+
+
+
+for name in ('SIGTSTP', 'SIGTTIN', 'SIGTTOU'):
+    @fault(f'{name}, then SIGCONT and what waited')
+    def _(rig, name=name):
+        rig.process.send(getattr(signal, name))
+        begin, continued = time.monotonic(), []
+
+        def wait():
+            if time.monotonic() - begin > 0.4 and not continued:
+                continued.append(rig.process.send(signal.SIGCONT))
+            elif not continued:
+                # Without a stamp, they count from when they are read.
+                rig.driver.announce([1])
+                rig.send(stamp=0)
+            rig.probe.spin_for(0.002)
+        return wait
+
+
+for name, number in {'configure': 1, 'cleanup': 2, 'activate': 3}.items():
+    @fault(f'{name} while active', within=1.0)
+    def _(rig, number=number):
+        client = rig.probe.create_client(ChangeState, '/compensator/change_state')
+        rig.probe.until(client.service_is_ready, 'the service', 10.0)
+        rig.drive()
+        client.call_async(ChangeState.Request(transition=Transition(id=number)))
+        return goes_on(rig)
+
+
+@fault('parameter of unknown type', within=1.0)
+def _(rig):
+    client = rig.probe.create_client(SetParameters, '/compensator/set_parameters')
+    rig.probe.until(client.service_is_ready, 'the service', 10.0)
+    rig.drive()
+    client.call_async(SetParameters.Request(parameters=[ParameterMessage(
+        name='law', value=ParameterValue(type=77))]))
+    return goes_on(rig)
+
+
+@fault('/clock before zero', simulated=True, within=1.0)
+def _(rig):
+    tick = Clock()
+    tick.clock.sec = -5
+    rig.ticks.publish(tick)
+    return goes_on(rig)
 
 
 MODEL = (ROOT / 'config' / 'armin_configuration_1.yaml').read_text(encoding='utf-8')

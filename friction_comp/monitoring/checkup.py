@@ -120,8 +120,9 @@ def _rate(seen: Observation, states: StatesSeen) -> Finding:
                        'the current was zero meanwhile', 'find out what delayed the driver, '
                        'give it real-time priority, or raise joint_state_timeout')
     if rate < _SLOW:
-        return Finding(WARNING, 'rate', text, 'let the driver publish at 200 Hz or more: '
-                       'breakaway lasts some milliseconds')
+        return Finding(WARNING, 'rate', text, f'let the driver publish at {_SLOW:g} Hz or more: '
+                       'breakaway lasts some milliseconds, and identification needs a rate and a '
+                       'delay that docs/identification.md states')
     return Finding(OK, 'rate', text)
 
 

@@ -34,7 +34,8 @@ class ConfiguredCompensator:
         self._tell([f'{joint} {text}' for joint, one in zip(joints, loaded)
                     for text in one.told()])
         self.active = False
-        law = CompensationLaw([one.model for one in loaded], *self._tuning(), gravity=self._value('gravity'))
+        law = CompensationLaw([one.model for one in loaded], *self._tuning(),
+                              gravity=self._value('gravity'))
         warm_up(law)
         zeros = [0.0] * len(joints)
         port = CommandPort(node, zeros, zeros, self._value('command_interface'))
