@@ -3,76 +3,54 @@
 """Assigns signals and units to the columns of a table.
 
 Each column that is used gets a signal, a joint and a factor to SI units: from the user's layout
-first, then from the column's name, by common names of signals and a unit as in ``q [deg]``. Notes
-list what was guessed.
+first, then from the column's name. Columns that are named like one of the user's, but for a number,
+are the same signal of another joint. Notes list what was guessed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 import re
 
 import numpy as np
 
+from friction_comp.column_names import numbers, read_name, Reading, skeleton
 from friction_comp.errors import InputError
+from friction_comp.units import default_unit, parse_unit, possible_units, signals_with, unit_of
 
+# Whose unit a signal has if none is given for it: a target that of what it is the target of.
+_SAME_UNIT = {'current': ('effort',), 'command': ('current', 'effort'),
+              'reference_position': ('position',), 'reference_velocity': ('velocity',)}
 # Suffixes of table files.
-TABLES = ('.csv', '.csv.gz', '.tsv', '.parquet', '.npz')
-
-# Signal to its common column names, without joint and unit. `current` is an effort in A.
-_NAMES = {
-    'time': 'time t timestamp stamp sec secs seconds elapsed elapsed_time',
-    'position': 'position pos q angle theta phi joint_position joint_angle actual_position',
-    'velocity': 'velocity vel dq qd qdot q_dot dot_q omega speed dtheta joint_velocity '
-                'actual_velocity',
-    'effort': 'effort torque tau motor_torque joint_torque tau_m actual_torque',
-    'current': 'current i iq i_q i_m im motor_current actual_current measured_current',
-    'command': 'command current_command commanded_current i_cmd i_des cmd',
-    'direction': 'direction d dir',
-    'load': 'load tau_b tau_ext interaction_torque interaction_wrench backdriving_torque '
-            'back_driving_torque external_torque sensor_torque',
-    'temperature': 'temperature temp motor_temperature motor_temp',
-    'reference_position': 'reference_position reference ref q_ref q_des q_d desired_position '
-                          'target_position pos_ref',
-    'reference_velocity': 'reference_velocity dq_ref dq_des qd_ref desired_velocity '
-                          'target_velocity vel_ref',
-}
-SIGNALS = tuple(_NAMES)
-_SIGNAL_OF = {name: signal for signal, names in _NAMES.items() for name in names.split()}
-
-_TURN = 2.0 * np.pi
-_ANGLES = {'rad': 1.0, 'mrad': 1e-3, 'deg': np.pi / 180.0, 'degrees': np.pi / 180.0,
-           '°': np.pi / 180.0, 'turn': _TURN, 'turns': _TURN, 'rev': _TURN, 'm': 1.0, 'mm': 1e-3}
-_SPEEDS = {**{f'{unit}/s': factor for unit, factor in _ANGLES.items()}, 'rpm': _TURN / 60.0}
-_TORQUES = {'N·m': 1.0, 'Nm': 1.0, 'N*m': 1.0, 'N.m': 1.0, 'mN·m': 1e-3, 'mNm': 1e-3, 'N': 1.0}
-_CURRENTS = {'A': 1.0, 'mA': 1e-3}
-_UNITS = {
-    'time': {'s': 1.0, 'ms': 1e-3, 'us': 1e-6, 'µs': 1e-6, 'ns': 1e-9, 'min': 60.0},
-    'position': _ANGLES, 'velocity': _SPEEDS, 'effort': {**_TORQUES, **_CURRENTS},
-    'current': _CURRENTS, 'command': _CURRENTS, 'direction': {}, 'load': _TORQUES,
-    'temperature': {'°C': 1.0, 'C': 1.0, 'degC': 1.0}, 'reference_position': _ANGLES,
-    'reference_velocity': _SPEEDS,
-}
-_COUNTS = re.compile(r'counts/(\d+(?:\.\d+)?)(/s)?')
-# A unit in brackets after a name, or as its last part.
-_BRACKET = re.compile(r'\s*[\[(]([^\])]*)[\])]\s*$')
-_LAST = re.compile(r'_(s|ms|us|ns|deg|rad|rpm|mA|A|Nm|mNm)$')
+TABLES = ('.csv', '.csv.gz', '.tsv', '.txt', '.dat', '.parquet', '.npz', '.npy', '.mat', '.json')
+SIGNALS = ('time', 'position', 'velocity', 'effort', 'current', 'command', 'direction', 'load',
+           'link_torque', 'temperature', 'reference_position', 'reference_velocity')
+_DATE = re.compile(r'(\d{4}-\d\d-\d\d)[T ]?(\d\d:\d\d(?::\d\d(?:[.,]\d+)?)?)?'
+                   r'\s*(?:Z|([+-])(\d\d):?(\d\d))?')
 
 
 @dataclass(frozen=True)
 class Layout:
-    """The user's description of a table's columns.
+    """The user's description of a table's columns, and of what no column holds.
 
     Parameters
     ----------
     columns : dict of str to str
         Signal to column; signals are time, position, velocity, effort, current, command,
-        direction, load, temperature, reference_position and reference_velocity. Columns of other
-        signals are guessed.
+        direction, load, link_torque, temperature, reference_position and reference_velocity.
+        Columns of other signals are guessed.
     units : dict of str to str
         Signal to unit, such as ``{'position': 'deg', 'time': 'ms'}``; ``counts/4096`` means encoder
-        counts, 4096 per turn. The default is SI units.
+        counts, 4096 per turn, and ``2.69mA`` that one count is 2.69 mA. The default is SI units.
+    rate : float, optional
+        Rows per second, Hz, of a table without times.
+    stiffness, damping : sequence of (float or str)
+        k_p in N·m/rad and k_d in N·m·s/rad of a position controller: numbers, or columns that hold
+        them. Effort is then k_p (target - position) - k_d velocity. One for all recordings, or one
+        for each.
+    joints : sequence of str
+        Names of the joints in the order of their columns, where the columns only number them.
 
     Raises
     ------
@@ -82,10 +60,14 @@ class Layout:
 
     columns: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
+    rate: float | None = None
+    stiffness: Sequence[float | str] = ()
+    damping: Sequence[float | str] = ()
+    joints: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         for signal in (*self.columns, *self.units):
-            if signal not in _NAMES:
+            if signal not in SIGNALS:
                 raise InputError(f'there is no signal {signal!r}; signals are '
                                  f'{", ".join(SIGNALS)}')
         if 'effort' in self.columns and 'current' in self.columns:
@@ -94,6 +76,21 @@ class Layout:
         for signal, unit in self.units.items():
             if signal != 'effort':
                 unit_factor(signal, unit)
+
+    @property
+    def describes_table(self) -> bool:
+        """Whether something is given that only a table needs."""
+        return bool(self.columns or self.units or self.rate)
+
+    def of_recording(self, index: int, count: int) -> Layout:
+        """Return the layout of one of several recordings, with its own gains."""
+        def own(values: Sequence[float | str], name: str) -> Sequence[float | str]:
+            if len(values) not in (0, 1, count):
+                raise InputError(f'{name}: {len(values)} values for {count} recordings; give one, '
+                                 'or one for each')
+            return values[index:index + 1] if len(values) == count else values
+        return replace(self, stiffness=own(self.stiffness, 'stiffness'),
+                       damping=own(self.damping, 'damping'))
 
 
 @dataclass(frozen=True)
@@ -105,6 +102,8 @@ class Column:
     joint: str
     unit: str
     factor: float
+    dimension: str = ''     # what the unit measures, such as angle; '' if it is not known
+    key: tuple[str, ...] = ()
 
 
 @dataclass
@@ -114,21 +113,27 @@ class Assignment:
     columns: list[Column]
     effort_is_current: bool     # whether efforts are in A
     notes: list[str]            # what was guessed
+    chosen: str | None = None   # the joint whose columns the user named
 
     @property
-    def time(self) -> Column:
-        """The column of time."""
-        return next(column for column in self.columns if column.signal == 'time')
+    def time(self) -> Column | None:
+        """The column of time; None if rows come at a known rate."""
+        return next((column for column in self.columns if column.signal == 'time'), None)
 
     @property
     def joints(self) -> list[str]:
         """Names of the joints; a single joint without a name is ''."""
         return list(dict.fromkeys(c.joint for c in self.columns if c.signal == 'position'))
 
+    @property
+    def linear(self) -> bool:
+        """Whether positions are lengths: values are then in m and N."""
+        return any(c.dimension == 'length' for c in self.columns if c.signal == 'position')
+
     def of(self, signal: str, joint: str) -> Column | None:
         """Return the column of a joint's signal, or None."""
-        return next((column for column in self.columns if column.signal == signal
-                     and column.joint in (joint, '')), None)
+        return next((column for name in (joint, '') for column in self.columns
+                     if column.signal == signal and column.joint == name), None)
 
 
 def unit_factor(signal: str, unit: str) -> float:
@@ -136,28 +141,22 @@ def unit_factor(signal: str, unit: str) -> float:
 
     Raises InputError if the unit is not known for this signal.
     """
-    known = _UNITS[signal]
-    if unit in known:
-        return known[unit]
-    counts = _COUNTS.fullmatch(unit)
-    if counts and f'rad{counts[2] or ""}' in known and float(counts[1]) > 0:
-        return _TURN / float(counts[1])
+    known = unit_of(signal, unit)
+    if known is not None:
+        return known.factor
     if signal == 'effort':
         # In other units, such as volts or per cent of a servo's range, values stay as they are.
         return 1.0
-    listed = ', '.join(known) or 'none'
-    more = ', counts/N (N per turn)' if 'rad' in known else ', counts/N/s' if 'rad/s' in known \
-        else ''
-    raise InputError(f'{signal} cannot be in {unit!r}; its units are {listed}{more}')
+    raise InputError(f'{signal} cannot be in {unit!r}; its units are {possible_units(signal)}, '
+                     'with a factor before them if needed, as in 2.69mA')
 
 
 def signal_with_unit(unit: str) -> str | None:
     """Return a signal that has a known unit which effort cannot have, else None."""
-    if unit in _UNITS['effort']:
-        return None
-    if _COUNTS.fullmatch(unit):
-        return 'velocity' if unit.endswith('/s') else 'position'
-    return next((signal for signal, units in _UNITS.items() if unit in units), None)
+    signals = signals_with(unit)
+    return None if not signals or 'effort' in signals else (
+        'position' if parse_unit(unit).dimension == 'counts'  # type: ignore[union-attr]
+        else signals[0])
 
 
 def to_numbers(values: np.ndarray, name: str, where: object) -> np.ndarray:
@@ -171,7 +170,22 @@ def to_numbers(values: np.ndarray, name: str, where: object) -> np.ndarray:
     try:
         return values.astype(float)
     except (TypeError, ValueError):
+        pass
+    try:
+        return np.array([date_in_seconds(str(value)) for value in values])
+    except ValueError:
         raise InputError(f'{where}: column {name!r} does not contain numbers') from None
+
+
+def date_in_seconds(text: str) -> float:
+    """Return an ISO 8601 date as s since 1970; raises ValueError for any other text."""
+    match = _DATE.fullmatch(text.strip())
+    if not match:
+        raise ValueError(text)
+    day, clock, sign, hours, minutes = match.groups()
+    date = np.datetime64(f'{day}T{(clock or "00:00").replace(",", ".")}', 'ns')
+    ahead = 60.0 * (60.0 * int(hours) + int(minutes)) if sign else 0.0
+    return float(date.astype(np.int64) * 1e-9) - (ahead if sign == '+' else -ahead)
 
 
 def read_pairs(text: str, what: str, form: str = 'SIGNAL=NAME, for instance time=t,position=q_2'
@@ -191,94 +205,173 @@ def read_pairs(text: str, what: str, form: str = 'SIGNAL=NAME, for instance time
 def assign(names: Sequence[str], layout: Layout | None, where: str) -> Assignment:
     """Assign signals to a table's columns; `where` names the table in messages.
 
-    Raises InputError if a column is missing, or time, position or effort cannot be found.
+    Columns without a name are left out. Raises InputError if a column is missing, or time, position
+    or effort cannot be found.
     """
     layout = layout or Layout()
-    listed = ', '.join(map(repr, names))
-    used: list[Column] = []
-    for signal, name in layout.columns.items():
-        if name not in names:
-            raise InputError(f'{where}: has no column {name!r}, but {listed}')
-        used.append(_column(name, signal, '', layout))
-    known = len(used)
-    taken = {column.name for column in used}
-    for column in _guesses([name for name in names if name not in taken], layout):
-        # If the user names the columns of a joint, columns of other joints are ignored.
-        if not (column.signal in layout.columns or _is_duplicate(column, used)
-                or (column.joint and 'position' in layout.columns)):
-            used.append(column)
-    for wanted in (('time',), ('position',), ('effort', 'current')):
-        if not any(column.signal in wanted for column in used):
-            raise InputError(f'{where}: which column is the {" or ".join(wanted)}? Name it with '
-                             f'--columns {wanted[0]}=NAME; there are {listed}')
-    notes = []
-    # A column named after its signal is not a guess.
-    guessed = [column for column in used[known:] if _full_name(column) != column.name]
-    if guessed:
-        notes.append('columns guessed from their names: ' + ', '.join(
-            f'{_full_name(column)}={column.name}{f" in {column.unit}" if column.unit else ""}'
-            for column in guessed) + ' (override with --columns and --unit)')
-    measured = [column for column in used if column.signal in ('effort', 'current')]
-    in_ampere = {column.signal == 'current' or column.unit in _CURRENTS for column in measured}
+    names = [name for name in names if name]
+    named = _named(names, layout, where)
+    own = next((column.key for column in named if column.signal != 'time'), ())
+    used = _joint_columns([*named, *_guessed(names, named, own, layout)], own if named else None)
+    used.sort(key=lambda c: (SIGNALS.index(c.signal), names.index(c.name)))
+    _check_complete(used, names, layout, where)
+    keys = list(dict.fromkeys(c.key for c in used if c.signal == 'position'))
+    labels = _labels(used, keys, layout, alone=any(c.signal != 'time' for c in named))
+    used = [replace(column, joint=labels.get(column.key, ''),
+                    signal='effort' if column.signal == 'current' else column.signal)
+            for column in used]
+    in_ampere = {column.dimension == 'current' for column in used if column.signal == 'effort'}
     if len(in_ampere) > 1:
         raise InputError(f'{where}: some joints have a current, others an effort: name the columns '
                          'of one joint with --columns')
-    return Assignment([
-        Column(c.name, 'effort' if c.signal == 'current' else c.signal, c.joint, c.unit, c.factor)
-        for c in used], in_ampere == {True}, notes)
+    return Assignment(used, in_ampere == {True}, _notes(used, layout),
+                      labels.get(own) if named and len(keys) > 1 else None)
 
 
-def _full_name(column: Column) -> str:
-    return f'{column.joint}.{column.signal}' if column.joint else column.signal
+def without_time(names: Sequence[str], layout: Layout | None) -> tuple[Column, Column] | None:
+    """Return the columns of velocity and effort of a table of steady states, else None.
+
+    It has neither time nor position: each row is the mean of a motion at constant speed.
+    """
+    layout = layout or Layout()
+    named = _named(names, layout, '') if set(layout.columns.values()) <= set(names) else []
+    columns = [*named, *_guessed([name for name in names if name], named, (), layout)]
+    if layout.rate or any(c.signal in ('time', 'position') for c in columns):
+        return None
+    velocity = next((c for c in columns if c.signal == 'velocity'), None)
+    effort = next((c for c in columns if c.signal in ('effort', 'current')), None)
+    return (velocity, effort) if velocity and effort else None
 
 
-def _is_duplicate(column: Column, used: Iterable[Column]) -> bool:
-    """Return whether a joint's signal is used already; effort and current count as the same."""
-    same = ('effort', 'current') if column.signal in ('effort', 'current') else (column.signal,)
-    return any(other.signal in same and other.joint == column.joint for other in used)
+def _notes(used: Sequence[Column], layout: Layout) -> list[str]:
+    # A column named after its signal is not a guess.
+    guessed = [column for column in used if column.name not in layout.columns.values()
+               and column.name.lower() != f'{column.joint}.{column.signal}'.strip('.').lower()
+               and not (column.signal == 'effort' and column.name == 'current')]
+    if not guessed:
+        return []
+    return ['columns guessed from their names: ' + ', '.join(
+        f'{column.joint}.{column.signal}'.lstrip('.') + f'={column.name}'
+        + (f' in {column.unit}' if column.unit else '')
+        for column in guessed) + ' (override with --columns and --unit)']
 
 
-def _column(name: str, signal: str, joint: str, layout: Layout) -> Column:
-    unit = layout.units.get(signal) or _unit_in_name(name, signal)
-    if unit or signal == 'effort':
-        return Column(name, signal, joint, unit, unit_factor(signal, unit) if unit else 1.0)
-    # The first unit of each signal is that of SI.
-    return Column(name, signal, joint, next(iter(_UNITS[signal]), ''), 1.0)
+def _named(names: Sequence[str], layout: Layout, where: str) -> list[Column]:
+    """Return the columns that the user named, all of one joint but time."""
+    for name in layout.columns.values():
+        if name not in names:
+            raise InputError(f'{where}: has no column {name!r}, but '
+                             f'{", ".join(map(repr, names))}')
+    first = next((layout.columns[signal] for signal in ('position', 'effort', 'current', 'velocity')
+                  if signal in layout.columns), '')
+    key = _key(first)
+    return [_column(name, Reading(signal, () if signal == 'time' else key,
+                                  read_name(name).joint or '_'.join(key), read_name(name).unit),
+                    layout) for signal, name in layout.columns.items()]
 
 
-def _unit_in_name(name: str, signal: str) -> str:
-    """Return the unit in a column's name, '' if there is none that the signal can have."""
-    match = _BRACKET.search(name) or _LAST.search(name)
-    unit = match[1].strip() if match else ''
-    if unit and signal in ('velocity', 'reference_velocity') and f'{unit}/s' in _SPEEDS:
-        unit = f'{unit}/s'
-    return unit if unit in _UNITS[signal] else ''
+def _key(name: str) -> tuple[str, ...]:
+    reading = read_name(name)
+    return reading.key if reading.signal or not skeleton(name) else numbers(name)
 
 
-def _guesses(names: Sequence[str], layout: Layout) -> list[Column]:
-    """Return the columns with common names, in the order of `SIGNALS`."""
-    columns = [_column(name, signal, joint, layout) for name in names
-               for signal, joint in [_signal_and_joint(name)] if signal]
-    # If a table has both `effort` and `current`, the former comes first and is used.
-    columns.sort(key=lambda column: SIGNALS.index(column.signal))
-    joints = {column.joint for column in columns if column.signal == 'position'}
-    return [column for column in columns if column.joint in (*joints, '')]
+def _column(name: str, reading: Reading, layout: Layout) -> Column:
+    signal = reading.signal
+    given = next((layout.units[one] for one in (signal, *_SAME_UNIT.get(signal, ()))
+                  if one in layout.units), '')
+    text = given or reading.unit
+    unit = unit_of(signal, text) if text else None
+    if unit is None and given and signal == 'effort':
+        # A unit such as V or %: only a factor before it is applied.
+        return Column(name, signal, reading.joint, given, 1.0, '', reading.key)
+    if unit is None:
+        text = 'N·m' if reading.torque else default_unit(signal)
+        unit = unit_of(signal, text)
+        # The torque constant may make a current of an effort without a unit.
+        text = '' if signal == 'effort' else text
+    elif signal in ('velocity', 'reference_velocity') and parse_unit(text) != unit:
+        text = text if '/' in text or text.endswith('pm') else f'{text}/s'
+    dimension, factor = (unit.dimension, unit.factor) if unit else ('', 1.0)
+    return Column(name, signal, reading.joint, text, factor, dimension, reading.key)
 
 
-def _signal_and_joint(name: str) -> tuple[str, str]:
-    """Return signal and joint according to a column's name, each '' if there is none."""
-    bare = _BRACKET.sub('', name.strip())
-    for text in (bare, _LAST.sub('', bare)):
-        whole = text.lower().strip().replace(' ', '_').replace('-', '_')
-        if whole in _SIGNAL_OF:
-            return _SIGNAL_OF[whole], ''
-        # elbow.position, elbow/position
-        for mark in './':
-            joint, split, signal = text.rpartition(mark)
-            if split and signal.lower() in _SIGNAL_OF:
-                return _SIGNAL_OF[signal.lower()], joint
-        # q_2, q2
-        numbered = re.fullmatch(r'(.*?)_?(\d+)', whole)
-        if numbered and numbered[1] in _SIGNAL_OF and _SIGNAL_OF[numbered[1]] != 'time':
-            return _SIGNAL_OF[numbered[1]], numbered[2]
-    return '', ''
+def _guessed(names: Sequence[str], named: Sequence[Column], own: tuple[str, ...],
+             layout: Layout) -> list[Column]:
+    """Return the columns recognised by their names, the best of those for one signal of a joint."""
+    patterns = {skeleton(column.name): column.signal for column in named
+                if skeleton(column.name) and column.signal != 'time'}
+    taken = {column.name for column in named}
+    signals = {_kind(column.signal) for column in named}
+    found: list[tuple[tuple[int, int, int], Column]] = []
+    for place, name in enumerate(names):
+        reading = read_name(name)
+        if skeleton(name) in patterns:
+            reading = replace(reading, signal=patterns[skeleton(name)], key=_key(name),
+                              joint=reading.joint or '_'.join(numbers(name)))
+        named_already = _kind(reading.signal) in signals and reading.key in (own, ())
+        if reading.signal and name not in taken and not named_already:
+            column = _column(name, reading, layout)
+            found.append(((SIGNALS.index(column.signal), reading.rank, place), column))
+    best: dict[tuple[str, tuple[str, ...]], Column] = {}
+    in_ampere = any(c.dimension == 'current' for c in named if _kind(c.signal) == 'effort')
+    for _, column in sorted(found, key=lambda entry: entry[0]):
+        if column.signal in ('effort', 'current') and column.dimension == 'current':
+            in_ampere = in_ampere or ('effort', column.key) not in best
+        # Without the torque constant, a commanded torque says nothing beside a current.
+        if column.signal == 'command' and in_ampere and column.dimension != 'current':
+            continue
+        best.setdefault((_kind(column.signal), column.key), column)
+    return list(best.values())
+
+
+def _kind(signal: str) -> str:
+    return 'effort' if signal == 'current' else signal
+
+
+def _joint_columns(used: Sequence[Column], own: tuple[str, ...] | None) -> list[Column]:
+    """Return the columns of joints that have position and effort, and of no joint in particular.
+
+    `own` is the joint of the user's columns, None if none are named.
+    """
+    positions = list(dict.fromkeys(c.key for c in used if c.signal == 'position'))
+    efforts = list(dict.fromkeys(c.key for c in used if _kind(c.signal) == 'effort'))
+    if len(positions) == len(efforts) == 1 and () not in efforts and positions != efforts:
+        # The only position and the only effort are of one joint, however they are named.
+        used = [replace(c, key=positions[0]) if c.key == efforts[0] else c for c in used]
+        efforts = positions
+    both = [key for key in positions if key in efforts]
+    keys = both if both and (() not in efforts or () in positions) else positions
+    return [c for c in used if c.key in (*keys, (), own)]
+
+
+def _labels(used: Sequence[Column], keys: Sequence[tuple[str, ...]], layout: Layout, alone: bool
+            ) -> dict[tuple[str, ...], str]:
+    """Return the name of each joint; `alone` is whether a single joint needs no name."""
+    labels = {key: next(c.joint for c in used if c.signal == 'position' and c.key == key)
+              if key else '' for key in keys}
+    if len(keys) == 1 and alone:
+        labels = {keys[0]: ''}
+    if len(keys) == len(layout.joints) and not set(labels.values()) <= set(layout.joints):
+        labels = dict(zip(keys, layout.joints))
+    return labels
+
+
+def _check_complete(used: Iterable[Column], names: Sequence[str], layout: Layout, where: str
+                    ) -> None:
+    """Raise InputError if a signal that is needed has no column."""
+    signals = {_kind(column.signal) for column in used}
+    needed = {'time': not layout.rate, 'position': True, 'effort': not layout.stiffness,
+              'reference_position': bool(layout.stiffness)}
+    for signal, wanted in needed.items():
+        if not wanted or signal in signals:
+            continue
+        hints = {'time': ', or the rows per second with --rate HZ'}
+        if 'reference_position' in signals:
+            hints['effort'] = (', or the gains of the position controller with --stiffness and '
+                               '--damping: effort is then k_p (target - position) - k_d velocity')
+        elif 'command' in signals:
+            hints['effort'] = ', a command only if the drive is known to follow it'
+        what = 'effort or current' if signal == 'effort' else signal.replace('_', ' ')
+        raise InputError(f'{where}: which column is the {what}? Name it with --columns '
+                         f'{signal}=NAME{hints.get(signal, "")}; there are '
+                         f'{", ".join(map(repr, names))}')

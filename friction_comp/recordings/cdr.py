@@ -20,6 +20,7 @@ FLOAT_ARRAY = 'std_msgs/msg/Float64MultiArray'
 INT8_ARRAY = 'std_msgs/msg/Int8MultiArray'
 WRENCH = 'geometry_msgs/msg/WrenchStamped'
 TEMPERATURE = 'sensor_msgs/msg/Temperature'
+DYNAMIC_STATE = 'control_msgs/msg/DynamicJointState'
 
 # Largest number of values or names in one message, more than any robot has joints. Without a limit
 # one corrupt message could fill the memory, since all messages share one array.
@@ -98,6 +99,14 @@ def _walk(cursor: _Cursor, kind: str) -> tuple[str, ...]:
         for name in ('position', 'velocity', 'effort'):
             cursor.values(name, 'f8', None)
         return names
+    if kind == DYNAMIC_STATE:
+        joints = tuple(cursor.string() for _ in range(cursor.count(MOST_VALUES)))
+        found = []
+        for joint in joints[:cursor.count(MOST_VALUES)]:
+            interfaces = [cursor.string() for _ in range(cursor.count(MOST_VALUES))]
+            found += [f'{joint}/{interface}' for interface in interfaces]
+            cursor.values(joint, 'f8', None)
+        return tuple(found)
     name, count = {WRENCH: ('wrench', 6), TEMPERATURE: ('temperature', 2)}[kind]
     cursor.values(name, 'f8', count)
     return (frame,)
@@ -113,7 +122,7 @@ def decode(type_name: str, payloads: Sequence[bytes]
     Parameters
     ----------
     type_name : str
-        One of the five message types named in this module.
+        One of the six message types named in this module.
     payloads : list of bytes
         The messages with their four-byte encapsulation header.
 
@@ -123,6 +132,7 @@ def decode(type_name: str, payloads: Sequence[bytes]
         Indices of the messages of this group, shape (K,).
     names : tuple of str
         Joint names, the frame of a stamped message, or the label of an array's second dimension.
+        Of dynamic joint states, ``joint/interface``: the field JOINT holds a joint's interfaces.
     fields : dict of ndarray
         Each field's values, shape (K, number of values). Stamped messages have ``stamp`` in
         nanoseconds, shape (K,).

@@ -39,6 +39,7 @@ class RecordingInfo:
     activity: list[tuple[float, Activity]] = field(default_factory=list)
     turns: float = 0.0  # added to the last position because the sensor wraps around, rad
     effort_is_current: bool = False  # whether efforts were in A already, as a table may declare
+    linear: bool = False  # whether positions are in m and efforts in N
 
 
 def number_recordings(recordings: Iterable[tuple[Samples, RecordingInfo]]
@@ -85,13 +86,16 @@ def to_samples(scan: Scan, joint: str | None,
         torque_per_current = 1.0
     track, joint, joints, values = _select_joint(scan, joint)
     info = RecordingInfo(scan.path, joint, scan.topics, notes=list(scan.notes),
-                         model=scan.model, effort_is_current=scan.effort_is_current)
+                         model=scan.model, effort_is_current=scan.effort_is_current,
+                         linear=scan.linear)
     stamp = time_base.message_times(track, info.notes)
     outlier = time_base.outliers(stamp)
     shifts = time_base.clock_shifts(stamp[~outlier], track.order[~outlier], track.receive[~outlier],
                                     info.notes)
     stamp = shifts.apply(stamp, track.order)
-    position, velocity, effort = values.T
+    position, velocity, effort = values.T[:3]
+    if values.shape[1] > 3:
+        effort = _without_link_torque(effort, values[:, 3], info.notes)
     for name, signal in (('position', position), ('effort', effort)):
         if not np.isfinite(signal).any():
             raise InputError(f'{scan.path}: {track.topic} contains no finite {name} of joint '
@@ -176,6 +180,19 @@ def joint_states_at(samples: Samples, info: RecordingInfo,
                        np.column_stack(speeds) if all_have_velocity else None)
 
 
+def _without_link_torque(effort: np.ndarray, link_torque: np.ndarray, notes: list[str]
+                         ) -> np.ndarray:
+    """Return effort minus the torque that is measured behind the gear: the gear's friction.
+
+    The sensor carries nearly all of the effort, with the opposite sign in some robots.
+    """
+    both = np.isfinite(effort) & np.isfinite(link_torque)
+    against = float(effort[both] @ link_torque[both]) < 0.0
+    notes.append('friction is effort minus link_torque' + (
+        ', whose sign is reversed: it is opposite to that of effort' if against else ''))
+    return effort + link_torque if against else effort - link_torque
+
+
 def _unwrap(time: np.ndarray, position: np.ndarray, notes: list[str]) -> np.ndarray:
     """Return the position in rad without jumps by a turn, where the sensor wraps around."""
     jumps = np.diff(position)
@@ -210,6 +227,7 @@ def _select_joint(scan: Scan, joint: str | None) -> tuple[Track, str, list[str],
     if not joints:
         raise InputError(f'{scan.path}: joint_states names no joint')
     listed = ', '.join(repr(name) for name in joints)
+    joint = scan.selected if joint is None else joint
     if joint is None:
         if len(joints) > 1:
             raise InputError(f'{scan.path}: several joints, name one with --joint: {listed}')

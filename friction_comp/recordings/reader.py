@@ -179,7 +179,7 @@ def _scan_all(paths: AnyPath | Sequence[AnyPath], progress: Progress | None, joi
     recordings = find_recordings(paths)
     for index, path in enumerate(recordings):
         report = part_of(progress, index, len(recordings))
-        scanner = open_scanner(path, joint, layout)
+        scanner = open_scanner(path, joint, layout and layout.of_recording(index, len(recordings)))
         parts: dict[str, list[Track]] = {}
         for scan in scanner.scans():
             for track in scan.tracks:

@@ -10,10 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from friction_comp.recordings import cdr
+from friction_comp.recordings import cdr, dynamic_states
 from friction_comp.recordings.activity import Activity, ActivityLog, DIAGNOSTICS
 from friction_comp.recordings.storage import Storage, unpack, unreadable_on_error
 from friction_comp.topics import TOPICS, TORQUE_UNIT
+
+# Message type of each signal that is read.
+_TYPES = {**TOPICS, dynamic_states.SIGNAL: cdr.DYNAMIC_STATE}
 
 
 @dataclass
@@ -27,7 +30,8 @@ class Track:
     order: np.ndarray  # (N,) of int64: index of each message among all that were read
     names: list[str]  # all joints or frames in the messages
     # JointState: by joint, arrays (N, 3) of position, velocity and effort, NaN where a message has
-    # none. Wrench and temperature: by frame, arrays (N, 1). Float64MultiArray and Int8MultiArray:
+    # none; a table may have a fourth column, the torque behind the gear. DynamicJointState: (N, 5),
+    # also current and temperature. Wrench and temperature: by frame, arrays (N, 1). Float64MultiArray and Int8MultiArray:
     # an array (N, J) with the key '', or `TORQUE_UNIT` for commands in N·m, NaN in messages of the
     # other unit. If one joint was selected, only values that may belong to it.
     values: dict[str, np.ndarray]
@@ -77,6 +81,8 @@ class Scan:
     custom: dict[str, str] = field(default_factory=dict)    # custom_data of rosbag2's metadata
     activity: list[Activity] = field(default_factory=list)
     effort_is_current: bool = False        # whether efforts are in A, as tables may declare
+    selected: str | None = None            # the joint to read if none is named
+    linear: bool = False                   # whether positions are in m and efforts in N
 
     def of(self, signal: str) -> list[Track]:
         """Return the tracks of a signal: those of topics with exactly its name, otherwise all."""
@@ -98,7 +104,7 @@ class Scan:
 
 def signal_of(topic: str, type_name: str) -> str | None:
     """Return the signal of a topic, found by its type and the ending of its name, or None."""
-    for signal, wanted in TOPICS.items():
+    for signal, wanted in _TYPES.items():
         if type_name == wanted and topic.endswith(signal):
             return signal
     return None
@@ -138,7 +144,7 @@ class MessageScanner:
                 reader.messages.append((receive, index, raw))
                 if len(reader.messages) >= self._batch:
                     reader.decode()
-                    if reader.signal == 'joint_states':
+                    if reader.signal in ('joint_states', dynamic_states.SIGNAL):
                         yield self._scan()
             yield self._scan()
 
@@ -148,8 +154,9 @@ class MessageScanner:
         notes = storage.notes + [
             f'{reader.broken} of the messages of {reader.topic} left out: broken, or more than '
             f'{cdr.MOST_VALUES} values' for reader in readers if reader.broken]
-        return Scan(storage.path, tracks, storage.topics, notes, storage.custom,
-                    list(self._activity.changes))
+        tracks, in_ampere, more = dynamic_states.resolved(tracks)
+        return Scan(storage.path, tracks, storage.topics, notes + more, storage.custom,
+                    list(self._activity.changes), effort_is_current=in_ampere)
 
 
 def _is_wanted(topic: str, kind: str) -> bool:
@@ -172,7 +179,7 @@ class _TopicReader:
         times, orders = np.array(receive, dtype=np.int64), np.array(order, dtype=np.int64)
         parts = []
         for index, names, fields in cdr.decode(
-                TOPICS[self.signal], [unpack(payload) for payload in payloads]):
+                _TYPES[self.signal], [unpack(payload) for payload in payloads]):
             names, values = self._values(names, fields)
             stamps = fields.get('stamp', np.zeros(len(index), dtype=np.int64))
             parts.append(Track(self.topic, self.signal, times[index], stamps, orders[index],
@@ -190,6 +197,11 @@ class _TopicReader:
         if 'data' in fields:
             unit = TORQUE_UNIT if names == (TORQUE_UNIT,) else ''
             return (), {unit: fields['data'].astype(float)}
+        if self.signal == dynamic_states.SIGNAL:
+            values = dynamic_states.interface_values(names, fields)
+            if self._joint in values:
+                values = {self._joint: values[self._joint]}
+            return tuple(values), values
         if 'wrench' in fields:
             return names, {names[0]: fields['wrench'][:, 5:6].copy()}
         if 'temperature' in fields:

@@ -12,7 +12,8 @@ from friction_comp.columns import Layout, TABLES
 from friction_comp.errors import InputError
 from friction_comp.recordings.scan import MessageScanner
 from friction_comp.recordings.storage import AnyPath, is_split_recording, is_storage, METADATA
-from friction_comp.recordings.tables import is_table, TableScanner
+from friction_comp.recordings.table_files import is_table, parts_of, with_parts
+from friction_comp.recordings.tables import TableScanner
 
 Progress = Callable[[float], None]
 
@@ -31,13 +32,15 @@ def part_of(progress: Progress | None, index: int, count: int) -> Progress:
 def find_recordings(paths: AnyPath | Sequence[AnyPath]) -> list[Path]:
     """Return the recordings at paths, and in folders at any depth in the order of their names.
 
-    Recordings are rosbag2 folders, .mcap and .db3 files; tables (.csv, .parquet, .npz) only if
-    `paths` name them. Raises InputError if a path does not exist or has no recording.
+    Recordings are rosbag2 folders, .mcap, .db3 and ROS 1 .bag files; tables only if `paths` name
+    them. Tables of one signal each, in one folder, are one recording. Raises InputError if a path
+    does not exist or has no recording.
     """
     unique: dict[Path, Path] = {}
-    for path in map(Path, [paths] if isinstance(paths, (str, PathLike)) else paths):
+    given = list(map(Path, [paths] if isinstance(paths, (str, PathLike)) else paths))
+    for path in with_parts(given):
         try:
-            if not path.exists():
+            if not all(part.exists() for part in parts_of(path) or [path]):
                 raise InputError(f'{path}: no such file or folder')
             recordings = list(_expand(path))
         except OSError as error:
@@ -67,12 +70,12 @@ def find_recording(path: AnyPath) -> Path:
 
 def size_of(path: Path) -> int:
     """Return the size of a recording, a file or a folder, in bytes."""
-    files = path.rglob('*') if path.is_dir() else [path]
+    files = path.rglob('*') if path.is_dir() else parts_of(path) or [path]
     return sum(file.stat().st_size for file in files if file.is_file())
 
 
 def _expand(path: Path) -> Iterator[Path]:
-    if path.is_file():
+    if path.is_file() or parts_of(path):
         if is_storage(path) or is_table(path):
             yield path
     elif (path / METADATA).is_file() or is_split_recording(path):
@@ -92,16 +95,22 @@ def open_scanner(path: AnyPath, joint: str | None = None, layout: Layout | None 
     The option ``batch`` is the number of messages or rows in a batch.
     """
     path = Path(path)
-    if path.is_file() and is_table(path):
+    if is_table(path) and not path.is_dir():
         return TableScanner(path, layout, joint, **options)
-    if layout is not None and (layout.columns or layout.units):
-        raise InputError(f'{path}: --columns and --unit describe tables, and this is none')
+    if layout is not None and layout.describes_table:
+        raise InputError(f'{path}: --columns, --unit and --rate describe tables, and this is none')
+    if layout is not None and layout.stiffness:
+        raise InputError(f'{path}: --stiffness and --damping need a table: convert the recording '
+                         'with the tool convert')
     return MessageScanner(path, joint, **options)
 
 
 def recorded_joints(path: AnyPath, layout: Layout | None = None) -> list[str]:
     """Return the joints in a recording's first joint states, '' for one without a name.
 
+    If the layout names the columns of one joint, it is that joint only.
+
     Raises InputError if the recording cannot be read.
     """
-    return next(open_scanner(path, layout=layout, batch=_FIRST_MESSAGES).scans()).joints
+    scan = next(open_scanner(path, layout=layout, batch=_FIRST_MESSAGES).scans())
+    return scan.joints if scan.selected is None else [scan.selected]

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Lists the files of a rosbag2 recording and reads their messages in order."""
+"""Lists the files of a recording by ROS and reads their messages in order."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import re
 import shutil
 import sqlite3
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, TYPE_CHECKING
 from urllib.parse import quote
 
 import yaml
@@ -22,9 +22,12 @@ import zstandard
 from friction_comp.errors import InputError, one_line
 from friction_comp.recordings.mcap_file import DamagedError, McapFile, Message, Wanted
 
+if TYPE_CHECKING:
+    from friction_comp.recordings.ros1_bag import Ros1Bag
+
 AnyPath = str | PathLike[str]
 
-SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
+SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd', '.bag')
 METADATA = 'metadata.yaml'
 _ZSTD = b'\x28\xb5\x2f\xfd'
 
@@ -77,7 +80,7 @@ class Storage:
             raise unreadable(self.path, '; '.join(reasons) if len(failed) > 1 else failed[0][1])
         self.notes.extend(f'{reason}: this file is missing' for reason in reasons)
 
-    def _is_wanted(self, wanted: Wanted, opened: McapFile | SqliteFile, topic: str, kind: str
+    def _is_wanted(self, wanted: Wanted, opened: McapFile | SqliteFile | Ros1Bag, topic: str, kind: str
                    ) -> bool:
         if wanted(topic, kind):
             if opened.encodings.get(topic) not in ('cdr', '', None):
@@ -85,7 +88,7 @@ class Storage:
             return True
         return False
 
-    def _add_contents(self, file: Path, opened: McapFile | SqliteFile) -> None:
+    def _add_contents(self, file: Path, opened: McapFile | SqliteFile | Ros1Bag) -> None:
         several = len(self.files) > 1
         self.notes.extend(f'{file.name}: {note}' if several else note for note in opened.notes)
         for topic, (kind, count) in opened.topics.items():
@@ -161,7 +164,7 @@ def _natural_key(path: Path) -> list[str | int]:
     return [int(part) if part.isdigit() else part for part in re.split(r'(\d+)', path.name)]
 
 
-def _open(file: Path, folder: Path) -> McapFile | SqliteFile:
+def _open(file: Path, folder: Path) -> McapFile | SqliteFile | Ros1Bag:
     if file.suffix == '.zstd':
         plain = folder / file.stem
         with file.open('rb') as packed, plain.open('wb') as stream:
@@ -173,6 +176,11 @@ def _open(file: Path, folder: Path) -> McapFile | SqliteFile:
                 if not stream.tell():
                     raise DamagedError(f'not compressed with zstd: {error}') from None
         file = plain
+    if file.suffix == '.bag':
+        # The types of rosbags take a second to import.
+        from friction_comp.recordings.ros1_bag import Ros1Bag
+
+        return Ros1Bag(file)
     return McapFile(file) if file.suffix == '.mcap' else SqliteFile(file)
 
 

@@ -79,7 +79,8 @@ class Arguments(argparse.ArgumentParser):
         self.add_argument(
             'recordings' if several else 'recording', metavar='RECORDING',
             type=Path, nargs='+' if several else None,
-            help='rosbag2 folder, .mcap file, table (.csv, .parquet, .npz)' + (
+            help='rosbag2 folder, .mcap or .bag file, table (.csv, .txt, .parquet, .npz, .npy, .mat, '
+            '.json; several with a signal each are one)' + (
                 ', or folder of recordings other than tables' if several else ''))
         self.add_argument('--joint', help='name of the joint, if a recording has several')
         self.add_argument(
@@ -89,7 +90,15 @@ class Arguments(argparse.ArgumentParser):
         self.add_argument(
             '--unit', metavar='SIGNAL=UNIT,…',
             help="units of a table's columns that are not SI, for instance "
-            'time=ms,position=deg,effort=A, or position=counts/4096' + unit_help)
+            'time=ms,position=deg,effort=A, current=2.69mA, or position=counts/4096; with '
+            'position=m or mm and effort=N, of a linear axis' + unit_help)
+        self.add_argument('--rate', metavar='HZ', type=positive,
+                          help='rows per second of a table without times')
+        self.add_argument(
+            '--stiffness', metavar='KP', help='k_p in N·m/rad of a position controller whose '
+            'target a table holds instead of effort, or the column that holds it; one, or one '
+            'for each table: 20,40. Effort is then k_p (target - position) - k_d velocity')
+        self.add_argument('--damping', metavar='KD', help='k_d in N·m·s/rad, as --stiffness')
         return self
 
     def add_drive(self) -> Arguments:

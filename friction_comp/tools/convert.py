@@ -24,7 +24,8 @@ def main(argv: list[str] | None = None) -> int:
                         help='.csv, .parquet or .npz file, or a new folder')
     arguments = parser.parse(argv)
     from friction_comp.recordings import read_joints, write_samples
-    from friction_comp.recordings.tables import is_table, write_table
+    from friction_comp.recordings.table_files import is_table
+    from friction_comp.recordings.tables import write_table
 
     output = arguments.output
     keep_inputs(output, arguments.recording)

@@ -12,6 +12,7 @@ from pathlib import Path
 import re
 from typing import Any, TYPE_CHECKING
 
+from friction_comp.checks import check_number
 from friction_comp.columns import Layout, read_pairs
 from friction_comp.drive import Drive
 from friction_comp.errors import errors_name, InputError
@@ -73,14 +74,27 @@ def _largest_lasting_current(samples: Samples) -> float:
 
 
 def layout_of(arguments: Namespace) -> Layout:
-    """Return the layout of a table according to ``--columns`` and ``--unit``."""
+    """Return the layout of a table according to the arguments that describe it."""
     columns = read_pairs(arguments.columns, '--columns') if arguments.columns else {}
     units = read_pairs(arguments.unit, '--unit', 'SIGNAL=UNIT, for instance time=ms,position=deg'
                        ) if arguments.unit else {}
+    if arguments.damping and not arguments.stiffness:
+        raise InputError('--damping goes with --stiffness, the other gain of the controller')
     try:
-        return Layout(columns, units)
+        return Layout(columns, units, arguments.rate, _gains(arguments.stiffness),
+                      _gains(arguments.damping))
     except InputError as error:
         raise InputError(f'--columns or --unit: {error}') from None
+
+
+def _gains(text: str | None) -> tuple[float | str, ...]:
+    """Return the gains of an argument, each a number or the name of a column."""
+    def read(one: str) -> float | str:
+        try:
+            return check_number(float(one), 'a gain', least=0.0)
+        except ValueError:
+            return one
+    return tuple(read(one.strip()) for one in text.split(',')) if text else ()
 
 
 def unit_of(arguments: Namespace, model: FrictionModel | None,

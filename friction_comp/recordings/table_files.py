@@ -1,0 +1,347 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Files of tables: their columns by name, read in blocks of rows.
+
+A file is text, or holds arrays: then each one-dimensional array is a column, each column of a
+matrix too, and numbers beside them hold for all rows. Several files with a signal each, such as
+``q.txt`` and ``tau.txt``, are one table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+import csv
+import gzip
+import io
+from itertools import islice
+import json
+from pathlib import Path
+import re
+from typing import Any, IO
+
+import numpy as np
+
+from friction_comp.column_names import read_name
+from friction_comp.columns import date_in_seconds, TABLES, to_numbers
+from friction_comp.errors import InputError
+
+Columns = dict[str, np.ndarray]
+_COMMENTS = ('#', '%')
+
+
+def is_table(path: Path) -> bool:
+    """Return whether a file is a table, or several files one, judging by the name."""
+    return path.name.lower().endswith(TABLES) or bool(parts_of(path))
+
+
+def open_table(path: Path) -> Csv | Parquet | Arrays:
+    """Return the reader of a table; raises InputError if it is none."""
+    parts = parts_of(path)
+    if parts:
+        return Arrays(path, _joined(path, parts))
+    name = path.name.lower()
+    if name.endswith('.parquet'):
+        return Parquet(path)
+    for suffix, load in _LOADERS.items():
+        if name.endswith(suffix):
+            return Arrays(path, load(path))
+    return Csv(path)
+
+
+def with_parts(paths: Sequence[Path]) -> list[Path]:
+    """Return paths with tables of one signal each, beside each other, as one path.
+
+    Its name lists the files in braces, which `parts_of` takes apart.
+    """
+    groups: dict[Path, list[Path]] = {}
+    for path in paths:
+        if path.is_file() and path.name.lower().endswith(TABLES) and read_name(_stem(path)).signal:
+            groups.setdefault(path.parent, []).append(path)
+    whole = [folder for folder, files in groups.items()
+             if len({read_name(_stem(file)).signal for file in files}) > 1
+             and len({read_name(_stem(file)) for file in files}) == len(files)
+             and all(_one_signal(file) for file in files)]
+    result: dict[Path, None] = {}
+    for path in paths:
+        group = groups.get(path.parent, [])
+        merged = path.parent in whole and path in group
+        result[path.parent / ('{' + ','.join(file.name for file in group) + '}')
+               if merged else path] = None
+    return list(result)
+
+
+def parts_of(path: Path) -> list[Path]:
+    """Return the files of a table in several files; empty if it is in one."""
+    match = re.fullmatch(r'\{(.*)\}', path.name)
+    return [path.parent / name for name in match[1].split(',')] if match else []
+
+
+def _stem(path: Path) -> str:
+    return path.name.split('.')[0]
+
+
+def _one_signal(path: Path) -> bool:
+    """Return whether no two columns of a file name different signals."""
+    return len({read_name(name).signal for name in open_table(path).names} - {''}) <= 1
+
+
+def _joined(path: Path, parts: Sequence[Path]) -> Columns:
+    """Return the columns of several files, named after the files."""
+    columns: Columns = {}
+    for part in parts:
+        table = open_table(part)
+        blocks = [block for block, _ in table.blocks(table.names, 250_000)]
+        for k, name in enumerate(table.names):
+            values = np.concatenate([block[name] for block in blocks]) if blocks else np.empty(0)
+            own = read_name(name).signal
+            columns[name if own else _stem(part) if len(table.names) == 1
+                    else f'{_stem(part)}_{k + 1}'] = values
+    return columns
+
+
+class Csv:
+    """A text file with one row per line; the separator is the most frequent one in its header."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        with path.open('rb') as file:
+            lines = list(islice(self._text(file), 200))
+        if any('\0' in line for line in lines):
+            raise InputError(f'{path}: not a text file')
+        # Skip comments before the header; numpy.savetxt writes the header itself as a comment.
+        header = next((k for k, line in enumerate(lines) if line.strip()
+                     and not line.startswith(_COMMENTS)), len(lines))
+        head = lines[header] if header < len(lines) else ''
+        if not head.strip():
+            raise InputError(f'{path}: is empty')
+        self._separator = _separator(head)
+        self.names = self._split(head)
+        self._skip = header + 1
+        if _all_numbers(head):
+            # Not a header: names are in the comment above it, otherwise columns are numbered.
+            comment = self._split(lines[header - 1].lstrip('#% ')) if header else []
+            fits = len(comment) == len(self.names)
+            self.names = comment if fits else [str(k + 1) for k in range(len(self.names))]
+            self._skip = header
+        # Spreadsheets end lines with empty cells: a column without a name is none.
+        self._index = {name: k for k, name in enumerate(self.names) if name}
+        named = [name for name in self.names if name]
+        duplicate = next((name for name in named if named.count(name) > 1), None)
+        self.names = named
+        if duplicate is not None:
+            raise InputError(f'{path}: has two columns called {duplicate!r}')
+
+    def _split(self, line: str) -> list[str]:
+        if self._separator is None:
+            return line.split()
+        cells = next(csv.reader([line.rstrip('\r\n')], delimiter=self._separator), [])
+        return [cell.strip() for cell in cells]
+
+    def _text(self, file: IO[bytes]) -> IO[str]:
+        """Return the text of the opened file."""
+        compressed = self._path.name.lower().endswith('.gz')
+        plain: Any = gzip.GzipFile(fileobj=file) if compressed else file
+        return io.TextIOWrapper(plain, encoding='utf-8-sig', errors='replace', newline='')
+
+    def blocks(self, wanted: Sequence[str], rows: int) -> Iterator[tuple[Columns, float]]:
+        """Yield blocks of columns and the share of the file that has been read."""
+        indices = [self._index[name] for name in wanted]
+        size = self._path.stat().st_size
+        with self._path.open('rb') as file:
+            text = self._text(file)
+            first_line = sum(1 for _ in islice(text, self._skip))
+            while lines := list(islice(text, rows)):
+                columns = self._parse(lines, indices, first_line).T
+                # The position in the file, which may be compressed.
+                yield dict(zip(wanted, columns)), file.tell() / size
+                first_line += len(lines)
+
+    def _parse(self, lines: list[str], indices: list[int], first_line: int) -> np.ndarray:
+        """Return the selected cells, shape (rows, columns)."""
+        if self._separator != ',':
+            # A comma that does not separate is a decimal one.
+            lines = [line.replace(',', '.') for line in lines]
+        try:
+            return np.loadtxt(lines, delimiter=self._separator, usecols=indices, ndmin=2,
+                              comments=None)
+        except ValueError:
+            # Cells are missing or not numeric: parse slowly, with a clear error.
+            return self._parse_each(lines, indices, first_line)
+
+    def _parse_each(self, lines: list[str], indices: list[int], first_line: int) -> np.ndarray:
+        rows = []
+        for k, line in enumerate(lines, first_line + 1):
+            if line.strip() and not line.startswith(_COMMENTS):
+                cells = self._split(line)
+                # The last line of a truncated file has fewer cells.
+                complete = len(cells) > max(indices)
+                rows.append([self._number(cells[index], index, k) if complete else np.nan
+                             for index in indices])
+        return np.array(rows).reshape(len(rows), len(indices))
+
+    def _number(self, cell: str, index: int, line: int) -> float:
+        if cell.lower() in ('', 'nan', 'na', 'null', 'none', '-'):
+            return float('nan')
+        try:
+            return float(cell)
+        except ValueError:
+            pass
+        try:
+            return date_in_seconds(cell)
+        except ValueError:
+            name = next(name for name, place in self._index.items() if place == index)
+            raise InputError(f'{self._path}: line {line}, column {name!r}: {cell!r} is not a '
+                             'number') from None
+
+
+def _separator(line: str) -> str | None:
+    """Return the separator of a line, None for white space."""
+    counts = {mark: line.count(mark) for mark in ('\t', ';', ',')}
+    best = max(counts, key=lambda mark: counts[mark])
+    return best if counts[best] else None
+
+
+def _all_numbers(line: str) -> bool:
+    return bool(re.fullmatch(r'[\s\d.,;+\-eEnaN]+', line)) and bool(re.search(r'\d', line))
+
+
+class Parquet:
+    """A Parquet file, read with pyarrow; the items of a column of lists are NAME[0] and so on."""
+
+    def __init__(self, path: Path) -> None:
+        self._file, self._path = pyarrow_of(path).parquet.ParquetFile(path), path
+        self._source: dict[str, tuple[str, int | None]] = {}
+        first: Any = None
+        for field in self._file.schema_arrow:
+            if not hasattr(field.type, 'value_type'):
+                self._source[field.name] = field.name, None
+                continue
+            if first is None:
+                first = next(self._file.iter_batches(batch_size=1), None)
+            items = first.column(field.name)[0].as_py() if first is not None else None
+            self._source.update({f'{field.name}[{k}]': (field.name, k)
+                                 for k in range(len(items or ()))})
+        self.names: list[str] = list(self._source)
+
+    def blocks(self, wanted: Sequence[str], rows: int) -> Iterator[tuple[Columns, float]]:
+        """Yield blocks of columns and the share of the file that has been read."""
+        read, total = 0, max(self._file.metadata.num_rows, 1)
+        sources = list(dict.fromkeys(self._source[name][0] for name in wanted))
+        for batch in self._file.iter_batches(batch_size=rows, columns=sources):
+            read += batch.num_rows
+            yield {name: self._values(batch, name) for name in wanted}, read / total
+
+    def _values(self, batch: Any, name: str) -> np.ndarray:
+        source, item = self._source[name]
+        values = batch.column(source).to_numpy(zero_copy_only=False)
+        if item is not None:
+            values = np.array([row[item] if row is not None and len(row) > item else np.nan
+                               for row in values])
+        return to_numbers(values, name, self._path)
+
+
+def pyarrow_of(path: Path) -> Any:
+    """Return the library for Parquet files; raises InputError if it is not installed."""
+    try:
+        import pyarrow.parquet
+    except ModuleNotFoundError:
+        raise InputError(f'{path}: Parquet files need pyarrow: pip install '
+                         '"friction_comp[parquet]", or pip install pyarrow') from None
+    return pyarrow
+
+
+class Arrays:
+    """Columns in memory."""
+
+    def __init__(self, path: Path, columns: Columns) -> None:
+        self._path, self._columns = path, columns
+        self.names = list(columns)
+
+    def blocks(self, wanted: Sequence[str], rows: int) -> Iterator[tuple[Columns, float]]:
+        """Yield blocks of columns and the share of them that has been read."""
+        sizes = {name: len(self._columns[name]) for name in wanted
+                 if self._columns[name].ndim}
+        size = max(sizes.values(), default=0)
+        if set(sizes.values()) - {size}:
+            raise InputError(f'{self._path}: its arrays differ in length: ' + ', '.join(
+                f'{name} {count}' for name, count in sizes.items()))
+        for first in range(0, size, rows):
+            part = slice(first, first + rows)
+            yield ({name: to_numbers(np.broadcast_to(self._columns[name], size)[part], name,
+                                     self._path) for name in wanted},
+                   min((first + rows) / size, 1.0))
+
+
+def _flat(items: Iterable[tuple[str, Any]]) -> Columns:
+    """Return columns from named arrays; those of a matrix are called NAME_1 and so on."""
+    columns: Columns = {}
+    for name, value in items:
+        if isinstance(value, Mapping):
+            columns.update({f'{name}.{inner}': column
+                            for inner, column in _flat(value.items()).items()})
+            continue
+        if isinstance(value, list) and value and isinstance(value[0], Mapping):
+            columns.update(_flat((key, [row.get(key) for row in value]) for key in value[0]))
+            continue
+        try:
+            values = np.asarray(value)
+        except ValueError:
+            continue    # rows of different lengths
+        if values.dtype.names:
+            columns.update(_flat((f'{name}.{field}', values[field].squeeze())
+                                 for field in values.dtype.names))
+            continue
+        if values.dtype == object and values.size == 1 and isinstance(
+                values.item(), np.ndarray):
+            values = values.item()
+        if values.ndim == 2 and 1 in values.shape and max(values.shape) > 1:
+            values = values.ravel()
+        if values.ndim == 2:
+            # A row for each time: there are more times than joints.
+            values = values if values.shape[0] >= values.shape[1] else values.T
+            columns.update({f'{name}_{k + 1}'.lstrip('_'): column
+                            for k, column in enumerate(values.T)})
+        elif values.ndim < 2:
+            columns[name] = values
+    return columns
+
+
+def _npz(path: Path) -> Columns:
+    with np.load(path, allow_pickle=False) as file:
+        return _flat(file.items())
+
+
+def _npy(path: Path) -> Columns:
+    values = np.load(path, allow_pickle=False)
+    if values.dtype.names:
+        return _flat((name, values[name]) for name in values.dtype.names)
+    return _flat([('', values) if values.ndim == 2 else ('1', values)])
+
+
+def _mat(path: Path) -> Columns:
+    from scipy.io import loadmat
+
+    try:
+        content = loadmat(path, struct_as_record=True, squeeze_me=True)
+    except NotImplementedError:
+        raise InputError(f'{path}: MATLAB files of version 7.3 are not read: save it with '
+                         "save('FILE.mat', '-v7')") from None
+    return _flat((name, value) for name, value in content.items() if not name.startswith('__'))
+
+
+def _json(path: Path) -> Columns:
+    try:
+        content = json.loads(path.read_text(encoding='utf-8-sig'))
+    except ValueError as error:
+        raise InputError(f'{path}: not a JSON file: {error}') from None
+    if isinstance(content, list):
+        content = {'rows': content}
+    if not isinstance(content, dict):
+        raise InputError(f'{path}: holds neither lists nor objects')
+    # Texts, such as a remark, are no columns.
+    return {name: values for name, values in _flat(content.items()).items()
+            if values.ndim or values.dtype.kind in 'iuf'}
+
+
+_LOADERS: dict[str, Callable[[Path], Columns]] = {
+    '.npz': _npz, '.npy': _npy, '.mat': _mat, '.json': _json}

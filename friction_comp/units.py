@@ -1,0 +1,149 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Units as people write them: a factor, products and one quotient of symbols with prefixes.
+
+``2.69mA``, ``0.229rpm``, ``kN·m``, ``inch/min`` and ``counts/4096/s`` are read by one grammar
+instead of a list. The result is the factor to SI units and the dimension, which tells whether a
+signal can have the unit.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import NamedTuple
+
+_TURN = 2.0 * math.pi
+_POUND, _STANDARD = 0.45359237, 9.80665     # kg, m/s²
+_INCH = 0.0254
+# Symbol to factor and dimension; those of the second table take prefixes.
+_WORDS = {
+    'deg': (_TURN / 360.0, 'angle'), 'degree': (_TURN / 360.0, 'angle'),
+    'degrees': (_TURN / 360.0, 'angle'), '°': (_TURN / 360.0, 'angle'),
+    'turn': (_TURN, 'angle'), 'turns': (_TURN, 'angle'), 'rev': (_TURN, 'angle'),
+    'revolution': (_TURN, 'angle'), 'rpm': (_TURN / 60.0, 'angle/time'),
+    'RPM': (_TURN / 60.0, 'angle/time'), 'dps': (_TURN / 360.0, 'angle/time'),
+    'radian': (1.0, 'angle'), 'radians': (1.0, 'angle'),
+    'inch': (_INCH, 'length'), 'in': (_INCH, 'length'), 'ft': (12.0 * _INCH, 'length'),
+    'meter': (1.0, 'length'), 'metre': (1.0, 'length'),
+    'min': (60.0, 'time'), 'h': (3600.0, 'time'), 'sec': (1.0, 'time'), 'seconds': (1.0, 'time'),
+    'lbf': (_POUND * _STANDARD, 'force'), 'lb': (_POUND * _STANDARD, 'force'),
+    'oz': (_POUND * _STANDARD / 16.0, 'force'), 'ozf': (_POUND * _STANDARD / 16.0, 'force'),
+    'kip': (1e3 * _POUND * _STANDARD, 'force'), 'kgf': (_STANDARD, 'force'),
+    'gf': (1e-3 * _STANDARD, 'force'),
+    'C': (1.0, 'temperature'), '°C': (1.0, 'temperature'), 'degC': (1.0, 'temperature')}
+_WITH_PREFIX = {'rad': 'angle', 'm': 'length', 's': 'time', 'N': 'force', 'Nm': 'torque',
+                'A': 'current'}
+_PREFIXES = {'': 1.0, 'k': 1e3, 'c': 1e-2, 'm': 1e-3, 'µ': 1e-6, 'u': 1e-6, 'n': 1e-9, 'M': 1e6}
+_PRODUCTS = {('force', 'length'): 'torque', ('length', 'force'): 'torque'}
+_ANGLE, _RATE = ('angle', 'length', 'counts'), ('angle/time', 'length/time', 'counts/time')
+_TORQUE = ('torque', 'force')
+# What each signal may measure; the first SI unit of each is its default.
+_DIMENSIONS = {
+    'time': ('time', 'counts'), 'position': _ANGLE, 'velocity': _RATE,
+    'effort': (*_TORQUE, 'current'), 'current': ('current',), 'command': ('current', *_TORQUE),
+    'direction': (), 'load': _TORQUE, 'link_torque': _TORQUE, 'temperature': ('temperature',),
+    'reference_position': _ANGLE, 'reference_velocity': _RATE}
+_SI = {'time': 's', 'angle': 'rad', 'angle/time': 'rad/s', 'torque': 'N·m', 'current': 'A',
+       'temperature': '°C'}
+# Units to name where one is not known.
+_EXAMPLES = {
+    'time': 's, ms, µs, ns, min', 'angle': 'rad, mrad, deg, turn, counts/N (N per turn), m, mm, '
+    'inch', 'angle/time': 'rad/s, deg/s, rpm, counts/N/s, m/s', 'torque': 'N·m, mN·m, N, kN, lbf',
+    'current': 'A, mA', 'temperature': '°C'}
+_FACTOR = re.compile(r'\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)?\s*\*?\s*(.*)')
+_COUNTS = re.compile(r'counts?/(\d+(?:\.\d+)?)')
+
+
+class Unit(NamedTuple):
+    """A unit: the factor that converts a value to SI units, and what it measures."""
+
+    factor: float
+    dimension: str      # angle, length, time, force, torque, current or temperature, or a quotient
+
+
+def parse_unit(text: str) -> Unit | None:
+    """Return a unit from its text, None if it is not known.
+
+    ``counts/4096`` is a 4096th of a turn; its dimension is ``counts``. A factor may precede any
+    unit: ``2.69mA``.
+    """
+    match = _FACTOR.fullmatch(text.strip().replace('\u03bc', 'µ'))
+    number, rest = match.groups() if match else (None, '')
+    factor = float(number) if number else 1.0
+    if not rest or not math.isfinite(factor) or factor == 0.0:
+        return None
+    counts = _COUNTS.match(rest)
+    if counts:
+        if not float(counts[1]) > 0.0:
+            return None
+        above, below = Unit(1.0 / float(counts[1]), 'counts'), rest[counts.end():]
+        if below and not below.startswith('/'):
+            return None
+        below = below[1:]
+    else:
+        numerator, _, below = rest.partition('/')
+        known = _product(numerator)
+        if known is None:
+            return None
+        above = known
+    if not below:
+        return Unit(factor * above.factor, above.dimension)
+    divisor = _product(below)
+    if divisor is None or '/' in divisor.dimension or '/' in above.dimension:
+        return None
+    return Unit(factor * above.factor / divisor.factor, f'{above.dimension}/{divisor.dimension}')
+
+
+def unit_of(signal: str, text: str) -> Unit | None:
+    """Return the unit of a signal from its text, None if the signal cannot have it.
+
+    An angle as the unit of a velocity means angle per second.
+    """
+    unit = parse_unit(text)
+    possible = _DIMENSIONS[signal]
+    if unit is not None and unit.dimension not in possible:
+        unit = Unit(unit.factor, f'{unit.dimension}/time')
+    if unit is None or unit.dimension not in possible:
+        return None
+    if unit.dimension.startswith('counts') and signal != 'time':
+        # Counts of a turn; those of a linear scale are given by their length, as 0.01mm.
+        return Unit(_TURN * unit.factor, unit.dimension.replace('counts', 'angle'))
+    return unit
+
+
+def signals_with(text: str) -> list[str]:
+    """Return the signals that can have a unit."""
+    return [signal for signal in _DIMENSIONS if unit_of(signal, text) is not None]
+
+
+def default_unit(signal: str) -> str:
+    """Return the SI unit of a signal, '' if it has none."""
+    return _SI.get(next(iter(_DIMENSIONS[signal]), ''), '')
+
+
+def possible_units(signal: str) -> str:
+    """Return examples of a signal's units for a message."""
+    return ', '.join(_EXAMPLES[dimension] for dimension in _DIMENSIONS[signal]
+                     if dimension in _EXAMPLES) or 'none'
+
+
+def _product(text: str) -> Unit | None:
+    """Return one symbol, or the product of two, such as N·m."""
+    whole = _symbol(text)
+    parts = [_symbol(part) for part in re.split(r'[·*.\- ]', text)]
+    if whole is not None or len(parts) != 2 or parts[0] is None or parts[1] is None:
+        return whole
+    first, second = parts
+    dimension = _PRODUCTS.get((first.dimension, second.dimension))
+    return None if dimension is None else Unit(first.factor * second.factor, dimension)
+
+
+def _symbol(text: str) -> Unit | None:
+    if text in _WORDS:
+        return Unit(*_WORDS[text])
+    for symbol, dimension in _WITH_PREFIX.items():
+        prefix = text[:len(text) - len(symbol)]
+        if text.endswith(symbol) and prefix in _PREFIXES:
+            return Unit(_PREFIXES[prefix], dimension)
+    return None
