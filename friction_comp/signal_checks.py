@@ -67,6 +67,9 @@ _LEAST_REMAINING = 0.2
 # Relative difference up to which a ratio is reported as that of a known unit.
 _UNIT_TOLERANCE = 0.1
 
+# Fewest blocks of motion that show whether a ratio is the same everywhere.
+_STEADY_BLOCKS = 10
+
 _VELOCITY_UNITS = {
     math.degrees(1.0): 'velocity is in deg/s, not rad/s',
     30.0 / math.pi: 'velocity is in turns per minute, not rad/s',
@@ -146,8 +149,15 @@ def velocity_fault(ratios: np.ndarray, factor: float) -> str:
     text = f'velocity is {ratio:.3g} times the rate of position: '
     if 1.0 / factor < -ratio < factor:
         return text + 'one of the two has the wrong sign'
-    return text + (_name_unit(ratio, _VELOCITY_UNITS) or 'they differ in unit, or one of them is '
-                    'wrong') + (', and one has the wrong sign' if ratio < 0.0 else '')
+    unit = _name_unit(ratio, _VELOCITY_UNITS)
+    if not unit and len(ratios) >= _STEADY_BLOCKS and np.mean(
+            np.abs(ratios / ratio - 1.0) < _UNIT_TOLERANCE) > 0.5:
+        # Noise and delays scatter; a constant factor everywhere is that of a unit or of the time.
+        unit = ('in all of the motion, so the time is probably off by this factor (its unit, or a '
+                f'rate that is really {abs(ratio):.3g} times the one given), or the unit of one of '
+                'them is')
+    return text + (unit or 'they differ in unit, or one of them is wrong') + (
+        ', and one has the wrong sign' if ratio < 0.0 else '')
 
 
 class VelocityCheck:

@@ -131,8 +131,8 @@ def possible_units(signal: str) -> str:
 def _product(text: str) -> Unit | None:
     """Return one symbol, or the product of two, such as N·m."""
     whole = _symbol(text)
-    parts = [_symbol(part) for part in re.split(r'[·*.\- ]', text)]
-    if whole is not None or len(parts) != 2 or parts[0] is None or parts[1] is None:
+    parts = [unit for part in re.split(r'[·*.\- ]', text) if (unit := _symbol(part)) is not None]
+    if whole is not None or len(parts) != 2:
         return whole
     first, second = parts
     dimension = _PRODUCTS.get((first.dimension, second.dimension))

@@ -59,5 +59,6 @@ def resolved(tracks: Sequence[Track]) -> tuple[list[Track], bool, list[str]]:
         warm = {joint: values[:, [_TEMPERATURE]] for joint, values in track.values.items()
                 if np.isfinite(values[:, _TEMPERATURE]).any()}
         if warm and not any(one.signal == 'motor_temperature' for one in usual):
-            kept.append(replace(track, signal='motor_temperature', values=warm))
+            kept.append(replace(track, topic=f'{track.topic}, temperature',
+                                signal='motor_temperature', values=warm))
     return kept, in_ampere, [f'{dynamic[0].topic} is used, since no joint_states hold an effort']

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from friction_comp.errors import InputError
-from friction_comp.recordings import time_base
+from friction_comp.recordings import row_times, time_base
 from friction_comp.recordings.activity import Activity
 from friction_comp.recordings.plausible import check_plausible
 from friction_comp.recordings.scan import Scan, signal_of, Track
@@ -89,6 +89,7 @@ def to_samples(scan: Scan, joint: str | None,
                          model=scan.model, effort_is_current=scan.effort_is_current,
                          linear=scan.linear)
     stamp = time_base.message_times(track, info.notes)
+    stamp = row_times.spread_rounded(stamp, values[:, 0], info.notes)
     outlier = time_base.outliers(stamp)
     shifts = time_base.clock_shifts(stamp[~outlier], track.order[~outlier], track.receive[~outlier],
                                     info.notes)
@@ -117,6 +118,7 @@ def to_samples(scan: Scan, joint: str | None,
             ('stamp far off', np.count_nonzero(finite & outlier))):
         if count:
             info.notes.append(f'{count} joint states left out: {reason}')
+    order = order[row_times.fresh_rows(1e-9 * stamp[order], position[order], info.notes)]
     lost = scan.custom.get('messages_lost', '')
     if lost:
         info.notes.append(f'the recorder lost messages: {lost}')

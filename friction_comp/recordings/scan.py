@@ -31,9 +31,9 @@ class Track:
     names: list[str]  # all joints or frames in the messages
     # JointState: by joint, arrays (N, 3) of position, velocity and effort, NaN where a message has
     # none; a table may have a fourth column, the torque behind the gear. DynamicJointState: (N, 5),
-    # also current and temperature. Wrench and temperature: by frame, arrays (N, 1). Float64MultiArray and Int8MultiArray:
-    # an array (N, J) with the key '', or `TORQUE_UNIT` for commands in N·m, NaN in messages of the
-    # other unit. If one joint was selected, only values that may belong to it.
+    # also current and temperature. Wrench and temperature: by frame, arrays (N, 1).
+    # Float64MultiArray and Int8MultiArray: an array (N, J) with the key '', or `TORQUE_UNIT` for
+    # commands in N·m, NaN in messages of the other unit. If one joint was selected, only values that may belong to it.
     values: dict[str, np.ndarray]
 
     def __len__(self) -> int:

@@ -80,8 +80,8 @@ class Storage:
             raise unreadable(self.path, '; '.join(reasons) if len(failed) > 1 else failed[0][1])
         self.notes.extend(f'{reason}: this file is missing' for reason in reasons)
 
-    def _is_wanted(self, wanted: Wanted, opened: McapFile | SqliteFile | Ros1Bag, topic: str, kind: str
-                   ) -> bool:
+    def _is_wanted(self, wanted: Wanted, opened: McapFile | SqliteFile | Ros1Bag, topic: str,
+                   kind: str) -> bool:
         if wanted(topic, kind):
             if opened.encodings.get(topic) not in ('cdr', '', None):
                 raise InputError(f'{self.path}: {topic} is not serialised as CDR')

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from friction_comp.columns import assign, Assignment, Layout
+from friction_comp.columns import assign, Layout
 from friction_comp.errors import InputError
 from friction_comp.files import write_atomically
 from friction_comp.recordings.scan import Scan, Track
@@ -130,19 +130,21 @@ class TableScanner:
     def _controller_effort(self, columns: Columns, time: np.ndarray, joint: str
                            ) -> np.ndarray | None:
         """Return the effort of a position controller, from target and position."""
-        target, position, velocity = (
+        from friction_comp.recordings.controller_effort import controller_effort
+
+        target, position, velocity, target_velocity = (
             None if (column := self._use.of(signal, joint)) is None
-            else column.factor * columns[column.name]
-            for signal in ('reference_position', 'position', 'velocity'))
+            else column.factor * columns[column.name] for signal in (
+                'reference_position', 'position', 'velocity', 'reference_velocity'))
         if target is None or position is None:
             return None
         stiffness, damping = (columns[gain] if isinstance(gain, str) else gain
                               for gain in self._gains)
-        if velocity is None:
-            step = np.gradient(time) if len(time) > 1 else np.ones(1)
-            change = np.gradient(position) if len(time) > 1 else np.zeros(1)
-            velocity = np.divide(change, step, out=np.zeros(len(time)), where=step > 0.0)
-        return stiffness * (target - position) - damping * velocity
+        effort, note = controller_effort(
+            time, target, position, velocity, stiffness, damping, target_velocity)
+        if note not in self._use.notes:
+            self._use.notes.append(note)
+        return effort
 
 
 def _gains(layout: Layout, names: Sequence[str], path: Path) -> tuple[float | str, ...]:

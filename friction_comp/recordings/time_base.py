@@ -55,7 +55,8 @@ def message_times(track: Track, notes: list[str]) -> np.ndarray:
         notes.append('stamps are zero: receive times are used')
         return receive
     if not empty.any():
-        if len(stamp) > 20 and len(np.unique(stamp)) < len(stamp) // 10:
+        if (len(stamp) > 20 and len(np.unique(stamp)) < len(stamp) // 10
+                and not np.array_equal(stamp, receive)):
             notes.append('stamps hardly change: receive times are used')
             return receive
         return stamp

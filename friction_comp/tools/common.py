@@ -79,8 +79,8 @@ class Arguments(argparse.ArgumentParser):
         self.add_argument(
             'recordings' if several else 'recording', metavar='RECORDING',
             type=Path, nargs='+' if several else None,
-            help='rosbag2 folder, .mcap or .bag file, table (.csv, .txt, .parquet, .npz, .npy, .mat, '
-            '.json; several with a signal each are one)' + (
+            help='rosbag2 folder, .mcap or .bag file, table (.csv, .txt, .parquet, .npz, .npy, '
+            '.mat, .json; several with a signal each are one)' + (
                 ', or folder of recordings other than tables' if several else ''))
         self.add_argument('--joint', help='name of the joint, if a recording has several')
         self.add_argument(
@@ -251,11 +251,30 @@ def _progress_lines(first: str) -> Callable[..., None]:
     return report
 
 
-def write_report(folder: Path, content: dict[str, Any], page: Report, command: str) -> None:
-    """Write report.json and report.html, whose footer names the command."""
+def write_report(folder: Path, content: dict[str, Any], page: Report, command: str,
+                 linear: bool = False) -> None:
+    """Write report.json and report.html, whose footer names the command.
+
+    Of a linear axis, the page is written in m and N instead of rad and N·m.
+    """
     (folder / 'report.json').write_text(to_json(content), encoding='utf-8')
     page.made_by(command)
-    page.save(folder / 'report.html')
+    text = in_own_units(page.html(), linear)
+    (folder / 'report.html').write_text(encodable(text), encoding='utf-8')
+
+
+def in_own_units(content: T, linear: bool) -> T:
+    """Return text, or the texts of a report, with m and N instead of rad and N·m if `linear`."""
+    if not linear:
+        return content
+    if isinstance(content, str):
+        return re.sub(r'\brad\b', 'm', content.replace('N·m', 'N'))  # type: ignore[return-value]
+    if isinstance(content, dict):
+        return {key: in_own_units(value, True)      # type: ignore[return-value]
+                for key, value in content.items()}
+    if isinstance(content, (list, tuple)):
+        return [in_own_units(value, True) for value in content]     # type: ignore[return-value]
+    return content
 
 
 def to_json(content: dict[str, Any]) -> str:

@@ -12,8 +12,9 @@ from pathlib import Path
 import re
 from typing import Any, TYPE_CHECKING
 
+from friction_comp import units
 from friction_comp.checks import check_number
-from friction_comp.columns import Layout, read_pairs
+from friction_comp.columns import Column, Layout, read_pairs, without_time
 from friction_comp.drive import Drive
 from friction_comp.errors import errors_name, InputError
 
@@ -101,20 +102,50 @@ def unit_of(arguments: Namespace, model: FrictionModel | None,
             infos: Sequence[RecordingInfo] = ()) -> str:
     """Return the unit of the fitted signal: A if the drive is known, else that of the effort.
 
-    If effort is a servo's voltage or the force of a linear axis, ``--unit`` must name its unit,
-    which is then `arguments.figures`.
+    If effort is a servo's voltage, ``--unit`` must name its unit, which is then
+    `arguments.figures`.
+    """
+    if model is not None and not (arguments.figures or arguments.torque_constant
+                                  or arguments.gear_ratio):
+        return str(model.notes.get('unit', 'A'))
+    return figures_unit(arguments, any(info.effort_is_current for info in infos),
+                        any(info.linear for info in infos))
+
+
+def figures_unit(arguments: Namespace, in_ampere: bool, linear: bool) -> str:
+    """Return the unit of the figures without a model.
+
+    `in_ampere` is whether efforts are currents, `linear` whether positions are lengths.
     """
     if arguments.figures:
         return str(arguments.figures)
-    if model is not None and not (arguments.torque_constant or arguments.gear_ratio):
-        return str(model.notes.get('unit', 'A'))
-    if arguments.torque_constant is not None or arguments.gear_ratio is not None:
+    if arguments.torque_constant is not None or arguments.gear_ratio is not None or in_ampere:
         return 'A'
-    if any(info.effort_is_current for info in infos):
-        return 'A'
-    unit = layout_of(arguments).units.get('effort', 'N·m')
-    return 'N·m' if unit.replace('.', '').replace('*', '').replace('·', '') in ('Nm', 'mNm') \
-        else unit
+    text = layout_of(arguments).units.get('effort', 'N' if linear else 'N·m')
+    unit = units.unit_of('effort', text)
+    # Of a unit that is no torque, such as 0.1 %, only the factor before it was applied.
+    return text if unit is None else {'torque': 'N·m', 'force': 'N', 'current': 'A'}[unit.dimension]
+
+
+def check_tables(arguments: Namespace) -> tuple[Column, Column] | None:
+    """Raise InputError for tables that cannot be used, before anything slow is imported.
+
+    Returns the columns of velocity and effort if the only recording is a table of steady states.
+    """
+    from friction_comp.recordings.sources import find_recordings, open_scanner
+    from friction_comp.recordings.storage import unreadable_on_error
+    from friction_comp.recordings.table_files import is_table, open_table
+
+    layout = layout_of(arguments)
+    tables = [path for path in find_recordings(arguments.recordings) if is_table(path)]
+    if len(tables) == len(arguments.recordings) == 1:
+        with unreadable_on_error(tables[0]):
+            means = without_time(open_table(tables[0]).names, layout)
+        if means:
+            return means
+    for path in tables:
+        open_scanner(path, layout=layout)
+    return None
 
 
 def refine_recordings(arguments: Namespace, paths: Sequence[Path], joint: str | None,
@@ -142,6 +173,8 @@ def refine_recordings(arguments: Namespace, paths: Sequence[Path], joint: str | 
     unit = unit_of(arguments, model, [info for _, info in recordings])
     usable, = showing_friction({joint or '': recordings}).values()
     recorded = [samples for samples, _ in usable]
+    if idle := model is None and _idle(arguments, recorded):
+        unit = 'N·m'
     drive, limit = with_current_limit(arguments, drive, recorded)
     if history is not None:
         for samples, info in usable:
@@ -149,7 +182,8 @@ def refine_recordings(arguments: Namespace, paths: Sequence[Path], joint: str | 
         recorded = history.samples()
         _check_loads((one.name, one.samples) for one in history.recordings)
     # Without its constants, a drive does not tell how much current a recorded load takes.
-    known = model or arguments.torque_constant or arguments.gear_ratio or unit == 'N·m'
+    known = (model or arguments.torque_constant or arguments.gear_ratio
+             or unit in ('N·m', 'N') or idle)
     with errors_name(f'{paths[0]}: {joint}' if joint else paths[0]):
         result = refine(
             recorded, model, drive if known else None, unit=unit,
@@ -159,7 +193,21 @@ def refine_recordings(arguments: Namespace, paths: Sequence[Path], joint: str | 
         f'{info.path}: {note}' for _, info in recordings for note in info.notes)
     result.model.notes = {**result.model.notes, 'refined_from': [str(path) for path in paths],
                           'unit': unit, **limit}
+    if any(info.linear for _, info in recordings):
+        result.model.notes['position_unit'] = 'm'
+    if idle:
+        result.report['warnings'].append(
+            'the motor was idle: friction is what the load (torque sensor) overcame, in N·m')
     return result, history
+
+
+def _idle(arguments: Namespace, recorded: Sequence[Samples]) -> bool:
+    """Return whether the motor had no current and a load moved the joint.
+
+    The fit is then made in the load's unit, N·m, unless torque constant and gear ratio are given.
+    """
+    return (not arguments.torque_constant and not arguments.figures and all(
+        samples.load is not None and not samples.current.any() for samples in recorded))
 
 
 def showing_friction(recorded: Mapping[str, list[tuple[Samples, RecordingInfo]]]

@@ -5,19 +5,26 @@
 from __future__ import annotations
 
 from argparse import Namespace
+from contextlib import redirect_stdout
+import io
 from pathlib import Path
 
 from friction_comp.columns import signal_with_unit
 from friction_comp.errors import InputError
 from friction_comp.tools.common import (
     Arguments,
+    in_own_units,
     output_folder,
     positive,
     progress,
     to_json,
     write_report,
 )
-from friction_comp.tools.recorded_drive import print_summary, refine_recordings
+from friction_comp.tools.recorded_drive import (
+    check_tables,
+    print_summary,
+    refine_recordings,
+)
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -52,6 +59,11 @@ def main(argv: list[str] | None = None) -> int:
                         'recordings')
     arguments = parser.parse(argv)
     arguments.unit, arguments.figures = _units(arguments.unit)
+    means = check_tables(arguments)
+    if means is not None:
+        from friction_comp.tools.refine_table import refine_table
+
+        return refine_table(arguments, means)
     if arguments.history and (arguments.model is None or arguments.each or arguments.urdf):
         raise InputError('--history goes with --model, and with one joint: not with --each or '
                          '--urdf')
@@ -75,16 +87,21 @@ def main(argv: list[str] | None = None) -> int:
         result, history = refine_recordings(
             arguments, arguments.recordings, arguments.joint, show)
         show(0.9, 'writing')
+        linear = 'position_unit' in result.model.notes
+        page = refinement_report(result, names)
+        result.report = in_own_units(result.report, linear)
         with output_folder(arguments.output) as folder:
-            write_report(folder, result.report, refinement_report(result, names),
-                         arguments.command)
+            write_report(folder, result.report, page, arguments.command, linear)
             result.model.save(folder / 'model.yaml')
             if history is not None:
                 history.save(folder / 'model.yaml')
     if arguments.json:
         print(to_json(result.report), end='')
         return 0
-    print_summary(result.report)
+    text = io.StringIO()
+    with redirect_stdout(text):
+        print_summary(result.report)
+    print(in_own_units(text.getvalue(), linear), end='')
     print(arguments.output / 'report.html')
     return 0
 

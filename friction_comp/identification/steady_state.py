@@ -1,0 +1,158 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Fits friction to a table of steady states: the mean current at each of several constant speeds.
+
+The curve is offset, Coulomb and viscous friction. Viscous friction that differs between the
+directions and Stribeck friction are added where they lower Akaike's criterion for small samples
+(Hurvich and Tsai 1989). Intervals are Student's, from the scatter about the curve.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import itertools
+import math
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+from scipy.stats import t as student
+
+from friction_comp.drive import Drive
+from friction_comp.errors import InputError
+from friction_comp.model.effects import Effect, EFFECTS
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.sigmoid import Sigmoid
+
+# Steepness of the sign change, in units of one over the slowest speed: the table does not show it,
+# and at this speed it is complete to a ten-thousandth.
+_STEEP = 10.0
+# Scatter below which residuals are rounding errors, in units of the largest current.
+_ROUNDING = 1e-9
+
+
+@dataclass
+class SteadyStates:
+    """Friction over speed, from a table; currents in A, speeds in rad/s."""
+
+    speeds: np.ndarray
+    currents: np.ndarray
+    values: dict[str, float]    # offset (absent in one direction), coulomb, viscous, …
+    intervals: dict[str, tuple[float, float]]   # 95 %
+    model: FrictionModel
+    fit_rmse: float
+    left_out_rmse: float    # each row predicted by a fit to all others
+    plain_rmse: float       # the same of Coulomb and viscous friction alone
+
+
+def fit_steady_states(speeds: np.ndarray, currents: np.ndarray, drive: Drive) -> SteadyStates:
+    """Fit friction to mean currents in A at constant speeds in rad/s, shape (N,).
+
+    Raises InputError if there are too few rows.
+    """
+    used = np.isfinite(speeds) & np.isfinite(currents) & (speeds != 0.0)
+    order = np.argsort(speeds[used], kind='stable')
+    speeds, currents = speeds[used][order], currents[used][order]
+    both = bool((speeds > 0.0).any() and (speeds < 0.0).any())
+    count = len(speeds)
+    if count < 5 or len(np.unique(np.abs(speeds))) < 2:
+        raise InputError(f'a table of steady states needs at least 5 rows with two speeds, not '
+                         f'{count}')
+    if not currents.any():
+        raise InputError('all efforts are zero: there is no friction to fit')
+    plain = _Curve(speeds, currents, both, False, 0.0)
+    fits = [plain, *(_Curve(speeds, currents, both, skewed, power)
+                     for skewed, power in itertools.product((False, True), (0.0, 1.0, 2.0))
+                     if (skewed or power) and (both or not skewed))]
+    best = min(fits, key=lambda fit: fit.criterion)
+    return SteadyStates(
+        speeds, currents, best.values, best.intervals(), best.model(drive),
+        float(np.sqrt(np.mean(best.residual ** 2))), best.left_out(), plain.left_out())
+
+
+class _Curve:
+    """One shape of the curve, fitted by least squares."""
+
+    def __init__(self, speeds: np.ndarray, currents: np.ndarray, both: bool, skewed: bool,
+                 power: float) -> None:
+        self._speeds, self._currents, self._power = speeds, currents, power
+        self._names = ['coulomb', 'viscous', *(['offset'] if both else []),
+                       *(['viscous_asymmetry'] if skewed else [])]
+        size, sign = np.abs(speeds), np.sign(speeds)
+        columns = {'coulomb': sign, 'viscous': speeds, 'offset': np.ones_like(speeds),
+                   'viscous_asymmetry': size}
+        self._base = np.column_stack([columns[name] for name in self._names])
+        self._stribeck_speed = 0.0
+        if power:
+            self._names.append('stribeck')
+            # As in the effect: from below the slowest to two thirds of the top speed.
+            grid = np.geomspace(0.5 * size.min(), 0.7 * size.max(), 60)
+            error = [self._solve(speed)[1] for speed in grid]
+            k = int(np.clip(np.argmin(error), 1, len(grid) - 2))
+            self._stribeck_speed = float(minimize_scalar(
+                lambda speed: self._solve(speed)[1], bounds=(grid[k - 1], grid[k + 1]),
+                method='bounded').x)
+        coefficients, _ = self._solve(self._stribeck_speed)
+        self.values = dict(zip(self._names, map(float, coefficients)))
+        design = self._design(self._stribeck_speed)
+        self.residual = currents - design @ coefficients
+        if power:
+            self.values['stribeck_speed'] = self._stribeck_speed
+            step = 1e-4 * self._stribeck_speed
+            slope = (self._design(self._stribeck_speed + step) - design)[:, -1] / step
+            design = np.column_stack((design, coefficients[-1] * slope))
+        self._jacobian = design
+        count, free = design.shape
+        floor = count * (_ROUNDING * float(np.max(np.abs(currents)))) ** 2
+        squares = max(float(self.residual @ self.residual), floor)
+        # One more parameter is the scatter.
+        spare = count - free - 2
+        allowed = spare > 0 and not (power and self.values['stribeck'] <= 0.0)
+        self.criterion = count * math.log(squares / count) + 2.0 * (free + 1) * count / spare \
+            if allowed else math.inf
+
+    def _design(self, stribeck_speed: float) -> np.ndarray:
+        if not self._power:
+            return self._base
+        size = np.abs(self._speeds) / stribeck_speed
+        return np.column_stack((self._base, np.sign(self._speeds) * np.exp(-size ** self._power)))
+
+    def _solve(self, stribeck_speed: float) -> tuple[np.ndarray, float]:
+        design = self._design(stribeck_speed)
+        coefficients = np.linalg.lstsq(design, self._currents, rcond=None)[0]
+        return coefficients, float(np.sum((self._currents - design @ coefficients) ** 2))
+
+    def intervals(self) -> dict[str, tuple[float, float]]:
+        """Return the 95 % intervals of the values."""
+        count, free = self._jacobian.shape
+        variance = float(self.residual @ self.residual) / (count - free)
+        spread = np.sqrt(variance * np.diag(np.linalg.pinv(self._jacobian.T @ self._jacobian)))
+        half = float(student.ppf(0.975, count - free)) * spread
+        return {name: (value - width, value + width)
+                for (name, value), width in zip(self.values.items(), half.tolist())}
+
+    def left_out(self) -> float:
+        """Return the RMS error of each row, predicted by a fit to the others."""
+        leverage = np.diag(self._jacobian @ np.linalg.pinv(self._jacobian))
+        return float(np.sqrt(np.mean((self.residual / np.maximum(1.0 - leverage, 1e-6)) ** 2)))
+
+    def model(self, drive: Drive) -> FrictionModel:
+        """Return the curve as a model with the table in it."""
+        value = self.values
+        steepness = _STEEP / float(np.min(np.abs(self._speeds)))
+        offset, coulomb = value.get('offset', 0.0), value['coulomb']
+        effects: list[Effect] = []
+        if 'stribeck' in value:
+            effects.append(EFFECTS['stribeck']({
+                'velocity': value['stribeck_speed'], 'exponent': self._power,
+                'transition': 2.0 / steepness, 'coefficients': [value['stribeck']]}))
+        if 'viscous_asymmetry' in value:
+            effects.append(EFFECTS['direction_asymmetry']({
+                'offset': 1.0, 'transition': 2.0 / steepness,
+                'coefficients': [0.0, value['viscous_asymmetry']]}))
+        means = {speed: self._currents[self._speeds == speed] for speed in np.unique(self._speeds)}
+        return FrictionModel(
+            drive, Sigmoid(offset + coulomb, offset - coulomb, steepness, 0.0, value['viscous']),
+            effects=effects, lookup_table={
+                'speeds': [float(speed) for speed in means],
+                'currents': [float(np.mean(one)) for one in means.values()],
+                'standard_deviations': [float(np.std(one)) for one in means.values()]})

@@ -1,0 +1,65 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The effort of a position controller with known gains, from target and measured position."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.interpolate import make_interp_spline
+
+# Share of the top speed over which friction is taken to change its sign.
+_TRANSITION = 0.03
+
+
+def controller_effort(time: np.ndarray, target: np.ndarray, position: np.ndarray,
+                      velocity: np.ndarray | None, stiffness: float | np.ndarray,
+                      damping: float | np.ndarray, target_velocity: np.ndarray | None = None
+                      ) -> tuple[np.ndarray, str]:
+    """Return the effort in N·m, shape (N,), and a note on how it was computed.
+
+    It is k_p (target - position) - k_d velocity, or with the velocity of the target subtracted from
+    the joint's where that was recorded. Some controllers do the latter without recording it: it is
+    assumed only if friction would otherwise have to push, and then does not.
+    """
+    usable = np.isfinite(time) & np.isfinite(target) & np.isfinite(position)
+    if velocity is None:
+        velocity = _rate(time, position, usable)
+    spring = stiffness * (target - position)
+    plain = spring - damping * velocity
+    if target_velocity is not None:
+        return plain + damping * target_velocity, (
+            'effort is k_p (target - position) + k_d (target velocity - velocity)')
+    follows = plain + damping * _rate(time, target, usable)
+    acceleration = _rate(time, velocity, usable)
+    first, second = (_viscous_and_error(effort, position, velocity, acceleration)
+                     for effort in (plain, follows))
+    if first[0] < 0.0 <= second[0] and second[1] < first[1]:
+        return follows, (
+            'effort is k_p (target - position) + k_d (rate of target - velocity): without the rate '
+            'of the target, friction would have to push')
+    return plain, 'effort is k_p (target - position) - k_d velocity'
+
+
+def _rate(time: np.ndarray, values: np.ndarray, usable: np.ndarray) -> np.ndarray:
+    """Return the derivative of the cubic spline through the usable values, shape (N,)."""
+    usable = usable & np.isfinite(values)
+    knots, first = np.unique(time[usable], return_index=True)
+    if len(knots) < 4:
+        return np.zeros(len(time))
+    spline = make_interp_spline(knots, values[usable][first], 3)
+    rate: np.ndarray = spline(np.where(np.isfinite(time), time, knots[0]), 1)
+    return rate
+
+
+def _viscous_and_error(effort: np.ndarray, position: np.ndarray, velocity: np.ndarray,
+                       acceleration: np.ndarray) -> tuple[float, float]:
+    """Return viscous friction and RMS error of a plain drive: friction, inertia and weight."""
+    width = max(_TRANSITION * float(np.nanmax(np.abs(velocity))), 1e-9)
+    columns = np.column_stack([velocity, np.tanh(velocity / width), np.ones_like(velocity),
+                               acceleration, np.sin(position), np.cos(position)])
+    rows = np.isfinite(columns).all(axis=1) & np.isfinite(effort)
+    if np.count_nonzero(rows) <= columns.shape[1]:
+        return 0.0, 0.0
+    solution = np.linalg.lstsq(columns[rows], effort[rows], rcond=None)[0]
+    error = effort[rows] - columns[rows] @ solution
+    return float(solution[0]), float(np.sqrt(np.mean(error ** 2)))

@@ -1,0 +1,76 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""When the rows of a log were really measured.
+
+A logger may write faster than values arrive: rows then repeat the last value, and the true rate is
+that of the changes. Or it may round times: several different rows then share one time.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from friction_comp.statistics import smallest_step
+
+# Changes of position above which steps are compared with the resolution: fewer say nothing.
+_FEWEST_CHANGES = 50
+
+
+def spread_rounded(stamp: np.ndarray, position: np.ndarray, notes: list[str]) -> np.ndarray:
+    """Return ascending stamps in ns, with rows that share one by rounding spread evenly.
+
+    They do if most rows in motion have the stamp of the row before although the position changed.
+    """
+    moved = np.diff(position) != 0.0
+    step = np.diff(stamp)
+    if np.count_nonzero(moved) < _FEWEST_CHANGES or np.mean(step[moved] == 0) < 0.5:
+        return stamp
+    first = np.concatenate(([0], np.flatnonzero(step > 0) + 1))
+    if len(first) < 3:
+        return stamp
+    rounding = float(np.median(np.diff(stamp[first])))
+    spread = np.empty(len(stamp))
+    origin = stamp[0]
+    # Only between gaps rows are evenly spaced.
+    gaps = np.flatnonzero(step > 2.5 * rounding) + 1
+    for begin, end in zip([0, *gaps], [*gaps, len(stamp)]):
+        index = np.arange(begin, end, dtype=float)
+        values = (stamp[begin:end] - origin).astype(float)
+        knots = first[(first > begin) & (first < end)]
+        if len(knots) < 2:
+            spread[begin:end] = values + (index - begin)
+            continue
+        slope, offset = np.polyfit(knots.astype(float), (stamp[knots] - origin).astype(float), 1)
+        line = slope * index + offset
+        uneven = np.abs(line[knots - begin] - (stamp[knots] - origin)).max() > rounding
+        spread[begin:end] = np.interp(index, knots, (stamp[knots] - origin).astype(float)) \
+            if uneven else line
+    notes.append(f'times are rounded to {1e-9 * rounding:.3g} s: rows are spread evenly between '
+                 'them')
+    return origin + np.round(np.maximum.accumulate(spread)).astype(np.int64)
+
+
+def fresh_rows(time: np.ndarray, position: np.ndarray, notes: list[str]) -> np.ndarray:
+    """Return the indices of the rows that hold a new position, or all if none are repeated.
+
+    A slow motion repeats positions too, up to the next step of the encoder. Values are held if
+    they then change by more than such a step. During rests rows are kept at the same rate.
+    """
+    everything = np.arange(len(position))
+    change = np.diff(position)
+    changed = np.flatnonzero(change) + 1
+    if len(changed) < _FEWEST_CHANGES:
+        return everything
+    held = int(np.median(np.diff(changed)))
+    resolution = smallest_step(position)
+    coarse = np.mean(np.abs(change[changed - 1]) < 1.5 * resolution)
+    if held < 2 or coarse > 0.5:
+        return everything
+    begin = np.concatenate(([0], changed))
+    since = everything - begin[np.searchsorted(begin, everything, side='right') - 1]
+    rows = np.flatnonzero(since % held == 0)
+    duration = float(time[-1] - time[0])
+    notes.append(f'position is held over {held} rows: {len(rows)} of {len(position)} rows are '
+                 f'used, {len(rows) / max(duration, 1e-9):.3g} Hz is the rate at which it is '
+                 'measured')
+    return rows

@@ -1,0 +1,68 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The page on friction that was fitted to a table of steady states."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, TYPE_CHECKING
+
+import numpy as np
+
+from friction_comp.reports.figures import COLOURS, new_figure, styled
+from friction_comp.reports.html import number, quantity, Report
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from friction_comp.model.friction_model import FrictionModel
+
+# Name and unit of each value, A standing for the unit of the table.
+NAMES = {'coulomb': ('Coulomb', 'A'), 'viscous': ('viscous', 'A·s/rad'), 'offset': ('offset', 'A'),
+         'viscous_asymmetry': ('viscous, half of + minus −', 'A·s/rad'),
+         'stribeck': ('Stribeck, at standstill', 'A'),
+         'stribeck_speed': ('Stribeck speed', 'rad/s')}
+
+
+def value_rows(report: dict[str, Any]) -> list[list[str]]:
+    """Return name, value with unit, and 95 % interval of each value."""
+    friction, unit = report['friction'], report['unit']
+    rows = []
+    for key, (name, own) in NAMES.items():
+        if friction.get(key) is not None:
+            low, high = friction['intervals'][key]
+            rows.append([name, f'{number(friction[key], 4)} {own.replace("A", unit, 1)}',
+                         f'{number(low, 4)} to {number(high, 4)}'])
+    return rows
+
+
+def steady_state_report(report: dict[str, Any], model: FrictionModel, speeds: np.ndarray,
+                        currents: np.ndarray, names: Sequence[str]) -> Report:
+    """Return the page; `report` is the content of report.json."""
+    page, unit = Report('Friction at constant speeds', ', '.join(names)), report['unit']
+    page.verdict(f'**Verdict: {report["verdict"]}.** {report["reasons"][0]}')
+    page.table(['', 'value', '95 % interval'], value_rows(report), 'Friction in sliding')
+    page.figure(_figure(model, speeds, currents, unit), 'The rows of the table, and the fitted '
+                'curve.')
+    page.text(f'Each row predicted by a fit to all others: '
+              f'{quantity(report["after"]["held_out_rmse"], unit)} RMS; Coulomb and viscous '
+              f'friction alone: {quantity(report["before"]["held_out_rmse"], unit)}. Inertia, '
+              'weight and breakaway do not show in such a table, and the sign change of friction '
+              'is assumed to be faster than the slowest speed.')
+    page.bullets(report['record_again'], 'What to record next:')
+    return page
+
+
+@styled
+def _figure(model: FrictionModel, speeds: np.ndarray, currents: np.ndarray, unit: str) -> Figure:
+    from friction_comp.samples import Samples
+
+    figure, axes = new_figure(height=3.0)
+    top = float(np.max(np.abs(speeds)))
+    grid = np.linspace(-top if speeds.min() < 0 else 0.0, top if speeds.max() > 0 else 0.0, 1001)
+    curve = model.current(Samples(np.arange(1001.0), grid, grid, velocity=grid))
+    axes.plot(grid, curve, color=COLOURS['blue'], label='fit')
+    axes.plot(speeds, currents, 'o', color=COLOURS['orange'], label='table')
+    axes.set(xlabel='velocity (rad/s)', ylabel=f'friction ({unit})')
+    axes.legend()
+    return figure

@@ -1,0 +1,107 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The tool ``refine`` on a table of steady states: means at constant speeds, without times."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from dataclasses import replace
+from typing import Any, TYPE_CHECKING
+
+from friction_comp.columns import Column
+from friction_comp.errors import errors_name, InputError
+from friction_comp.tools.common import in_own_units, output_folder, to_json, write_report
+from friction_comp.tools.recorded_drive import drive_of, figures_unit
+
+if TYPE_CHECKING:
+    from friction_comp.identification.steady_state import SteadyStates
+
+_OTHER_OPTIONS = ('model', 'urdf', 'history', 'each', 'stiffness', 'rate')
+
+
+def refine_table(arguments: Namespace, columns: tuple[Column, Column]) -> int:
+    """Fit friction to a table and write report.json, report.html and model.yaml; returns 0."""
+    import numpy as np
+
+    from friction_comp.identification.steady_state import fit_steady_states
+    from friction_comp.recordings.table_files import open_table
+    from friction_comp.reports.steady_state_report import steady_state_report, value_rows
+
+    path, = arguments.recordings
+    given = next((name for name in _OTHER_OPTIONS if getattr(arguments, name)), None)
+    if given:
+        raise InputError(f'{path}: holds neither time nor position, only means at constant speeds: '
+                         f'--{given} needs a recording')
+    velocity, effort = columns
+    blocks = [block for block, _ in open_table(path).blocks(
+        [column.name for column in columns], 250_000)]
+    if not blocks:
+        raise InputError(f'{path}: has no row below its header')
+    speeds, torques = (column.factor * np.concatenate([block[column.name] for block in blocks])
+                       for column in columns)
+    drive = drive_of(arguments, None)
+    in_ampere = effort.dimension == 'current'
+    unit = figures_unit(arguments, in_ampere, velocity.dimension == 'length/time')
+    with errors_name(path):
+        fit = fit_steady_states(
+            speeds, torques / (1.0 if in_ampere else drive.torque_per_current), drive)
+    limit = arguments.current_limit or float(f'{np.max(np.abs(fit.currents)):.4g}')
+    fit.model.drive = replace(drive, current_limit=limit)
+    linear = velocity.dimension == 'length/time'
+    fit.model.notes = {'refined_from': [str(path)], 'unit': unit,
+                       **({'position_unit': 'm'} if linear else {}),
+                       **({} if arguments.current_limit else {
+                           'current_limit': 'the largest current of the table, since no other '
+                                            'limit was given'})}
+    report = in_own_units(_report(fit, unit), linear)
+    page = steady_state_report(report, fit.model, fit.speeds, fit.currents, [str(path)])
+    with output_folder(arguments.output) as folder:
+        write_report(folder, report, page, arguments.command)
+        fit.model.save(folder / 'model.yaml')
+    if arguments.json:
+        print(to_json(report), end='')
+        return 0
+    print('friction at constant speeds, with 95 % intervals:')
+    for name, value, interval in value_rows(report):
+        print(in_own_units(f'  {name:<28}{value}  ({interval})', linear))
+    print(f"verdict: {report['verdict']}")
+    for line in (*report['reasons'], *report['warnings']):
+        print(f'  {line}')
+    print(arguments.output / 'report.html')
+    return 0
+
+
+def _report(fit: SteadyStates, unit: str) -> dict[str, Any]:
+    """Return the content of report.json, with the entries that `refine` has for a recording."""
+    from friction_comp.refinement import thresholds
+    from friction_comp.statistics import rms
+
+    one_direction = 'offset' not in fit.values
+    signal = rms(fit.currents)
+    reasons, again = [], []
+    if one_direction:
+        reasons.append('Motion was in one direction only: Coulomb friction cannot be '
+                       'distinguished from an offset.')
+        again.append('move in both directions')
+    if fit.intervals['coulomb'][0] <= 0.0 <= fit.intervals['coulomb'][1]:
+        reasons.append('Coulomb friction cannot be distinguished from zero.')
+        again.append('more and slower speeds')
+    if fit.left_out_rmse > thresholds.UNEXPLAINED_CURRENT * signal:
+        reasons.append(f'{fit.left_out_rmse:.2g} {unit} of {signal:.2g} {unit} remain unexplained.')
+        again.append('each speed several times, over the same range of positions')
+    found = [effect.name for effect in fit.model.effects]
+    return {
+        'unit': unit, 'joint': '', 'samples': len(fit.speeds),
+        'held_out': 'each row, predicted by a fit to all others', 'signal_rms': signal,
+        'before': {'model': 'Coulomb and viscous friction', 'held_out_rmse': fit.plain_rmse},
+        'after': {'model': ' + '.join(['sigmoid of Eq. 6', *found]), 'fit_rmse': fit.fit_rmse,
+                  'held_out_rmse': fit.left_out_rmse},
+        'noise_floor': None,
+        'effects': [{**effect.to_dict(), 'intervals': {}, 'chosen': None}
+                    for effect in fit.model.effects],
+        'friction': {**fit.values, 'intervals': fit.intervals},
+        'unexplained': [], 'ambiguous': [], 'verdict': 'trust in part' if reasons else 'trust',
+        'reasons': reasons or ['Each row of the table is predicted by the others.'],
+        'record_again': again,
+        'warnings': ['inertia, weight and breakaway do not show in means at constant speeds'],
+        'stopped_because': "Akaike's criterion prefers no further term"}
