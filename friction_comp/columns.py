@@ -351,7 +351,9 @@ def _labels(used: Sequence[Column], keys: Sequence[tuple[str, ...]], layout: Lay
               if key else '' for key in keys}
     if len(keys) == 1 and alone:
         labels = {keys[0]: ''}
-    if len(keys) == len(layout.joints) and not set(labels.values()) <= set(layout.joints):
+    # Numbers are no names of joints.
+    if len(keys) == len(layout.joints) and all(
+            label.isdigit() or not label for label in labels.values()):
         labels = dict(zip(keys, layout.joints))
     return labels
 

@@ -153,9 +153,8 @@ def velocity_fault(ratios: np.ndarray, factor: float) -> str:
     if not unit and len(ratios) >= _STEADY_BLOCKS and np.mean(
             np.abs(ratios / ratio - 1.0) < _UNIT_TOLERANCE) > 0.5:
         # Noise and delays scatter; a constant factor everywhere is that of a unit or of the time.
-        unit = ('in all of the motion, so the time is probably off by this factor (its unit, or a '
-                f'rate that is really {abs(ratio):.3g} times the one given), or the unit of one of '
-                'them is')
+        unit = ('in all of the motion: they differ in unit, or the time is off by this factor (its '
+                f'unit, or a rate that is really {abs(ratio):.3g} times the one given)')
     return text + (unit or 'they differ in unit, or one of them is wrong') + (
         ', and one has the wrong sign' if ratio < 0.0 else '')
 

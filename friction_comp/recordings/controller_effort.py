@@ -9,6 +9,8 @@ from scipy.interpolate import make_interp_spline
 
 # Share of the top speed over which friction is taken to change its sign.
 _TRANSITION = 0.03
+# Parts of a recording whose scatter gives the standard error.
+_PARTS = 10
 
 
 def controller_effort(time: np.ndarray, target: np.ndarray, position: np.ndarray,
@@ -31,9 +33,9 @@ def controller_effort(time: np.ndarray, target: np.ndarray, position: np.ndarray
             'effort is k_p (target - position) + k_d (target velocity - velocity)')
     follows = plain + damping * _rate(time, target, usable)
     acceleration = _rate(time, velocity, usable)
-    first, second = (_viscous_and_error(effort, position, velocity, acceleration)
-                     for effort in (plain, follows))
-    if first[0] < 0.0 <= second[0] and second[1] < first[1]:
+    (first, error), (second, _) = (_viscous_friction(effort, position, velocity, acceleration)
+                                   for effort in (plain, follows))
+    if first < -2.0 * error and second > 0.0:
         return follows, (
             'effort is k_p (target - position) + k_d (rate of target - velocity): without the rate '
             'of the target, friction would have to push')
@@ -51,15 +53,18 @@ def _rate(time: np.ndarray, values: np.ndarray, usable: np.ndarray) -> np.ndarra
     return rate
 
 
-def _viscous_and_error(effort: np.ndarray, position: np.ndarray, velocity: np.ndarray,
-                       acceleration: np.ndarray) -> tuple[float, float]:
-    """Return viscous friction and RMS error of a plain drive: friction, inertia and weight."""
+def _viscous_friction(effort: np.ndarray, position: np.ndarray, velocity: np.ndarray,
+                      acceleration: np.ndarray) -> tuple[float, float]:
+    """Return viscous friction of a plain drive (friction, inertia, weight) and its standard error.
+
+    The error follows from fits to parts of the recording.
+    """
     width = max(_TRANSITION * float(np.nanmax(np.abs(velocity))), 1e-9)
     columns = np.column_stack([velocity, np.tanh(velocity / width), np.ones_like(velocity),
                                acceleration, np.sin(position), np.cos(position)])
-    rows = np.isfinite(columns).all(axis=1) & np.isfinite(effort)
-    if np.count_nonzero(rows) <= columns.shape[1]:
+    rows = np.flatnonzero(np.isfinite(columns).all(axis=1) & np.isfinite(effort))
+    if len(rows) < _PARTS * 2 * columns.shape[1]:
         return 0.0, 0.0
-    solution = np.linalg.lstsq(columns[rows], effort[rows], rcond=None)[0]
-    error = effort[rows] - columns[rows] @ solution
-    return float(solution[0]), float(np.sqrt(np.mean(error ** 2)))
+    found = [np.linalg.lstsq(columns[part], effort[part], rcond=None)[0][0]
+             for part in np.array_split(rows, _PARTS)]
+    return float(np.mean(found)), float(np.std(found, ddof=1)) / _PARTS ** 0.5

@@ -102,9 +102,13 @@ def verdict(evaluation: Evaluation) -> str:
     peaks = _peaks(evaluation)
     if peaks is None:
         if not evaluation.measured:
-            return ('**The back-driving torque was not measured.** Position, current and reference '
-                    'show when the joint started and how smoothly it moved, but not how much '
-                    'torque the person needed.')
+            unused = list(dict.fromkeys(
+                note for note in evaluation.notes
+                if 'interaction_wrench' in note and note.endswith(': not used')))
+            return (('**The back-driving torque is not known.** ' + '; '.join(unused) + '. '
+                     if unused else '**The back-driving torque was not measured.** ')
+                    + 'Position, current and reference show when the joint started and how '
+                    'smoothly it moved, but not how much torque the person needed.')
         return ('The effect of announcing the direction is unknown: no movement was recorded both '
                 'with it (d = ±1) and without (d = 0, or no compensation). All comparisons are '
                 'below.')

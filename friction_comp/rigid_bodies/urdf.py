@@ -166,10 +166,15 @@ def match_names(recorded: Sequence[str], described: Sequence[str],
                 path: str | Path) -> tuple[dict[str, str], list[str]]:
     """Return each recorded joint's name in a URDF file, and the recorded joints that it lacks.
 
-    Names match if they are equal, otherwise if they are equal apart from case, underscores, the
+    Consecutive numbers, one for each joint of the file, are its joints in order: columns may count
+    from 0. Otherwise names match if they are equal, or if they are equal apart from case, underscores, the
     words joint and axis, and a prefix. Raises InputError if a joint matches several, two match one,
     or most are not in the file.
     """
+    if len(recorded) == len(described) and all(name.isdigit() for name in recorded):
+        numbers = sorted(map(int, recorded))
+        if numbers == list(range(numbers[0], numbers[0] + len(numbers))):
+            return {name: described[int(name) - numbers[0]] for name in recorded}, []
     pairs: dict[str, str] = {}
     listed = ', '.join(map(repr, described))
     # Equal names of all joints come first: a gripper's finger_joint1 must not take joint1.

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from argparse import Namespace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -43,7 +44,10 @@ def refine_whole_arm(arguments: Namespace) -> int:
         recordings = read_arm(
             arguments.recordings,
             lambda name: drive_of(arguments, models.get(name)).torque_per_current,
-            lambda share: report(0.1 * share), layout_of(arguments))
+            lambda share: report(0.1 * share),
+            replace(layout_of(arguments), joints=[arguments.joint] if arguments.joint else ()))
+        if '' in recordings:
+            raise InputError(f'{names[0]}: names no joint: give its name in the URDF with --joint')
         unknown = [name for name in models if name not in recordings]
         if unknown:
             raise InputError(f'{arguments.model}: is of joint {unknown[0]!r}, but recorded are '

@@ -1,0 +1,438 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Tables as other software writes them: names, units, kinds of files, and what they measure."""
+
+import json
+import math
+from pathlib import Path
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from friction_comp import InputError, Layout, read_recording, Samples
+from friction_comp.__main__ import main
+from friction_comp.column_names import read_name
+from friction_comp.columns import assign, date_in_seconds
+from friction_comp.drive import Drive
+from friction_comp.identification.steady_state import fit_steady_states
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.recordings import read_recording_with_info, recorded_joints
+from friction_comp.recordings.row_times import fresh_rows, spread_rounded
+from friction_comp.recordings.sources import find_recordings
+from friction_comp.rigid_bodies.urdf import match_names
+from friction_comp.tools.common import in_own_units
+from friction_comp.units import parse_unit, unit_of
+
+UR = ['timestamp', 'actual_q_0', 'actual_q_1', 'actual_qd_0', 'actual_qd_1', 'actual_current_0', 'actual_current_1', 'target_moment_0', 'actual_robot_current']
+
+
+def swing(count=2000, step=0.001):
+    """Return time, position and velocity of a joint that swings."""
+    time = step * np.arange(count)
+    return time, 0.4 * np.sin(2.0 * time), 0.8 * np.cos(2.0 * time)
+
+
+def write(path, **columns):
+    np.savetxt(path, np.column_stack(list(columns.values())), delimiter=',', comments='',
+               header=','.join(columns), fmt='%.12g')
+    return path
+
+
+@pytest.mark.parametrize(('name', 'signal', 'joint', 'unit'), [
+    ('times', 'time', '', ''), ('timestamp_ms', 'time', '', 'ms'),
+    ('positions_2', 'position', '2', ''), ('arm_1_position', 'position', 'arm_1', ''),
+    ('a1 position [rad]', 'position', 'a1', 'rad'), ('posAct', 'position', '', ''),
+    ('actual_q_2', 'position', '2', ''), ('actual_qd_2', 'velocity', '2', ''),
+    ('actual_current_2', 'current', '2', ''), ('target_q_2', 'reference_position', '2', ''),
+    ('joint_temperatures_2', 'temperature', '2', ''), ('Present Position', 'position', '', ''),
+    ('Present Current', 'current', '', ''), ('Goal Current', 'command', '', ''),
+    ('observation.state[0]', 'position', '0', ''), ('action[3]', 'reference_position', '3', ''),
+    ('tau_meas', 'effort', '', ''), ('sensor_torque', 'load', '', ''),
+    ('link_torque', 'link_torque', '', ''), ('elbow.position', 'position', 'elbow', ''),
+    ('/joint_states/elbow/position', 'position', 'elbow', ''),
+    # Kinds that nobody gave as examples.
+    ('Joint 3 Angle (deg)', 'position', 'Joint 3', 'deg'), ('r_knee_moment', 'effort', 'r_knee', ''),
+    ('jointCurrent3', 'current', '3', ''), ('left_hip_yaw_vel', 'velocity', 'left_hip_yaw', ''),
+    ('PosRef', 'reference_position', '', ''), ('tau_h', 'effort', 'h', ''),
+    # What looks like a signal and is none.
+    ('position_error', '', '', ''), ('target_qdd_0', '', '', ''), ('Present Load', '', '', ''),
+    ('torque_limit', '', '', ''), ('actual_execution_time', '', '', '')])
+def test_a_name_tells_signal_joint_and_unit(name, signal, joint, unit):
+    reading = read_name(name)
+    assert (reading.signal, reading.joint, reading.unit) == (signal, joint, unit)
+
+
+@pytest.mark.parametrize(('text', 'signal', 'factor'), [
+    ('2.69mA', 'current', 2.69e-3), ('0.229rpm', 'velocity', 0.229 * math.pi / 30.0),
+    ('inch', 'position', 0.0254), ('inch/min', 'velocity', 0.0254 / 60.0),
+    ('kip', 'effort', 4448.2216), ('kN·m', 'effort', 1e3), ('lbf·in', 'effort', 0.1129848),
+    ('deg', 'velocity', math.pi / 180.0), ('counts/4096', 'position', 2.0 * math.pi / 4096.0),
+    ('counts/100', 'time', 0.01), ('-1Nm', 'link_torque', -1.0), ('0.01mm', 'position', 1e-5)])
+def test_units_have_factors_products_and_quotients(text, signal, factor):
+    assert unit_of(signal, text).factor == pytest.approx(factor, rel=1e-6)
+
+
+@pytest.mark.parametrize('text', ['V', 'rad/s/s', 'counts/0', '0mA', 'Nm/Nm/s', ''])
+def test_what_is_no_unit_is_none(text):
+    assert parse_unit(text) is None
+
+
+def test_siblings_of_named_columns_are_other_joints():
+    use = assign(UR, Layout({'position': 'actual_q_1', 'current': 'actual_current_1'}), 'log')
+    assert (use.joints, use.chosen) == (['0', '1'], '1')
+    assert use.of('velocity', '1').name == 'actual_qd_1'
+    assert use.of('effort', '0').name == 'actual_current_0'
+    # A commanded torque says nothing beside a current without the torque constant.
+    assert use.of('command', '0') is None
+    # Names that say nothing are siblings by their numbers.
+    other = assign(['t', 'x7', 'x8', 'y7', 'y8'], Layout({'position': 'x8', 'effort': 'y8'}), 'log')
+    assert (other.joints, other.chosen, other.of('effort', '7').name) == (['7', '8'], '8', 'y7')
+    # Alone, a joint needs no name.
+    assert assign(['t', 'q_2', 'tau_2'], Layout({'position': 'q_2'}), 'log').joints == ['']
+
+
+def test_the_joint_whose_columns_are_named_is_read_with_the_motion_of_its_siblings(tmp_path):
+    time, position, velocity = swing()
+    path = write(tmp_path / 'arm.csv', time=time, q_0=2.0 * position, q_1=position,
+                 i_0=np.sign(velocity), i_1=0.5 * np.sign(velocity))
+    layout = Layout({'position': 'q_1', 'current': 'i_1'})
+    samples, = read_recording(path, layout=layout)
+    assert samples.joint == '1'
+    assert samples.arm.joints == ('0', '1')
+    np.testing.assert_allclose(samples.current, 0.5 * np.sign(velocity))
+    assert recorded_joints(path, layout) == ['1']
+
+
+def test_a_target_has_the_unit_of_what_it_is_the_target_of():
+    use = assign(['timestamp_ms', 'Present Position', 'Present Current', 'Goal Current'],
+                 Layout(units={'position': 'counts/4096', 'current': '2.69mA'}), 'log')
+    assert use.of('command', '').factor == use.of('effort', '').factor == pytest.approx(2.69e-3)
+
+
+def test_an_effort_of_one_joint_belongs_to_the_only_position():
+    assert assign(['t', 'position', 'knee_moment'], None, 'log').joints == ['']
+    # A position without effort is no joint beside one that has it.
+    assert assign(['t', 'q_1', 'tau_1', 'base_position'], None, 'log').joints == ['1']
+
+
+@pytest.mark.parametrize(('names', 'said'), [
+    (['q', 'tau'], '--rate HZ'), (['t', 'target_position', 'q'], '--stiffness and --damping'),
+    (['t', 'q', 'tau_cmd'], 'a command only if the drive is known to follow it')])
+def test_what_is_missing_is_said_with_the_remedy(names, said):
+    with pytest.raises(InputError, match=said):
+        assign(names, None, 'log')
+
+
+def test_empty_columns_of_spreadsheets_are_ignored(tmp_path):
+    (tmp_path / 'log.csv').write_text('time,position,effort,,\n0,0,1,,\n0.1,1,2,,\n')
+    assert len(read_recording(tmp_path / 'log.csv')[0]) == 2
+
+
+def test_dates_are_times(tmp_path):
+    assert date_in_seconds('1970-01-01T01:00:00.25+01:00') == pytest.approx(0.25)
+    (tmp_path / 'log.csv').write_text('time,q,tau\n2025-12-09T16:16:01.586Z,0,1\n'
+                                      '2025-12-09T16:16:01.596Z,0.1,2\n')
+    (samples, info), = read_recording_with_info(tmp_path / 'log.csv')
+    np.testing.assert_allclose(samples.time, [0.0, 0.01], atol=1e-6)
+    assert info.start == pytest.approx(1765296961.586, abs=1e-3)
+    (tmp_path / 'log.csv').write_text('time,q,tau\n2025-13-09T16:16:01Z,0,1\n')
+    with pytest.raises(InputError, match='is not a number'):
+        read_recording(tmp_path / 'log.csv')
+
+
+def test_rows_at_a_known_rate_need_no_time(tmp_path):
+    path = write(tmp_path / 'log.csv', q=np.arange(5.0), tau=np.arange(5.0), n=np.arange(5.0))
+    np.testing.assert_allclose(read_recording(path, layout=Layout(rate=50.0))[0].time,
+                               0.02 * np.arange(5))
+    samples, = read_recording(path, layout=Layout({'time': 'n'}, {'time': 'counts/100'}))
+    np.testing.assert_allclose(samples.time, 0.01 * np.arange(5))
+
+
+def save_json(path, columns):
+    path.write_text(json.dumps({'kp': 8.0, 'motor': 'x', 'entries': [
+        {'timestamp': t, 'position': q, 'torque': e} for t, q, e in zip(*columns.values())]}))
+
+
+def save_lists(path, columns):
+    path.write_text(json.dumps({name: list(values) for name, values in columns.items()}))
+
+
+def save_parquet(path, columns):
+    arrow = pytest.importorskip('pyarrow')
+    parquet = pytest.importorskip('pyarrow.parquet')
+    parquet.write_table(arrow.table({
+        'timestamp': columns['t'], 'observation.state': [[q, 0.0] for q in columns['q']],
+        'observation.effort': [[e, 0.0] for e in columns['tau']]}), path)
+
+
+@pytest.mark.parametrize(('name', 'save', 'layout', 'joint'), [
+    ('log.json', save_json, {}, None), ('log.json', save_lists, {}, None),
+    ('log.parquet', save_parquet, {}, '0'),
+    ('log.mat', lambda path, columns: savemat(path, {'log': {
+        name: values[:, None] for name, values in columns.items()}}), {}, None),
+    ('log.npy', lambda path, columns: np.save(path, np.column_stack(list(columns.values()))),
+     {'time': '1', 'position': '2', 'effort': '3'}, None),
+    ('log.npy', lambda path, columns: np.save(path, np.rec.fromarrays(
+        list(columns.values()), names=list(columns))), {}, None),
+    ('log.txt', lambda path, columns: np.savetxt(
+        path, np.column_stack(list(columns.values())), header=' '.join(columns), comments='% '),
+     {}, None)])
+def test_every_kind_of_file_holds_the_same(tmp_path, name, save, layout, joint):
+    time, position, velocity = swing(300)
+    effort = np.sign(velocity)
+    save(tmp_path / name, {'t': time, 'q': position, 'tau': effort})
+    samples, = read_recording(tmp_path / name, joint, layout=Layout(layout))
+    np.testing.assert_allclose(samples.time, time, atol=1e-9)
+    np.testing.assert_allclose(samples.position, position, atol=1e-9)
+    np.testing.assert_allclose(samples.current, effort)
+
+
+def test_files_of_one_signal_each_are_one_recording(tmp_path):
+    time, position, velocity = swing(300)
+    values = {'time': time, 'q': np.column_stack((position, 2.0 * position)),
+              'tau': np.column_stack((np.sign(velocity), np.cos(velocity)))}
+    paths = [tmp_path / f'{name}.txt' for name in values]
+    for path, columns in zip(paths, values.values()):
+        np.savetxt(path, columns)
+    assert len(find_recordings(paths)) == 1
+    samples, = read_recording(paths, '2')
+    np.testing.assert_allclose(samples.position, 2.0 * position)
+    np.testing.assert_allclose(samples.current, np.cos(velocity))
+    # Whole recordings that are named alike stay apart.
+    whole = [write(tmp_path / f'position_{k}.csv', t=time, q=position, tau=velocity)
+             for k in (1, 2)]
+    assert find_recordings(whole) == whole
+
+
+def test_a_bag_of_ros_1_is_read(tmp_path):
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import get_typestore, Stores
+
+    store = get_typestore(Stores.ROS1_NOETIC)
+    types, kind = store.types, 'sensor_msgs/msg/JointState'
+    time, position, velocity = swing(50)
+    with Writer(tmp_path / 'log.bag') as bag:
+        connection = bag.add_connection('/arm/joint_states', kind, typestore=store)
+        for k in range(len(time)):
+            stamp = 1_000_000_000 + round(1e9 * time[k])
+            header = types['std_msgs/msg/Header'](k, types['builtin_interfaces/msg/Time'](
+                *divmod(stamp, 1_000_000_000)), '')
+            message = types[kind](header, ['elbow'], position[[k]], velocity[[k]],
+                                  np.array([3.0]))
+            bag.write(connection, stamp, store.serialize_ros1(message, kind))
+    samples, = read_recording(tmp_path / 'log.bag')
+    assert samples.joint == 'elbow'
+    np.testing.assert_allclose(samples.time, time, atol=1e-9)
+    np.testing.assert_allclose(samples.velocity, velocity)
+    (tmp_path / 'log.bag').write_bytes((tmp_path / 'log.bag').read_bytes()[:700])
+    with pytest.raises(InputError, match=r'log\.bag: not a readable recording'):
+        read_recording(tmp_path / 'log.bag')
+
+
+def test_dynamic_joint_states_give_the_current_that_joint_states_lack(tmp_path):
+    from rosbags.rosbag2 import Writer
+    from rosbags.typesys import get_types_from_msg, get_typestore, Stores
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    value, kind = 'control_msgs/msg/InterfaceValue', 'control_msgs/msg/DynamicJointState'
+    store.register(get_types_from_msg('string[] interface_names\nfloat64[] values', value))
+    store.register(get_types_from_msg(
+        'std_msgs/Header header\nstring[] joint_names\n'
+        'control_msgs/InterfaceValue[] interface_values', kind))
+    types, usual = store.types, 'sensor_msgs/msg/JointState'
+    time, position, velocity = swing(50)
+    with Writer(tmp_path / 'bag', version=9) as bag:
+        plain = bag.add_connection('/joint_states', usual, typestore=store)
+        dynamic = bag.add_connection('/dynamic_joint_states', kind, typestore=store)
+        for k in range(len(time)):
+            stamp = 1_000_000_000 + round(1e9 * time[k])
+            header = types['std_msgs/msg/Header'](types['builtin_interfaces/msg/Time'](
+                *divmod(stamp, 1_000_000_000)), '')
+            bag.write(plain, stamp, store.serialize_cdr(types[usual](
+                header, ['elbow'], position[[k]], velocity[[k]], np.array([np.nan])), usual))
+            bag.write(dynamic, stamp, store.serialize_cdr(types[kind](
+                header, ['gpio', 'elbow'], [types[value](['on'], np.ones(1)), types[value](
+                    ['velocity', 'current', 'position', 'temperature'],
+                    np.array([velocity[k], 0.5, position[k], 31.0]))]), kind))
+    (samples, info), = read_recording_with_info(tmp_path / 'bag')
+    assert (samples.joint, info.effort_is_current) == ('elbow', True)
+    np.testing.assert_allclose(samples.current, 0.5)
+    np.testing.assert_allclose(samples.position, position)
+    np.testing.assert_allclose(samples.temperature, 31.0)
+
+
+def test_a_wrong_rate_is_told_with_the_true_one(tmp_path, refuses):
+    _, position, velocity = swing(6000, 0.005)
+    path = write(tmp_path / 'log.csv', q=position, dq=velocity, tau=velocity)
+    refuses('a rate that is really 0.25 times the one given', 'refine', path, '--rate', '800')
+
+
+def test_rounded_times_are_spread_over_their_rows():
+    time = 0.008 * np.arange(1000)
+    notes = []
+    spread = spread_rounded(np.round(1e9 * np.floor(10.0 * time) / 10.0).astype(np.int64),
+                            np.sin(time), notes)
+    assert np.diff(spread) == pytest.approx(8e6, rel=1e-2)
+    assert 'rounded to 0.1 s' in notes[0]
+
+
+def test_values_that_are_held_are_found_but_not_slow_motion():
+    time = 0.001 * np.arange(8000)
+    notes = []
+    rows = fresh_rows(time, np.sin(0.008 * np.floor(time / 0.008)), notes)
+    np.testing.assert_array_equal(rows, np.arange(0, 8000, 8))
+    assert 'position is held over 8 rows: 1000 of 8000 rows are used, 125 Hz' in notes[0]
+    coarse = np.round(200.0 * np.sin(time)) / 200.0
+    assert len(fresh_rows(time, coarse, [])) == 8000
+
+
+def sliding(speed, coulomb=0.57, viscous=0.52, offset=0.0, height=0.0, speed_s=0.1):
+    return (offset + viscous * speed + np.sign(speed) * (
+        coulomb + height * np.exp(-np.abs(speed) / speed_s)))
+
+
+SPEEDS = np.array([0.02, 0.04, 0.07, 0.1, 0.15, 0.2, 0.3, 0.4, 0.6, 0.8, 1.2, 1.6])
+
+
+def test_a_table_of_steady_states_gives_the_friction_with_intervals():
+    speeds = np.concatenate((-SPEEDS, SPEEDS))
+    inside = total = 0
+    for seed in range(1, 40, 2):
+        noise = 0.005 * np.random.default_rng(seed).normal(size=len(speeds))
+        fit = fit_steady_states(speeds, sliding(speeds, offset=0.05) + noise, Drive(1.0, 1.0))
+        for name, truth in (('coulomb', 0.57), ('viscous', 0.52), ('offset', 0.05)):
+            total += 1
+            inside += fit.intervals[name][0] <= truth <= fit.intervals[name][1]
+    assert inside >= 0.85 * total       # 95 % less what choosing among curves costs
+    fit = fit_steady_states(speeds, sliding(speeds, height=0.3) + noise, Drive(1.0, 1.0))
+    assert fit.values['stribeck'] == pytest.approx(0.3, abs=0.05)
+    assert fit.values['stribeck_speed'] == pytest.approx(0.1, rel=0.2)
+    assert fit.left_out_rmse < 0.5 * fit.plain_rmse
+    curve = fit.model.current(Samples(speeds, speeds, speeds, velocity=speeds))
+    assert curve == pytest.approx(sliding(speeds, height=0.3), abs=0.02)
+    skewed = sliding(speeds) + 0.1 * np.abs(speeds) + noise
+    assert fit_steady_states(speeds, skewed, Drive(1.0, 1.0)).values['viscous_asymmetry'] == \
+        pytest.approx(0.1, abs=0.02)
+
+
+def test_refine_reads_a_table_of_steady_states(tmp_path, capsys):
+    speeds = np.concatenate((-SPEEDS, SPEEDS))
+    path = write(tmp_path / 'table.csv', velocity=1e3 * speeds, torque=sliding(speeds))
+    output = tmp_path / 'out'
+    assert main(['refine', str(path), '--unit', 'velocity=mm/s,effort=N', '--output',
+                 str(output)]) == 0
+    said = capsys.readouterr().out
+    assert '0.5700 N ' in said
+    assert '0.5200 N·s/m' in said
+    assert 'rad' not in said
+    report = json.loads((output / 'report.json').read_text())
+    assert report['friction']['coulomb'] == pytest.approx(0.57, abs=1e-6)
+    model = FrictionModel.load(output / 'model.yaml')
+    assert model.lookup_table['currents'] == pytest.approx(sliding(np.sort(speeds)).tolist())
+    # One direction cannot tell Coulomb friction from an offset; too few rows are refused.
+    write(path, velocity=SPEEDS, torque=sliding(SPEEDS))
+    assert main(['refine', str(path), '--output', str(output)]) == 0
+    assert 'in one direction only' in capsys.readouterr().out
+    write(path, velocity=SPEEDS[:3], torque=sliding(SPEEDS[:3]))
+    assert main(['refine', str(path), '--output', str(output)]) == 2
+
+
+def servo(stiffness, damping, rate_of_target, count=6000):
+    """Return a simulated position controller: time, target, position, and its effort."""
+    step, position, velocity = 0.005, 0.0, 0.0
+    time = step * np.arange(count)
+    target = 0.6 * np.sin(2.0 * time) * np.sin(0.3 * time)
+    rate = np.gradient(target, time)
+    positions, efforts = np.empty(count), np.empty(count)
+    for k in range(count):
+        for _ in range(10):
+            effort = stiffness * (target[k] - position) + damping * (
+                rate_of_target * rate[k] - velocity)
+            friction = 0.4 * math.tanh(velocity / 0.01) + 0.2 * velocity
+            velocity += 0.1 * step * (effort - friction) / 0.05
+            position += 0.1 * step * velocity
+            if not _:
+                positions[k], efforts[k] = position, effort
+    return time, target, positions, efforts
+
+
+@pytest.mark.parametrize('rate_of_target', [0.0, 1.0])
+def test_the_effort_of_a_position_controller_follows_from_its_gains(tmp_path, rate_of_target):
+    time, target, position, effort = servo(20.0, 0.5, rate_of_target)
+    path = write(tmp_path / 'servo.csv', time=time, target_position=target, position=position)
+    (samples, info), = read_recording_with_info(path, layout=Layout(
+        stiffness=[20.0], damping=[0.5]))
+    assert np.sqrt(np.mean((samples.current - effort) ** 2)) < 0.05
+    assert any('rate of target' in note for note in info.notes) == bool(rate_of_target)
+
+
+def test_gains_may_be_columns_or_one_for_each_recording(tmp_path):
+    time, position, _ = swing(300)
+    paths = [write(tmp_path / f'log_{k}.csv', time=time, target=position + 0.1 * k,
+                   position=position, kp=np.full(300, 10.0 * k)) for k in (1, 2)]
+    for gains in ([10.0, 20.0], ['kp']):
+        first, second = read_recording(paths, layout=Layout(stiffness=gains))
+        np.testing.assert_allclose(first.current, 1.0)
+        np.testing.assert_allclose(second.current, 4.0)
+    with pytest.raises(InputError, match='3 values for 2 recordings'):
+        read_recording(paths, layout=Layout(stiffness=[1.0, 2.0, 3.0]))
+    with pytest.raises(InputError, match="no column 'gain'"):
+        read_recording(paths, layout=Layout(stiffness=['gain']))
+
+
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+def test_friction_is_effort_minus_the_torque_behind_the_gear(tmp_path, sign):
+    time, position, velocity = swing()
+    friction, carried = 2.0 * np.sign(velocity), 9.0 * np.sin(position)
+    path = write(tmp_path / 'log.csv', time=time, position=position, velocity=velocity,
+                 tau=friction + carried, link_torque=sign * carried)
+    (samples, info), = read_recording_with_info(path)
+    np.testing.assert_allclose(samples.current, friction, atol=1e-9)
+    assert any('sign is reversed' in note for note in info.notes) == (sign < 0)
+
+
+@pytest.mark.slow
+def test_an_idle_motor_moved_by_hand_shows_friction_in_torque(tmp_path, capsys):
+    time = 0.005 * np.arange(6000)
+    position = 0.8 * np.sin(time) * np.sin(0.23 * time)
+    velocity = np.gradient(position, time)
+    load = 1.4 * np.tanh(velocity / 0.01) + 0.9 * velocity
+    load += 0.02 * np.random.default_rng(1).normal(size=len(time))
+    path = write(tmp_path / 'log.csv', time=time, q=position, dq=velocity,
+                 motor_current=0.0 * time, sensor_torque=load)
+    assert main(['refine', str(path), '--output', str(tmp_path / 'out')]) == 0
+    assert 'the motor was idle' in capsys.readouterr().out
+    report = json.loads((tmp_path / 'out' / 'report.json').read_text())
+    assert report['unit'] == 'N·m'
+    assert report['friction']['coulomb'] == pytest.approx(1.4, rel=0.03)
+    assert report['friction']['viscous'] == pytest.approx(0.9, rel=0.05)
+
+
+def test_a_linear_axis_is_reported_in_metres_and_newtons():
+    use = assign(['t', 'pos', 'force'], Layout(units={'position': 'mm', 'effort': 'N'}), 'log')
+    assert use.linear
+    assert in_own_units({'a': ['3 N·m·s/rad', 2.0]}, True) == {'a': ['3 N·s/m', 2.0]}
+    assert in_own_units('3 N·m', False) == '3 N·m'
+
+
+def test_numbered_columns_are_the_joints_of_a_urdf_in_order():
+    arm = ['shoulder_pan_joint', 'shoulder_lift_joint', 'elbow_joint']
+    assert match_names(['0', '1', '2'], arm, 'arm.urdf')[0] == dict(zip('012', arm))
+    # Counting from 0, number 1 is the second joint, not joint_1.
+    numbered = ['joint_1', 'joint_2', 'joint_3']
+    assert match_names(['0', '1', '2'], numbered, 'arm.urdf')[0]['1'] == 'joint_2'
+
+
+def test_a_refusal_comes_before_anything_slow_is_imported(tmp_path):
+    (tmp_path / 'log.csv').write_text('time,position\n0,1\n')
+    code = ('import sys\nfrom friction_comp.__main__ import main\n'
+            f'code = main(["refine", {str(tmp_path / "log.csv")!r}, "--output", "no"])\n'
+            'assert code == 2, code\n'
+            'print(sorted({"scipy", "numba", "matplotlib", "yaml"} & set(sys.modules)))')
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True,
+                          cwd=Path(__file__).resolve().parent.parent)
+    assert 'which column is the effort' in done.stderr
+    assert not {'scipy', 'numba', 'matplotlib'} & set(done.stdout.strip('[]\n ').split("', '"))
