@@ -54,13 +54,15 @@ def pieces_of(paths: Sequence[str | Path], joint: str | None = None,
     """
     pieces: list[Piece] = []
     failures: list[Failure] = []
-    for path in find_recordings([Path(path) for path in paths]):
+    found = find_recordings([Path(path) for path in paths])
+    for index, path in enumerate(found):
+        own = layout and layout.of_recording(index, len(found))
         try:
-            names = [joint] if joint is not None else recorded_joints(path, layout) or ['']
+            names = [joint] if joint is not None else recorded_joints(path, own) or ['']
         except InputError as error:
             failures.append(Failure(str(error)))
             continue
-        pieces.extend(Piece(path, name or None, layout) for name in names)
+        pieces.extend(Piece(path, name or None, own) for name in names)
     return pieces, failures
 
 

@@ -87,7 +87,8 @@ def read_condensed(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
         return read_recording_with_info(recordings, joint, torque_constant, gear_ratio,
                                         progress=progress, layout=layout)
     read = number_recordings(_read(averaging, path, stream_recording_with_info(
-        path, joint, torque_constant, gear_ratio, _STRETCH, layout, others=True,
+        path, joint, torque_constant, gear_ratio, _STRETCH,
+        layout and layout.of_recording(index, len(recordings)), others=True,
         progress=part_of(progress, index, len(recordings))))
         for index, path in enumerate(recordings))
     read[0][1].notes.append(str(averaging))
@@ -104,9 +105,10 @@ def _choose_averaging(recordings: Sequence[Path], joint: str | None, layout: Lay
     if sum(sizes) < _LEAST_SAMPLE_SIZE * limit:
         return Averaging()
     shares_read: list[float] = []
-    largest = recordings[int(np.argmax(sizes))]
+    index = int(np.argmax(sizes))
     samples, _ = next(stream_recording_with_info(
-        largest, joint, seconds=_PROBE, layout=layout, progress=shares_read.append))
+        recordings[index], joint, seconds=_PROBE, progress=shares_read.append,
+        layout=layout and layout.of_recording(index, len(recordings))))
     in_largest = len(samples) / max(shares_read[-1], 1e-9)
     total = in_largest * sum(sizes) / max(sizes)
     length = int(np.clip(math.ceil(total / limit), 1, _longest_average(samples)))

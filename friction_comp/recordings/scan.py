@@ -33,7 +33,8 @@ class Track:
     # none; a table may have a fourth column, the torque behind the gear. DynamicJointState: (N, 5),
     # also current and temperature. Wrench and temperature: by frame, arrays (N, 1).
     # Float64MultiArray and Int8MultiArray: an array (N, J) with the key '', or `TORQUE_UNIT` for
-    # commands in N·m, NaN in messages of the other unit. If one joint was selected, only values that may belong to it.
+    # commands in N·m, NaN in messages of the other unit. If one joint was selected, only values
+    # that may belong to it.
     values: dict[str, np.ndarray]
 
     def __len__(self) -> int:

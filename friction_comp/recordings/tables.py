@@ -151,6 +151,8 @@ def _gains(layout: Layout, names: Sequence[str], path: Path) -> tuple[float | st
     """Return stiffness and damping, each a number or a column; empty if none are given."""
     if not layout.stiffness:
         return ()
+    if max(len(layout.stiffness), len(layout.damping)) > 1:
+        raise InputError(f'{path}: several gains are given for one recording')
     gains = layout.stiffness[0], layout.damping[0] if layout.damping else 0.0
     for gain in gains:
         if isinstance(gain, str) and gain not in names:

@@ -137,14 +137,15 @@ def check_tables(arguments: Namespace) -> tuple[Column, Column] | None:
     from friction_comp.recordings.table_files import is_table, open_table
 
     layout = layout_of(arguments)
-    tables = [path for path in find_recordings(arguments.recordings) if is_table(path)]
-    if len(tables) == len(arguments.recordings) == 1:
-        with unreadable_on_error(tables[0]):
-            means = without_time(open_table(tables[0]).names, layout)
+    recordings = find_recordings(arguments.recordings)
+    if len(recordings) == 1 and is_table(recordings[0]):
+        with unreadable_on_error(recordings[0]):
+            means = without_time(open_table(recordings[0]).names, layout)
         if means:
             return means
-    for path in tables:
-        open_scanner(path, layout=layout)
+    for index, path in enumerate(recordings):
+        if is_table(path):
+            open_scanner(path, layout=layout.of_recording(index, len(recordings)))
     return None
 
 

@@ -1,0 +1,150 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What tables hold besides time, position and effort: steady states, targets, other torques."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from friction_comp import InputError, Layout, read_recording, Samples
+from friction_comp.__main__ import main
+from friction_comp.drive import Drive
+from friction_comp.identification.steady_state import fit_steady_states
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.recordings import read_recording_with_info
+
+
+def swing(count=2000, step=0.001):
+    """Return time, position and velocity of a joint that swings."""
+    time = step * np.arange(count)
+    return time, 0.4 * np.sin(2.0 * time), 0.8 * np.cos(2.0 * time)
+
+
+def write(path, **columns):
+    np.savetxt(path, np.column_stack(list(columns.values())), delimiter=',', comments='',
+               header=','.join(columns), fmt='%.12g')
+    return path
+
+
+def sliding(speed, coulomb=0.57, viscous=0.52, offset=0.0, height=0.0, speed_s=0.1):
+    return (offset + viscous * speed + np.sign(speed) * (
+        coulomb + height * np.exp(-np.abs(speed) / speed_s)))
+
+
+SPEEDS = np.array([0.02, 0.04, 0.07, 0.1, 0.15, 0.2, 0.3, 0.4, 0.6, 0.8, 1.2, 1.6])
+
+
+def test_a_table_of_steady_states_gives_the_friction_with_intervals():
+    speeds = np.concatenate((-SPEEDS, SPEEDS))
+    inside = total = 0
+    for seed in range(1, 40, 2):
+        noise = 0.005 * np.random.default_rng(seed).normal(size=len(speeds))
+        fit = fit_steady_states(speeds, sliding(speeds, offset=0.05) + noise, Drive(1.0, 1.0))
+        for name, truth in (('coulomb', 0.57), ('viscous', 0.52), ('offset', 0.05)):
+            total += 1
+            inside += fit.intervals[name][0] <= truth <= fit.intervals[name][1]
+    assert inside >= 0.85 * total       # 95 % less what choosing among curves costs
+    fit = fit_steady_states(speeds, sliding(speeds, height=0.3) + noise, Drive(1.0, 1.0))
+    assert fit.values['stribeck'] == pytest.approx(0.3, abs=0.05)
+    assert fit.values['stribeck_speed'] == pytest.approx(0.1, rel=0.2)
+    assert fit.left_out_rmse < 0.5 * fit.plain_rmse
+    curve = fit.model.current(Samples(speeds, speeds, speeds, velocity=speeds))
+    assert curve == pytest.approx(sliding(speeds, height=0.3), abs=0.02)
+    skewed = sliding(speeds) + 0.1 * np.abs(speeds) + noise
+    assert fit_steady_states(speeds, skewed, Drive(1.0, 1.0)).values['viscous_asymmetry'] == \
+        pytest.approx(0.1, abs=0.02)
+
+
+def test_refine_reads_a_table_of_steady_states(tmp_path, capsys):
+    speeds = np.concatenate((-SPEEDS, SPEEDS))
+    path = write(tmp_path / 'table.csv', velocity=1e3 * speeds, torque=sliding(speeds))
+    output = tmp_path / 'out'
+    assert main(['refine', str(path), '--unit', 'velocity=mm/s,effort=N', '--output',
+                 str(output)]) == 0
+    said = capsys.readouterr().out
+    assert '0.5700 N ' in said
+    assert '0.5200 N·s/m' in said
+    assert 'rad' not in said
+    report = json.loads((output / 'report.json').read_text())
+    assert report['friction']['coulomb'] == pytest.approx(0.57, abs=1e-6)
+    model = FrictionModel.load(output / 'model.yaml')
+    assert model.lookup_table['currents'] == pytest.approx(sliding(np.sort(speeds)).tolist())
+    # One direction cannot tell Coulomb friction from an offset; too few rows are refused.
+    write(path, velocity=SPEEDS, torque=sliding(SPEEDS))
+    assert main(['refine', str(path), '--output', str(output)]) == 0
+    assert 'in one direction only' in capsys.readouterr().out
+    write(path, velocity=SPEEDS[:3], torque=sliding(SPEEDS[:3]))
+    assert main(['refine', str(path), '--output', str(output)]) == 2
+
+
+def servo(stiffness, damping, rate_of_target, count=6000):
+    """Return a simulated position controller: time, target, position, and its effort."""
+    step, position, velocity = 0.005, 0.0, 0.0
+    time = step * np.arange(count)
+    target = 0.6 * np.sin(2.0 * time) * np.sin(0.3 * time)
+    rate = np.gradient(target, time)
+    positions, efforts = np.empty(count), np.empty(count)
+    for k in range(count):
+        for _ in range(10):
+            effort = stiffness * (target[k] - position) + damping * (
+                rate_of_target * rate[k] - velocity)
+            friction = 0.4 * math.tanh(velocity / 0.01) + 0.2 * velocity
+            velocity += 0.1 * step * (effort - friction) / 0.05
+            position += 0.1 * step * velocity
+            if not _:
+                positions[k], efforts[k] = position, effort
+    return time, target, positions, efforts
+
+
+@pytest.mark.parametrize('rate_of_target', [0.0, 1.0])
+def test_the_effort_of_a_position_controller_follows_from_its_gains(tmp_path, rate_of_target):
+    time, target, position, effort = servo(20.0, 0.5, rate_of_target)
+    path = write(tmp_path / 'servo.csv', time=time, target_position=target, position=position)
+    (samples, info), = read_recording_with_info(path, layout=Layout(
+        stiffness=[20.0], damping=[0.5]))
+    assert np.sqrt(np.mean((samples.current - effort) ** 2)) < 0.05
+    assert any('rate of target' in note for note in info.notes) == bool(rate_of_target)
+
+
+def test_gains_may_be_columns_or_one_for_each_recording(tmp_path):
+    time, position, _ = swing(300)
+    paths = [write(tmp_path / f'log_{k}.csv', time=time, target=position + 0.1 * k,
+                   position=position, kp=np.full(300, 10.0 * k)) for k in (1, 2)]
+    for gains in ([10.0, 20.0], ['kp']):
+        first, second = read_recording(paths, layout=Layout(stiffness=gains))
+        np.testing.assert_allclose(first.current, 1.0)
+        np.testing.assert_allclose(second.current, 4.0)
+    with pytest.raises(InputError, match='3 values for 2 recordings'):
+        read_recording(paths, layout=Layout(stiffness=[1.0, 2.0, 3.0]))
+    with pytest.raises(InputError, match="no column 'gain'"):
+        read_recording(paths, layout=Layout(stiffness=['gain']))
+
+
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+def test_friction_is_effort_minus_the_torque_behind_the_gear(tmp_path, sign):
+    time, position, velocity = swing()
+    friction, carried = 2.0 * np.sign(velocity), 9.0 * np.sin(position)
+    path = write(tmp_path / 'log.csv', time=time, position=position, velocity=velocity,
+                 tau=friction + carried, link_torque=sign * carried)
+    (samples, info), = read_recording_with_info(path)
+    np.testing.assert_allclose(samples.current, friction, atol=1e-9)
+    assert any('sign is reversed' in note for note in info.notes) == (sign < 0)
+
+
+@pytest.mark.slow
+def test_an_idle_motor_moved_by_hand_shows_friction_in_torque(tmp_path, capsys):
+    time = 0.005 * np.arange(6000)
+    position = 0.8 * np.sin(time) * np.sin(0.23 * time)
+    velocity = np.gradient(position, time)
+    load = 1.4 * np.tanh(velocity / 0.01) + 0.9 * velocity
+    load += 0.02 * np.random.default_rng(1).normal(size=len(time))
+    path = write(tmp_path / 'log.csv', time=time, q=position, dq=velocity,
+                 motor_current=0.0 * time, sensor_torque=load)
+    assert main(['refine', str(path), '--output', str(tmp_path / 'out')]) == 0
+    assert 'the motor was idle' in capsys.readouterr().out
+    report = json.loads((tmp_path / 'out' / 'report.json').read_text())
+    assert report['unit'] == 'N·m'
+    assert report['friction']['coulomb'] == pytest.approx(1.4, rel=0.03)
+    assert report['friction']['viscous'] == pytest.approx(0.9, rel=0.05)
