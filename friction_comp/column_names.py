@@ -23,7 +23,8 @@ _QUANTITIES = {
                 'observation+state',
     'velocity': 'velocity velocities vel vels velo dq qd qdot qvel q+dot dot+q omega speed speeds '
                 'dtheta theta+dot thetadot',
-    'effort': 'effort efforts torque torques tau taus trq moment force forces tau+m',
+    'effort': 'effort efforts torque torques tau taus trq moment force forces frc qfrc tau+m '
+              'tau+j',
     'current': 'current currents i iq im i+q i+m curr amp amps',
     'direction': 'direction dir',
     'load': 'load tau+b tau+ext wrench',
@@ -35,9 +36,9 @@ _QUANTITIES = {
         'max min std variance gain kp kd present+load id voltage power energy status bits',
 }
 _MEASURED = {'actual', 'act', 'measured', 'meas', 'present', 'feedback', 'fb', 'observed', 'sensed',
-             'observation', 'obs', 'mean', 'avg', 'average', 'real'}
+             'observation', 'obs', 'mean', 'avg', 'average', 'real', 'applied', 'estimated', 'est'}
 _TARGET = {'target', 'tgt', 'reference', 'ref', 'desired', 'des', 'goal', 'command', 'commanded',
-           'cmd', 'setpoint', 'set', 'sp'}
+           'cmd', 'setpoint', 'set', 'sp', 'computed'}
 # A torque with one of these words is applied to the joint from outside, or behind the gear.
 _OUTSIDE = {'external', 'ext', 'interaction', 'sensor', 'person', 'human', 'hand', 'backdriving',
             'contact', 'load', 'driving', 'back'}
@@ -45,7 +46,8 @@ _BEHIND = {'link', 'output'}
 # Words that say nothing, except next to a number: joint_1.
 _NEUTRAL = {'joint', 'joints', 'states', 'state', 'motor', 'motors', 'rotor', 'robot', 'arm',
             'actuator', 'servo', 'axis', 'drive', 'data', 'value', 'values', 'msg', 'raw',
-            'filtered', 'filt'}
+            'filtered', 'filt', 'angular', 'rotational', 'mechanical', 'mech', 'shaft', 'encoder',
+            'field', 'unix', 'utc', 'ros', 'system', 'epoch', 'log'}
 _SECOND_CHOICE = {'motor', 'motors', 'rotor', 'raw', 'filtered', 'filt'}
 # Quantities that torque becomes with words of `_OUTSIDE` or `_BEHIND`, and targets of quantities.
 _TARGETS = {'position': 'reference_position', 'velocity': 'reference_velocity',

@@ -11,11 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-import re
+from typing import Any
 
 import numpy as np
 
 from friction_comp.column_names import numbers, read_name, Reading, skeleton
+from friction_comp.controller_effort import controller_effort
 from friction_comp.errors import InputError
 from friction_comp.units import default_unit, parse_unit, possible_units, signals_with, unit_of
 
@@ -26,8 +27,6 @@ _SAME_UNIT = {'current': ('effort',), 'command': ('current', 'effort'),
 TABLES = ('.csv', '.csv.gz', '.tsv', '.txt', '.dat', '.parquet', '.npz', '.npy', '.mat', '.json')
 SIGNALS = ('time', 'position', 'velocity', 'effort', 'current', 'command', 'direction', 'load',
            'link_torque', 'temperature', 'reference_position', 'reference_velocity')
-_DATE = re.compile(r'(\d{4}-\d\d-\d\d)[T ]?(\d\d:\d\d(?::\d\d(?:[.,]\d+)?)?)?'
-                   r'\s*(?:Z|([+-])(\d\d):?(\d\d))?')
 
 
 @dataclass(frozen=True)
@@ -82,6 +81,22 @@ class Layout:
         """Whether something is given that only a table needs."""
         return bool(self.columns or self.units or self.rate)
 
+    def gains(self, names: Sequence[str], where: str) -> tuple[float | str, ...]:
+        """Return stiffness and damping of one table, numbers or columns; empty if none are given.
+
+        Raises InputError if a column is missing.
+        """
+        if not self.stiffness:
+            return ()
+        if max(len(self.stiffness), len(self.damping)) > 1:
+            raise InputError(f'{where}: several gains are given for one recording')
+        gains = self.stiffness[0], self.damping[0] if self.damping else 0.0
+        for gain in gains:
+            if isinstance(gain, str) and gain not in names:
+                raise InputError(f'{where}: stiffness and damping are numbers or columns; there is '
+                                 f'no column {gain!r}, but {", ".join(map(repr, names))}')
+        return gains
+
     def of_recording(self, index: int, count: int) -> Layout:
         """Return the layout of one of several recordings, with its own gains."""
         def own(values: Sequence[float | str], name: str) -> Sequence[float | str]:
@@ -135,6 +150,18 @@ class Assignment:
         return next((column for name in (joint, '') for column in self.columns
                      if column.signal == signal and column.joint == name), None)
 
+    def controller_effort(self, values: Mapping[str, np.ndarray], time: np.ndarray, joint: str,
+                          gains: Sequence[Any]) -> tuple[np.ndarray, str] | None:
+        """Return a joint's effort and a note by `controller_effort`; None without a target."""
+        target, position, velocity, rate = (
+            None if (column := self.of(signal, joint)) is None
+            else column.factor * values[column.name] for signal in (
+                'reference_position', 'position', 'velocity', 'reference_velocity'))
+        if target is None or position is None:
+            return None
+        stiffness, damping = gains
+        return controller_effort(time, target, position, velocity, stiffness, damping, rate)
+
 
 def unit_factor(signal: str, unit: str) -> float:
     """Return the factor that converts a column's numbers to SI units.
@@ -157,35 +184,6 @@ def signal_with_unit(unit: str) -> str | None:
     return None if not signals or 'effort' in signals else (
         'position' if parse_unit(unit).dimension == 'counts'  # type: ignore[union-attr]
         else signals[0])
-
-
-def to_numbers(values: np.ndarray, name: str, where: object) -> np.ndarray:
-    """Return the values of a column as floats, and dates in s.
-
-    Raises InputError, which begins with `where`, if it does not contain numbers.
-    """
-    if np.issubdtype(values.dtype, np.datetime64):
-        dates = values.astype('datetime64[ns]')
-        return np.where(np.isnat(dates), np.nan, dates.astype(np.int64) * 1e-9)
-    try:
-        return values.astype(float)
-    except (TypeError, ValueError):
-        pass
-    try:
-        return np.array([date_in_seconds(str(value)) for value in values])
-    except ValueError:
-        raise InputError(f'{where}: column {name!r} does not contain numbers') from None
-
-
-def date_in_seconds(text: str) -> float:
-    """Return an ISO 8601 date as s since 1970; raises ValueError for any other text."""
-    match = _DATE.fullmatch(text.strip())
-    if not match:
-        raise ValueError(text)
-    day, clock, sign, hours, minutes = match.groups()
-    date = np.datetime64(f'{day}T{(clock or "00:00").replace(",", ".")}', 'ns')
-    ahead = 60.0 * (60.0 * int(hours) + int(minutes)) if sign else 0.0
-    return float(date.astype(np.int64) * 1e-9) - (ahead if sign == '+' else -ahead)
 
 
 def read_pairs(text: str, what: str, form: str = 'SIGNAL=NAME, for instance time=t,position=q_2'

@@ -275,7 +275,9 @@ class Samples:
         >>> samples.position.round(3).tolist()
         [0.0, 1.571, 3.142]
         """
-        from friction_comp.columns import assign, to_numbers
+        from friction_comp.column_values import to_numbers
+        from friction_comp.columns import assign
+        from friction_comp.controller_effort import gear_effort
 
         names = [str(name) for name in (frame.columns if hasattr(frame, 'columns') else frame)]
         use = assign(names, layout, 'data frame')
@@ -286,12 +288,34 @@ class Samples:
         chosen = use.joints[0] if joint is None or use.joints == [''] else joint
         if chosen not in use.joints:
             raise InputError(f'data frame: no joint {joint!r} in it, but {", ".join(use.joints)}')
+        gains = layout.gains(names, 'data frame') if layout else ()
+        wanted = {*(column.name for column in use.columns), *(
+            gain for gain in gains if isinstance(gain, str))}
+        values = {name: to_numbers(np.asarray(frame[name]), name, 'data frame')
+                  for name in wanted}
         signals: dict[str, Any] = {}
-        for signal in ('time', 'position', 'effort', 'velocity', *_OPTIONAL):
+        for signal in ('time', 'position', 'effort', 'link_torque', 'velocity', *_OPTIONAL):
             column = use.of(signal, chosen)
             if column is not None:
-                signals[signal] = column.factor * to_numbers(
-                    np.asarray(frame[column.name]), column.name, 'data frame')
+                signals[signal] = column.factor * values[column.name]
+                if signal == 'command' and column.dimension != 'current':
+                    signals[signal] /= torque_constant * gear_ratio
+        if layout and layout.rate:
+            signals['time'] = np.arange(len(signals['position'])) / layout.rate
+        found: list[str] = []
+        if gains:
+            computed = use.controller_effort(
+                values, signals['time'], chosen,
+                [values[gain] if isinstance(gain, str) else gain for gain in gains])
+            assert computed is not None     # `assign` has found the target
+            signals['effort'], note = computed
+            found.append(note)
+        if 'link_torque' in signals:
+            signals['effort'], note = gear_effort(
+                signals['effort'], signals.pop('link_torque'))
+            found.append(note)
+        if notes is not None:
+            notes.extend(found)
         if use.effort_is_current:
             signals['current'] = signals.pop('effort')
         return Samples.from_arrays(torque_constant=torque_constant, gear_ratio=gear_ratio,

@@ -148,3 +148,20 @@ def test_an_idle_motor_moved_by_hand_shows_friction_in_torque(tmp_path, capsys):
     assert report['unit'] == 'N·m'
     assert report['friction']['coulomb'] == pytest.approx(1.4, rel=0.03)
     assert report['friction']['viscous'] == pytest.approx(0.9, rel=0.05)
+
+
+def test_a_data_frame_means_the_same_as_a_file():
+    time, position, velocity = swing()
+    friction, carried = 2.0 * np.sign(velocity), 9.0 * np.sin(position)
+    notes = []
+    samples = Samples.from_frame({'t': time, 'q': position, 'dq': velocity,
+                                  'tau': friction + carried, 'link_torque': -carried,
+                                  'tau_cmd': friction}, torque_constant=0.1, gear_ratio=10.0,
+                                 notes=notes)
+    np.testing.assert_allclose(samples.current, friction, atol=1e-9)
+    np.testing.assert_allclose(samples.command, friction)
+    assert any('sign is reversed' in note for note in notes)
+    samples = Samples.from_frame({'target': position + 0.1, 'q': position},
+                                 Layout(rate=1000.0, stiffness=[20.0]))
+    np.testing.assert_allclose(samples.time, time)
+    np.testing.assert_allclose(samples.current, 2.0)

@@ -14,7 +14,8 @@ from scipy.io import savemat
 
 from friction_comp import InputError, Layout, read_recording
 from friction_comp.column_names import read_name
-from friction_comp.columns import assign, date_in_seconds
+from friction_comp.column_values import date_in_seconds
+from friction_comp.columns import assign
 from friction_comp.recordings import read_recording_with_info, recorded_joints
 from friction_comp.recordings.row_times import fresh_rows, spread_rounded
 from friction_comp.recordings.sources import find_recordings
@@ -54,7 +55,10 @@ def write(path, **columns):
     ('Joint 3 Angle (deg)', 'position', 'Joint 3', 'deg'),
     ('r_knee_moment', 'effort', 'r_knee', ''), ('jointCurrent3', 'current', '3', ''),
     ('left_hip_yaw_vel', 'velocity', 'left_hip_yaw', ''),
-    ('PosRef', 'reference_position', '', ''), ('tau_h', 'effort', 'h', ''),
+    ('angular_velocity', 'velocity', '', ''), ('tau_J_0', 'effort', '0', ''),
+    ('joint_pos[3]', 'position', '3', ''), ('applied_torque[3]', 'effort', '3', ''),
+    ('field.effort0', 'effort', '0', ''), ('PosRef', 'reference_position', '', ''),
+    ('tau_h', 'effort', 'h', ''),
     # What looks like a signal and is none.
     ('position_error', '', '', ''), ('target_qdd_0', '', '', ''), ('Present Load', '', '', ''),
     ('torque_limit', '', '', ''), ('actual_execution_time', '', '', '')])
@@ -127,6 +131,13 @@ def test_what_is_missing_is_said_with_the_remedy(names, said):
 def test_empty_columns_of_spreadsheets_are_ignored(tmp_path):
     (tmp_path / 'log.csv').write_text('time,position,effort,,\n0,0,1,,\n0.1,1,2,,\n')
     assert len(read_recording(tmp_path / 'log.csv')[0]) == 2
+
+
+def test_a_header_may_be_marked_as_a_comment(tmp_path):
+    (tmp_path / 'log.csv').write_text('%time,field.name0,field.position0,field.effort0\n'
+                                      '1500000000,elbow,0.1,1\n1510000000,elbow,0.2,2\n')
+    samples, = read_recording(tmp_path / 'log.csv', layout=Layout(units={'time': 'ns'}))
+    np.testing.assert_allclose(samples.current, [1.0, 2.0])
 
 
 def test_dates_are_times(tmp_path):

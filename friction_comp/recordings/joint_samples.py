@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from friction_comp.controller_effort import gear_effort
 from friction_comp.errors import InputError
 from friction_comp.recordings import row_times, time_base
 from friction_comp.recordings.activity import Activity
@@ -96,7 +97,8 @@ def to_samples(scan: Scan, joint: str | None,
     stamp = shifts.apply(stamp, track.order)
     position, velocity, effort = values.T[:3]
     if values.shape[1] > 3:
-        effort = _without_link_torque(effort, values[:, 3], info.notes)
+        effort, note = gear_effort(effort, values[:, 3])
+        info.notes.append(note)
     for name, signal in (('position', position), ('effort', effort)):
         if not np.isfinite(signal).any():
             raise InputError(f'{scan.path}: {track.topic} contains no finite {name} of joint '
@@ -180,19 +182,6 @@ def joint_states_at(samples: Samples, info: RecordingInfo,
     all_have_velocity = len(speeds) == len(positions)
     return JointStates(tuple(joints), np.column_stack(positions),
                        np.column_stack(speeds) if all_have_velocity else None)
-
-
-def _without_link_torque(effort: np.ndarray, link_torque: np.ndarray, notes: list[str]
-                         ) -> np.ndarray:
-    """Return effort minus the torque that is measured behind the gear: the gear's friction.
-
-    The sensor carries nearly all of the effort, with the opposite sign in some robots.
-    """
-    both = np.isfinite(effort) & np.isfinite(link_torque)
-    against = float(effort[both] @ link_torque[both]) < 0.0
-    notes.append('friction is effort minus link_torque' + (
-        ', whose sign is reversed: it is opposite to that of effort' if against else ''))
-    return effort + link_torque if against else effort - link_torque
 
 
 def _unwrap(time: np.ndarray, position: np.ndarray, notes: list[str]) -> np.ndarray:

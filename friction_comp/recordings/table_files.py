@@ -22,7 +22,8 @@ from typing import Any, IO
 import numpy as np
 
 from friction_comp.column_names import read_name
-from friction_comp.columns import date_in_seconds, TABLES, to_numbers
+from friction_comp.column_values import date_in_seconds, to_numbers
+from friction_comp.columns import TABLES
 from friction_comp.errors import InputError
 
 Columns = dict[str, np.ndarray]
@@ -117,10 +118,11 @@ class Csv:
         self._separator = _separator(head)
         self.names = self._split(head)
         self._skip = header + 1
-        if _all_numbers(head):
+        comment = self._split(lines[header - 1].lstrip('#% ')) if header else []
+        fits = len(comment) == len(self.names)
+        if _all_numbers(head) or (fits and any(read_name(name).signal for name in comment)
+                                  and not any(read_name(name).signal for name in self.names)):
             # Not a header: names are in the comment above it, otherwise columns are numbered.
-            comment = self._split(lines[header - 1].lstrip('#% ')) if header else []
-            fits = len(comment) == len(self.names)
             self.names = comment if fits else [str(k + 1) for k in range(len(self.names))]
             self._skip = header
         # Spreadsheets end lines with empty cells: a column without a name is none.

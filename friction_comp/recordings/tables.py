@@ -44,7 +44,7 @@ class TableScanner:
         with unreadable_on_error(path):
             self._table = open_table(path)
         self._use = assign(self._table.names, layout, str(path))
-        self._gains = _gains(self._layout, self._table.names, path)
+        self._gains = self._layout.gains(self._table.names, str(path))
 
     def scans(self) -> Iterator[Scan]:
         """Yield a scan of each block of rows."""
@@ -130,35 +130,14 @@ class TableScanner:
     def _controller_effort(self, columns: Columns, time: np.ndarray, joint: str
                            ) -> np.ndarray | None:
         """Return the effort of a position controller, from target and position."""
-        from friction_comp.recordings.controller_effort import controller_effort
-
-        target, position, velocity, target_velocity = (
-            None if (column := self._use.of(signal, joint)) is None
-            else column.factor * columns[column.name] for signal in (
-                'reference_position', 'position', 'velocity', 'reference_velocity'))
-        if target is None or position is None:
+        gains = [columns[gain] if isinstance(gain, str) else gain for gain in self._gains]
+        found = self._use.controller_effort(columns, time, joint, gains)
+        if found is None:
             return None
-        stiffness, damping = (columns[gain] if isinstance(gain, str) else gain
-                              for gain in self._gains)
-        effort, note = controller_effort(
-            time, target, position, velocity, stiffness, damping, target_velocity)
+        effort, note = found
         if note not in self._use.notes:
             self._use.notes.append(note)
         return effort
-
-
-def _gains(layout: Layout, names: Sequence[str], path: Path) -> tuple[float | str, ...]:
-    """Return stiffness and damping, each a number or a column; empty if none are given."""
-    if not layout.stiffness:
-        return ()
-    if max(len(layout.stiffness), len(layout.damping)) > 1:
-        raise InputError(f'{path}: several gains are given for one recording')
-    gains = layout.stiffness[0], layout.damping[0] if layout.damping else 0.0
-    for gain in gains:
-        if isinstance(gain, str) and gain not in names:
-            raise InputError(f'{path}: --stiffness and --damping are numbers or columns; there is '
-                             f'no column {gain!r}, but {", ".join(map(repr, names))}')
-    return gains
 
 
 def _stamps(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,11 +1,10 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The effort of a position controller with known gains, from target and measured position."""
+"""Efforts that follow from other signals: of a position controller, and of a gear alone."""
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
 
 # Share of the top speed over which friction is taken to change its sign.
 _TRANSITION = 0.03
@@ -42,8 +41,22 @@ def controller_effort(time: np.ndarray, target: np.ndarray, position: np.ndarray
     return plain, 'effort is k_p (target - position) - k_d velocity'
 
 
+def gear_effort(effort: np.ndarray, link_torque: np.ndarray) -> tuple[np.ndarray, str]:
+    """Return effort minus the torque behind the gear, shape (N,): the gear's friction; and a note.
+
+    The sensor carries nearly all of the effort, with the opposite sign in some robots.
+    """
+    both = np.isfinite(effort) & np.isfinite(link_torque)
+    if float(effort[both] @ link_torque[both]) < 0.0:
+        return effort + link_torque, ('friction is effort minus link_torque, whose sign is '
+                                      'reversed: it is opposite to that of effort')
+    return effort - link_torque, 'friction is effort minus link_torque'
+
+
 def _rate(time: np.ndarray, values: np.ndarray, usable: np.ndarray) -> np.ndarray:
     """Return the derivative of the cubic spline through the usable values, shape (N,)."""
+    from scipy.interpolate import make_interp_spline
+
     usable = usable & np.isfinite(values)
     knots, first = np.unique(time[usable], return_index=True)
     if len(knots) < 4:

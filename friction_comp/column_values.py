@@ -1,0 +1,43 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Converts the values of a column to numbers; dates are numbers of seconds."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from friction_comp.errors import InputError
+
+_DATE = re.compile(r'(\d{4}-\d\d-\d\d)[T ]?(\d\d:\d\d(?::\d\d(?:[.,]\d+)?)?)?'
+                   r'\s*(?:Z|([+-])(\d\d):?(\d\d))?')
+
+
+def to_numbers(values: np.ndarray, name: str, where: object) -> np.ndarray:
+    """Return the values of a column as floats, and dates in s.
+
+    Raises InputError, which begins with `where`, if it does not contain numbers.
+    """
+    if np.issubdtype(values.dtype, np.datetime64):
+        dates = values.astype('datetime64[ns]')
+        return np.where(np.isnat(dates), np.nan, dates.astype(np.int64) * 1e-9)
+    try:
+        return values.astype(float)
+    except (TypeError, ValueError):
+        pass
+    try:
+        return np.array([date_in_seconds(str(value)) for value in values])
+    except ValueError:
+        raise InputError(f'{where}: column {name!r} does not contain numbers') from None
+
+
+def date_in_seconds(text: str) -> float:
+    """Return an ISO 8601 date as s since 1970; raises ValueError for any other text."""
+    match = _DATE.fullmatch(text.strip())
+    if not match:
+        raise ValueError(text)
+    day, clock, sign, hours, minutes = match.groups()
+    date = np.datetime64(f'{day}T{(clock or "00:00").replace(",", ".")}', 'ns')
+    ahead = 60.0 * (60.0 * int(hours) + int(minutes)) if sign else 0.0
+    return float(date.astype(np.int64) * 1e-9) - (ahead if sign == '+' else -ahead)
