@@ -18,7 +18,14 @@ import numpy as np
 from friction_comp.column_names import numbers, read_name, Reading, skeleton
 from friction_comp.controller_effort import controller_effort
 from friction_comp.errors import InputError
-from friction_comp.units import default_unit, parse_unit, possible_units, signals_with, unit_of
+from friction_comp.units import (
+    default_unit,
+    parse_unit,
+    possible_units,
+    signals_with,
+    Unit,
+    unit_of,
+)
 
 # Whose unit a signal has if none is given for it: a target that of what it is the target of.
 _SAME_UNIT = {'current': ('effort',), 'command': ('current', 'effort'),
@@ -81,6 +88,14 @@ class Layout:
         """Whether something is given that only a table needs."""
         return bool(self.columns or self.units or self.rate)
 
+    @property
+    def linear(self) -> bool:
+        """Whether all that is given are the SI units of a linear axis, which need no columns."""
+        units = [unit_of(signal, text) for signal, text in self.units.items()]
+        return bool(units) and not (self.columns or self.rate or self.stiffness) and all(
+            unit in (Unit(1.0, 'length'), Unit(1.0, 'length/time'), Unit(1.0, 'force'))
+            for unit in units)
+
     def gains(self, names: Sequence[str], where: str) -> tuple[float | str, ...]:
         """Return stiffness and damping of one table, numbers or columns; empty if none are given.
 
@@ -119,6 +134,7 @@ class Column:
     factor: float
     dimension: str = ''     # what the unit measures, such as angle; '' if it is not known
     key: tuple[str, ...] = ()
+    stated: bool = False    # whether the unit was given, by the user or in the name
 
 
 @dataclass
@@ -279,9 +295,10 @@ def _column(name: str, reading: Reading, layout: Layout) -> Column:
                   if one in layout.units), '')
     text = given or reading.unit
     unit = unit_of(signal, text) if text else None
+    stated = unit is not None
     if unit is None and given and signal == 'effort':
         # A unit such as V or %: only a factor before it is applied.
-        return Column(name, signal, reading.joint, given, 1.0, '', reading.key)
+        return Column(name, signal, reading.joint, given, 1.0, '', reading.key, True)
     if unit is None:
         text = 'N·m' if reading.torque else default_unit(signal)
         unit = unit_of(signal, text)
@@ -290,7 +307,7 @@ def _column(name: str, reading: Reading, layout: Layout) -> Column:
     elif signal in ('velocity', 'reference_velocity') and parse_unit(text) != unit:
         text = text if '/' in text or text.endswith('pm') else f'{text}/s'
     dimension, factor = (unit.dimension, unit.factor) if unit else ('', 1.0)
-    return Column(name, signal, reading.joint, text, factor, dimension, reading.key)
+    return Column(name, signal, reading.joint, text, factor, dimension, reading.key, stated)
 
 
 def _guessed(names: Sequence[str], named: Sequence[Column], own: tuple[str, ...],

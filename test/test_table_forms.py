@@ -114,6 +114,27 @@ def test_a_target_has_the_unit_of_what_it_is_the_target_of():
     assert use.of('command', '').factor == use.of('effort', '').factor == pytest.approx(2.69e-3)
 
 
+def test_whole_numbers_without_a_unit_are_no_si_values(tmp_path):
+    time, position, velocity = swing(300)
+    counts = {'time': time, 'Present Position': np.round(4096.0 * position / 6.283),
+              'Present Velocity': np.round(41.7 * velocity),
+              'Present Current': np.round(50.0 * velocity)}
+    path = write(tmp_path / 'log.csv', **counts)
+    with pytest.raises(InputError, match='--unit position=counts/4096'):
+        read_recording(path)
+    (samples, info), = read_recording_with_info(path, layout=Layout(
+        units={'position': 'counts/4096'}))
+    assert samples.velocity is None
+    assert info.effort_is_raw
+    units = {'position': 'counts/4096', 'velocity': '0.229rpm', 'current': '2.69mA'}
+    (samples, info), = read_recording_with_info(path, layout=Layout(units=units))
+    assert not info.effort_is_raw
+    np.testing.assert_allclose(samples.velocity, velocity, atol=0.02)
+    # Signs are whole numbers in any unit.
+    write(path, time=time, q=position, tau=np.sign(velocity))
+    assert not read_recording_with_info(path)[0][1].effort_is_raw
+
+
 def test_an_effort_of_one_joint_belongs_to_the_only_position():
     assert assign(['t', 'position', 'knee_moment'], None, 'log').joints == ['']
     # A position without effort is no joint beside one that has it.

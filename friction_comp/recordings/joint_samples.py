@@ -40,6 +40,7 @@ class RecordingInfo:
     activity: list[tuple[float, Activity]] = field(default_factory=list)
     turns: float = 0.0  # added to the last position because the sensor wraps around, rad
     effort_is_current: bool = False  # whether efforts were in A already, as a table may declare
+    effort_is_raw: bool = False  # whether efforts are numbers of unknown unit
     linear: bool = False  # whether positions are in m and efforts in N
 
 
@@ -88,7 +89,7 @@ def to_samples(scan: Scan, joint: str | None,
     track, joint, joints, values = _select_joint(scan, joint)
     info = RecordingInfo(scan.path, joint, scan.topics, notes=list(scan.notes),
                          model=scan.model, effort_is_current=scan.effort_is_current,
-                         linear=scan.linear)
+                         effort_is_raw=scan.effort_is_raw, linear=scan.linear)
     stamp = time_base.message_times(track, info.notes)
     stamp = row_times.spread_rounded(stamp, values[:, 0], info.notes)
     outlier = time_base.outliers(stamp)

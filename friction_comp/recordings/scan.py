@@ -82,6 +82,7 @@ class Scan:
     custom: dict[str, str] = field(default_factory=dict)    # custom_data of rosbag2's metadata
     activity: list[Activity] = field(default_factory=list)
     effort_is_current: bool = False        # whether efforts are in A, as tables may declare
+    effort_is_raw: bool = False            # whether efforts are numbers of unknown unit
     selected: str | None = None            # the joint to read if none is named
     linear: bool = False                   # whether positions are in m and efforts in N
 
@@ -114,10 +115,11 @@ def signal_of(topic: str, type_name: str) -> str | None:
 class MessageScanner:
     """Reads one rosbag2 recording, of all joints or only one, in batches of messages per topic."""
 
-    def __init__(self, path: Path, joint: str | None = None, batch: int = 20_000) -> None:
+    def __init__(self, path: Path, joint: str | None = None, batch: int = 20_000,
+                 linear: bool = False) -> None:
         with unreadable_on_error(path):
             self._storage = Storage(path)
-        self._joint, self._batch = joint, batch
+        self._joint, self._batch, self._linear = joint, batch, linear
         self._topics: dict[str, _TopicReader] = {}
         self._activity = ActivityLog()
 
@@ -157,7 +159,7 @@ class MessageScanner:
             f'{cdr.MOST_VALUES} values' for reader in readers if reader.broken]
         tracks, in_ampere, more = dynamic_states.resolved(tracks)
         return Scan(storage.path, tracks, storage.topics, notes + more, storage.custom,
-                    list(self._activity.changes), effort_is_current=in_ampere)
+                    list(self._activity.changes), effort_is_current=in_ampere, linear=self._linear)
 
 
 def _is_wanted(topic: str, kind: str) -> bool:

@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 from friction_comp.columns import Layout, TABLES
 from friction_comp.errors import InputError
@@ -89,7 +90,7 @@ def _expand(path: Path) -> Iterator[Path]:
 
 
 def open_scanner(path: AnyPath, joint: str | None = None, layout: Layout | None = None,
-                 **options: int) -> MessageScanner | TableScanner:
+                 **options: Any) -> MessageScanner | TableScanner:
     """Return a reader of a recording in batches, of all joints or only `joint`.
 
     The option ``batch`` is the number of messages or rows in a batch.
@@ -97,6 +98,8 @@ def open_scanner(path: AnyPath, joint: str | None = None, layout: Layout | None 
     path = Path(path)
     if is_table(path) and not path.is_dir():
         return TableScanner(path, layout, joint, **options)
+    if layout is not None and layout.linear:
+        return MessageScanner(path, joint, linear=True, **options)
     if layout is not None and layout.describes_table:
         raise InputError(f'{path}: --columns, --unit and --rate describe tables, and this is none')
     if layout is not None and layout.stiffness:

@@ -30,6 +30,8 @@ _SIGNALS = ('position', 'velocity', 'effort', 'command', 'direction', 'load', 't
             'reference_position', 'reference_velocity')
 # Magnitude above which a number is no time, s: 64 bits hold no more in ns.
 _LATEST = 9e9
+# Fewest rows of whole numbers that are no coincidence.
+_FEWEST_RAW = 50
 
 
 class TableScanner:
@@ -44,6 +46,7 @@ class TableScanner:
         with unreadable_on_error(path):
             self._table = open_table(path)
         self._use = assign(self._table.names, layout, str(path))
+        self._effort_is_raw = False
         self._gains = self._layout.gains(self._table.names, str(path))
 
     def scans(self) -> Iterator[Scan]:
@@ -57,14 +60,39 @@ class TableScanner:
                 self.progress = share
                 size = len(columns[wanted[0]])
                 if size:
+                    self._leave_out_raw(columns)
                     tracks = list(self._tracks(columns, rows))
                     rows += size
                     yield Scan(self._path, tracks,
                                {track.topic: (TOPICS[track.topic], rows) for track in tracks},
                                list(use.notes), effort_is_current=use.effort_is_current,
-                               selected=use.chosen, linear=use.linear)
+                               selected=use.chosen, linear=use.linear,
+                               effort_is_raw=self._effort_is_raw)
         if not rows:
             raise InputError(f'{self._path}: has no row below its header')
+
+    def _leave_out_raw(self, columns: Columns) -> None:
+        """Deal with whole numbers without a unit, such as a register's: they are no SI values.
+
+        A velocity of these is left out, an effort has the unit of counts, and a position raises
+        InputError, since nothing can be said without its unit.
+        """
+        for column in list(self._use.columns):
+            values = columns[column.name]
+            values = values[np.isfinite(values)]
+            if column.stated or len(values) < _FEWEST_RAW or (values != np.round(values)).any():
+                continue
+            said = f'column {column.name!r} holds whole numbers without a unit'
+            if column.signal == 'position' and np.ptp(values) > 2.0 * np.pi:
+                raise InputError(f'{self._path}: {said}: give it, for instance --unit '
+                                 'position=counts/4096 (counts in a turn), or position=deg')
+            if column.signal == 'velocity' and np.ptp(values) > 2.0:
+                self._use.columns.remove(column)
+                self._use.notes.append(f'{said}: not used (--unit velocity=0.229rpm)')
+            # A sign has three values.
+            if column.signal == 'effort' and len(np.unique(values)) > 3:
+                self._effort_is_raw = True
+                self._use.notes.append(f'{said}: figures are in counts (--unit current=2.69mA)')
 
     def _check_time(self, values: np.ndarray) -> None:
         """Raise InputError if no number in the column can be a time."""

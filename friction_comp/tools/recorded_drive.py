@@ -108,6 +108,8 @@ def unit_of(arguments: Namespace, model: FrictionModel | None,
     if model is not None and not (arguments.figures or arguments.torque_constant
                                   or arguments.gear_ratio):
         return str(model.notes.get('unit', 'A'))
+    if not arguments.figures and any(info.effort_is_raw for info in infos):
+        return 'counts'
     return figures_unit(arguments, any(info.effort_is_current for info in infos),
                         any(info.linear for info in infos))
 
