@@ -55,8 +55,8 @@ class Layout:
         k_p in N·m/rad and k_d in N·m·s/rad of a position controller: numbers, or columns that hold
         them. Effort is then k_p (target - position) - k_d velocity. One for all recordings, or one
         for each.
-    joints : sequence of str
-        Names of the joints in the order of their columns, where the columns only number them.
+    joint : str
+        Name of the joint whose columns are given, where they do not name it.
 
     Raises
     ------
@@ -69,7 +69,7 @@ class Layout:
     rate: float | None = None
     stiffness: Sequence[float | str] = ()
     damping: Sequence[float | str] = ()
-    joints: Sequence[str] = ()
+    joint: str = ''
 
     def __post_init__(self) -> None:
         for signal in (*self.columns, *self.units):
@@ -230,7 +230,7 @@ def assign(names: Sequence[str], layout: Layout | None, where: str) -> Assignmen
     used.sort(key=lambda c: (SIGNALS.index(c.signal), names.index(c.name)))
     _check_complete(used, names, layout, where)
     keys = list(dict.fromkeys(c.key for c in used if c.signal == 'position'))
-    labels = _labels(used, keys, layout, alone=any(c.signal != 'time' for c in named))
+    labels = _labels(used, keys, layout, own if any(c.signal != 'time' for c in named) else None)
     used = [replace(column, joint=labels.get(column.key, ''),
                     signal='effort' if column.signal == 'current' else column.signal)
             for column in used]
@@ -359,17 +359,19 @@ def _joint_columns(used: Sequence[Column], own: tuple[str, ...] | None) -> list[
     return [c for c in used if c.key in (*keys, (), own)]
 
 
-def _labels(used: Sequence[Column], keys: Sequence[tuple[str, ...]], layout: Layout, alone: bool
-            ) -> dict[tuple[str, ...], str]:
-    """Return the name of each joint; `alone` is whether a single joint needs no name."""
+def _labels(used: Sequence[Column], keys: Sequence[tuple[str, ...]], layout: Layout,
+            own: tuple[str, ...] | None) -> dict[tuple[str, ...], str]:
+    """Return the name of each joint; `own` is that of the user's columns, None if none are given.
+
+    Alone, it needs no name.
+    """
     labels = {key: next(c.joint for c in used if c.signal == 'position' and c.key == key)
               if key else '' for key in keys}
-    if len(keys) == 1 and alone:
+    if len(keys) == 1 and own is not None:
         labels = {keys[0]: ''}
-    # Numbers are no names of joints.
-    if len(keys) == len(layout.joints) and all(
-            label.isdigit() or not label for label in labels.values()):
-        labels = dict(zip(keys, layout.joints))
+    given = keys[0] if list(labels.values()) == [''] else own
+    if layout.joint and layout.joint not in labels.values() and given is not None:
+        labels[given] = layout.joint
     return labels
 
 

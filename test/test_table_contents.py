@@ -165,3 +165,15 @@ def test_a_data_frame_means_the_same_as_a_file():
                                  Layout(rate=1000.0, stiffness=[20.0]))
     np.testing.assert_allclose(samples.time, time)
     np.testing.assert_allclose(samples.current, 2.0)
+
+
+def test_evaluate_says_why_a_recorded_torque_is_not_used(tmp_path, capsys):
+    time = 0.01 * np.arange(1200)
+    position = 0.5 * np.clip(np.sin(0.5 * np.pi * time), -0.9, 0.9)
+    load = np.where(time < 4.0, 2.0, np.nan)
+    path = write(tmp_path / 'log.csv', time=time, position=position, effort=0.1 * position,
+                 load=load)
+    assert main(['evaluate', str(path), '--output', str(tmp_path / 'out')]) == 0
+    said = capsys.readouterr().out
+    assert 'interaction_wrench: its 400 values cover less than half' in said
+    assert 'was not measured' not in said

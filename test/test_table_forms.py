@@ -92,6 +92,10 @@ def test_siblings_of_named_columns_are_other_joints():
     # Names that say nothing are siblings by their numbers.
     other = assign(['t', 'x7', 'x8', 'y7', 'y8'], Layout({'position': 'x8', 'effort': 'y8'}), 'log')
     assert (other.joints, other.chosen, other.of('effort', '7').name) == (['7', '8'], '8', 'y7')
+    # The user may name the joint.
+    layout = Layout({'position': 'actual_q_1', 'current': 'actual_current_1'}, joint='elbow')
+    assert assign(UR, layout, 'log').joints == ['0', 'elbow']
+    assert assign(['t', 'q', 'tau'], Layout(joint='elbow'), 'log').joints == ['elbow']
     # Alone, a joint needs no name.
     assert assign(['t', 'q_2', 'tau_2'], Layout({'position': 'q_2'}), 'log').joints == ['']
 
@@ -323,6 +327,7 @@ def test_a_linear_axis_is_reported_in_metres_and_newtons():
     use = assign(['t', 'pos', 'force'], Layout(units={'position': 'mm', 'effort': 'N'}), 'log')
     assert use.linear
     assert in_own_units({'a': ['3 N·m·s/rad', 2.0]}, True) == {'a': ['3 N·s/m', 2.0]}
+    assert in_own_units('Cogging: 628.3 times a turn', True) == 'Cogging: 100 times a metre'
     assert in_own_units('3 N·m', False) == '3 N·m'
 
 

@@ -21,8 +21,10 @@ def spread_rounded(stamp: np.ndarray, position: np.ndarray, notes: list[str]) ->
 
     They do if most rows in motion have the stamp of the row before although the position changed.
     """
-    moved = np.diff(position) != 0.0
-    step = np.diff(stamp)
+    change, step = np.diff(position), np.diff(stamp)
+    moved = np.isfinite(change) & (change != 0.0)
+    if (step < 0).any():
+        return stamp    # the clock was set back, or rows are out of order
     if np.count_nonzero(moved) < _FEWEST_CHANGES or np.mean(step[moved] == 0) < 0.5:
         return stamp
     first = np.concatenate(([0], np.flatnonzero(step > 0) + 1))

@@ -204,8 +204,9 @@ def other_signals(scan: Scan, joint: str, joints: list[str], base: TimeBase,
             if np.isfinite(column).any() or len(names) == 1:
                 signals[name] = base.interpolate(track, column)
                 if signals[name] is None:
-                    notes.append(f'{track.topic}: its {len(track)} messages cover less than half '
-                                 'of the recording: not used')
+                    notes.append(f'{track.topic}: its '
+                                 f'{np.count_nonzero(np.isfinite(column))} values cover less than '
+                                 'half of the recording: not used')
     # Arrays have no joint names: their order is that of the reference, or of the joint states.
     order = [*(track.names for track in scan.of('reference')), joints]
     command = _find_array(scan.of('current_command'), joint, order, notes, torque_per_current)

@@ -268,7 +268,10 @@ def in_own_units(content: T, linear: bool) -> T:
     if not linear:
         return content
     if isinstance(content, str):
-        return re.sub(r'\brad\b', 'm', content.replace('N·m', 'N'))  # type: ignore[return-value]
+        # Waves over a length are per metre, not per turn of 2π.
+        text = re.sub(r'([\d.]+) times a turn', lambda match: (
+            f'{float(match[1]) / (2.0 * math.pi):.4g} times a metre'), content)
+        return re.sub(r'\brad\b', 'm', text.replace('N·m', 'N'))  # type: ignore[return-value]
     if isinstance(content, dict):
         return {key: in_own_units(value, True)      # type: ignore[return-value]
                 for key, value in content.items()}

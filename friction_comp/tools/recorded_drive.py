@@ -83,7 +83,7 @@ def layout_of(arguments: Namespace) -> Layout:
         raise InputError('--damping goes with --stiffness, the other gain of the controller')
     try:
         return Layout(columns, units, arguments.rate, _gains(arguments.stiffness),
-                      _gains(arguments.damping))
+                      _gains(arguments.damping), arguments.joint or '')
     except InputError as error:
         raise InputError(f'--columns or --unit: {error}') from None
 

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -44,8 +43,7 @@ def refine_whole_arm(arguments: Namespace) -> int:
         recordings = read_arm(
             arguments.recordings,
             lambda name: drive_of(arguments, models.get(name)).torque_per_current,
-            lambda share: report(0.1 * share),
-            replace(layout_of(arguments), joints=[arguments.joint] if arguments.joint else ()))
+            lambda share: report(0.1 * share), layout_of(arguments))
         if '' in recordings:
             raise InputError(f'{names[0]}: names no joint: give its name in the URDF with --joint')
         unknown = [name for name in models if name not in recordings]
