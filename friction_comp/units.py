@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import math
 import re
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
+T = TypeVar('T')
 _TURN = 2.0 * math.pi
 _POUND, _STANDARD = 0.45359237, 9.80665     # kg, m/s²
 _INCH = 0.0254
@@ -126,6 +127,23 @@ def possible_units(signal: str) -> str:
     """Return examples of a signal's units for a message."""
     return ', '.join(_EXAMPLES[dimension] for dimension in _DIMENSIONS[signal]
                      if dimension in _EXAMPLES) or 'none'
+
+
+def in_own_units(content: T, linear: bool) -> T:
+    """Return text, or the texts of a report, with m and N instead of rad and N·m if `linear`."""
+    if not linear:
+        return content
+    if isinstance(content, str):
+        # Waves over a length are per metre, not per turn of 2π.
+        text = re.sub(r'([\d.]+) times a turn', lambda match: (
+            f'{float(match[1]) / (_TURN):.4g} times a metre'), content)
+        return re.sub(r'\brad\b', 'm', text.replace('N·m', 'N'))  # type: ignore[return-value]
+    if isinstance(content, dict):
+        return {key: in_own_units(value, True)      # type: ignore[return-value]
+                for key, value in content.items()}
+    if isinstance(content, (list, tuple)):
+        return [in_own_units(value, True) for value in content]     # type: ignore[return-value]
+    return content
 
 
 def _product(text: str) -> Unit | None:

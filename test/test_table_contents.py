@@ -67,6 +67,9 @@ def test_refine_reads_a_table_of_steady_states(tmp_path, capsys):
     assert '0.5700 N ' in said
     assert '0.5200 N·s/m' in said
     assert 'rad' not in said
+    page = (output / 'report.html').read_text()
+    assert '0.5700 N<' in page
+    assert 'N·m' not in page
     report = json.loads((output / 'report.json').read_text())
     assert report['friction']['coulomb'] == pytest.approx(0.57, abs=1e-6)
     model = FrictionModel.load(output / 'model.yaml')

@@ -20,8 +20,7 @@ from friction_comp.recordings import read_recording_with_info, recorded_joints
 from friction_comp.recordings.row_times import fresh_rows, spread_rounded
 from friction_comp.recordings.sources import find_recordings
 from friction_comp.rigid_bodies.urdf import match_names
-from friction_comp.tools.common import in_own_units
-from friction_comp.units import parse_unit, unit_of
+from friction_comp.units import in_own_units, parse_unit, unit_of
 
 UR = ['timestamp', *(f'{name}_{k}' for name in ('actual_q', 'actual_qd', 'actual_current')
                      for k in (0, 1)), 'target_moment_0', 'actual_robot_current']

@@ -5,7 +5,9 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from datetime import datetime
 from html import escape
 import math
@@ -15,16 +17,31 @@ from typing import Any, NamedTuple, TYPE_CHECKING
 from urllib.parse import quote
 
 from markdown_it import MarkdownIt
+from matplotlib.text import Text
 import numpy as np
 
 from friction_comp import __version__
 from friction_comp.files import write_atomically
 from friction_comp.reports.figures import for_page
 from friction_comp.reports.interactive import bokeh_is_installed, interactive_plot, library
+from friction_comp.units import in_own_units
 
 if TYPE_CHECKING:
     from markdown_it.rules_core import StateCore
     from matplotlib.figure import Figure
+
+
+_LINEAR: ContextVar[bool] = ContextVar('linear', default=False)
+
+
+@contextmanager
+def units_of_axis(linear: bool) -> Iterator[None]:
+    """Write pages in m and N instead of rad and N·m while the block runs, if `linear`."""
+    token = _LINEAR.set(linear)
+    try:
+        yield
+    finally:
+        _LINEAR.reset(token)
 
 
 def _keep_formulas_together(state: StateCore) -> None:
@@ -86,7 +103,7 @@ class Report:
 
     def text(self, text: str) -> None:
         """Add paragraphs and lists."""
-        self._parts.append(_MARKDOWN.render(text))
+        self._parts.append(_MARKDOWN.render(in_own_units(text, _LINEAR.get())))
 
     def bullets(self, lines: Iterable[str], title: str = '') -> None:
         """Add a bullet list after a paragraph `title`; without lines, add nothing."""
@@ -96,6 +113,7 @@ class Report:
 
     def verdict(self, text: str) -> None:
         """Add the main result in a box; it comes first on every page."""
+        text = in_own_units(text, _LINEAR.get())
         self._parts.append(f'<div class="verdict">{_MARKDOWN.render(text)}</div>')
 
     def numbers(self, tiles: list[tuple[str, str]]) -> None:
@@ -141,6 +159,9 @@ class Report:
             Whether a plot of the same curves with hover and zoom replaces the drawing on a screen
             where scripts run. Without Bokeh, and on paper, the drawing is shown.
         """
+        if _LINEAR.get():
+            for text in figure.findobj(Text):
+                text.set_text(in_own_units(text.get_text(), True))
         alternative = _plain(caption)
         live, kind = '', ''
         if interactive and bokeh_is_installed():
@@ -277,11 +298,12 @@ def _cell(value: Any, decimals: int | None) -> str:
 
 def _inline(text: object) -> str:
     """Return a line of text as HTML."""
-    return str(_MARKDOWN.renderInline(str(text)))
+    return str(_MARKDOWN.renderInline(in_own_units(str(text), _LINEAR.get())))
 
 
 def _unbroken(value: str) -> str:
     """Return an escaped value without a line break between number and unit."""
+    value = in_own_units(value, _LINEAR.get())
     return escape(re.sub(r'(?<=\d) (?=\S+$)', '\u00a0', value))
 
 

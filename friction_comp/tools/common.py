@@ -251,33 +251,11 @@ def _progress_lines(first: str) -> Callable[..., None]:
     return report
 
 
-def write_report(folder: Path, content: dict[str, Any], page: Report, command: str,
-                 linear: bool = False) -> None:
-    """Write report.json and report.html, whose footer names the command.
-
-    Of a linear axis, the page is written in m and N instead of rad and N·m.
-    """
+def write_report(folder: Path, content: dict[str, Any], page: Report, command: str) -> None:
+    """Write report.json and report.html, whose footer names the command."""
     (folder / 'report.json').write_text(to_json(content), encoding='utf-8')
     page.made_by(command)
-    text = in_own_units(page.html(), linear)
-    (folder / 'report.html').write_text(encodable(text), encoding='utf-8')
-
-
-def in_own_units(content: T, linear: bool) -> T:
-    """Return text, or the texts of a report, with m and N instead of rad and N·m if `linear`."""
-    if not linear:
-        return content
-    if isinstance(content, str):
-        # Waves over a length are per metre, not per turn of 2π.
-        text = re.sub(r'([\d.]+) times a turn', lambda match: (
-            f'{float(match[1]) / (2.0 * math.pi):.4g} times a metre'), content)
-        return re.sub(r'\brad\b', 'm', text.replace('N·m', 'N'))  # type: ignore[return-value]
-    if isinstance(content, dict):
-        return {key: in_own_units(value, True)      # type: ignore[return-value]
-                for key, value in content.items()}
-    if isinstance(content, (list, tuple)):
-        return [in_own_units(value, True) for value in content]     # type: ignore[return-value]
-    return content
+    page.save(folder / 'report.html')
 
 
 def to_json(content: dict[str, Any]) -> str:

@@ -13,7 +13,6 @@ from friction_comp.columns import signal_with_unit
 from friction_comp.errors import InputError
 from friction_comp.tools.common import (
     Arguments,
-    in_own_units,
     output_folder,
     positive,
     progress,
@@ -25,6 +24,7 @@ from friction_comp.tools.recorded_drive import (
     print_summary,
     refine_recordings,
 )
+from friction_comp.units import in_own_units
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -80,6 +80,7 @@ def main(argv: list[str] | None = None) -> int:
         return refine_whole_arm(arguments)
     if arguments.history:
         _keep_history(arguments)
+    from friction_comp.reports.html import units_of_axis
     from friction_comp.reports.refinement_report import refinement_report
 
     names = [str(path) for path in arguments.recordings]
@@ -88,10 +89,11 @@ def main(argv: list[str] | None = None) -> int:
             arguments, arguments.recordings, arguments.joint, show)
         show(0.9, 'writing')
         linear = 'position_unit' in result.model.notes
-        page = refinement_report(result, names)
+        with units_of_axis(linear):
+            page = refinement_report(result, names)
         result.report = in_own_units(result.report, linear)
         with output_folder(arguments.output) as folder:
-            write_report(folder, result.report, page, arguments.command, linear)
+            write_report(folder, result.report, page, arguments.command)
             result.model.save(folder / 'model.yaml')
             if history is not None:
                 history.save(folder / 'model.yaml')

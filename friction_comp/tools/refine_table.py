@@ -10,8 +10,9 @@ from typing import Any, TYPE_CHECKING
 
 from friction_comp.columns import Column
 from friction_comp.errors import errors_name, InputError
-from friction_comp.tools.common import in_own_units, output_folder, to_json, write_report
+from friction_comp.tools.common import output_folder, to_json, write_report
 from friction_comp.tools.recorded_drive import drive_of, figures_unit
+from friction_comp.units import in_own_units
 
 if TYPE_CHECKING:
     from friction_comp.identification.steady_state import SteadyStates
@@ -25,6 +26,7 @@ def refine_table(arguments: Namespace, columns: tuple[Column, Column]) -> int:
 
     from friction_comp.identification.steady_state import fit_steady_states
     from friction_comp.recordings.table_files import open_table
+    from friction_comp.reports.html import units_of_axis
     from friction_comp.reports.steady_state_report import steady_state_report, value_rows
 
     path, = arguments.recordings
@@ -54,7 +56,8 @@ def refine_table(arguments: Namespace, columns: tuple[Column, Column]) -> int:
                            'current_limit': 'the largest current of the table, since no other '
                                             'limit was given'})}
     report = in_own_units(_report(fit, unit), linear)
-    page = steady_state_report(report, fit.model, fit.speeds, fit.currents, [str(path)])
+    with units_of_axis(linear):
+        page = steady_state_report(report, fit.model, fit.speeds, fit.currents, [str(path)])
     with output_folder(arguments.output) as folder:
         write_report(folder, report, page, arguments.command)
         fit.model.save(folder / 'model.yaml')
