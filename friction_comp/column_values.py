@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Converts the values of a column to numbers; dates are numbers of seconds."""
+"""Converts the values of a column to numbers, dates to seconds, and arguments to pairs."""
 
 from __future__ import annotations
 
@@ -41,3 +41,17 @@ def date_in_seconds(text: str) -> float:
     date = np.datetime64(f'{day}T{(clock or "00:00").replace(",", ".")}', 'ns')
     ahead = 60.0 * (60.0 * int(hours) + int(minutes)) if sign else 0.0
     return float(date.astype(np.int64) * 1e-9) - (ahead if sign == '+' else -ahead)
+
+
+def read_pairs(text: str, what: str, form: str = 'SIGNAL=NAME, for instance time=t,position=q_2'
+               ) -> dict[str, str]:
+    """Parse ``a=b,c=d`` into a dictionary; InputError, which says the form, if it is invalid."""
+    pairs: dict[str, str] = {}
+    for part in text.split(','):
+        name, sign, value = (piece.strip() for piece in part.partition('='))
+        if not (name and sign and value):
+            raise InputError(f'{what}: {part.strip()!r} is not of the form {form}')
+        if name in pairs:
+            raise InputError(f'{what}: names {name} twice')
+        pairs[name] = value
+    return pairs

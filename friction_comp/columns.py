@@ -202,20 +202,6 @@ def signal_with_unit(unit: str) -> str | None:
         else signals[0])
 
 
-def read_pairs(text: str, what: str, form: str = 'SIGNAL=NAME, for instance time=t,position=q_2'
-               ) -> dict[str, str]:
-    """Parse ``a=b,c=d`` into a dictionary; InputError, which says the form, if it is invalid."""
-    pairs: dict[str, str] = {}
-    for part in text.split(','):
-        name, sign, value = (piece.strip() for piece in part.partition('='))
-        if not (name and sign and value):
-            raise InputError(f'{what}: {part.strip()!r} is not of the form {form}')
-        if name in pairs:
-            raise InputError(f'{what}: names {name} twice')
-        pairs[name] = value
-    return pairs
-
-
 def assign(names: Sequence[str], layout: Layout | None, where: str) -> Assignment:
     """Assign signals to a table's columns; `where` names the table in messages.
 
@@ -242,19 +228,30 @@ def assign(names: Sequence[str], layout: Layout | None, where: str) -> Assignmen
                       labels.get(own) if named and len(keys) > 1 else None)
 
 
-def without_time(names: Sequence[str], layout: Layout | None) -> tuple[Column, Column] | None:
+def without_time(names: Sequence[str], layout: Layout, where: str) -> tuple[Column, Column] | None:
     """Return the columns of velocity and effort of a table of steady states, else None.
 
-    It has neither time nor position: each row is the mean of a motion at constant speed.
+    It has neither time nor position: each row is the mean of a motion at constant speed. Raises
+    InputError if it has several joints, and none is named.
     """
-    layout = layout or Layout()
-    named = _named(names, layout, '') if set(layout.columns.values()) <= set(names) else []
-    columns = [*named, *_guessed([name for name in names if name], named, (), layout)]
-    if layout.rate or any(c.signal in ('time', 'position') for c in columns):
+    if layout.rate or not set(layout.columns.values()) <= set(names):
         return None
-    velocity = next((c for c in columns if c.signal == 'velocity'), None)
-    effort = next((c for c in columns if c.signal in ('effort', 'current')), None)
-    return (velocity, effort) if velocity and effort else None
+    named = _named(names, layout, where)
+    columns = [*named, *_guessed([name for name in names if name], named, (), layout)]
+    if any(c.signal in ('time', 'position') for c in columns):
+        return None
+    # A commanded speed is that of the means, where the measured one is not given.
+    measured = any(c.signal == 'velocity' for c in columns)
+    wanted = 'velocity' if measured else 'reference_velocity'
+    pairs = [(speed, effort) for speed in columns if speed.signal == wanted
+             for effort in columns if _kind(effort.signal) == 'effort'
+             and (effort.key in (speed.key, ()) or speed.key == ())]
+    pairs = [pair for pair in pairs if pair[0] in named or pair[1] in named] or pairs
+    chosen = [pair for pair in pairs if layout.joint in (pair[0].joint, pair[1].joint)] or pairs
+    if len(chosen) > 1:
+        raise InputError(f'{where}: several joints, name one with --joint or --columns: '
+                         + ', '.join(repr(speed.joint or effort.joint) for speed, effort in chosen))
+    return chosen[0] if chosen else None
 
 
 def _notes(used: Sequence[Column], layout: Layout) -> list[str]:

@@ -82,6 +82,17 @@ def test_refine_reads_a_table_of_steady_states(tmp_path, capsys):
     assert main(['refine', str(path), '--output', str(output)]) == 2
 
 
+def test_a_table_of_several_joints_needs_the_name_of_one(tmp_path, refuses):
+    speeds = np.concatenate((-SPEEDS, SPEEDS))
+    path = write(tmp_path / 'table.csv', target_velocity_1=speeds, torque_1=sliding(speeds),
+                 target_velocity_2=speeds, torque_2=2.0 * sliding(speeds))
+    refuses("several joints, name one with --joint or --columns: '1', '2'", 'refine', path)
+    assert main(['refine', str(path), '--joint', '2', '--output', str(tmp_path / 'out')]) == 0
+    model = FrictionModel.load(tmp_path / 'out' / 'model.yaml')
+    assert model.joint == '2'
+    assert model.sigmoid.upper == pytest.approx(2.0 * 0.57, abs=1e-6)
+
+
 def servo(stiffness, damping, rate_of_target, count=6000):
     """Return a simulated position controller: time, target, position, and its effort."""
     step, position, velocity = 0.005, 0.0, 0.0

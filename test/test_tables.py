@@ -11,7 +11,8 @@ import pytest
 
 from friction_comp import InputError, Layout, read_recording, Samples
 from friction_comp.__main__ import main
-from friction_comp.columns import assign, read_pairs
+from friction_comp.column_values import read_pairs
+from friction_comp.columns import assign
 from friction_comp.recordings import (
     read_recording_with_info,
     recorded_joints,

@@ -14,7 +14,8 @@ from typing import Any, TYPE_CHECKING
 
 from friction_comp import units
 from friction_comp.checks import check_number
-from friction_comp.columns import Column, Layout, read_pairs, without_time
+from friction_comp.column_values import read_pairs
+from friction_comp.columns import Column, Layout, without_time
 from friction_comp.drive import Drive
 from friction_comp.errors import errors_name, InputError
 
@@ -142,7 +143,7 @@ def check_tables(arguments: Namespace) -> tuple[Column, Column] | None:
     recordings = find_recordings(arguments.recordings)
     if len(recordings) == 1 and is_table(recordings[0]):
         with unreadable_on_error(recordings[0]):
-            means = without_time(open_table(recordings[0]).names, layout)
+            means = without_time(open_table(recordings[0]).names, layout, str(recordings[0]))
         if means:
             return means
     for index, path in enumerate(recordings):

@@ -49,6 +49,7 @@ def refine_table(arguments: Namespace, columns: tuple[Column, Column]) -> int:
             speeds, torques / (1.0 if in_ampere else drive.torque_per_current), drive)
     limit = arguments.current_limit or float(f'{np.max(np.abs(fit.currents)):.4g}')
     fit.model.drive = replace(drive, current_limit=limit)
+    fit.model.joint = arguments.joint or velocity.joint or effort.joint
     linear = velocity.dimension == 'length/time'
     fit.model.notes = {'refined_from': [str(path)], 'unit': unit,
                        **({'position_unit': 'm'} if linear else {}),
@@ -94,7 +95,7 @@ def _report(fit: SteadyStates, unit: str) -> dict[str, Any]:
         again.append('each speed several times, over the same range of positions')
     found = [effect.name for effect in fit.model.effects]
     return {
-        'unit': unit, 'joint': '', 'samples': len(fit.speeds),
+        'unit': unit, 'joint': fit.model.joint, 'samples': len(fit.speeds),
         'held_out': 'each row, predicted by a fit to all others', 'signal_rms': signal,
         'before': {'model': 'Coulomb and viscous friction', 'held_out_rmse': fit.plain_rmse},
         'after': {'model': ' + '.join(['sigmoid of Eq. 6', *found]), 'fit_rmse': fit.fit_rmse,
