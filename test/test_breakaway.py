@@ -8,7 +8,7 @@ import pytest
 
 from friction_comp.errors import InputError
 from friction_comp.identification.excitation import ramp_current
-from friction_comp.note.breakaway import breakaway_currents
+from friction_comp.note.recorded_ramps import breakaway_currents
 
 PERIOD = 10.0
 COUNT = 1.57e-5  # rad
