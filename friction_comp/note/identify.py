@@ -20,8 +20,8 @@ from friction_comp.identification.run import (
     CUT_WINDOW,
     IdentificationRun,
 )
-from friction_comp.note.recorded_ramps import breakaway_currents
 from friction_comp.note.published import RAMP_PERIOD
+from friction_comp.note.recorded_ramps import breakaway_currents
 from friction_comp.simulation.joint import joint_sample, measure, Plant, start_joint
 from friction_comp.simulation.joint_parameters import joint_parameters, JOINT_STATE, MEASURED
 from friction_comp.simulation.random_sequence import random_states
