@@ -20,6 +20,7 @@ from friction_comp.model.arm.arm import Arm
 from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate, settings_of
 from friction_comp.model.effects import Effect, EFFECTS
 from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.model.sliding_friction import Recorded
 from friction_comp.samples import Samples
 
 FORMAT, ARM_FORMAT = 'friction_comp_model', 'friction_comp_arm'
@@ -90,6 +91,8 @@ class FrictionModel:
         fitted to (note, section 2.3).
     arm : Arm, optional
         The rest of the arm, for effects of other joints.
+    recorded : Recorded, optional
+        Speeds and intervals of the recordings that refinement fitted.
     differentiation : dict
         How velocity and acceleration are derived from position when the model is applied to a
         recording; written by refinement, empty otherwise.
@@ -107,6 +110,7 @@ class FrictionModel:
     presliding: Presliding | None = None
     position_limits: tuple[float, float] | None = None
     lookup_table: dict[str, Any] | None = None
+    recorded: Recorded | None = None
     differentiation: dict[str, Any] = field(default_factory=dict)
     arm: Arm | None = None
     simulation: dict[str, Any] = field(default_factory=dict)
@@ -189,6 +193,8 @@ class FrictionModel:
         if self.position_limits is not None:
             document['position_limits'] = self.position_limits
         document['effects'] = [effect.to_dict() for effect in self.effects]
+        if self.recorded is not None:
+            document['recorded'] = self.recorded.to_dict()
         for name in ('lookup_table', 'differentiation', 'simulation', 'notes'):
             if getattr(self, name):
                 document[name] = getattr(self, name)
@@ -296,6 +302,7 @@ _OPTIONAL: dict[str, Callable[[Any], Any]] = {
     'presliding': lambda section: _section(Presliding, section, 'presliding'),
     'position_limits': _position_limits,
     'lookup_table': _lookup_table,
+    'recorded': Recorded.from_dict,
     'differentiation': lambda section: settings_of(section, 'differentiation'),
     'arm': lambda section: Arm.from_dict(check_mapping(section, 'arm')),
     'simulation': lambda section: check_mapping(section, 'simulation'),

@@ -20,6 +20,7 @@ from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.best_fit import find_best_fit, Fit, fit_eq6_alone, Problem
 from friction_comp.refinement.effect_columns import eq6_columns, EQ6_LINEAR, MAX_SHIFT, Table, Term
+from friction_comp.refinement.friction_numbers import recorded_of
 from friction_comp.refinement.prepare import join
 from friction_comp.refinement.recorded_motion import settings_for_arm
 from friction_comp.refinement.report import report_of
@@ -84,13 +85,14 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
     fit = select_named(fit)
     report_progress(0.9, 'writing')
     raw, rows = problem.raw, fit.rows
-    refined = model_of(fit, problem)
+    refined = with_numbers(model_of(fit, problem), fit)
     if model:
         start = model
         before = own_before = model.measured(raw) - model.predict(raw, same_recording=True)
     else:
         plain = refit(fit_eq6_alone(problem, fit.settings), [])
-        start, before = model_of(plain, problem), plain.residual()
+        plain = replace(plain, intervals=intervals(plain.table, []))
+        start, before = with_numbers(model_of(plain, problem), plain), plain.residual()
         own_before = rows.samples.current - start.current(rows.samples)
     after, own_after = fit.residual(), raw.current - refined.predict(raw, same_recording=True)
     # A model that is no better on parts that were not fitted is not used.
@@ -101,6 +103,11 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
                        unit or ('A' if declared else 'N·m'), keep_start)
     return RefineResult(
         report, refined, start, rows.samples, rows.usable, before, after, rows.coverage)
+
+
+def with_numbers(model: FrictionModel, fit: Fit) -> FrictionModel:
+    """Return the model of a fit with the speeds and the intervals of its numbers."""
+    return replace(model, recorded=recorded_of(fit, model))
 
 
 def select_named(fit: Fit) -> Fit:

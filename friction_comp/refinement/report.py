@@ -20,6 +20,7 @@ from friction_comp.refinement import thresholds
 from friction_comp.refinement.best_fit import Fit, Problem
 from friction_comp.refinement.dependence import Dependence, remaining_dependences
 from friction_comp.refinement.effect_columns import Term
+from friction_comp.refinement.friction_numbers import friction_of
 from friction_comp.refinement.judge import (
     ambiguities,
     errors_of,
@@ -67,9 +68,7 @@ def report_of(problem: Problem, fit: Fit, model: FrictionModel,
         'after': {'model': ' + '.join([refined, *(entry['name'] for entry in effects)]), **errors},
         'noise_floor': noise_floor(rows, after[1]),
         'effects': effects,
-        'friction': {**friction_of(model), 'intervals': {} if kept else {
-            name: list(fit.intervals.coefficients[column])
-            for column, name in enumerate(('offset', 'coulomb', 'viscous'))}},
+        'friction': friction_of(model, unit, rows.coverage.both_directions),
         'correlations': [] if kept else correlations_of(fit),
         'unexplained': [{**asdict(dependence), 'note': in_unit(dependence.note, unit)}
                         for dependence in dependences],
@@ -102,13 +101,6 @@ def clipping_dependence(rows: Rows) -> list[Dependence]:
             strongest = (name, spread)
     return [Dependence(*strongest, f'the current is at a limit in {100 * share:.2g} % of the '
                        f'samples, mostly depending on {strongest[0]}; these are not fitted')]
-
-
-def friction_of(model: FrictionModel) -> dict[str, float]:
-    """Return the parameters of Eq. 6 by their usual names, in A, A·s/rad and rad/s."""
-    base = model.sigmoid
-    return {'offset': 0.5 * (base.upper + base.lower), 'coulomb': 0.5 * (base.upper - base.lower),
-            'viscous': base.viscous, 'transition': 2.0 / base.steepness, 'shift': base.shift}
 
 
 def correlations_of(fit: Fit) -> list[dict[str, Any]]:

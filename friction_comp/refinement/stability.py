@@ -107,6 +107,12 @@ class Intervals:
     coefficients: dict[int, tuple[float, float]] = field(default_factory=dict)
     constants: dict[tuple[Term, str], tuple[float, float]] = field(default_factory=dict)
     draws: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))  # (D, P), both together
+    quantile: float = math.nan  # half an interval over the standard deviation of the draws
+
+    def half_width(self, weights: np.ndarray) -> float:
+        """Return half the interval of a weighted sum of coefficients, with a weight by column."""
+        sums = self.draws[:, :len(self.coefficients)] @ weights[list(self.coefficients)]
+        return self.quantile * float(robust_std(sums - np.median(sums)))
 
     def excludes_zero(self, table: Table, term: Term) -> bool:
         """Return whether the interval of any of a term's coefficients excludes zero.
@@ -156,7 +162,7 @@ def intervals(table: Table, terms: Sequence[Term]) -> Intervals:
         term = terms[index]
         value, width = term.constants[name], h * step_size(term, name, table.rows.coverage)
         constants[term, name] = float(value - width), float(value + width)
-    return Intervals(coefficients, constants, draws)
+    return Intervals(coefficients, constants, draws, quantile)
 
 
 class LeftOutThirds:
@@ -193,6 +199,18 @@ class LeftOutThirds:
             terms, derivatives=False)]
         return {name: max(float(sums.held_out_errors(columns).sum()), 1e-300)
                 for name, sums in self._sums.items()}
+
+    def spread(self, terms: Sequence[Term], weights: np.ndarray, variable: str = 'speed') -> float:
+        """Return how far a weighted sum of coefficients moves if a third is left out of the fit.
+
+        `weights` has a weight by column of the table. A model that lacks something fits each third
+        differently, which parts of the recording drawn at random do not show.
+        """
+        columns = self._table.indices(terms, derivatives=False)
+        sums, own = self._sums[variable], [self._column_index[column] for column in columns]
+        count = len(sums.rows)
+        fits = sums.fits(own, np.vstack((np.ones(count), 1.0 - np.eye(count)))) @ weights[columns]
+        return float(np.abs(fits[1:] - fits[0]).max())
 
     def error_growth(self, terms: Sequence[Term]) -> dict[str, float]:
         """Return the ratio of the error for each variable to that of blocks of time."""

@@ -6,14 +6,17 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
 from friction_comp.model.effects import EFFECTS
+from friction_comp.model.sliding_friction import line_of
 from friction_comp.refinement.judge import in_unit
 from friction_comp.refinement.thresholds import LEAST_SHARE
 from friction_comp.reports.feed_forward_section import feed_forward_section
+from friction_comp.reports.friction_words import number_rows
 from friction_comp.reports.html import number, quantity, Report
 from friction_comp.reports.refinement_figures import (
     friction_figure,
@@ -42,6 +45,7 @@ def refinement_report(result: RefineResult, names: list[str]) -> Report:
     before, after, unit = report['before'], report['after'], report['unit']
     first, _, rest = summary(report).partition('\n\n')
     page.verdict(f"**Verdict: {report['verdict']}.** {first}")
+    add_numbers(page, report['friction'])
     page.numbers([
         (quantity(before['held_out_rmse'], unit), 'error before, on data not fitted'),
         (quantity(after['held_out_rmse'], unit), 'error after, on data not fitted'),
@@ -118,6 +122,18 @@ def refinement_report(result: RefineResult, names: list[str]) -> Report:
     return page
 
 
+def add_numbers(page: Report, friction: dict[str, Any]) -> None:
+    """Add Coulomb and viscous friction and the like, and the model as one line."""
+    rows = number_rows(friction)
+    torque = any(row.torque for row in rows)
+    page.table(
+        ['', 'value', '95 % interval', *(['at the joint'] if torque else []), ''],
+        [[f'**{row.name}**', row.value, row.interval, *([row.torque] if torque else []), row.remark]
+         for row in rows],
+        'Friction of the joint in sliding')
+    page.code(friction['formula'])
+
+
 def effect_names(names: Iterable[str]) -> str:
     """Return the names of effects as text with their counts, or 'nothing'."""
     counts = Counter(name.replace('_', ' ') for name in names)
@@ -154,12 +170,13 @@ def summary(report: dict[str, Any]) -> str:
 
 def parameter_rows(result: RefineResult) -> list[list[str]]:
     """Return a row for each fitted parameter: effect, name, before, after, unit, interval."""
-    unit, friction, sigmoid = result.report['unit'], result.report['friction'], result.start.sigmoid
-    before = {'offset': 0.5 * (sigmoid.upper + sigmoid.lower),
-              'coulomb': 0.5 * (sigmoid.upper - sigmoid.lower), 'viscous': sigmoid.viscous}
-    rows = [['Eq. 6', name, number(before[key]), number(friction[key]),
-             own_unit.replace('A', unit, 1), interval_text(friction['intervals'][key])
-             if key in friction['intervals'] else 'unchanged']
+    unit, friction = result.report['unit'], result.report['friction']
+    before, after = (line_of(replace(model, effects=[])) for model in (result.start, result.model))
+    # The numbers of sliding friction may contain effects: then Eq. 6 has no interval of its own.
+    rows = [['Eq. 6', name, number(before[key]), number(after[key]),
+             own_unit.replace('A', unit, 1), 'unchanged' if before[key] == after[key] else
+             interval_text(friction['intervals'][key]) if key in friction['intervals']
+             and friction[key] == after[key] else '']
             for key, name, own_unit in (
                 ('offset', 'offset', 'A'), ('coulomb', 'Coulomb friction', 'A'),
                 ('viscous', 'viscous friction', 'A·s/rad'))]

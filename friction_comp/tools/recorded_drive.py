@@ -263,9 +263,14 @@ def folder_names(names: Iterable[str]) -> list[str]:
 
 def print_summary(report: dict[str, Any]) -> None:
     """Print the report of a refinement in a few lines."""
+    from friction_comp.reports.friction_words import number_lines
     from friction_comp.reports.html import number, quantity
 
-    unit = report['unit']
+    unit, friction = report['unit'], report['friction']
+    print('friction in sliding, with 95 % intervals:')
+    for line in number_lines(friction):
+        print(f'  {line}')
+    print(friction['formula'])
     print(f"verdict: {report['verdict']}")
     for line in report['reasons']:
         print(f'  {line}')

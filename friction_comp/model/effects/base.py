@@ -64,6 +64,7 @@ class Effect(ABC):
     # support it.
     in_first_model = False
     holds_on_another_day = True     # whether it is expected in other recordings of the drive
+    fades_in_sliding = False    # whether it vanishes while the joint slides on, or faster
     # Whether a sample's value depends on earlier ones: then it has `step`, `start` and `memory`.
     has_memory = False
     not_fed_back = ''   # why the compensator must not apply it; empty if it may

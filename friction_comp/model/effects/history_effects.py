@@ -169,6 +169,7 @@ class RestTime(Effect):
     """``A·tanh(v/v_t)·s``: s grows with the time at rest and fades over a distance of motion."""
 
     name = 'rest_time'
+    fades_in_sliding = True
     coefficient_names = (('stiction after a long rest', 'A'),)
     variable = 'history'
     # With a time constant above the recording's duration it is linear in time; below a tenth of a

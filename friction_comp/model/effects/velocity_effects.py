@@ -24,6 +24,7 @@ class Stribeck(Effect):
     """``A·tanh(v/v_t)·exp(-(|v|/v_s)^p)``, the second term of the note's Eq. 2 for p = 1."""
 
     name = 'stribeck'
+    fades_in_sliding = True
     coefficient_names = (('height at standstill', 'A'),)
     variable = 'velocity'
     # Near the top speed it would be curved viscous friction; near standstill it cannot be seen.

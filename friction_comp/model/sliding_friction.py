@@ -1,0 +1,178 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The numbers that people ask of a model: Coulomb and viscous friction, offset, inertia.
+
+Coulomb friction is what remains of friction at any speed of a joint that slides, viscous friction
+what grows with the speed: a straight line through the model's friction over the speeds of the
+recording, with the sign change of Eq. 6 taken as sudden. For Eq. 6 alone these are its own
+parameters. Effects that fade in sliding (Stribeck) are friction near standstill, and belong to
+neither. A hysteresis, whose friction the sigmoid lacks, belongs to Coulomb friction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+import math
+from typing import Any, TYPE_CHECKING
+
+import numpy as np
+
+from friction_comp.checks import check_list, check_mapping, check_number
+from friction_comp.errors import InputError
+from friction_comp.model.effects.base import Effect
+from friction_comp.model.effects.definitions import RESISTS
+from friction_comp.samples import Samples
+
+if TYPE_CHECKING:
+    from friction_comp.model.friction_model import FrictionModel
+
+LINE = ('offset', 'coulomb', 'viscous')
+"""Parameters of the line, in A, A and A·s/rad."""
+# rad/s, if a model does not tell the speeds at which it was measured.
+_TOP_SPEED = 1.0
+# Speeds of the line, and points over the range of position.
+_SPEEDS, _POINTS = 12, 720
+# A transition so short, rad/s, that every speed of the line is beyond it.
+_SUDDEN = 1e-9
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """What a model file keeps of the recordings it was fitted to."""
+
+    speeds: tuple[float, ...] = ()  # quantiles of the speed in motion, rad/s, the lowest first
+    # 95 % intervals by parameter, in the model's unit of current, of `LINE`, inertia, transition.
+    intervals: tuple[tuple[str, tuple[float, float]], ...] = ()
+
+    @classmethod
+    def from_dict(cls, section: Any) -> Recorded:
+        """Read the section `recorded` of a model file."""
+        check_mapping(section, 'recorded', ('speeds', 'intervals'))
+        speeds = tuple(check_number(value, 'recorded.speeds', above=0.0) for value in check_list(
+            section.get('speeds'), 'recorded.speeds'))
+        intervals = []
+        known = (*LINE, 'inertia', 'transition')
+        for name, ends in check_mapping(
+                section.get('intervals') or {}, 'recorded.intervals', known).items():
+            low, high = _two(ends, f'recorded.intervals.{name}')
+            intervals.append((name, (low, high)))
+        return cls(speeds, tuple(intervals))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the section as plain values."""
+        return {'speeds': list(self.speeds),
+                'intervals': {name: list(ends) for name, ends in self.intervals}}
+
+    def interval(self, name: str, value: float) -> tuple[float, float] | None:
+        """Return a parameter's interval; None where it is unknown, or does not hold the value.
+
+        A model that was changed after the fit has other values than its intervals.
+        """
+        low, high = dict(self.intervals).get(name, (math.nan, math.nan))
+        return (low, high) if low <= value <= high else None
+
+
+def _two(ends: Any, name: str) -> tuple[float, float]:
+    values = [check_number(end, name) for end in check_list(ends, name)]
+    if len(values) != 2 or values[0] > values[1]:
+        raise InputError(f'{name} must be two numbers, the lower one first')
+    return values[0], values[1]
+
+
+@dataclass(frozen=True)
+class Sliding:
+    """Sweeps at constant speeds over a range of position, in both directions."""
+
+    speeds: tuple[float, ...]               # rad/s
+    limits: tuple[float, float] = (-math.pi, math.pi)   # rad
+
+    @classmethod
+    def of(cls, model: FrictionModel, top_speed: float | None = None) -> Sliding:
+        """Return the sweeps at the speeds of a model: of its recording, else up to its fastest.
+
+        The fastest is `top_speed`, rad/s, if given.
+        """
+        limits = model.position_limits or cls.limits
+        if model.recorded is not None and model.recorded.speeds and top_speed is None:
+            return cls(model.recorded.speeds, limits)
+        top_speed = top_speed or model.largest_speed(_TOP_SPEED)
+        check_number(top_speed, 'the top speed', above=0.0)
+        return cls(tuple((np.arange(1, _SPEEDS + 1) * top_speed / _SPEEDS).tolist()), limits)
+
+    def samples(self) -> tuple[Samples, np.ndarray]:
+        """Return the sweeps, and which samples are past a first tenth, where presliding is over."""
+        low, high = self.limits
+        path = np.linspace(low, high, _POINTS)
+        zero, parts = np.zeros(_POINTS), []
+        for speed in self.speeds:
+            for sign in (1.0, -1.0):
+                parts.append(Samples(
+                    time=(path - low) / speed, position=path if sign > 0 else path[::-1],
+                    current=zero, velocity=np.full(_POINTS, sign * speed), acceleration=zero))
+        return (Samples.concatenate(parts),
+                np.tile(np.arange(_POINTS) >= _POINTS // 10, len(parts)))
+
+    def lines(self, effects: Iterable[Effect]) -> list[np.ndarray]:
+        """Return offset, Coulomb and viscous friction of each coefficient of some effects.
+
+        Each array has the shape (3, M) of `LINE` and the effect's coefficients. It is zero for
+        effects that are no friction of a sliding joint without load, and those that fade.
+        """
+        effects = list(effects)
+        zero = [np.zeros((len(LINE), len(effect.coefficients))) for effect in effects]
+        counts = [is_sliding_friction(effect) for effect in effects]
+        if not any(counts):
+            return zero
+        motion, late = self.samples()
+        speed = np.asarray(motion.velocity)[late]
+        base = np.column_stack((np.ones(len(speed)), np.sign(speed), speed))
+        solve = np.linalg.pinv(base)
+        return [np.column_stack([
+            solve @ one.current(motion)[late] for one in _by_coefficient(sudden(effect))])
+            if own else none for effect, own, none in zip(effects, counts, zero)]
+
+
+def is_sliding_friction(effect: Effect) -> bool:
+    """Return whether an effect is friction of a joint that slides, warm and without load."""
+    return (effect.role == RESISTS and not effect.fades_in_sliding
+            and effect.holds_on_another_day and not effect.needs)
+
+
+def _by_coefficient(effect: Effect) -> list[Effect]:
+    """Return the effect with each of its coefficients 1 and the others 0."""
+    units = np.eye(len(effect.coefficients)).tolist()
+    return [type(effect)({**effect.values, 'coefficients': unit}, effect.valid_range)
+            for unit in units]
+
+
+def sudden(effect: Effect) -> Effect:
+    """Return the effect with a sudden sign change of friction."""
+    if 'transition' not in effect.values:
+        return effect
+    return type(effect)({**effect.parameters, 'transition': _SUDDEN}, effect.valid_range)
+
+
+def line_of(model: FrictionModel, top_speed: float | None = None) -> dict[str, float]:
+    """Return offset (A), Coulomb (A) and viscous friction (A·s/rad) of a sliding joint."""
+    base = model.sigmoid
+    line = np.array([0.5 * (base.upper + base.lower), 0.5 * (base.upper - base.lower),
+                     base.viscous])
+    for effect, own in zip(model.effects, Sliding.of(model, top_speed).lines(model.effects)):
+        line += own @ np.asarray(effect.coefficients)
+    return dict(zip(LINE, line.tolist()))
+
+
+def inertia_of(model: FrictionModel) -> float | None:
+    """Return the coefficient of the acceleration, A·s²/rad; None if it was not found."""
+    own = [effect.coefficients[0] for effect in model.effects if effect.name == 'inertia']
+    if own:
+        return float(sum(own))
+    simulated = model.simulation.get('inertia')
+    return None if simulated is None else float(simulated) / model.drive.torque_per_current
+
+
+def with_sudden_friction(model: FrictionModel, effects: Sequence[Effect]) -> FrictionModel:
+    """Return the model with these effects alone, and a sudden sign change of friction."""
+    return replace(model, effects=[sudden(effect) for effect in effects], arm=None,
+                   sigmoid=replace(model.sigmoid, steepness=2.0 / _SUDDEN, shift=0.0))

@@ -1,0 +1,134 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Coulomb and viscous friction, offset, inertia and transition of a fit, with 95 % intervals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+import math
+from typing import Any
+
+import numpy as np
+
+from friction_comp.model.effects.base import Effect
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.sliding_friction import (
+    inertia_of,
+    LINE,
+    line_of,
+    Recorded,
+    Sliding,
+)
+from friction_comp.refinement.best_fit import Fit
+from friction_comp.refinement.effect_columns import EQ6_LINEAR
+from friction_comp.refinement.stability import LeftOutThirds
+
+# Quantiles of the speed in motion that a model file keeps.
+_SPEEDS = 12
+# Column of Eq. 6's derivative with respect to the logarithm of the steepness.
+_STEEPNESS = 3
+# Widest transition of a sign change that counts as determined: a factor of e either way.
+_MOST_LOG = 1.0
+
+
+def recorded_of(fit: Fit, model: FrictionModel) -> Recorded:
+    """Return the speeds of the recordings, and the intervals of the numbers of a fit.
+
+    An interval contains the scatter over parts drawn at random, and how far a number moves if the
+    slow, the middle or the fast third of the samples is left out.
+    `model` is the model of that fit.
+    """
+    rows = fit.rows
+    speed = np.abs(np.asarray(rows.samples.velocity)[rows.usable])
+    speeds = np.quantile(speed, (np.arange(_SPEEDS) + 0.5) / _SPEEDS)
+    recorded = Recorded(tuple(np.unique(speeds[speeds > 0.0]).tolist()))
+    weights = np.zeros((len(LINE) + 1, max(fit.intervals.coefficients) + 1))
+    weights[:EQ6_LINEAR, :EQ6_LINEAR] = np.eye(EQ6_LINEAR)
+    own = [term for term in fit.terms if term.group is None]
+    effects = [_effect_of(fit, term) for term in own]
+    sliding = Sliding(recorded.speeds or Sliding.of(model).speeds,
+                      model.position_limits or Sliding.limits)
+    for term, effect, line in zip(own, effects, sliding.lines(effects)):
+        columns = fit.table.columns_of[term]
+        weights[:len(LINE), columns] = line
+        if effect.name == 'inertia':
+            weights[-1, columns[0]] = 1.0
+    intervals, thirds = {}, LeftOutThirds(fit.table, fit.terms)
+    for name, row, value in zip((*LINE, 'inertia'), weights, _values(model, recorded)):
+        half = math.hypot(fit.intervals.half_width(row), thirds.spread(fit.terms, row))
+        # In motion in one direction, the offset is part of Coulomb friction.
+        if value is not None and half > 0.0:
+            intervals[name] = value - half, value + half
+    row = np.zeros(weights.shape[1])
+    row[_STEEPNESS] = 1.0
+    coulomb = abs(0.5 * (model.sigmoid.upper - model.sigmoid.lower))
+    spread = fit.intervals.half_width(row) / coulomb if coulomb else math.inf
+    if 0.0 < spread <= _MOST_LOG:
+        transition = 2.0 / model.sigmoid.steepness
+        intervals['transition'] = (transition * math.exp(-spread), transition * math.exp(spread))
+    return Recorded(recorded.speeds, tuple(intervals.items()))
+
+
+def _effect_of(fit: Fit, term: Any) -> Effect:
+    """Return a term as an effect; its coefficients do not matter."""
+    count = len(fit.table.columns_of[term])
+    effect: Effect = term.kind({**term.constants, 'coefficients': [0.0] * count})
+    return effect
+
+
+def _values(model: FrictionModel, recorded: Recorded) -> list[float | None]:
+    return [*line_of(replace(model, recorded=recorded)).values(), inertia_of(model)]
+
+
+def friction_of(model: FrictionModel, unit: str, both_directions: bool = True) -> dict[str, Any]:
+    """Return the numbers of a model, in its unit of current: the entry `friction` of report.json.
+
+    Their 95 % intervals are those that the model holds. `torque_per_current` converts them to
+    N·m; it is None where that is not known, as of counts. Without motion in both directions, the
+    offset is part of Coulomb friction.
+    """
+    base = model.sigmoid
+    numbers: dict[str, Any] = {
+        **line_of(model), 'inertia': inertia_of(model), 'transition': 2.0 / base.steepness}
+    if not both_directions:
+        numbers['offset'] = None
+    intervals = {name: list(ends) for name, value in numbers.items()
+                 if value is not None and model.recorded is not None
+                 and (ends := model.recorded.interval(name, value))}
+    return {**numbers, 'shift': base.shift, 'intervals': intervals,
+            'breakaway': None if model.breakaway is None else {
+                side: {what: getattr(model.breakaway, f'{side}_{what}') for what in ('mean', 'std')}
+                for side in ('positive', 'negative')},
+            'unit': unit, 'torque_per_current': torque_per_unit(model, unit),
+            'inertia_holds': inertia_holds(model), 'formula': formula_line(numbers, model, unit)}
+
+
+def inertia_holds(model: FrictionModel) -> str:
+    """Return what moved with the inertia of a model."""
+    if any(effect.name == 'rigid_body' for effect in model.effects):
+        return 'the motor, without the links of the URDF'
+    return 'the motor with all links that moved'
+
+
+def torque_per_unit(model: FrictionModel, unit: str) -> float | None:
+    """Return the torque at the joint, N·m, of one unit of a model's current; None if unknown."""
+    gain = model.drive.torque_per_current
+    if unit == 'N·m':
+        return 1.0
+    # Constants of 1 and 1 mean that nobody gave them.
+    return gain if unit == 'A' and gain != 1.0 else None
+
+
+def formula_line(numbers: dict[str, Any], model: FrictionModel, unit: str) -> str:
+    """Return the model as one line that a person can read, with its effects by name."""
+    symbol = 'torque' if unit == 'N·m' else 'current' if unit == 'A' else 'effort'
+    parts = [f"{numbers['coulomb']:.4g}·tanh(v/{numbers['transition']:.2g})",
+             f"{numbers['viscous']:+.4g}·v"]
+    if numbers['offset']:
+        parts.append(f"{numbers['offset']:+.3g}")
+    if numbers['inertia']:
+        parts.append(f"{numbers['inertia']:+.4g}·dv/dt")
+    others = dict.fromkeys(effect.name.replace('_', ' ') for effect in model.effects
+                           if effect.name not in ('inertia', 'hysteresis'))
+    spaced = ' '.join(parts).replace(' +', ' + ').replace(' -', ' − ')
+    return f'{symbol} = {" + ".join([spaced, *others])}   [{unit}, v in rad/s]'

@@ -1,0 +1,103 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Coulomb and viscous friction, breakaway, inertia and the like as text: one line for each."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from friction_comp.reports.html import number
+
+# Name and unit of each number, A standing for the unit of current.
+_NAMES = {'coulomb': ('Coulomb', 'A'), 'viscous': ('viscous', 'A·s/rad'),
+          'offset': ('offset', 'A'), 'inertia': ('inertia', 'A·s²/rad')}
+
+
+class NumberRow(NamedTuple):
+    """A number of the model as text, in its own unit and in N·m ('' where that is the same)."""
+
+    name: str
+    value: str      # with unit
+    interval: str   # 95 %, or why there is none
+    torque: str
+    remark: str
+
+
+def number_rows(friction: dict[str, Any]) -> list[NumberRow]:
+    """Return a row for each number of the entry `friction` of report.json."""
+    unit, gain = friction['unit'], friction['torque_per_current']
+    rows = []
+    for key in ('coulomb', 'viscous', 'offset'):
+        remark = ''
+        if friction['offset'] is None and key in ('coulomb', 'offset'):
+            remark = {'coulomb': 'with the offset: the motion was in one direction',
+                      'offset': 'not known: the motion was in one direction'}[key]
+        rows.append(_row(friction, key, remark))
+    rows += _breakaway_rows(friction, unit, gain)
+    value, ends = friction['transition'], friction['intervals'].get('transition')
+    rows.append(NumberRow('transition', *_texts(value, ends, 'rad/s'), '',
+                          'speed over which friction changes sign'))
+    if friction['inertia'] is None:
+        rows.append(NumberRow('inertia', '–', '', '', 'not found in the recordings'))
+    else:
+        rows.append(_row(friction, 'inertia', f"of {friction['inertia_holds']}"))
+    return rows
+
+
+def _row(friction: dict[str, Any], key: str, remark: str) -> NumberRow:
+    unit, gain = friction['unit'], friction['torque_per_current']
+    (name, own_unit), value = _NAMES[key], friction[key]
+    if value is None:
+        return NumberRow(name, '–', '', '', remark)
+    ends = friction['intervals'].get(key)
+    in_torque = 'kg·m²' if key == 'inertia' else own_unit.replace('A', 'N·m', 1)
+    own = in_torque if unit == 'N·m' else own_unit.replace('A', unit, 1)
+    torque = ''
+    if gain and unit != 'N·m':
+        scaled = None if ends is None else [gain * end for end in ends]
+        text, interval = _texts(gain * value, scaled, in_torque)
+        torque = f'{text} ({interval})' if scaled else text
+    return NumberRow(name, *_texts(value, ends, own), torque, remark)
+
+
+def _breakaway_rows(friction: dict[str, Any], unit: str, gain: float | None) -> list[NumberRow]:
+    known = friction['breakaway']
+    if known is None:
+        return [NumberRow('breakaway', '–', '', '',
+                          'not known: identification measures it with current ramps')]
+    rows = []
+    for side, sign in (('positive', '+'), ('negative', '−')):
+        mean, spread = known[side]['mean'], known[side]['std']
+        half = 2.0 * spread if spread else None
+        ends = None if half is None else [mean - half, mean + half]
+        torque = f'{number(gain * mean)} N·m' if gain and unit != 'N·m' else ''
+        text, interval = _texts(mean, ends, unit)
+        rows.append(NumberRow(f'breakaway {sign}', text, interval, torque,
+                              'as in the model given; interval of single trials'
+                              if half else 'as in the model given'))
+    return rows
+
+
+def _texts(value: float, ends: list[float] | None, unit: str) -> tuple[str, str]:
+    """Return a value with its unit, and its interval, with as many digits as that justifies."""
+    if ends is None:
+        return f'{number(value)} {unit}', 'no interval'
+    half = 0.5 * (ends[1] - ends[0])
+    places = 3 if half <= 0.0 else int(min(max(1 - math.floor(math.log10(half)), 0), 9))
+    low, middle, high = (f'{one:.{places}f}'.replace('-', '\u2212')
+                         for one in (ends[0], value, ends[1]))
+    return f'{middle} {unit}', f'{low} to {high}'
+
+
+def number_lines(friction: dict[str, Any]) -> list[str]:
+    """Return the rows as aligned lines for a terminal."""
+    rows = number_rows(friction)
+    width = max(len(row.value) for row in rows)
+    lines = []
+    for row in rows:
+        interval = f'({row.interval})' if row.interval else ''
+        parts = [f'{row.name:<12}{row.value:<{width}}', interval, row.torque and f'= {row.torque}',
+                 row.remark]
+        lines.append('  '.join(part for part in parts if part).rstrip())
+    return lines

@@ -1,0 +1,97 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Coulomb and viscous friction, offset and inertia are those of the drive, with honest intervals."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from friction_comp.drive import Drive
+from friction_comp.model.effects import EFFECTS
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.model.sliding_friction import line_of, Recorded
+from friction_comp.refinement import refine
+from friction_comp.reports.friction_words import number_lines
+from friction_comp.samples import Samples
+
+TRUTH = {'coulomb': 0.5, 'viscous': 0.15, 'offset': 0.04, 'inertia': 0.023}
+PLAIN = FrictionModel(Drive(1.0, 1.0), Sigmoid(0.54, -0.46, 40.0, viscous=0.15))
+
+
+def recording(seed=1, extra=lambda v, q: 0.0, step=0.005, seconds=40.0):
+    """Give a joint with sudden friction that follows a sum of sines."""
+    time = np.arange(0.0, seconds, step)
+    q, v, a = (sum(f(k) for k in ((0.9, 0.31), (0.5, 0.83))) for f in (
+        lambda k: k[0] * np.sin(2 * np.pi * k[1] * time),
+        lambda k: k[0] * 2 * np.pi * k[1] * np.cos(2 * np.pi * k[1] * time),
+        lambda k: -k[0] * (2 * np.pi * k[1]) ** 2 * np.sin(2 * np.pi * k[1] * time)))
+    torque = (TRUTH['offset'] + TRUTH['coulomb'] * np.sign(v) + TRUTH['viscous'] * v
+              + TRUTH['inertia'] * a + extra(v, q))
+    noise = np.random.default_rng(seed).standard_normal((2, len(time)))
+    return Samples(time=time, position=q + 2e-5 * noise[0], current=torque + 0.02 * noise[1])
+
+
+@pytest.fixture(scope='module')
+def refined():
+    return refine([recording()])
+
+
+def test_the_numbers_are_those_of_the_drive_and_their_intervals_hold_them(refined):
+    friction = refined.report['friction']
+    for name, value in TRUTH.items():
+        low, high = friction['intervals'][name]
+        assert low <= value <= high, name
+        assert high - low < 0.06
+        assert friction[name] == pytest.approx(value, rel=0.03, abs=0.01)
+    assert friction['torque_per_current'] == 1.0
+    assert friction['breakaway'] is None
+    # Without an effect and without a model given, there are intervals as well.
+    assert refined.model.recorded.speeds[-1] == pytest.approx(4.0, rel=0.1)
+
+
+def test_the_lines_name_every_number_with_interval_and_unit(refined):
+    lines = {line.split()[0]: line for line in number_lines(refined.report['friction'])}
+    assert list(lines) == ['Coulomb', 'viscous', 'offset', 'breakaway', 'transition', 'inertia']
+    for name, unit in (('Coulomb', 'N·m '), ('viscous', 'N·m·s/rad'), ('inertia', 'kg·m²')):
+        assert unit in lines[name]
+        assert ' to ' in lines[name]
+    assert 'all links that moved' in lines['inertia']
+    assert 'identification' in lines['breakaway']
+    formula = refined.report['friction']['formula']
+    assert formula.startswith('torque = 0.50')
+    assert formula.endswith('[N·m, v in rad/s]')
+
+
+def test_friction_that_the_sigmoid_lacks_is_part_of_coulomb_friction():
+    """A refined model may leave Coulomb friction of the sigmoid near zero to a hysteresis."""
+    hysteresis = EFFECTS['hysteresis']({
+        'distance': 1e-3, 'exponent': 1.0, 'transition': 0.03, 'coefficients': [0.5, 0.0]})
+    moved = replace(PLAIN, sigmoid=replace(PLAIN.sigmoid, upper=0.04, lower=0.04),
+                    effects=[hysteresis])
+    assert line_of(moved) == pytest.approx(line_of(PLAIN), rel=1e-6)
+    stribeck = EFFECTS['stribeck']({
+        'velocity': 0.1, 'exponent': 2.0, 'transition': 0.03, 'coefficients': [0.3]})
+    assert line_of(replace(PLAIN, effects=[stribeck])) == line_of(PLAIN)
+    asymmetry = EFFECTS['direction_asymmetry']({
+        'offset': 0.0, 'transition': 0.03, 'coefficients': [0.1, 0.0]})
+    assert line_of(replace(PLAIN, effects=[asymmetry]))['offset'] == pytest.approx(0.14)
+
+
+def test_a_model_file_keeps_speeds_and_intervals_until_it_is_changed(refined, tmp_path):
+    refined.model.save(tmp_path / 'model.yaml')
+    read = FrictionModel.load(tmp_path / 'model.yaml')
+    assert read.recorded == refined.model.recorded
+    value = line_of(read)['coulomb']
+    assert read.recorded.interval('coulomb', value)
+    assert read.recorded.interval('coulomb', 2.0 * value) is None
+
+
+@pytest.mark.parametrize('section, word', [
+    ({'speeds': [-1.0]}, 'recorded.speeds'), ({'intervals': {'mass': [0, 1]}}, 'mass'),
+    ({'speeds': [1.0], 'intervals': {'coulomb': [2.0, 1.0]}}, 'recorded.intervals.coulomb'),
+    ({'speeds': [1.0], 'intervals': {'coulomb': [2.0]}}, 'recorded.intervals.coulomb')])
+def test_a_wrong_entry_of_the_recordings_is_named(section, word):
+    with pytest.raises(ValueError, match=word):
+        Recorded.from_dict(section)
