@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Coulomb and viscous friction, offset and inertia are those of the drive, with honest intervals."""
+"""Coulomb and viscous friction, offset and inertia are those of the drive, as their intervals."""
 
 from dataclasses import replace
 

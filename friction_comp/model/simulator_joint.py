@@ -1,81 +1,146 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""A model's friction in the form of simulators: Coulomb, viscous, inertia and spring.
+"""A model in the form of simulators and controllers: Coulomb, viscous, offset, inertia, spring.
 
-The simpler form is fitted to the torque that the model predicts for sweeps at constant speeds over
-the joint's range in both directions; its error there is part of the result. Effects of the links
-(weight, the rest of the arm), and those that depend on signals that a simulator's joint does not
-have (load, temperature, time), are left out and listed.
+Each form is the sum of a few terms of a joint's velocity, acceleration and position. What it lacks
+of the model is listed; its error is the torque that it misses in a motion: that of a recording, or
+sweeps at the speeds of the model. Effects of the links (weight, the rest of the arm) are left to
+the simulator's own bodies.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 import math
 
 import numpy as np
-from scipy.optimize import nnls
 
-from friction_comp.checks import check_number
+from friction_comp.errors import InputError
+from friction_comp.model.effects.base import Effect
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.sliding_friction import (
+    inertia_of,
+    LINE,
+    line_of,
+    Sliding,
+    torque_per_unit,
+    unit_of,
+)
 from friction_comp.samples import Samples
 
-# rad/s, if the model does not give its largest measured speed.
-_TOP_SPEED = 1.0
-# Sweeps have these shares of the top speed; a joint that hardly moves does not show a plateau.
-_SPEEDS = np.geomspace(0.02, 1.0, 12)
-_POINTS = 720
-_LINKS = ('gravity', 'rigid_body', 'other_joints', 'load_torque')
+LINKS = ('gravity', 'rigid_body', 'other_joints', 'load_torque')
+"""Effects of the links and of what they touch."""
 _OWN_ELEMENTS = ('inertia', 'spring')
+# Speed as a share of the top speed above which a joint slides.
+_SLIDING = 0.02
 
 
 @dataclass(frozen=True)
 class SimulatorJoint:
-    """Parameters of a simulator's joint."""
+    """The numbers of a joint, of one model or the means of several; torques in `unit`."""
 
-    friction: float         # Coulomb friction, N·m
-    damping: float          # viscous friction, N·m·s/rad
-    inertia: float          # of the drive at the joint, kg·m²
+    coulomb: float          # N·m
+    viscous: float          # N·m·s/rad
+    offset: float           # N·m
+    static: float           # N·m, at breakaway if known, else near standstill
+    transition: float       # rad/s over which friction changes sign
+    inertia: float | None   # kg·m²
     stiffness: float        # of a spring, N·m/rad
     rest: float             # its rest position, rad
-    error: float            # RMS error of the simplified form, N·m
-    relative_error: float   # the same as a share of the model's torque
-    top_speed: float        # up to which the form was fitted, rad/s
-    left_out: list[str]     # effects that are left out, with the reason
+    unit: str               # N·m, or N of a linear axis
+    static_is: str          # where the static friction is from
+    left_out: list[str]     # effects that no form has, with the reason
+    # 95 % intervals by parameter, or over several models the range of all of them.
+    ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
+    ranges_are: str = ''    # what the ranges are
+
+    def torque(self, motion: Samples, form: str) -> np.ndarray:
+        """Return the torque of a form in a motion, N·m, shape (N,), with its inertia."""
+        speed = np.asarray(motion.velocity)
+        smooth = form == 'tanh'
+        sign = np.tanh(speed / self.transition) if smooth else np.sign(speed)
+        torque = self.coulomb * sign + self.viscous * speed
+        if smooth:
+            return torque + self.offset
+        torque = torque + (self.inertia or 0.0) * np.asarray(motion.acceleration)
+        return torque + (self.stiffness * (motion.position - self.rest)
+                         if form in ('mujoco', 'sdf') else 0.0)
 
 
 def simulator_joint(model: FrictionModel, top_speed: float | None = None) -> SimulatorJoint:
-    """Return the parameters of a simulator's joint that fit a model best.
+    """Return the numbers of a model for the joint of a simulator.
 
-    The top speed is in rad/s; the largest of the model's look-up table when omitted, else 1.
+    `top_speed` in rad/s replaces the speeds of the model's recording.
+
+    Raises
+    ------
+    InputError
+        If the model's unit is not a torque and cannot be converted to one.
     """
-    top_speed = top_speed or model.largest_speed(_TOP_SPEED)
-    gain = model.drive.torque_per_current
-    kept, left_out = joint_friction_only(model)
-    motion, late = sweeps(model, top_speed)
-    torque = gain * kept.current(motion)[late]
-    speed = np.asarray(motion.velocity)[late]
-    (friction, damping), _ = nnls(np.column_stack((np.sign(speed), speed)), torque)
-    residual = torque - friction * np.sign(speed) - damping * speed
-    inertias = [gain * effect.coefficients[0] for effect in model.effects
-                if effect.name == 'inertia']
-    inertia = float(sum(inertias) if inertias else model.simulation.get('inertia', 0.0))
+    unit = unit_of(model)
+    gain = torque_per_unit(model, unit)
+    if gain is None:
+        raise InputError(
+            f'its unit is {unit}, and no torque constant and gear ratio are known that make it a '
+            'torque: refine with --torque-constant and --gear-ratio, or write them into the '
+            "model's section drive")
+    line, inertia = line_of(model, top_speed), inertia_of(model)
     springs = [effect for effect in model.effects if effect.name == 'spring']
-    stiffness = gain * sum(effect.coefficients[0] for effect in springs)
-    rest = springs[0].values['position'] if springs else 0.0
-    error = math.sqrt(float(np.mean(residual ** 2)))
-    rms_torque = math.sqrt(float(np.mean(torque ** 2)))
-    return SimulatorJoint(float(friction), float(damping), inertia, stiffness, rest, error,
-                          error / rms_torque if rms_torque else 0.0, top_speed, left_out)
+    numbers = {**line, **({} if inertia is None else {'inertia': inertia})}
+    static, static_is = _static(model, line['coulomb'])
+    ranges = {name: (gain * ends[0], gain * ends[1]) for name, value in numbers.items()
+              if model.recorded is not None and (ends := model.recorded.interval(name, value))}
+    _, left_out = joint_friction_only(model)
+    return SimulatorJoint(
+        coulomb=gain * line['coulomb'], viscous=gain * line['viscous'],
+        offset=gain * line['offset'], static=gain * static, static_is=static_is,
+        transition=2.0 / model.sigmoid.steepness,
+        inertia=None if inertia is None else gain * inertia,
+        stiffness=gain * sum(effect.coefficients[0] for effect in springs),
+        rest=springs[0].values['position'] if springs else 0.0,
+        unit='N' if unit == 'N' else 'N·m', left_out=left_out, ranges=ranges,
+        ranges_are='95 % intervals of the fit' if ranges else '')
+
+
+def of_several(joints: list[SimulatorJoint]) -> SimulatorJoint:
+    """Return the means of several joints, and the ranges over all of them with their intervals."""
+    if len(joints) == 1:
+        return joints[0]
+    if len({joint.unit for joint in joints}) > 1:
+        raise InputError('some models are in N·m and some in N')
+    names = [name for name in (*LINE, 'static', 'transition', 'inertia')
+             if all(getattr(joint, name) is not None for joint in joints)]
+    ranges = {}
+    for name in names:
+        ends = [joint.ranges.get(name, (getattr(joint, name),) * 2) for joint in joints]
+        ranges[name] = min(low for low, _ in ends), max(high for _, high in ends)
+    means = {name: float(np.mean([getattr(joint, name) for joint in joints])) for name in names}
+    return replace(
+        joints[0], **{'inertia': None, **means},  # type: ignore[arg-type] # its names are fields
+        left_out=list(dict.fromkeys(line for joint in joints for line in joint.left_out)),
+        ranges=ranges, ranges_are=f'smallest to largest of {len(joints)} models, with their '
+                                  'intervals')
+
+
+def _static(model: FrictionModel, coulomb: float) -> tuple[float, str]:
+    """Return the friction at breakaway or near standstill, A, and where it is from."""
+    if model.breakaway is not None:
+        return (0.5 * (model.breakaway.positive_mean - model.breakaway.negative_mean),
+                'measured breakaway')
+    fading = sum(effect.coefficients[0] for effect in model.effects if effect.name == 'stribeck')
+    if fading:
+        return coulomb + fading, 'Coulomb with Stribeck friction'
+    return coulomb, 'Coulomb friction: breakaway was not measured'
 
 
 def joint_friction_only(model: FrictionModel, known: tuple[str, ...] = ('acceleration',)
                         ) -> tuple[FrictionModel, list[str]]:
     """Return the model with the friction that depends on known signals, and what is left out."""
-    kept, left_out = [], []
+    kept: list[Effect] = []
+    left_out = []
     for effect in model.effects:
         unknown = [name for name in effect.needs if name not in known]
-        if effect.name in _LINKS:
+        if effect.name in LINKS:
             left_out.append(f'{effect.name}: belongs to the links and what they touch')
         elif effect.name in _OWN_ELEMENTS:
             continue
@@ -86,23 +151,45 @@ def joint_friction_only(model: FrictionModel, known: tuple[str, ...] = ('acceler
     return replace(model, effects=kept, arm=None), left_out
 
 
-def sweeps(model: FrictionModel, top_speed: float) -> tuple[Samples, np.ndarray]:
-    """Return sweeps at constant speeds over the joint's range, or a turn, in both directions.
+@dataclass(frozen=True)
+class Loss:
+    """The torque that a form misses of a model."""
 
-    Also return which samples are after the first tenth of their sweep, where presliding is over.
+    torque: float       # RMS, N·m
+    share: float        # of the RMS of the model's torque
+    motion: str         # in which motion
+
+
+def loss_of(model: FrictionModel, joint: SimulatorJoint, form: str,
+            recorded: Samples | None = None) -> Loss:
+    """Return what a form misses of the model's torque without links, where the joint slides.
+
+    `recorded` is the motion of a recording with velocity and acceleration; sweeps at the model's
+    speeds when omitted.
     """
-    check_number(top_speed, 'the top speed', above=0.0)
-    low, high = model.position_limits or (-math.pi, math.pi)
-    path = np.linspace(low, high, _POINTS)
-    parts = []
-    for speed in _SPEEDS * top_speed:
-        for sign in (1.0, -1.0):
-            zero = np.zeros(_POINTS)
-            parts.append(Samples(
-                time=(path - low) / speed, position=path if sign > 0 else path[::-1],
-                current=zero, velocity=np.full(_POINTS, sign * speed), acceleration=zero))
-    late = np.tile(np.arange(_POINTS) >= _POINTS // 10, len(parts))
-    return Samples.concatenate(parts), late
+    gain = torque_per_unit(model, unit_of(model)) or 1.0
+    has_inertia = form != 'tanh'
+    kept = [effect for effect in model.effects if effect.name not in LINKS
+            and (has_inertia or effect.name != 'inertia')]
+    if recorded is None:
+        motion, late = Sliding.of(model).samples()
+        slides = late
+        # Sweeps have no load, temperature or time.
+        kept = [effect for effect in kept if effect.holds_on_another_day
+                and set(effect.needs) <= {'acceleration'}]
+        words = (f'sweeps at {min(np.abs(np.asarray(motion.velocity))):.2g} to '
+                 f'{max(np.asarray(motion.velocity)):.3g} rad/s')
+    else:
+        motion, words = recorded, 'the motion of the recording'
+        speed = np.abs(np.asarray(motion.velocity))
+        slides = speed > _SLIDING * speed.max()
+        kept = [effect for effect in kept
+                if all(getattr(motion, name) is not None for name in effect.needs)]
+    torque = gain * replace(model, arm=None, effects=kept).current(motion)[slides]
+    missed = torque - joint.torque(motion, form)[slides]
+    size = math.sqrt(float(np.mean(torque ** 2)))
+    error = math.sqrt(float(np.mean(missed ** 2)))
+    return Loss(error, error / size if size else 0.0, words)
 
 
 def friction_table(model: FrictionModel, loads: np.ndarray, top_speed: float | None = None
@@ -112,15 +199,15 @@ def friction_table(model: FrictionModel, loads: np.ndarray, top_speed: float | N
     Names of the columns (velocity, position, load, torque), and the rows, shape (N, 4). Loads,
     shape (L,), N·m, are used where friction depends on the load.
     """
+    gain = torque_per_unit(model, unit_of(model)) or 1.0
     kept, _ = joint_friction_only(model, ('acceleration', 'load'))
-    motion, late = sweeps(model, top_speed or model.largest_speed(_TOP_SPEED))
+    motion, late = Sliding.of(model, top_speed).samples()
     if not any('load' in effect.needs for effect in kept.effects):
         loads = np.zeros(1)
     shown = late & (np.arange(len(motion)) % 8 == 0)
     rows = []
     for load in loads:
-        torque = model.drive.torque_per_current * kept.current(
-            motion.with_(load=np.full(len(motion), load)))
+        torque = gain * kept.current(motion.with_(load=np.full(len(motion), load)))
         rows.append(np.column_stack((
             np.asarray(motion.velocity), motion.position, np.full(len(motion), load),
             torque))[shown])

@@ -11,8 +11,8 @@ neither. A hysteresis, whose friction the sigmoid lacks, belongs to Coulomb fric
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import dataclass
 import math
 from typing import Any, TYPE_CHECKING
 
@@ -172,7 +172,19 @@ def inertia_of(model: FrictionModel) -> float | None:
     return None if simulated is None else float(simulated) / model.drive.torque_per_current
 
 
-def with_sudden_friction(model: FrictionModel, effects: Sequence[Effect]) -> FrictionModel:
-    """Return the model with these effects alone, and a sudden sign change of friction."""
-    return replace(model, effects=[sudden(effect) for effect in effects], arm=None,
-                   sigmoid=replace(model.sigmoid, steepness=2.0 / _SUDDEN, shift=0.0))
+def unit_of(model: FrictionModel) -> str:
+    """Return the unit of a model's current: that of its notes, else A, or N·m without constants."""
+    default = 'N·m' if model.drive.torque_per_current == 1.0 else 'A'
+    return str(model.notes.get('unit', default))
+
+
+def torque_per_unit(model: FrictionModel, unit: str) -> float | None:
+    """Return the torque (or force) at the joint of one unit of a model's current; None if unknown.
+
+    N·m for A, if the model has a torque constant and a gear ratio; constants of 1 and 1 mean that
+    nobody gave them.
+    """
+    gain = model.drive.torque_per_current
+    if unit in ('N·m', 'N'):
+        return 1.0
+    return gain if unit == 'A' and gain != 1.0 else None

@@ -18,6 +18,7 @@ from friction_comp.model.sliding_friction import (
     line_of,
     Recorded,
     Sliding,
+    torque_per_unit,
 )
 from friction_comp.refinement.best_fit import Fit
 from friction_comp.refinement.effect_columns import EQ6_LINEAR
@@ -108,15 +109,6 @@ def inertia_holds(model: FrictionModel) -> str:
     if any(effect.name == 'rigid_body' for effect in model.effects):
         return 'the motor, without the links of the URDF'
     return 'the motor with all links that moved'
-
-
-def torque_per_unit(model: FrictionModel, unit: str) -> float | None:
-    """Return the torque at the joint, N·m, of one unit of a model's current; None if unknown."""
-    gain = model.drive.torque_per_current
-    if unit == 'N·m':
-        return 1.0
-    # Constants of 1 and 1 mean that nobody gave them.
-    return gain if unit == 'A' and gain != 1.0 else None
 
 
 def formula_line(numbers: dict[str, Any], model: FrictionModel, unit: str) -> str:

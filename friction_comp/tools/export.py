@@ -1,110 +1,316 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The tool ``export``: writes a model's friction in a form that simulators read.
+"""The tool ``export``: writes a model's friction in a form that simulators and controllers read.
 
-Simulators support Coulomb and viscous friction, an inertia and a spring of a joint. The tool
-computes the error of that simplified form, prints it and writes it into the file.
+Coulomb and viscous friction, offset and inertia are those that refine prints. Every file states in
+a comment, or an entry, what its form misses of the model in the recording's own motion, and how far
+a joint of MuJoCo with these numbers strays from the recording (if MuJoCo is installed).
 """
 
 from __future__ import annotations
 
+from argparse import Namespace
+from dataclasses import replace
+import json
+import math
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 from xml.sax.saxutils import quoteattr
 
 from friction_comp import __version__
-from friction_comp.errors import InputError
-from friction_comp.files import read_yaml, write_atomically
-from friction_comp.tools.common import Arguments, keep_inputs, positive
+from friction_comp.errors import errors_name, InputError
+from friction_comp.files import plain, read_yaml, to_yaml, write_atomically
+from friction_comp.tools.common import Arguments, keep_inputs, positive, progress
+from friction_comp.tools.recorded_drive import layout_of, OF_TABLE
 
 if TYPE_CHECKING:
-    from friction_comp.model.simulator_joint import SimulatorJoint
+    import numpy as np
 
-_FORMS = ('mujoco', 'urdf', 'sdf', 'csv')
+    from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.model.simulator_joint import SimulatorJoint
+    from friction_comp.samples import Samples
+
+_FORMS = ('mujoco', 'urdf', 'sdf', 'csv', 'tanh', 'isaac', 'json')
 # Largest load of a table by default, N·m.
 _LOAD = 10.0
+# Names of the numbers in each form; a form lacks those that it does not name.
+_KEYS = {
+    'mujoco': {'coulomb': 'frictionloss', 'viscous': 'damping', 'inertia': 'armature'},
+    'urdf': {'coulomb': 'friction', 'viscous': 'damping'},
+    'sdf': {'coulomb': 'friction', 'viscous': 'damping'},
+    'tanh': {'coulomb': 'Fc', 'viscous': 'Fv', 'offset': 'Fo'},
+    'isaac': {'static': 'static_friction', 'coulomb': 'dynamic_friction',
+              'viscous': 'viscous_friction', 'inertia': 'armature'},
+    'json': {name: name for name in ('coulomb', 'viscous', 'offset', 'static', 'transition',
+                                     'inertia', 'stiffness', 'rest')}}
 
 
 def main(argv: list[str] | None = None) -> int:
     """Write the file; returns 0."""
     parser = Arguments('export', __doc__, (
-        'config/armin_configuration_2.yaml --to mujoco --output output/elbow.xml',
+        'output/refined/model.yaml --to mujoco --output output/elbow.xml',
+        'unit1/model.yaml unit2/model.yaml --to isaac --output output/elbow.yaml',
         'output/refined/model.yaml --to csv --output output/friction.csv'))
-    parser.add_argument('model', metavar='MODEL', type=Path, help='model file')
+    parser.add_argument('models', metavar='MODEL', type=Path, nargs='+',
+                        help='model file; of several, for instance of a fleet, the means, with '
+                        'the range over all of them')
     parser.add_argument('--to', choices=_FORMS, required=True,
-                        help='mujoco, urdf, sdf: attributes of one joint; csv: a table over '
-                        'speed, position and load')
+                        help='mujoco, urdf, sdf: attributes of one joint; tanh: Fc, k, Fv, Fo; '
+                        'isaac: static, dynamic and viscous friction, armature; json: all numbers '
+                        'with ranges; csv: a table over speed, position and load')
     parser.add_argument('--joint', metavar='NAME', help='joint of the model file of an '
                         'arm, and its name in the file that is written; by default that of the '
                         'model, else "joint"')
+    parser.add_argument('--without-inertia', action='store_true',
+                        help='leave out the inertia: it holds all links that moved, which a '
+                        'simulator that has the links would count twice')
     parser.add_argument('--top-speed', metavar='RAD/S', type=positive,
-                        help='speed up to which the form is fitted; by default the largest that '
-                        'identification measured, or 1 without one')
+                        help='speed up to which friction is a straight line; by default those of '
+                        'the recording, else the largest that identification measured, else 1')
     parser.add_argument('--load', metavar='N·M', type=positive,
                         help='largest load of the table, if friction depends on it (10)')
+    parser.add_argument('--recording', metavar='FILE', type=Path,
+                        help='recording whose motion is played; by default the first that the '
+                        'model was refined from, if it is still there')
+    parser.add_argument('--columns', metavar='SIGNAL=COLUMN,…', help='columns of that recording, '
+                        'if it is a table; by default as refine read them')
+    parser.add_argument('--unit', metavar='SIGNAL=UNIT,…', help='units of its columns')
+    parser.add_argument('--history', action='store_true',
+                        help='range over the recordings in the history beside the model')
     parser.add_output_file('the file to write')
     arguments = parser.parse(argv)
-    keep_inputs(arguments.output, arguments.model)
-    import numpy as np
-
+    keep_inputs(arguments.output, *arguments.models)
     from friction_comp.model.friction_model import FrictionModel, joints_of
-    from friction_comp.model.simulator_joint import friction_table, simulator_joint
 
-    model = FrictionModel.load(arguments.model, arguments.joint)
+    models = [FrictionModel.load(path, arguments.joint) for path in arguments.models]
     if arguments.to == 'csv':
-        if arguments.joint and joints_of(read_yaml(arguments.model)) is None:
+        if arguments.joint and joints_of(read_yaml(arguments.models[0])) is None:
             raise InputError('--joint is the name of the joint in the file: a table has none')
-        load = arguments.load or _LOAD
-        names, rows = friction_table(model, np.linspace(-load, load, 9), arguments.top_speed)
-        lines = [','.join(names), *(','.join(f'{value:.6g}' for value in row) for row in rows)]
-        write_atomically(arguments.output, '\n'.join(lines) + '\n')
-        print(f'{arguments.output}: {len(rows)} rows')
-        return 0
+        if len(models) > 1 or arguments.history or arguments.without_inertia:
+            raise InputError('--to csv takes one model, without --history or --without-inertia')
+        return _write_table(arguments, models[0])
     if arguments.load:
         raise InputError('--load goes with --to csv: the other forms have no effect of the load')
-    joint = simulator_joint(model, arguments.top_speed)
-    name = arguments.joint or model.joint or 'joint'
-    remarks = remarks_on(joint, str(arguments.model))
-    write_atomically(arguments.output, document(arguments.to, name, joint, remarks))
+    joint = joint_of(arguments, models)
+    name = arguments.joint or models[0].joint or 'joint'
+    with progress('playing'):
+        remarks = remarks_on(joint, arguments, models[0])
+    write_atomically(arguments.output, document(
+        arguments.to, name, joint, remarks, not arguments.without_inertia))
     print(f'{arguments.output}: {name}')
     for line in remarks[1:]:
         print(f'  {line}')
     return 0
 
 
-def remarks_on(joint: SimulatorJoint, model: str) -> list[str]:
-    """Return lines on origin, values and error of the simplified form, as a comment."""
-    return [
-        f'Friction of {model}, by friction_comp {__version__}',
-        f'Coulomb {joint.friction:.6g} N·m, viscous {joint.damping:.6g} N·m·s/rad, inertia of the '
-        f'drive {joint.inertia:.6g} kg·m²',
-        f'This form misses the model by {joint.error:.3g} N·m RMS, '
-        f'{100 * joint.relative_error:.2g} % of its friction, in sweeps at constant speeds up to '
-        f'{joint.top_speed:.3g} rad/s',
-        *(f'Not in it: {line}' for line in joint.left_out)]
+def _write_table(arguments: Namespace, model: FrictionModel) -> int:
+    import numpy as np
+
+    from friction_comp.model.simulator_joint import (
+        friction_table,
+        joint_friction_only,
+        simulator_joint,
+    )
+
+    with errors_name(arguments.models[0]):
+        simulator_joint(model)
+    load = arguments.load or _LOAD
+    names, rows = friction_table(model, np.linspace(-load, load, 9), arguments.top_speed)
+    lines = [','.join(names), *(','.join(f'{value:.6g}' for value in row) for row in rows)]
+    write_atomically(arguments.output, '\n'.join(lines) + '\n')
+    print(f'{arguments.output}: {len(rows)} rows')
+    for line in joint_friction_only(model, ('acceleration', 'load'))[1]:
+        print(f'  Not in it: {line}')
+    return 0
 
 
-def document(form: str, name: str, joint: SimulatorJoint, remarks: list[str]) -> str:
+def joint_of(arguments: Namespace, models: list[FrictionModel]) -> SimulatorJoint:
+    """Return the numbers of one model, or of several with the ranges over them."""
+    from friction_comp.model.simulator_joint import of_several, simulator_joint
+
+    joints = []
+    for path, model in zip(arguments.models, models):
+        with errors_name(path):
+            joints.append(simulator_joint(model, arguments.top_speed))
+    if not arguments.history:
+        return of_several(joints)
+    if len(models) > 1:
+        raise InputError('--history goes with one model')
+    return _over_history(joints[0], models[0], arguments.models[0])
+
+
+def _over_history(joint: SimulatorJoint, model: FrictionModel, path: Path) -> SimulatorJoint:
+    """Return the numbers with the range of friction over the recordings of a history."""
+    from friction_comp.evaluation.drive_history import recorded_friction
+    from friction_comp.recordings.history import History
+
+    levels = recorded_friction(History.beside(path, model.drive, model.joint), model)
+    if not levels:
+        raise InputError(f'{History.path_of(path)}: holds no recording that slides')
+    low = min(one.level - 2.0 * one.level_error for one in levels)
+    high = max(one.level + 2.0 * one.level_error for one in levels)
+    ranges = {name: (min(low * value, high * value), max(low * value, high * value))
+              for name in ('coulomb', 'viscous') for value in [getattr(joint, name)]}
+    return replace(joint, ranges={**joint.ranges, **ranges}, ranges_are=(
+        f'Coulomb and viscous friction at the lowest to the highest level in {len(levels)} '
+        'recordings of the history; others 95 % intervals of the fit'))
+
+
+def remarks_on(joint: SimulatorJoint, arguments: Namespace, model: FrictionModel) -> list[str]:
+    """Return lines on origin, values, ranges and losses of a form."""
+    from friction_comp.model.simulator_joint import loss_of
+    from friction_comp.refinement.friction_numbers import inertia_holds
+
+    form, unit = arguments.to, joint.unit
+    lines = [f'Friction of {", ".join(map(str, arguments.models))}, by friction_comp {__version__}',
+             f'Coulomb {joint.coulomb:.6g} {unit}, viscous {joint.viscous:.6g} '
+             f'{"N·s/m" if unit == "N" else "N·m·s/rad"}']
+    has_inertia = 'inertia' in _KEYS[form]
+    if has_inertia and joint.inertia and not arguments.without_inertia:
+        lines[-1] += f", inertia {joint.inertia:.6g} {'kg' if unit == 'N' else 'kg·m²'}"
+        lines.append(f'The inertia is of {inertia_holds(model)}: --without-inertia leaves it out')
+    elif has_inertia and not arguments.without_inertia:
+        lines.append('No inertia: the model has none')
+    if form == 'isaac':
+        lines.append(f'Static friction: {joint.static_is}')
+    for name, (low, high) in joint.ranges.items():
+        if key := _KEYS[form].get(name):
+            lines.append(f'Range for randomisation: {key} {low:.4g} to {high:.4g}')
+    if joint.ranges_are:
+        lines.append(f'Ranges: {joint.ranges_are}')
+    motion, torque, why_not = recorded_motion(arguments, model)
+    loss = loss_of(model, joint, form, motion)
+    lines.append(f'This form misses the model by {loss.torque:.3g} {unit} RMS, '
+                 f'{100 * loss.share:.2g} % of its torque without the links, in {loss.motion}')
+    lines += [*_played(joint, form, model, motion, torque), *why_not]
+    lines += [f'Not in it: {line}' for line in [*_lacking(joint, form), *joint.left_out]]
+    return lines
+
+
+def _lacking(joint: SimulatorJoint, form: str) -> list[str]:
+    """Return the numbers that a form has no place for."""
+    lines = []
+    if form not in ('tanh', 'json') and abs(joint.offset) > 0.02 * abs(joint.coulomb):
+        lines.append(f'offset {joint.offset:.3g} {joint.unit}: no place for it in this form')
+    if form in ('urdf', 'sdf') and joint.inertia:
+        lines.append(f'inertia {joint.inertia:.6g} kg·m²: belongs to the links of this form')
+    if form in ('urdf', 'isaac', 'tanh') and joint.stiffness:
+        lines.append(f'spring {joint.stiffness:.4g} {joint.unit}/rad at {joint.rest:.4g} rad')
+    return lines
+
+
+def _played(joint: SimulatorJoint, form: str, model: FrictionModel, motion: Samples | None,
+            torque: np.ndarray | None) -> list[str]:
+    """Return a line on how far a joint of MuJoCo with these numbers strays from the recording.
+
+    Without a recording, the joint swings to the largest speed of the model.
+    """
+    from friction_comp.model.simulator_play import play, swing
+
+    if form == 'tanh':
+        return []
+    what = 'recorded'
+    if motion is None or torque is None:
+        motion, torque, what = *swing(model), "model's"
+    played = play(joint, motion, torque)
+    if played is None:
+        return ['Not played in MuJoCo: it needs MuJoCo (pip install mujoco) and an inertia']
+    small = 'mm' if joint.unit == 'N' else 'mrad'
+    return [f'Played in MuJoCo with the {what} torque, the joint strays {1e3 * played.error:.3g} '
+            f'{small} RMS from its motion, {100 * played.share:.2g} % of it; without friction '
+            f'{1e3 * played.frictionless:.3g} {small}']
+
+
+def recorded_motion(arguments: Namespace, model: FrictionModel
+                    ) -> tuple[Samples | None, np.ndarray | None, list[str]]:
+    """Return a recording's motion, the torque of its motor without links, and why there is none.
+
+    The recording is the one named, else the first that the model was refined from.
+    """
+    import numpy as np
+
+    from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
+    from friction_comp.model.simulator_joint import LINKS
+    from friction_comp.model.sliding_friction import torque_per_unit, unit_of
+    from friction_comp.recordings import find_recordings, read_recording_with_info
+
+    named = arguments.recording
+    paths = [named] if named else [Path(path) for path in model.notes.get('refined_from', ())]
+    if not paths or not (named or paths[0].exists()):
+        return None, None, ['No recording is at hand: --recording plays one']
+    for name in OF_TABLE:
+        if getattr(arguments, name, None) is None:
+            setattr(arguments, name, None if named else model.notes.get(f'{name}_of_table'))
+    try:
+        (samples, _), = read_recording_with_info(
+            find_recordings(paths[:1])[0], model.joint or None, model.drive.torque_constant,
+            model.drive.gear_ratio, others=model.arm is not None, layout=layout_of(arguments))
+        measured = model.measured(samples)
+        motion = differentiate(model.with_arm(samples), model.differentiation or DEFAULT_SETTINGS)
+        for effect in model.effects:
+            if effect.name in LINKS and effect.name != 'load_torque':
+                measured = measured - effect.current(motion)
+        if samples.load is not None:
+            # What `measured` adds of the load, or the effect holds.
+            for effect in model.effects:
+                if effect.name == 'load_torque':
+                    measured = measured - effect.current(motion)
+    except InputError as error:
+        if named:
+            raise
+        return None, None, [f'The recording was not played: {error}']
+    gain = torque_per_unit(model, unit_of(model)) or math.nan
+    return motion, gain * np.nan_to_num(measured), []
+
+
+def document(form: str, name: str, joint: SimulatorJoint, remarks: list[str],
+             with_inertia: bool = True) -> str:
+    """Return the text of a file."""
+    if form in ('mujoco', 'urdf', 'sdf'):
+        return _xml(form, name, joint, remarks, with_inertia)
+    keys = {number: key for number, key in _KEYS[form].items()
+            if with_inertia or number != 'inertia'}
+    numbers: dict[str, Any] = {key: value for number, key in keys.items()
+                               if (value := getattr(joint, number)) is not None}
+    if form == 'tanh':
+        numbers['k'] = 1.0 / joint.transition
+    ranges = {key: list(joint.ranges[number]) for number, key in keys.items()
+              if number in joint.ranges}
+    if form == 'json':
+        return json.dumps(plain({
+            'joint': name, 'unit': joint.unit, **numbers, 'range': ranges,
+            'range_is': joint.ranges_are, 'remarks': remarks}, not_finite=None),
+            indent=2, ensure_ascii=False) + '\n'
+    what = ('torque = Fc·tanh(k·v) + Fv·v + Fo, N·m, v in rad/s' if form == 'tanh' else
+            'Isaac: static, dynamic and viscous friction of a joint, and its armature, SI units')
+    comment = '\n'.join(f'# {line}' for line in [*remarks, what])
+    return f'{comment}\n{to_yaml({name: {**numbers, "range": ranges}})}'
+
+
+def _xml(form: str, name: str, joint: SimulatorJoint, remarks: list[str],
+         with_inertia: bool) -> str:
     """Return the text of a file for 'mujoco', 'urdf' or 'sdf'."""
+    from friction_comp.model.simulator_play import attributes
+
     # Two consecutive hyphens would end an XML comment.
     remark = '\n'.join(f'  {line}' for line in remarks).replace('--', '- -')
-    friction, damping = f'{joint.friction:.9g}', f'{joint.damping:.9g}'
+    friction, damping = f'{joint.coulomb:.9g}', f'{joint.viscous:.9g}'
+    linear = joint.unit == 'N'
+    kind = 'prismatic' if linear else 'revolute'
     if form == 'mujoco':
-        spring = (f' stiffness="{joint.stiffness:.9g}" springref="{joint.rest:.9g}"'
-                  if joint.stiffness > 0.0 else '')
+        slide = 'type="slide" ' if linear else ''
         body = (f'<mujoco>\n  <compiler angle="radian"/>\n  <default>\n    <default '
-                f'class={quoteattr(name)}>\n      <joint frictionloss="{friction}" '
-                f'damping="{damping}" armature="{joint.inertia:.9g}"{spring}/>\n    </default>\n'
-                '  </default>\n</mujoco>\n')
+                f'class={quoteattr(name)}>\n      <joint {slide}{attributes(joint, with_inertia)}/>'
+                '\n    </default>\n  </default>\n</mujoco>\n')
     elif form == 'urdf':
-        body = (f'<robot name={quoteattr(name)}>\n  <joint name={quoteattr(name)} type="revolute">'
+        body = (f'<robot name={quoteattr(name)}>\n  <joint name={quoteattr(name)} type="{kind}">'
                 f'\n    <dynamics damping="{damping}" friction="{friction}"/>\n  </joint>\n'
                 '</robot>\n')
     else:
         spring = (f'<spring_reference>{joint.rest:.9g}</spring_reference>'
                   f'<spring_stiffness>{joint.stiffness:.9g}</spring_stiffness>'
                   if joint.stiffness > 0.0 else '')
-        body = (f'<sdf version="1.9">\n  <joint name={quoteattr(name)} type="revolute">\n    '
+        body = (f'<sdf version="1.9">\n  <joint name={quoteattr(name)} type="{kind}">\n    '
                 f'<axis><dynamics><damping>{damping}</damping><friction>{friction}</friction>'
                 f'{spring}</dynamics></axis>\n  </joint>\n</sdf>\n')
     return f'<?xml version="1.0"?>\n<!--\n{remark}\n-->\n{body}'

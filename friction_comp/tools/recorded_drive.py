@@ -26,6 +26,9 @@ if TYPE_CHECKING:
     from friction_comp.refinement.refine import RefineResult
     from friction_comp.samples import Samples
 
+OF_TABLE = ('columns', 'unit', 'rate', 'stiffness', 'damping')
+"""Arguments that tell how the columns of a table are read."""
+
 # Length of the running median that tells a lasting current from a wrong sample, s.
 _LASTING = 0.05
 
@@ -196,7 +199,7 @@ def refine_recordings(arguments: Namespace, paths: Sequence[Path], joint: str | 
     result.report['warnings'].extend(
         f'{info.path}: {note}' for _, info in recordings for note in info.notes)
     result.model.notes = {**result.model.notes, 'refined_from': [str(path) for path in paths],
-                          'unit': unit, **limit}
+                          'unit': unit, **_of_table(arguments), **limit}
     if any(info.linear for _, info in recordings):
         result.model.notes['position_unit'] = 'm'
     if idle:
@@ -212,6 +215,12 @@ def _idle(arguments: Namespace, recorded: Sequence[Samples]) -> bool:
     """
     return (not arguments.torque_constant and not arguments.figures and all(
         samples.load is not None and not samples.current.any() for samples in recorded))
+
+
+def _of_table(arguments: Namespace) -> dict[str, Any]:
+    """Return how the columns of a table were read, for whoever reads it again."""
+    return {f'{name}_of_table': value for name in ('columns', 'unit')
+            if (value := getattr(arguments, name))}
 
 
 def showing_friction(recorded: Mapping[str, list[tuple[Samples, RecordingInfo]]]
