@@ -6,9 +6,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields, MISSING, replace
-import math
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -19,57 +18,22 @@ from friction_comp.files import plain, read_yaml, write_yaml
 from friction_comp.model.arm.arm import Arm
 from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate, settings_of
 from friction_comp.model.effects import Effect, EFFECTS
+from friction_comp.model.feed_forward import feed_forward_torque
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.model.sliding_friction import Recorded
+from friction_comp.model.standstill import Breakaway, Presliding
 from friction_comp.samples import Samples
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+__all__ = ['ARM_FORMAT', 'Breakaway', 'FORMAT', 'FrictionModel', 'Presliding', 'VERSION',
+           'arm_document', 'joints_of', 'one_joint_of']
 
 FORMAT, ARM_FORMAT = 'friction_comp_model', 'friction_comp_arm'
 VERSION = 1
 
 T = TypeVar('T')
-
-
-@dataclass(frozen=True)
-class Breakaway:
-    """Breakaway currents of Eq. 9 and 10 in A; the negative direction's mean is negative.
-
-    The positions in rad at which they were measured, where known, allow effects of position to be
-    subtracted.
-    """
-
-    positive_mean: float
-    negative_mean: float
-    positive_std: float = 0.0
-    negative_std: float = 0.0
-    positive_position: float | None = None
-    negative_position: float | None = None
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if value is not None or name.endswith('_mean'):
-                check_number(value, f'breakaway.{name}',
-                             least=0.0 if name.endswith('_std') else -math.inf)
-        if self.positive_mean < 0 or self.negative_mean > 0:
-            raise InputError(
-                'breakaway currents must have the sign of their direction, not '
-                f'{self.positive_mean} and {self.negative_mean}')
-
-
-@dataclass(frozen=True)
-class Presliding:
-    """Displacement of the gear before it slides, from current ramps."""
-
-    distance: float     # rad, from rest without load until friction is at 95 % of breakaway
-    stiffness: float | None = None      # A/rad, of friction up to a third of breakaway
-    std: float | None = None            # standard deviation between single rests, rad
-    backlash: float | None = None       # rad, not part of distance; 0 if there is none
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if name == 'backlash' and value is not None:
-                check_number(value, 'presliding.backlash', least=0.0)
-            elif value is not None or name == 'distance':
-                check_number(value, f'presliding.{name}', above=0.0)
 
 
 @dataclass
@@ -145,6 +109,33 @@ class FrictionModel:
         current = replace(self, effects=effects).current(
             differentiate(self.with_arm(samples), self.differentiation or DEFAULT_SETTINGS))
         return np.nan_to_num(current, nan=0.0, posinf=0.0, neginf=0.0)
+
+    def feed_forward(self, position: ArrayLike, velocity: ArrayLike,
+                     acceleration: ArrayLike = 0.0) -> Any:
+        """Return the torque at the joint, N·m, that a planned state of motion needs.
+
+        For controllers of position or impedance (MIT mode) that add a torque to their own. At rest
+        it is what carries the joint, without friction. Effects of load, temperature and time are
+        left out; those with memory are as in steady sliding.
+
+        Parameters
+        ----------
+        position, velocity, acceleration : float or array_like
+            Of one sample, or of independent samples; rad, rad/s, rad/s².
+
+        Raises
+        ------
+        InputError
+            If the model's unit is not a torque and cannot be converted to one, a value is not
+            finite, or an effect needs the motion of other joints.
+
+        Examples
+        --------
+        >>> model = FrictionModel(Drive(1.0, 1.0), Sigmoid(0.5, -0.5, 100.0, viscous=0.2))
+        >>> model.feed_forward(0.0, 1.0)
+        0.7
+        """
+        return feed_forward_torque(self, position, velocity, acceleration)
 
     def measured(self, samples: Samples) -> np.ndarray:
         """Return the measured current in A, shape (N,), with which `predict` is compared.

@@ -3,7 +3,9 @@
 """The tool ``predict``: writes the current that a model predicts, next to the measured one.
 
 The measured current is that of the motor. If the load was recorded, the current that corresponds
-to it is added, unless the model has an effect of the load.
+to it is added, unless the model has an effect of the load. Of a plan (a table of time and position
+without effort, of one joint or an arm, or a JointTrajectory), it writes the torque that the motion
+needs, as feed-forward.
 """
 
 from __future__ import annotations
@@ -26,15 +28,20 @@ if TYPE_CHECKING:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Write a row for each joint state: time (s), measured, predicted current (A); returns 0."""
+    """Write a row for each joint state: time (s), measured, predicted current (A); returns 0.
+
+    Of a plan: time (s), torque (N·m).
+    """
     parser = Arguments('predict', __doc__, (
         'examples/elbow/with_direction.mcap.zstd --model config/armin_configuration_2.yaml '
         '--output output/current.csv',
+        'plan.csv --model output/refined/model.yaml --output torque.csv',
         'log.csv --columns effort=tau_2 --model output/refined/model.yaml --output current.csv')
     ).add_recordings(several=False)
     parser.add_argument('--model', metavar='FILE', type=Path, required=True,
                         help='model file that refine or identification wrote')
-    parser.add_output_file('CSV file with the columns time, measured, predicted')
+    parser.add_output_file('CSV file with the columns time, measured, predicted; of a plan time, '
+                           'torque')
     parser.add_argument('--with-time-effects', action='store_true',
                         help='also apply effects of the time since the start: for the recording '
                              'that was refined, or one that began just as cold')
@@ -44,7 +51,13 @@ def main(argv: list[str] | None = None) -> int:
 
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.recordings import find_recording, read_recording_with_info
+    from friction_comp.recordings.plans import read_plan
 
+    plan = read_plan(arguments.recording, layout_of(arguments))
+    if plan is not None:
+        from friction_comp.tools.predict_plan import predict_plan
+
+        return predict_plan(arguments, plan)
     model = FrictionModel.load(arguments.model, arguments.joint)
     whole_arm = model.arm is not None
     with progress('reading') as report:

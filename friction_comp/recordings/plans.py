@@ -1,0 +1,72 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Reads planned motions: tables of time and position without effort, and trajectories."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from friction_comp.columns import assign, Layout
+from friction_comp.errors import InputError
+from friction_comp.recordings.storage import unreadable_on_error
+from friction_comp.recordings.table_files import is_table, open_table
+from friction_comp.samples import JointStates, Samples
+from friction_comp.trajectory import Trajectory
+
+_ROWS = 250_000
+# The name of a column that a plan does not have.
+_EFFORT = 'effort'
+
+
+def read_plan(path: Path, layout: Layout | None = None) -> dict[str, Samples] | None:
+    """Return the planned motion of each joint by name; None if the file is not a plan.
+
+    A plan is a JointTrajectory (.yaml), or a table in which time and position are found, but no
+    effort and no current. Its samples have zero current, and the motion of all joints in `arm`.
+    """
+    if path.suffix.lower() in ('.yaml', '.yml'):
+        trajectory = Trajectory.load(path)
+        arm = JointStates(trajectory.joints, trajectory.position, trajectory.velocity)
+        zero = np.zeros(len(trajectory.time))
+        return {name: Samples(
+            time=trajectory.time, position=arm.position[:, k], current=zero, joint=name,
+            velocity=trajectory.velocity[:, k], acceleration=trajectory.acceleration[:, k],
+            arm=arm) for k, name in enumerate(trajectory.joints)}
+    if not path.is_file() or not is_table(path):
+        return None
+    with unreadable_on_error(path):
+        table = open_table(path)
+    try:
+        assign(table.names, layout, str(path))
+        return None
+    except InputError:
+        # Whatever else is wrong is told by whoever reads a recording.
+        try:
+            use = assign([*table.names, _EFFORT], layout, str(path))
+        except InputError:
+            return None
+    wanted = [column.name for column in use.columns if column.name != _EFFORT]
+    with unreadable_on_error(path):
+        blocks = [columns for columns, _ in table.blocks(wanted, _ROWS)]
+    values = {name: np.concatenate([block[name] for block in blocks]) for name in wanted}
+
+    def read(signal: str, joint: str) -> np.ndarray | None:
+        column = use.of(signal, joint)
+        return None if column is None else column.factor * values[column.name]
+
+    time = read('time', '')
+    joints = {}
+    for name in use.joints:
+        try:
+            joints[name] = Samples.from_arrays(
+                time, read('position', name), current=np.zeros(len(values[wanted[0]])),
+                velocity=read('velocity', name), joint=name)
+        except InputError as error:
+            raise InputError(f'{path}: {error}') from None
+    length = {len(samples) for samples in joints.values()}
+    if len(length) > 1:
+        raise InputError(f'{path}: some joints lack a position in some rows')
+    arm = JointStates(tuple(joints), np.column_stack([one.position for one in joints.values()]))
+    return {name: samples.with_(arm=arm) for name, samples in joints.items()}

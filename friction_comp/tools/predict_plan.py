@@ -1,0 +1,93 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The tool ``predict`` on a plan: the torque that a planned motion needs."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from dataclasses import replace
+import io
+from pathlib import Path
+
+import numpy as np
+
+from friction_comp.errors import errors_name, InputError
+from friction_comp.files import read_yaml, write_atomically
+from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
+from friction_comp.model.feed_forward import of_plan
+from friction_comp.model.friction_model import FrictionModel, joints_of
+from friction_comp.model.sliding_friction import torque_per_unit, unit_of
+from friction_comp.samples import Samples
+
+
+def predict_plan(arguments: Namespace, plan: dict[str, Samples]) -> int:
+    """Write a row for each time of a plan, with the torque of each of its joints; returns 0."""
+    models = _models(arguments, plan)
+    columns = {'time': next(iter(plan.values())).time}
+    left_out: list[str] = []
+    for name, model in models.items():
+        prefix = f'{name}.' if len(models) > 1 else ''
+        kept, others = of_plan(model)
+        left_out += [other for other in others if other not in left_out]
+        with errors_name(arguments.recording):
+            current = _current(kept, plan[name if name in plan else ''])
+        unit = unit_of(model)
+        gain = torque_per_unit(model, unit)
+        if gain is not None:
+            columns[f'{prefix}torque'] = gain * current
+        if unit == 'A' or gain is None:
+            columns[f'{prefix}{"current" if unit == "A" else "effort"}'] = current
+    stream = io.StringIO()
+    stream.write(','.join(columns) + '\n')
+    np.savetxt(stream, np.column_stack(list(columns.values())), delimiter=',',
+               fmt=['%.9f', *['%.9g'] * (len(columns) - 1)])
+    write_atomically(arguments.output, stream.getvalue())
+    print(f'{arguments.recording}: has no effort, so it is taken as a plan')
+    if left_out:
+        print(f"left out, since a plan does not tell their signals: {', '.join(left_out)}")
+    rows, units = len(columns['time']), ', '.join(dict.fromkeys(
+        f'{what} in {unit}' for column in columns for what, unit in (
+            ('torque', 'N·m'), ('current', 'A'), ('effort', unit_of(next(iter(models.values())))))
+        if column.endswith(what)))
+    print(f'{arguments.output}: {rows} rows, {units}')
+    return 0
+
+
+def _models(arguments: Namespace, plan: dict[str, Samples]) -> dict[str, FrictionModel]:
+    """Return the models of the plan's joints that are wanted, by name."""
+    path: Path = arguments.model
+    names = joints_of(read_yaml(path))
+    if names is None or arguments.joint:
+        model = FrictionModel.load(path, arguments.joint)
+        wanted = arguments.joint or model.joint or next(iter(plan))
+        if wanted not in plan and list(plan) != ['']:
+            if len(plan) > 1 or arguments.joint or model.joint:
+                raise InputError(f'{arguments.recording}: no joint {wanted!r} in it, but '
+                                 f'{", ".join(map(repr, plan))}')
+        if not (arguments.joint or model.joint) and len(plan) > 1:
+            raise InputError(f'{arguments.recording}: several joints, name one with --joint: '
+                             f'{", ".join(map(repr, plan))}')
+        model.check_joint(arguments.joint, path)
+        return {wanted: model}
+    known = [name for name in plan if name in names]
+    if not known:
+        raise InputError(f'{arguments.recording}: none of its joints '
+                         f'({", ".join(map(repr, plan))}) is in {path}, which has '
+                         f'{", ".join(map(repr, names))}')
+    return {name: FrictionModel.load(path, name) for name in known}
+
+
+def _current(model: FrictionModel, samples: Samples) -> np.ndarray:
+    """Return the current of a plan, shape (N,), with acceleration as planned where it is known.
+
+    The motion of the recordings lagged behind the current by the model's `lag`: what is commanded
+    at a time is what the motion needs that much later. A sensor's own delay is not the plan's.
+    """
+    if samples.acceleration is not None and model.arm is None:
+        return model.current(samples)
+    settings = dict(model.differentiation or DEFAULT_SETTINGS)
+    settings['source'] = 'position' if samples.velocity is None else 'velocity'
+    if settings.get('lag', 0.0) is None or settings.get('lag', 0.0) < 0.0:
+        settings.pop('lag', None)
+    return replace(model, differentiation=settings).current(
+        differentiate(model.with_arm(samples), settings))

@@ -1,0 +1,109 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""A plan without effort, and single planned states, give the torque that the motion needs."""
+
+from dataclasses import replace
+
+from helpers import note_model
+import numpy as np
+import pytest
+
+from friction_comp.__main__ import run
+from friction_comp.drive import Drive
+from friction_comp.errors import InputError
+from friction_comp.files import write_yaml
+from friction_comp.model.effects import EFFECTS
+from friction_comp.model.friction_model import arm_document, FrictionModel
+from friction_comp.model.sigmoid import Sigmoid
+
+MODEL = FrictionModel(
+    Drive(0.1, 50.0), Sigmoid(0.2, -0.2, 200.0, viscous=0.1), joint='elbow', effects=[
+        EFFECTS['inertia']({'coefficients': [0.02]}),
+        EFFECTS['gravity']({'coefficients': [0.3, 0.0]}),
+        EFFECTS['load_torque']({'coefficients': [-0.2]})])
+GAIN = 5.0
+
+
+def needed(q, v, a):
+    return GAIN * (0.2 * np.sign(v) + 0.1 * v + 0.02 * a + 0.3 * np.cos(q))
+
+
+def motion(name='', phase=0.0):
+    time = np.arange(0.0, 4.0, 0.01)
+    q, v, a = (np.sin(2 * time + phase), 2 * np.cos(2 * time + phase),
+               -4 * np.sin(2 * time + phase))
+    return time, q, v, a
+
+
+def rows_of(path):
+    names, *rows = path.read_text(encoding='utf-8').splitlines()
+    return dict(zip(names.split(','), np.array([row.split(',') for row in rows], float).T))
+
+
+def test_one_state_gives_the_torque_of_its_terms_without_what_a_plan_does_not_tell():
+    assert MODEL.feed_forward(0.4, 1.0, 2.0) == pytest.approx(needed(0.4, 1.0, 2.0))
+    # At rest it only carries: friction holds by itself.
+    assert MODEL.feed_forward(0.4, 0.0) == pytest.approx(GAIN * 0.3 * np.cos(0.4))
+    # An array is of independent samples.
+    _, q, v, a = motion()
+    moves = np.abs(v) > 0.1
+    np.testing.assert_allclose(MODEL.feed_forward(q, v, a)[moves], needed(q, v, a)[moves])
+
+
+def test_a_hysteresis_has_the_value_of_steady_sliding():
+    hysteresis = EFFECTS['hysteresis']({
+        'distance': 1e-3, 'exponent': 1.0, 'transition': 1e-3, 'coefficients': [0.5, 0.0]})
+    model = replace(MODEL, sigmoid=Sigmoid(0.0, 0.0, 200.0), effects=[hysteresis])
+    np.testing.assert_allclose(model.feed_forward([0.0, 0.0], [1.0, -1.0]), [2.5, -2.5])
+
+
+def test_what_gives_no_torque_is_refused():
+    with pytest.raises(InputError, match='LSB'):
+        replace(MODEL, notes={'unit': 'LSB'}).feed_forward(0.0, 1.0)
+    with pytest.raises(InputError, match='finite'):
+        MODEL.feed_forward(np.nan, 1.0)
+
+
+def test_a_plan_of_time_and_position_gives_the_torque(tmp_path, capsys):
+    time, q, v, a = motion()
+    MODEL.save(tmp_path / 'model.yaml')
+    np.savetxt(tmp_path / 'plan.csv', np.column_stack((1e3 * time, np.degrees(q))), fmt='%.9f',
+               header='time [ms],position [deg]', comments='', delimiter=',')
+    out = tmp_path / 'torque.csv'
+    assert run('predict', [str(tmp_path / 'plan.csv'), '--model', str(tmp_path / 'model.yaml'),
+                           '--output', str(out)]) == 0
+    rows = rows_of(out)
+    assert list(rows) == ['time', 'torque', 'current']
+    np.testing.assert_allclose(rows['time'], time, atol=1e-8)
+    inside = (np.abs(v) > 0.3) & (time > 0.3) & (time < 3.7)
+    np.testing.assert_allclose(rows['torque'][inside], needed(q, v, a)[inside], atol=0.02)
+    np.testing.assert_allclose(rows['torque'], GAIN * rows['current'], rtol=1e-6, atol=1e-8)
+    said = capsys.readouterr().out
+    assert 'load_torque' in said
+    assert 'taken as a plan' in said
+
+
+def test_a_plan_of_an_arm_gives_the_torque_of_each_joint(tmp_path):
+    other = replace(MODEL, joint='wrist', sigmoid=Sigmoid(0.05, -0.05, 200.0), effects=[])
+    write_yaml(tmp_path / 'arm.yaml', arm_document(
+        {model.joint: model.to_dict() for model in (MODEL, other)}))
+    time, q, *_ = motion()
+    _, q2, v2, _ = motion(phase=1.0)
+    np.savetxt(tmp_path / 'plan.csv', np.column_stack((time, q, q2)), fmt='%.9f', delimiter=',',
+               header='time,elbow.position,wrist.position', comments='')
+    out = tmp_path / 'torque.csv'
+    assert run('predict', [str(tmp_path / 'plan.csv'), '--model', str(tmp_path / 'arm.yaml'),
+                           '--output', str(out)]) == 0
+    rows = rows_of(out)
+    assert {'elbow.torque', 'wrist.torque'} <= set(rows)
+    moves = np.abs(v2) > 0.3
+    np.testing.assert_allclose(rows['wrist.torque'][moves], 0.25 * np.sign(v2[moves]), atol=1e-4)
+
+
+def test_a_table_of_another_joint_is_refused(tmp_path, refuses):
+    note_model(2).save(tmp_path / 'model.yaml')
+    replace(MODEL, effects=[]).save(tmp_path / 'elbow.yaml')
+    (tmp_path / 'plan.csv').write_text('time,a.position,b.position\n0,0,0\n1,1,1\n2,2,2\n',
+                                       encoding='utf-8')
+    refuses('elbow', 'predict', tmp_path / 'plan.csv', '--model', tmp_path / 'elbow.yaml')
+    refuses('--joint', 'predict', tmp_path / 'plan.csv', '--model', tmp_path / 'model.yaml')
