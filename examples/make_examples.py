@@ -7,7 +7,8 @@
 It needs ROS 2 and Pinocchio. The recordings in `elbow/` are of running nodes: a simulated elbow
 with undeclared friction ripple and gravity, a person who moves it, and the compensator with the
 drive's model, once without and once with the direction announced. The recording in `arm/` is
-computed: three joints whose links have other masses than in `arm.urdf`.
+computed: three joints whose links have other masses than in `arm.urdf`. `log.csv` is what most
+people have: time, position and torque of a simulated joint that its controller moves.
 """
 
 from __future__ import annotations
@@ -95,11 +96,34 @@ def compute_arm(room: Path) -> None:
     compress(room / 'arm', HERE / 'arm' / 'arm.mcap.zstd')
 
 
+def compute_log() -> None:
+    """Compute the table of a joint whose position controller follows a sum of sines for 20 s."""
+    import numpy as np
+
+    from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.simulation.joint import Plant
+    from friction_comp.simulation.undeclared import Undeclared
+
+    model = FrictionModel.load(ROOT / DRIVE)
+    plant = Plant([model], 1, [Undeclared.from_file(HIDDEN)])
+    rows = []
+    for k in range(20_000):
+        time, state = 1e-3 * k, plant.state
+        target = 0.6 * np.sin(1.1 * time) + 0.25 * np.sin(3.7 * time)
+        if k % 10 == 0:
+            rows.append((time, state.position[0],
+                         state.current[0] * model.drive.torque_per_current))
+        plant.step(20.0 * (target - state.position[0]) - 0.5 * state.velocity[0])
+    np.savetxt(HERE / 'log.csv', rows, fmt=('%.2f', '%.6f', '%.4f'), delimiter=',',
+               header='time,position,torque', comments='')
+
+
 if __name__ == '__main__':
     # The model is named as the user names it, from here.
     os.chdir(ROOT)
     for name in ('elbow', 'arm'):
         (HERE / name).mkdir(exist_ok=True)
+    compute_log()
     with tempfile.TemporaryDirectory() as folder:
         compute_arm(Path(folder))
         record_elbow(Path(folder))

@@ -15,9 +15,13 @@ from friction_comp.evaluation.compare import Comparison, effect_size
 from friction_comp.evaluation.intervals import mean_interval
 from friction_comp.evaluation.repetitions import Compensation
 from friction_comp.evaluation.sessions import evaluate_recordings
-from friction_comp.reports.evaluation_report import evaluation_report, scenes_of
-from friction_comp.reports.figures import new_figure
-from friction_comp.reports.html import Report
+from friction_comp.reports.evaluation_report import (
+    evaluation_figure,
+    evaluation_report,
+    scenes_of,
+)
+from friction_comp.reports.figures import COLOURS, new_figure
+from friction_comp.reports.html import number, Report
 from friction_comp.reports.interactive import thin_extremes
 from friction_comp.reports.moving_joint import moving_joint, MovingScene, still_joint
 
@@ -102,7 +106,29 @@ def test_the_joint_moves_as_it_was_recorded(evaluation):
         angles = [float(value.split()[0]) for value in turning.getAttribute('values').split(';')]
         # Up is negative in SVG.
         assert np.ptp(angles) == pytest.approx(np.degrees(np.ptp(scene.position)), abs=0.5)
-        assert f'peak {np.abs(scene.torque).max():.2f} N·m' in drawing
+        assert f'peak {scene.peak:.2f} N·m' in drawing
+
+
+def test_headline_comparison_picture_and_tables_show_the_same_torques_and_colours(evaluation):
+    pair = evaluation.pair()
+    headline = evaluation.compared('peak_torque')
+    compared = next(c for c in evaluation.comparisons if c.figure == 'peak_torque'
+                    and (c.first, c.second) == pair)
+    assert headline == pytest.approx((compared.mean_first, compared.mean_second))
+    page = evaluation_report([evaluation]).html()
+    assert page.count(f'{number(headline[0])} N·m') >= 2
+    scenes = scenes_of(evaluation)
+    for scene, condition in zip(scenes, pair):
+        assert any(scene.peak == c.mean_of('peak_torque') for c in evaluation.conditions
+                   if c.compensation == condition)
+    # Orange is the person's torque: no condition has it.
+    assert [scene.colour for scene in scenes] == ['grey', 'blue']
+    assert COLOURS['orange'] not in evaluation_figure_colours(evaluation)
+
+
+def evaluation_figure_colours(evaluation):
+    return {line.get_color() for axes in evaluation_figure(evaluation).axes
+            for line in axes.get_lines()}
 
 
 def test_a_torque_that_is_not_measured_has_no_arrow():

@@ -43,6 +43,10 @@ class Condition:
     position_std: np.ndarray
     reference: np.ndarray | None = None
 
+    def mean_of(self, name: str) -> float:
+        """Return the mean of one of `FIGURES` over the repetitions; NaN where it is unknown."""
+        return self.figures[name].mean if name in self.figures else float('nan')
+
     def as_dict(self) -> dict[str, Any]:
         """Return the figures without the curves."""
         named = {name: getattr(self, name) for name in (
@@ -110,18 +114,19 @@ class Evaluation:
 
     def peak_of(self, condition: Compensation) -> float:
         """Return a condition's peak torque, averaged over both movements, N·m."""
-        return float(np.mean(
-            [c.peak_torque for c in self.conditions if c.compensation == condition]))
+        return float(np.mean([c.mean_of('peak_torque') for c in self.conditions
+                              if c.compensation == condition]))
 
     def compared(self, name: str) -> tuple[float, float] | None:
         """Return 'peak_torque' or 'rms_torque' with d = 0 and with d = ±1, N·m.
 
-        Means over the movements that both conditions of `pair` have; None where there are none.
+        Means over the repetitions, averaged over the movements that both conditions of `pair` have;
+        None where there are none.
         """
         pair = self.pair()
         if pair is None:
             return None
-        values = {(c.compensation, c.movement): getattr(c, name) for c in self.conditions}
+        values = {(c.compensation, c.movement): c.mean_of(name) for c in self.conditions}
         both = np.array([[values.get((condition, movement), np.nan) for condition in pair]
                          for movement in NAMES.values()])
         both = both[np.isfinite(both).all(axis=1)]

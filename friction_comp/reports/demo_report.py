@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from friction_comp.refinement.refine import RefineResult
     from friction_comp.samples import Samples
 
-_COLOURS = ('grey', 'blue', 'orange', 'green')
+_COLOURS = ('grey', 'violet', 'blue', 'green')
 
 
 class EvaluatedTrial:

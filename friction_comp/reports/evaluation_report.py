@@ -26,7 +26,7 @@ from friction_comp.reports.evaluation_words import (
     verdict,
     with_interval,
 )
-from friction_comp.reports.figures import band, COLOURS, new_figure, styled
+from friction_comp.reports.figures import band, COLOURS, INK, new_figure, styled
 from friction_comp.reports.html import Report
 from friction_comp.reports.moving_joint import moving_joint, MovingScene
 
@@ -76,7 +76,7 @@ def evaluation_figure(evaluation: Evaluation) -> Figure:
         conditions = [c for c in evaluation.conditions if c.movement == movement]
         for shown in [c for c in conditions if c.reference is not None][:1]:
             column[0].plot(shown.time, np.degrees(np.asarray(shown.reference)), '--',
-                           color=COLOURS['grey'], linewidth=1.0, label='shown to the person')
+                           color=INK, linewidth=1.0, label='shown to the person')
         for c in conditions:
             label = f'{evaluation.label(c.compensation)}, n = ' + ' + '.join(
                 str(other.repetitions) for other in evaluation.conditions
@@ -137,9 +137,11 @@ def scenes_of(evaluation: Evaluation) -> list[MovingScene]:
     both = [[measured[condition, movement] for condition in pair]
             for movement in ('positive', 'negative')
             if all((condition, movement) in measured for condition in pair)]
-    largest = max(both, key=lambda conditions: max(c.peak_torque for c in conditions), default=[])
-    return [MovingScene(title, c.time, c.position, c.torque, colour) for title, c, colour
-            in zip(plain_names(pair), largest, ('grey', 'blue'))]
+    largest = max(both, default=[],
+                  key=lambda conditions: max(c.mean_of('peak_torque') for c in conditions))
+    colours = _colours(evaluation)
+    return [MovingScene(title, c.time, c.position, c.torque, colours[c.compensation],
+                        c.mean_of('peak_torque')) for title, c in zip(plain_names(pair), largest)]
 
 
 def add_evaluation(report: Report, evaluation: Evaluation, part: bool = False) -> None:
@@ -155,7 +157,8 @@ def add_evaluation(report: Report, evaluation: Evaluation, part: bool = False) -
             moving_joint(scenes),
             'Mean motion of the joint in the direction that needed the larger torque, at the speed '
             'of the recording. The orange arrow is the torque that the person applies; the curve '
-            'below shows it over time. The boxes below give the means of both directions.')
+            'below shows it over time. Peaks are means over the repetitions, here those of this '
+            'direction, in the boxes below those of both.')
     tiles = plain_tiles(evaluation) if simple else _tiles(evaluation)
     if tiles:
         report.numbers(tiles)
@@ -218,7 +221,8 @@ def _add_comparisons(report: Report, evaluation: Evaluation) -> None:
               for mean, condition in ((c.mean_first, c.first), (c.mean_second, c.second))),
           with_interval(c.difference), with_interval(effect_size(c)),
           p_value_text(c.p_value)] for c in shown],
-        'A pair is the n-th repetition under each of the two conditions, in the same direction.')
+        'A pair is the n-th repetition under each of the two conditions, in the same direction; '
+        'means are over the pairs.')
     omitted = len(evaluation.comparisons) - len(shown)
     report.text(
         'The comparisons are: each condition with no compensation; the direction announced with '
@@ -298,11 +302,14 @@ def _percent(share: Interval) -> str:
 
 
 def _colours(evaluation: Evaluation) -> dict[Compensation, str]:
-    """Return a colour for each condition: blue without a direction, orange with, then others."""
-    plain, assisted = ['blue', 'green', 'violet', 'grey'], ['orange', 'red', 'yellow', 'pink']
+    """Return a colour for each condition, the same wherever the page shows it.
+
+    Grey is without a direction, blue with it; orange is the person's torque.
+    """
+    plain, assisted = ['grey', 'violet', 'yellow', 'pink'], ['blue', 'green', 'red', 'violet']
     colours: dict[Compensation, str] = {}
     for condition in dict.fromkeys(c.compensation for c in evaluation.conditions):
-        palette = ['pink', 'grey'] if condition.announced < 0 else (
+        palette = ['pink', 'red'] if condition.announced < 0 else (
             assisted if condition.uses_direction else plain)
         used = sum(other.uses_direction == condition.uses_direction for other in colours)
         colours[condition] = palette[used % len(palette)]

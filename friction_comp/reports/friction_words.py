@@ -84,7 +84,9 @@ def _texts(value: float, ends: list[float] | None, unit: str) -> tuple[str, str]
     if ends is None:
         return f'{number(value)} {unit}', 'no interval'
     half = 0.5 * (ends[1] - ends[0])
-    places = 3 if half <= 0.0 else int(min(max(1 - math.floor(math.log10(half)), 0), 9))
+    # A second digit of the interval's half only where the first is small.
+    size = math.floor(math.log10(half / 3.0)) if half > 0.0 else -3
+    places = int(min(max(-size, 0), 9))
     low, middle, high = (f'{one:.{places}f}'.replace('-', '\u2212')
                          for one in (ends[0], value, ends[1]))
     return f'{middle} {unit}', f'{low} to {high}'

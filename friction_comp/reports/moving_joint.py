@@ -35,6 +35,12 @@ class MovingScene:
     position: np.ndarray  # (N,): rad
     torque: np.ndarray  # (N,): of the person in N·m, positive in the direction of positive angles
     colour: str = 'blue'  # a key of `COLOURS`
+    peak: float | None = None  # that is written, N·m; by default the largest of `torque`
+
+    @property
+    def largest(self) -> float:
+        """The peak torque that is written, N·m."""
+        return float(np.nanmax(np.abs(self.torque))) if self.peak is None else self.peak
 
 
 def moving_joint(scenes: Sequence[MovingScene]) -> list[str]:
@@ -42,7 +48,7 @@ def moving_joint(scenes: Sequence[MovingScene]) -> list[str]:
     return [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img" '
         f'aria-label="{escape(scene.title)}: a joint that moves as recorded; the '
-        f'person applies up to {np.nanmax(np.abs(scene.torque)):.2f} N·m" {_LETTERS}>{part}</svg>'
+        f'person applies up to {scene.largest:.2f} N·m" {_LETTERS}>{part}</svg>'
         for scene, part in zip(scenes, _draw_scenes(scenes))]
 
 
@@ -106,7 +112,7 @@ def _draw_scene(scene: MovingScene, moments: np.ndarray, largest: float, middle:
         f'<polyline points="{curve}" fill="none" stroke="{COLOURS["orange"]}" '
         f'stroke-width="2"/><text x="{np.clip(across[peak], x + 45, x + width - 45):.1f}" '
         f'y="{label:.1f}" text-anchor="middle" fill="currentColor">'
-        f'peak {abs(heights[peak]) * largest:.2f} N·m</text>'
+        f'peak {scene.largest:.2f} N·m</text>'
         f'<circle r="5" cx="{across[peak]:.1f}" cy="{down[peak]:.1f}" fill="{COLOURS["orange"]}">'
         f'{_animate("cx", across, timing)}{_animate("cy", down, timing)}</circle>'
         f'<text x="{x}" y="{_HEIGHT - 6}" fill="currentColor" fill-opacity="0.75">torque of the '

@@ -128,10 +128,17 @@ def add_numbers(page: Report, friction: dict[str, Any]) -> None:
     torque = any(row.torque for row in rows)
     page.table(
         ['', 'value', '95 % interval', *(['at the joint'] if torque else []), ''],
-        [[f'**{row.name}**', row.value, row.interval, *([row.torque] if torque else []), row.remark]
+        [[f'**{unbroken(row.name)}**', *map(unbroken, (
+            row.value, row.interval, *([row.torque] if torque else []))), row.remark]
          for row in rows],
-        'Friction of the joint in sliding')
-    page.code(friction['formula'])
+        'Friction of the joint in sliding. Coulomb and viscous friction are the straight line '
+        'through the friction at the speeds of the recording.')
+    page.text(f"`{friction['formula']}`")
+
+
+def unbroken(text: str) -> str:
+    """Return a text in which no line breaks."""
+    return text.replace(' ', '\u00a0')
 
 
 def effect_names(names: Iterable[str]) -> str:
