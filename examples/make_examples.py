@@ -8,7 +8,8 @@ It needs ROS 2 and Pinocchio. The recordings in `elbow/` are of running nodes: a
 with undeclared friction ripple and gravity, a person who moves it, and the compensator with the
 drive's model, once without and once with the direction announced. The recording in `arm/` is
 computed: three joints whose links have other masses than in `arm.urdf`. `log.csv` is what most
-people have: time, position and torque of a simulated joint that its controller moves.
+people have: time, position and torque of a simulated joint that its controller moves. `plan.csv`
+is a planned motion without torque.
 """
 
 from __future__ import annotations
@@ -116,6 +117,9 @@ def compute_log() -> None:
         plant.step(20.0 * (target - state.position[0]) - 0.5 * state.velocity[0])
     np.savetxt(HERE / 'log.csv', rows, fmt=('%.2f', '%.6f', '%.4f'), delimiter=',',
                header='time,position,torque', comments='')
+    time = np.arange(0.0, 4.001, 0.02)
+    np.savetxt(HERE / 'plan.csv', np.column_stack((time, 0.5 - 0.5 * np.cos(np.pi * time / 2.0))),
+               fmt=('%.2f', '%.6f'), delimiter=',', header='time,position', comments='')
 
 
 if __name__ == '__main__':

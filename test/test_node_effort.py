@@ -34,7 +34,7 @@ from friction_comp.topics import TORQUE_UNIT
 ROOT = Path(__file__).resolve().parents[1]
 ARMS = sorted((ROOT / 'examples' / 'torque_controlled').glob('*.yaml'))
 # For such arms, independently of the files: sample rate, and meaning of `effort`.
-SEMANTICS = {'franka_like': (1000, 'torque'), 'ur_like': (500, 'current')}
+SEMANTICS = {'franka_like': (1000, 'torque'), 'ur_like': (500, 'torque')}
 pytestmark = pytest.mark.slow
 
 
