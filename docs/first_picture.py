@@ -14,7 +14,7 @@ from friction_comp.refinement import refine
 from friction_comp.reports.figures import COLOURS, new_figure, styled, to_svg
 
 # Text in the colour of light and dark pages.
-HEAD = '''
+HEAD = """
 <!-- Copyright 2026 The friction_comp authors, SPDX-License-Identifier: Apache-2.0 -->
 <title>Measured and predicted torque of examples/log.csv</title>
 <desc>Left: torque over time, measured and predicted, which nearly coincide. Right: friction over
@@ -22,7 +22,7 @@ velocity, a step at zero and a straight line on either side.</desc>
 <style>
   svg { color: #1a2b3d; background: #ffffff }
   @media (prefers-color-scheme: dark) { svg { color: #e4e9ee; background: #161c22 } }
-</style>'''
+</style>"""
 ROOT = Path(__file__).resolve().parent.parent
 
 

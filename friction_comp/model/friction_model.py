@@ -18,7 +18,7 @@ from friction_comp.files import plain, read_yaml, write_yaml
 from friction_comp.model.arm.arm import Arm
 from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate, settings_of
 from friction_comp.model.effects import Effect, EFFECTS
-from friction_comp.model.feed_forward import feed_forward_torque
+from friction_comp.model.planned_motion import feed_forward_torque
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.model.sliding_friction import Recorded
 from friction_comp.model.standstill import Breakaway, Presliding

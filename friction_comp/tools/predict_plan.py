@@ -14,8 +14,8 @@ import numpy as np
 from friction_comp.errors import errors_name, InputError
 from friction_comp.files import read_yaml, write_atomically
 from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
-from friction_comp.model.feed_forward import of_plan
 from friction_comp.model.friction_model import FrictionModel, joints_of
+from friction_comp.model.planned_motion import of_plan
 from friction_comp.model.sliding_friction import torque_per_unit, unit_of
 from friction_comp.samples import Samples
 
