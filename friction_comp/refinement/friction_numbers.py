@@ -21,8 +21,8 @@ from friction_comp.model.sliding_friction import (
     torque_per_unit,
 )
 from friction_comp.refinement.best_fit import Fit
+from friction_comp.refinement.block_sums import BlockSums
 from friction_comp.refinement.effect_columns import EQ6_LINEAR
-from friction_comp.refinement.stability import LeftOutThirds
 
 # Quantiles of the speed in motion that a model file keeps.
 _SPEEDS = 12
@@ -54,9 +54,10 @@ def recorded_of(fit: Fit, model: FrictionModel) -> Recorded:
         weights[:len(LINE), columns] = line
         if effect.name == 'inertia':
             weights[-1, columns[0]] = 1.0
-    intervals, thirds = {}, LeftOutThirds(fit.table, fit.terms)
+    intervals, other_fits = {}, _without_thirds(fit)
     for name, row, value in zip((*LINE, 'inertia'), weights, _values(model, recorded)):
-        half = math.hypot(fit.intervals.half_width(row), thirds.spread(fit.terms, row))
+        moved = other_fits @ row
+        half = math.hypot(fit.intervals.half_width(row), float(np.abs(moved[1:] - moved[0]).max()))
         # In motion in one direction, the offset is part of Coulomb friction.
         if value is not None and half > 0.0:
             intervals[name] = value - half, value + half
@@ -68,6 +69,23 @@ def recorded_of(fit: Fit, model: FrictionModel) -> Recorded:
         transition = 2.0 / model.sigmoid.steepness
         intervals['transition'] = (transition * math.exp(-spread), transition * math.exp(spread))
     return Recorded(recorded.speeds, tuple(intervals.items()))
+
+
+def _without_thirds(fit: Fit) -> np.ndarray:
+    """Return the coefficients of all samples, and without each third of the speed, by column.
+
+    A model that lacks something fits each third differently, which parts of the recording drawn at
+    random do not show. Shape (4, P).
+    """
+    table = fit.table
+    speed = np.abs(np.asarray(fit.rows.at_rows.velocity))
+    third = np.searchsorted(np.quantile(speed, (1 / 3, 2 / 3)), speed, side='right')
+    columns = table.indices(fit.terms, derivatives=False)
+    sums = BlockSums.over(np.vstack((table.columns[columns], table.target)),
+                          [third == k for k in range(3)], table.sums.signs[columns])
+    fits = np.zeros((4, max(fit.intervals.coefficients) + 1))
+    fits[:, columns] = sums.fits(range(len(columns)), np.vstack((np.ones(3), 1.0 - np.eye(3))))
+    return fits
 
 
 def _effect_of(fit: Fit, term: Any) -> Effect:

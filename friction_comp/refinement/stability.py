@@ -200,18 +200,6 @@ class LeftOutThirds:
         return {name: max(float(sums.held_out_errors(columns).sum()), 1e-300)
                 for name, sums in self._sums.items()}
 
-    def spread(self, terms: Sequence[Term], weights: np.ndarray, variable: str = 'speed') -> float:
-        """Return how far a weighted sum of coefficients moves if a third is left out of the fit.
-
-        `weights` has a weight by column of the table. A model that lacks something fits each third
-        differently, which parts of the recording drawn at random do not show.
-        """
-        columns = self._table.indices(terms, derivatives=False)
-        sums, own = self._sums[variable], [self._column_index[column] for column in columns]
-        count = len(sums.rows)
-        fits = sums.fits(own, np.vstack((np.ones(count), 1.0 - np.eye(count)))) @ weights[columns]
-        return float(np.abs(fits[1:] - fits[0]).max())
-
     def error_growth(self, terms: Sequence[Term]) -> dict[str, float]:
         """Return the ratio of the error for each variable to that of blocks of time."""
         errors = self.squared_errors(terms)
