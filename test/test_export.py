@@ -22,6 +22,7 @@ from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.model.simulator_joint import loss_of, of_several, simulator_joint
 from friction_comp.model.simulator_play import play
 from friction_comp.model.sliding_friction import Recorded
+from friction_comp.model.standstill import Breakaway
 from friction_comp.recordings import read_recording
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
@@ -128,9 +129,9 @@ def test_yaml_forms_hold_the_numbers_that_refine_reports(tmp_path, form, keys):
     recorded = Recorded((0.5, 1.0), (('coulomb', (0.19, 0.21)), ('inertia', (0.005, 0.009))))
     text = exported(tmp_path, replace(PLAIN, recorded=recorded), form)
     numbers = yaml.safe_load(text)['elbow']
-    expected = {'Fc': 0.2, 'Fv': 0.1, 'Fo': 0.0, 'static_friction': np.mean([
-        MODEL.breakaway.positive_mean, -MODEL.breakaway.negative_mean]),
-        'dynamic_friction': 0.2, 'viscous_friction': 0.1, 'armature': 0.01}
+    # Static friction is never below the dynamic one, as the note's breakaway would be.
+    expected = {'Fc': 0.2, 'Fv': 0.1, 'Fo': 0.0, 'static_friction': 0.2,
+                'dynamic_friction': 0.2, 'viscous_friction': 0.1, 'armature': 0.01}
     for key in keys:
         if key != 'k':
             assert numbers[key] == pytest.approx(expected[key] * GAIN, rel=1e-6, abs=1e-9)
@@ -139,6 +140,12 @@ def test_yaml_forms_hold_the_numbers_that_refine_reports(tmp_path, form, keys):
     # The interval of another inertia than the model's is not passed on.
     assert 'armature' not in numbers['range']
     assert 'misses the model by' in text
+
+
+def test_static_friction_is_the_measured_breakaway_where_it_is_higher():
+    high = replace(PLAIN, breakaway=Breakaway(0.31, -0.29))
+    assert simulator_joint(high).static == pytest.approx(0.3 * GAIN)
+    assert simulator_joint(high).static_is == 'measured breakaway'
 
 
 def test_json_holds_everything_and_several_models_give_a_range(tmp_path):

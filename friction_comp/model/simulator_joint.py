@@ -125,8 +125,10 @@ def of_several(joints: list[SimulatorJoint]) -> SimulatorJoint:
 def _static(model: FrictionModel, coulomb: float) -> tuple[float, str]:
     """Return the friction at breakaway or near standstill, A, and where it is from."""
     if model.breakaway is not None:
-        return (0.5 * (model.breakaway.positive_mean - model.breakaway.negative_mean),
-                'measured breakaway')
+        breakaway = 0.5 * (model.breakaway.positive_mean - model.breakaway.negative_mean)
+        # Simulators refuse a static friction below the dynamic one.
+        return (breakaway, 'measured breakaway') if breakaway >= coulomb else (
+            coulomb, 'Coulomb friction: the measured breakaway is lower')
     fading = sum(effect.coefficients[0] for effect in model.effects if effect.name == 'stribeck')
     if fading:
         return coulomb + fading, 'Coulomb with Stribeck friction'
