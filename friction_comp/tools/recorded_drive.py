@@ -219,7 +219,7 @@ def _idle(arguments: Namespace, recorded: Sequence[Samples]) -> bool:
 
 def _of_table(arguments: Namespace) -> dict[str, Any]:
     """Return how the columns of a table were read, for whoever reads it again."""
-    return {f'{name}_of_table': value for name in ('columns', 'unit')
+    return {f'{name}_of_table': value for name in OF_TABLE
             if (value := getattr(arguments, name))}
 
 
