@@ -33,7 +33,7 @@ class Failure:
 
 
 Outcomes = Generator[tuple[int, 'U | Failure'], None, None]
-Runner = Callable[[Callable[[Any], Any], Sequence[Any]], Iterator[tuple[int, Any]]]
+Runner = Callable[[Callable[[Any], Any], Sequence[Any]], Generator[tuple[int, Any], None, None]]
 """Type of a function that does work on items, and yields the index and outcome of each when it is
 finished."""
 

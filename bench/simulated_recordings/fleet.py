@@ -27,7 +27,7 @@ FAULTS = {'coulomb': 1.6, 'viscous': 2.2, 'ripple': 3.0, 'inertia': 1.3, 'bump':
 
 
 def fleet_drive(seed, unit, fault=None):
-    """Return the `SimulatedDrive` of a unit of the type `seed`, with a fault of `FAULTS` or none."""
+    """Return the `SimulatedDrive` of a unit of the type `seed`, perhaps with one of `FAULTS`."""
     base = random_drive(seed)
     level = 0.5 * (base.model.sigmoid.upper - base.model.sigmoid.lower)
     rng = np.random.default_rng([seed, unit, 7])

@@ -74,6 +74,8 @@ class Report:
     title : str
     subtitle : str
         One line under the title.
+    interactive : bool
+        Whether figures may be interactive plots.
 
     Examples
     --------
@@ -84,9 +86,10 @@ class Report:
     True
     """
 
-    def __init__(self, title: str, subtitle: str = '') -> None:
+    def __init__(self, title: str, subtitle: str = '', interactive: bool = True) -> None:
         self.title = title
         self.subtitle = subtitle
+        self._interactive = interactive
         self._parts: list[str] = []
         self._sections: list[str] = []
         self._figures = 0
@@ -164,7 +167,7 @@ class Report:
                 text.set_text(in_own_units(text.get_text(), True))
         alternative = _plain(caption)
         live, kind = '', ''
-        if interactive and bokeh_is_installed():
+        if interactive and self._interactive and bokeh_is_installed():
             plot, note = interactive_plot(figure)
             live = f'<div class="live" role="group" aria-label="{alternative}">{plot}</div>'
             kind = ' class="two"'

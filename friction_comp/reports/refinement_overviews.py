@@ -5,18 +5,21 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
 from friction_comp.reports.figures import COLOURS, new_figure, styled
+from friction_comp.reports.fleet_report import add_fleet, fleet_verdict
 from friction_comp.reports.html import Link, number, Report
 from friction_comp.reports.refinement_report import effect_names
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from friction_comp.fleet.population import Population
     from friction_comp.refinement.whole_arm import ArmResult
 
 # Effects found in fewer than this share of a joint's recordings may be due to chance.
@@ -50,13 +53,20 @@ def verdict(content: dict[str, Any]) -> str:
     return text
 
 
-def each_report(content: dict[str, Any]) -> Report:
-    """Return the report on recordings that were refined separately, from its report.json."""
+def each_report(content: dict[str, Any], populations: Sequence[Population] = ()) -> Report:
+    """Return the report on recordings that were refined separately, from its report.json.
+
+    `populations` compare the units of a fleet, joint by joint.
+    """
     rows = content['recordings']
     joints = list(dict.fromkeys(row['joint'] for row in rows))
     page = Report('What friction models lacked, recording by recording',
                   f'{len(rows)} refined separately; joints: {", ".join(joints)}')
-    page.verdict(verdict(content))
+    page.verdict('\n\n'.join([*map(fleet_verdict, populations), verdict(content)]))
+    for population in populations:
+        add_fleet(page, population)
+    if populations:
+        page.heading('Errors')
     for unit in dict.fromkeys(row['unit'] for row in rows):
         same_unit = sorted((row for row in rows if row['unit'] == unit),
                            key=lambda row: str(row['joint']))
@@ -73,11 +83,12 @@ def each_report(content: dict[str, Any]) -> Report:
     page.table(
         ['recording', 'joint', 'verdict', 'before', 'after', 'noise', 'unit', 'found',
          'unexplained'],
-        [[Link(Path(row['recording']).name, f"{row['folder']}/report.html"), row['joint'],
+        [[Link(row['folder'], f"{row['folder']}/report.html") if row['page'] else row['folder'],
+          row['joint'],
           row['verdict'], row['before'], row['after'], row['noise_floor'], row['unit'],
           effect_names(effect['name'] for effect in row['effects']),
           ', '.join(row['unexplained'])] for row in rows],
-        'RMS of measured minus predicted on parts that were not fitted. The page and the model '
+        'RMS of measured minus predicted on parts that were not fitted. The report and the model '
         'file of each recording are in its folder beside this page.')
     if content['failed']:
         page.heading('Not usable')

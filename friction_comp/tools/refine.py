@@ -50,6 +50,13 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument('--each', action='store_true',
                         help='refine each joint of each recording separately, with one page for '
                         'all; by default all recordings together give one model')
+    parser.add_argument('--scheduler', metavar='ADDRESS',
+                        help='Dask scheduler, for instance tcp://host:8786, whose workers do '
+                        '--each; they need this package, and the recordings at the same paths '
+                        "(pip install 'friction_comp[fleet]')")
+    parser.add_argument('--fleet', metavar='FILE', type=Path,
+                        help='fleet.json that --each wrote on units of the same type: start and '
+                        'prior for one unit more, which then needs less motion')
     parser.add_argument('--history', action='store_true',
                         help='also fit averages of earlier recordings, from .history.npz next to '
                         '--model, and write them next to the new model')
@@ -67,6 +74,12 @@ def main(argv: list[str] | None = None) -> int:
     if arguments.history and (arguments.model is None or arguments.each or arguments.urdf):
         raise InputError('--history goes with --model, and with one joint: not with --each or '
                          '--urdf')
+    if arguments.fleet and (arguments.model or arguments.each or arguments.urdf):
+        raise InputError('--fleet gives the model to start from: not with --model, --each or '
+                         '--urdf')
+    if arguments.scheduler and (arguments.jobs or not arguments.each):
+        raise InputError('--scheduler goes with --each, and without --jobs: Dask decides how many '
+                         'recordings are refined at once')
     if arguments.each:
         from friction_comp.tools.refine_each import refine_each
 

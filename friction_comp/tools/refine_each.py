@@ -1,38 +1,60 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The tool ``refine --each``: refines many recordings and joints separately."""
+"""The tool ``refine --each``: refines many recordings and joints separately, and compares them."""
 
 from __future__ import annotations
 
 from argparse import Namespace
 from collections import Counter
-from collections.abc import Sequence
-from contextlib import closing
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, field
 from functools import partial
+import json
 import os
 from pathlib import Path
 import time
 from typing import Any, TYPE_CHECKING
 
 from friction_comp.errors import InputError
-from friction_comp.files import encodable, to_yaml
-from friction_comp.parallel import Failure, interrupts_deferred, run_each
+from friction_comp.files import encodable, plain, to_yaml
+from friction_comp.parallel import attempt, Failure, interrupts_deferred, run_each, Runner
 from friction_comp.tools.common import output_folder, progress, to_json, write_report
+from friction_comp.tools.earlier_run import DONE, earlier_result, fingerprint
 from friction_comp.tools.recorded_drive import folder_names, layout_of, refine_recordings
 
 if TYPE_CHECKING:
     from friction_comp.evaluation.sessions import Piece
+    from friction_comp.fleet.population import Population
+    from friction_comp.reports.html import Report
 
 # Number of recordings from which processes save more time than their start takes: some seconds of
 # processor time each, as much as a few short recordings take.
 MIN_SHARED = 8
+# Most recordings that get a page each besides the page on all. A page takes longer than refining,
+# and nobody reads a hundred; refine makes that of any one.
+MOST_PAGES = 20
+# Share of the progress bar for refining; the rest is comparing.
+_REFINING = 0.9
+
+
+@dataclass
+class _Batch:
+    """What became of all pieces so far."""
+
+    rows: dict[int, dict[str, Any]] = field(default_factory=dict)
+    models: dict[int, dict[str, Any]] = field(default_factory=dict)
+    failed: list[str] = field(default_factory=list)
+    earlier: int = 0
+    interrupted: bool = False
 
 
 def refine_each(arguments: Namespace) -> int:
     """Refine each joint of each recording; write a folder for each, and one page on all.
 
     Each folder is written as soon as its joint is refined, whole or not at all: neither an
-    interrupt nor an unusable recording affects the others. Returns 0, or 130 if interrupted.
+    interrupt nor an unusable recording affects the others. What an earlier run with the same
+    arguments wrote is taken over. Returns 0, or 130 if interrupted.
     """
     if arguments.urdf:
         raise InputError('--each and --urdf exclude each other: the links are fitted once for all')
@@ -40,46 +62,83 @@ def refine_each(arguments: Namespace) -> int:
     from friction_comp.reports.refinement_overviews import each_report
 
     begin = time.monotonic()
-    rows: dict[int, dict[str, Any]] = {}
-    interrupted = False
+    populations: list[Population] = []
     with progress('reading') as show:
         pieces, failures = pieces_of(
             arguments.recordings, arguments.joint, layout_of(arguments))
-        failed = [failure.reason for failure in failures]
-        folders = _folders(pieces)
-        jobs = arguments.jobs or (os.cpu_count() or 1 if len(pieces) >= MIN_SHARED else 1)
+        batch = _Batch(failed=[failure.reason for failure in failures])
         try:
-            with closing(run_each(partial(_refine_one, arguments), pieces, jobs)) as outcomes:
-                for index, outcome in outcomes:
-                    if isinstance(outcome, Failure):
-                        failed.append(outcome.reason)
-                    else:
-                        row, files = outcome
-                        # A folder that is written must also be in the page on all.
-                        with interrupts_deferred():
-                            _write(arguments.output / folders[index], files)
-                            rows[index] = {'recording': str(pieces[index].path),
-                                           'folder': folders[index], **row}
-                    done = len(rows) + len(failed) - len(failures)
-                    show(done / len(pieces), f'{done} of {len(pieces)}: {pieces[index]}')
+            with _runner(arguments, len(pieces)) as run:
+                _refine_pieces(arguments, pieces, batch, run, show)
+                populations = _compare(arguments, pieces, batch, run, show)
         except KeyboardInterrupt:
-            interrupted = True
-        if not rows and not interrupted:
-            raise InputError(failed[0])
+            batch.interrupted = True
+        if not batch.rows and not batch.interrupted:
+            raise InputError(batch.failed[0])
         content = {
-            'recordings': [rows[index] for index in sorted(rows)], 'failed': sorted(failed),
-            'not_done': len(pieces) + len(failures) - len(rows) - len(failed),
+            'recordings': [batch.rows[index] for index in sorted(batch.rows)],
+            'failed': sorted(batch.failed), 'taken_over': batch.earlier,
+            'not_done': len(pieces) + len(failures) - len(batch.rows) - len(batch.failed),
+            'out': {population.joint: population.out for population in populations},
             'seconds': time.monotonic() - begin}
-        if rows:
-            with output_folder(arguments.output) as folder:
-                write_report(folder, content, each_report(content), arguments.command)
+        if batch.rows:
+            _write_results(arguments, content, each_report(content, populations), populations)
     if arguments.json:
         print(to_json(content), end='')
     else:
-        _print(content)
-        if rows:
+        _print(content, populations)
+        if batch.rows:
             print(arguments.output / 'report.html')
-    return 130 if interrupted else 0
+    return 130 if batch.interrupted else 0
+
+
+@contextmanager
+def _runner(arguments: Namespace, count: int) -> Iterator[Runner]:
+    """Yield a function that does work on the recordings, here, in processes or on a cluster."""
+    if arguments.scheduler:
+        from friction_comp.cluster import runner_on_cluster
+
+        with runner_on_cluster(arguments.scheduler) as run:
+            yield run
+    else:
+        yield partial(run_each, jobs=arguments.jobs or (
+            os.cpu_count() or 1 if count >= MIN_SHARED else 1))
+
+
+def _refine_pieces(arguments: Namespace, pieces: Sequence[Piece], batch: _Batch, run: Runner,
+                   show: Callable[..., None]) -> None:
+    """Refine each piece and write its folder, except for those that an earlier run did."""
+    folders = _folders(pieces)
+    keys = [fingerprint(arguments, piece) for piece in pieces]
+    for index, (folder, key) in enumerate(zip(folders, keys)):
+        found = earlier_result(arguments.output / folder, key)
+        if found is not None:
+            batch.rows[index], batch.models[index] = found['row'], found['model']
+    batch.earlier = len(batch.rows)
+    waiting = [index for index in range(len(pieces)) if index not in batch.rows]
+    if not waiting:
+        return
+    # The names of all recordings need not go to each process with each recording.
+    work = partial(_refine_one, Namespace(**{**vars(arguments), 'recordings': []}),
+                   len(pieces) <= MOST_PAGES)
+    if len(pieces) > 1:
+        # One that cannot be used must not lose the others, even if it is the last to be done.
+        work = partial(attempt, work)
+    with closing(run(work, [pieces[index] for index in waiting])) as outcomes:
+        for done, (number, outcome) in enumerate(outcomes, len(batch.rows) + 1):
+            index = waiting[number]
+            if isinstance(outcome, Failure):
+                batch.failed.append(outcome.reason)
+            else:
+                row, model, files = outcome
+                row = {'recording': str(pieces[index].path), 'folder': folders[index], **row}
+                known = json.dumps(plain(
+                    {'made_from': keys[index], 'row': row, 'model': model}))
+                # A folder that is written must also be in the page on all.
+                with interrupts_deferred():
+                    _write(arguments.output / folders[index], {**files, DONE: known})
+                    batch.rows[index], batch.models[index] = row, model
+            show(_REFINING * done / len(pieces), f'{done} of {len(pieces)}: {pieces[index]}')
 
 
 def _folders(pieces: Sequence[Piece]) -> list[str]:
@@ -95,17 +154,19 @@ def _folders(pieces: Sequence[Piece]) -> list[str]:
     return folder_names(names)
 
 
-def _refine_one(arguments: Namespace, piece: Piece) -> tuple[dict[str, Any], dict[str, str]]:
-    """Refine a joint of a recording; return its row of the page on all, and its files by name."""
-    from friction_comp.reports.refinement_report import refinement_report
-
+def _refine_one(arguments: Namespace, with_page: bool, piece: Piece
+                ) -> tuple[dict[str, Any], dict[str, Any], dict[str, str]]:
+    """Refine a joint of a recording; return its row of the page on all, its model and its files."""
     begin = time.monotonic()
     result, _ = refine_recordings(arguments, [piece.path], piece.joint)
-    report = result.report
-    page = refinement_report(result, [str(piece.path)])
-    page.made_by(arguments.command)
-    files = {'report.json': to_json(report), 'model.yaml': to_yaml(result.model.to_dict()),
-             'report.html': page.html()}
+    report, model = result.report, result.model.to_dict()
+    files = {'report.json': to_json(report), 'model.yaml': to_yaml(model)}
+    if with_page:
+        from friction_comp.reports.refinement_report import refinement_report
+
+        page = refinement_report(result, [str(piece.path)], interactive=False)
+        page.made_by(arguments.command)
+        files['report.html'] = page.html()
     row = {
         'joint': report['joint'], 'unit': report['unit'], 'samples': report['samples'],
         'verdict': report['verdict'], 'before': report['before']['held_out_rmse'],
@@ -113,8 +174,41 @@ def _refine_one(arguments: Namespace, piece: Piece) -> tuple[dict[str, Any], dic
         'effects': [{'name': effect['name'], 'variable': effect['variable']}
                     for effect in report['effects']],
         'unexplained': [entry['variable'] for entry in report['unexplained']],
-        'seconds': time.monotonic() - begin}
-    return row, files
+        'page': with_page, 'seconds': time.monotonic() - begin}
+    return row, model, files
+
+
+def _compare(arguments: Namespace, pieces: Sequence[Piece], batch: _Batch, run: Runner,
+             show: Callable[..., None]) -> list[Population]:
+    """Return the population of each joint that enough units have."""
+    from friction_comp.tools.refined_fleet import fleet_of, RefinedPiece
+
+    refined = [RefinedPiece(piece, unit, batch.rows[index], batch.models[index])
+               for index, (piece, unit) in enumerate(zip(pieces, _units(pieces)))
+               if index in batch.rows]
+    return fleet_of(arguments, refined, run, lambda done, count: show(
+        _REFINING + (1.0 - _REFINING) * done / count, f'comparing: {done} of {count}'))
+
+
+def _units(pieces: Sequence[Piece]) -> list[str]:
+    """Return the unit of each piece: its entry of the folder that holds all recordings."""
+    if not pieces:
+        return []
+    above = os.path.commonpath([piece.path.absolute().parent for piece in pieces])
+    return [piece.path.absolute().relative_to(above).with_suffix('').parts[0] for piece in pieces]
+
+
+def _write_results(arguments: Namespace, content: dict[str, Any], page: Report,
+                   populations: Sequence[Population]) -> None:
+    with output_folder(arguments.output) as folder:
+        write_report(folder, content, page, arguments.command)
+        if populations:
+            from friction_comp.fleet.population import fleet_json
+
+            (folder / 'fleet.json').write_text(encodable(fleet_json(populations)), 'utf-8')
+            for name, population in zip(
+                    folder_names(f'population_{one.joint}' for one in populations), populations):
+                population.model.save(folder / f'{name}.yaml')
 
 
 def _write(path: Path, files: dict[str, str]) -> None:
@@ -123,14 +217,18 @@ def _write(path: Path, files: dict[str, str]) -> None:
             (folder / name).write_text(encodable(text), encoding='utf-8')
 
 
-def _print(content: dict[str, Any]) -> None:
+def _print(content: dict[str, Any], populations: Sequence[Population]) -> None:
+    from friction_comp.reports.fleet_report import fleet_verdict
     from friction_comp.reports.html import number
     from friction_comp.reports.refinement_overviews import verdict
 
     print(verdict(content).replace('**', ''))
-    for row in content['recordings']:
-        effects = ', '.join(effect['name'] for effect in row['effects']) or 'nothing'
-        print(f"{row['folder']}: {number(row['before'])} → {number(row['after'])} {row['unit']}, "
-              f"{row['verdict']}; found: {effects}")
+    for population in populations:
+        print(fleet_verdict(population).replace('**', ''))
+    if len(content['recordings']) <= MOST_PAGES:
+        for row in content['recordings']:
+            effects = ', '.join(effect['name'] for effect in row['effects']) or 'nothing'
+            print(f"{row['folder']}: {number(row['before'])} → {number(row['after'])} "
+                  f"{row['unit']}, {row['verdict']}; found: {effects}")
     for reason in content['failed']:
         print(f'left out: {reason}')

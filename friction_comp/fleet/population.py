@@ -1,0 +1,299 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""A joint's population: mean and spread of each parameter over the units of a fleet.
+
+Parameters that are positive by nature are compared on a logarithmic scale, so that a factor counts
+the same up and down.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from friction_comp.errors import errors_name, InputError
+from friction_comp.files import plain
+from friction_comp.fleet.common_model import CommonModel, Compared
+from friction_comp.fleet.spread import FEWEST_UNITS, LEVEL, Spread, spread_of, units_from_recordings
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.refinement.block_sums import BlockSums
+from friction_comp.statistics import holm
+
+FORMAT, VERSION = 'friction_comp_fleet', 1
+# The error of the common model, compared like a parameter: a unit with an effect that no other has
+# shows by it.
+ERROR = 'error of the common model'
+
+
+@dataclass(frozen=True)
+class UnitValue:
+    """A unit's value of a parameter."""
+
+    unit: str
+    value: float
+    interval: tuple[float, float]
+    p: float  # probability of such a deviation in the population
+    out: bool
+    recordings: int
+
+
+@dataclass(frozen=True)
+class ParameterSpread:
+    """A parameter's mean and spread over the units that are not out.
+
+    On a logarithmic scale, `mean` is the geometric mean and `spread` the standard deviation of the
+    logarithm: about the relative one.
+    """
+
+    name: str
+    unit: str  # of the parameter, not of the spread on a logarithmic scale
+    scale: str  # 'logarithmic' or 'linear'
+    mean: float
+    mean_interval: tuple[float, float]
+    spread: float
+    spread_interval: tuple[float, float]
+    range: tuple[float, float]  # of a further unit, 95 %
+    p_same: float  # of such differences if all units were the same, adjusted for all parameters
+    varies: bool
+    units: list[UnitValue] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What the population tells of a further unit's coefficients, in the order of its model's."""
+
+    mean: list[float]
+    deviation: list[float]  # standard deviation, at the upper end of its interval
+    error: float  # RMS error of the common model
+    # By how much the variance of a coefficient exceeds that for independent samples.
+    inflation: float
+
+
+@dataclass(frozen=True)
+class Population:
+    """The units of one joint of a fleet."""
+
+    joint: str
+    unit: str  # of the recordings' current
+    units: list[str]
+    recordings: int
+    parameters: list[ParameterSpread]
+    prior: Prior
+    model: FrictionModel  # with the mean coefficients of the population
+
+    @property
+    def out(self) -> dict[str, list[str]]:
+        """The units that are out, each with the names of the parameters in which it is."""
+        found: dict[str, list[str]] = {}
+        for parameter in self.parameters:
+            for value in parameter.units:
+                if value.out:
+                    found.setdefault(value.unit, []).append(parameter.name)
+        return dict(sorted(found.items()))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the population as plain values."""
+        return {'joint': self.joint, 'unit': self.unit, 'units': self.units,
+                'recordings': self.recordings, 'out': self.out,
+                'parameters': [asdict(parameter) for parameter in self.parameters],
+                'prior': asdict(self.prior), 'model': self.model.to_dict()}
+
+    @classmethod
+    def from_dict(cls, document: Mapping[str, Any]) -> Population:
+        """Return the population of plain values."""
+        parameters = [ParameterSpread(**{**entry, 'units': [
+            UnitValue(**{**value, 'interval': tuple(value['interval'])})
+            for value in entry['units']], **{name: tuple(entry[name]) for name in (
+                'mean_interval', 'spread_interval', 'range')}}) for entry in document['parameters']]
+        return cls(str(document['joint']), str(document['unit']), list(document['units']),
+                   int(document['recordings']), parameters, Prior(**document['prior']),
+                   FrictionModel.from_dict(document['model']))
+
+
+def fleet_json(populations: Sequence[Population]) -> str:
+    """Return the content of fleet.json; `read_fleet` reads it."""
+    return json.dumps(plain({
+        'format': FORMAT, 'version': VERSION,
+        'joints': [population.to_dict() for population in populations]}, not_finite=None),
+        indent=1, ensure_ascii=False) + '\n'
+
+
+def read_fleet(path: str | Path, joint: str | None = None) -> list[Population]:
+    """Return the populations in a fleet.json, of all joints or of one.
+
+    Raises InputError if the file cannot be used, or does not hold the joint.
+    """
+    try:
+        document = json.loads(Path(path).read_text(encoding='utf-8'))
+    except OSError as error:
+        raise InputError(f'{path}: {error.strerror or error}') from None
+    except ValueError as error:
+        raise InputError(f'{path}: not a JSON document: {error}') from None
+    with errors_name(path):
+        if not isinstance(document, dict) or document.get('format') != FORMAT:
+            raise InputError('not the fleet.json that refine --each writes')
+        if document.get('version') != VERSION:
+            raise InputError(f'is of version {document.get("version")!r}, not {VERSION}')
+        try:
+            found = [Population.from_dict(entry) for entry in document['joints']]
+        except (AttributeError, KeyError, TypeError) as error:
+            raise InputError(f'not a valid fleet.json: {error!r}') from None
+        chosen = [entry for entry in found if joint is None or entry.joint == joint]
+        if not chosen:
+            raise InputError(f'holds no joint {joint!r}: it has '
+                             f'{", ".join(repr(entry.joint) for entry in found)}')
+    return chosen
+
+
+@dataclass(frozen=True)
+class _Estimate:
+    """The fit of the common model to one recording; with P coefficients."""
+
+    values: np.ndarray  # (P,)
+    errors: np.ndarray  # (P, P): covariance, from fits that leave out a block each
+    rms: float
+    rms_error: float  # standard error of the logarithm of `rms`
+    freedom: float
+    inflation: float
+
+
+def _estimate(common: CommonModel, sums: BlockSums) -> _Estimate:
+    """Return a recording's coefficients with the covariance of the jackknife."""
+    columns, count = common.columns, len(sums.rows)
+    with_derivatives = range(len(sums.signs))
+    chosen = [list(with_derivatives).index(column) for column in columns]
+    values = sums.fits(with_derivatives, np.ones((1, count)))[0]
+    left_out = sums.fits(with_derivatives, 1.0 - np.eye(count))
+    deviations = (left_out - left_out.mean(axis=0))[:, chosen]
+    covariance = (count - 1) / count * deviations.T @ deviations
+    squares = sums.squared_errors(with_derivatives, left_out) / np.maximum(sums.rows, 1)
+    mean = float(np.average(squares, weights=sums.rows))
+    spread = float(np.std(squares, ddof=1)) / math.sqrt(count) / max(mean, 1e-300)
+    total = sums.gram.sum(axis=0)[:-1, :-1]
+    scale = np.sqrt(np.maximum(np.diag(total), 1e-300))
+    nominal = mean * np.diag(np.linalg.pinv(total / scale / scale[:, None]))[chosen] / (
+        scale[chosen] ** 2)
+    return _Estimate(values[chosen], covariance, math.sqrt(mean), 0.5 * spread, count - 1.0,
+                     float(np.median(np.diag(covariance) / np.maximum(nominal, 1e-300))))
+
+
+def population_of(recordings: Sequence[tuple[str, BlockSums]], common: CommonModel,
+                   like: FrictionModel, unit: str, tests: int = 1) -> Population:
+    """Return the population of one joint.
+
+    Parameters
+    ----------
+    recordings : sequence of tuple
+        Name of the unit, and the recording's `CommonModel.sums`.
+    common : CommonModel
+    like : FrictionModel
+        Any unit's: drive, joint and differentiation of the population's model.
+    unit : str
+        Unit of the recordings' current.
+    tests : int
+        How many joints are compared at the same time.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than `spread.FEWEST_UNITS` units.
+    """
+    units_of = [name for name, _ in recordings]
+    names, index = np.unique(units_of, return_inverse=True)
+    if len(names) < FEWEST_UNITS:
+        raise InputError(f'{len(names)} units are too few to compare: at least {FEWEST_UNITS} are '
+                         'needed')
+    fits = [_estimate(common, sums) for _, sums in recordings]
+    compared = [*((one, *_values(fits, common, one.columns)) for one in common.compared()),
+                (Compared(ERROR, 'A', (), True), np.array([fit.rms for fit in fits]),
+                 np.array([fit.rms * fit.rms_error for fit in fits]))]
+    # What no recording shows, such as an offset in motion to one side, cannot differ.
+    compared = [entry for entry in compared if entry[2].all()]
+    parameters = [_parameter(one, unit, values, errors, units_of, fits[0].freedom,
+                             tests * len(compared)) for one, values, errors in compared]
+    adjusted = holm([parameter.p_same for parameter in parameters])
+    parameters = [ParameterSpread(**{**vars(parameter), 'p_same': float(p),
+                                     'varies': bool(p < 1.0 - LEVEL)})
+                  for parameter, p in zip(parameters, adjusted)]
+    out = [any(parameter.units[k].out for parameter in parameters) for k in range(len(names))]
+    prior = _prior(fits, index, np.array(out))
+    return Population(like.joint, unit, names.tolist(), len(recordings), parameters, prior,
+                      common.model(np.array(prior.mean), like))
+
+
+def _values(fits: Sequence[_Estimate], common: CommonModel, columns: tuple[int, ...]
+            ) -> tuple[np.ndarray, np.ndarray]:
+    """Return a parameter's value and standard error in each recording."""
+    where = [common.columns.index(column) for column in columns]
+    part = np.array([fit.values[where] for fit in fits])
+    if len(where) == 1:
+        errors = np.array([fit.errors[where[0], where[0]] for fit in fits])
+        return part[:, 0], np.sqrt(errors)
+    size = np.sqrt(np.sum(part ** 2, axis=1))
+    along = part / np.maximum(size, 1e-300)[:, None]
+    inner = np.ix_(where, where)
+    errors = np.array([a @ fit.errors[inner] @ a for a, fit in zip(along, fits)])
+    return size, np.sqrt(np.maximum(errors, 0.0))
+
+
+def _parameter(one: Compared, unit: str, values: np.ndarray, errors: np.ndarray,
+               units_of: Sequence[str], freedom: float, tests: int) -> ParameterSpread:
+    """Return the spread of a parameter from its values in all recordings, of `units_of`."""
+    names, index = np.unique(units_of, return_inverse=True)
+    # Where zero is possible there are no factors.
+    logarithmic = one.positive and bool((values - 2.0 * errors > 0.0).all())
+    if logarithmic:
+        values, errors = np.log(values), errors / values
+    back = np.exp if logarithmic else np.asarray
+    units = units_from_recordings(values, errors, index, freedom)
+    spread = spread_of(units, tests)
+    half = stats.t.ppf(0.5 + 0.5 * LEVEL, units.freedom) * units.error
+    counts = np.bincount(index)
+    inside = int((~spread.out).sum())
+    mean_half = float(stats.t.ppf(0.5 + 0.5 * LEVEL, inside - 1)) * spread.mean_error
+    return ParameterSpread(
+        one.name, one.unit.replace('A', unit, 1), 'logarithmic' if logarithmic else 'linear',
+        float(back(spread.mean)), _ends(back, spread.mean, mean_half), spread.deviation, spread.interval,
+        _range(back, spread, inside), spread.p_same, False,
+        [UnitValue(str(name), float(back(units.value[k])), _ends(back, units.value[k], half[k]),
+                   float(spread.p_out[k]), bool(spread.out[k]), int(counts[k]))
+         for k, name in enumerate(names)])
+
+
+def _ends(back: Any, middle: float, half: float) -> tuple[float, float]:
+    return float(back(middle - half)), float(back(middle + half))
+
+
+def _range(back: Any, spread: Spread, count: int) -> tuple[float, float]:
+    low, high = spread.range(count)
+    return float(back(low)), float(back(high))
+
+
+def _prior(fits: Sequence[_Estimate], index: np.ndarray, out: np.ndarray) -> Prior:
+    """Return the prior of a further unit from the units that are not out.
+
+    The spread is the upper end of its interval: a prior that is too sure of itself is worse than
+    one that could have told more.
+    """
+    kept = [k for k in range(len(fits)) if not out[index[k]]]
+    _, own = np.unique(index[kept], return_inverse=True)
+    means, deviations = [], []
+    for column in range(len(fits[0].values)):
+        values = np.array([fits[k].values[column] for k in kept])
+        errors = np.sqrt([fits[k].errors[column, column] for k in kept])
+        if not errors.all():
+            means.append(float(np.median(values)))
+            deviations.append(0.0)
+            continue
+        spread = spread_of(units_from_recordings(values, errors, own, fits[0].freedom))
+        means.append(spread.mean)
+        deviations.append(math.hypot(spread.interval[1], spread.mean_error))
+    return Prior(means, deviations, float(np.median([fits[k].rms for k in kept])),
+                 max(1.0, float(np.median([fits[k].inflation for k in kept]))))

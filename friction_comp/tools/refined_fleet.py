@@ -1,0 +1,119 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Compares the units of a fleet whose recordings were refined: the second half of --each.
+
+Each recording is read once more, where it was refined, and only its sums come back.
+"""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, TYPE_CHECKING
+
+from friction_comp.columns import Layout
+from friction_comp.parallel import attempt, Failure, Runner
+
+if TYPE_CHECKING:
+    from friction_comp.evaluation.sessions import Piece
+    from friction_comp.fleet.common_model import CommonModel
+    from friction_comp.fleet.population import Population
+    from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.refinement.block_sums import BlockSums
+
+
+@dataclass(frozen=True)
+class RefinedPiece:
+    """One joint of one recording that was refined."""
+
+    piece: Piece
+    unit: str  # the robot
+    row: dict[str, Any]
+    model: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class _Summed:
+    """A joint of a recording whose sums are needed."""
+
+    piece: Piece
+    model: FrictionModel
+    common: CommonModel
+
+    def __str__(self) -> str:
+        return str(self.piece)
+
+
+def fleet_of(arguments: Namespace, refined: Sequence[RefinedPiece], run: Runner,
+             show: Callable[[int, int], None]) -> list[Population]:
+    """Return the population of each joint that enough units have.
+
+    `show` is called with the number of recordings that are done, and that of all. A recording that
+    lacks a signal of the common model is left out.
+    """
+    from friction_comp.fleet.common_model import CommonModel
+    from friction_comp.fleet.population import population_of
+    from friction_comp.fleet.spread import FEWEST_UNITS
+    from friction_comp.model.friction_model import FrictionModel
+
+    groups: dict[tuple[str, str], list[RefinedPiece]] = defaultdict(list)
+    for one in refined:
+        groups[one.row['joint'], one.row['unit']].append(one)
+    groups = {key: group for key, group in groups.items()
+              if len({one.unit for one in group}) >= FEWEST_UNITS}
+    if not groups:
+        return []
+    models = {key: [FrictionModel.from_dict(one.model) for one in group]
+              for key, group in groups.items()}
+    items, owners = [], []
+    for key, group in groups.items():
+        common = CommonModel.of(models[key])
+        items += [_Summed(one.piece, model, common) for one, model in zip(group, models[key])]
+        owners += [(key, one.unit, common) for one in group]
+    sums: dict[int, BlockSums] = {}
+    work = partial(attempt, partial(_sums_of_one, _reading(arguments)))
+    with closing(run(work, items)) as outcomes:
+        for done, (index, outcome) in enumerate(outcomes, 1):
+            if not isinstance(outcome, Failure):
+                sums[index] = outcome
+            show(done, len(items))
+    populations = []
+    for key in groups:
+        own = [index for index in sorted(sums) if owners[index][0] == key]
+        if len({owners[index][1] for index in own}) >= FEWEST_UNITS:
+            populations.append(population_of(
+                [(owners[index][1], sums[index]) for index in own], owners[own[0]][2],
+                models[key][0], key[1], len(groups)))
+    return populations
+
+
+@dataclass(frozen=True)
+class _Reading:
+    """How recordings are read."""
+
+    layout: Layout
+    declared: bool
+
+
+def _reading(arguments: Namespace) -> _Reading:
+    from friction_comp.tools.recorded_drive import layout_of
+
+    return _Reading(layout_of(arguments), bool(
+        arguments.model or arguments.torque_constant or arguments.gear_ratio))
+
+
+def _sums_of_one(reading: _Reading, item: _Summed) -> BlockSums:
+    """Return the sums of a joint of a recording."""
+    from friction_comp.recordings.condense import read_condensed
+    from friction_comp.tools.recorded_drive import showing_friction
+
+    drive = item.model.drive
+    recordings = read_condensed([item.piece.path], item.piece.joint, drive.torque_constant,
+                                drive.gear_ratio, layout=reading.layout)
+    usable, = showing_friction({item.piece.joint or '': recordings}).values()
+    declared = reading.declared or item.model.notes.get('unit') == 'N·m'
+    return item.common.sums([samples for samples, _ in usable], item.model, declared)
