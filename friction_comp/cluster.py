@@ -53,13 +53,11 @@ def runner_on_cluster(address: str) -> Iterator[Runner]:
 def _run(client: Any, work: Callable[[Any], Any], items: Sequence[Any]) -> Outcomes[Any]:
     from distributed import as_completed
 
-    shared = client.scatter(work, broadcast=True, hash=False)
-    futures = {client.submit(_alone, shared, item, pure=False, retries=0): index
+    futures = {client.submit(_alone, work, item, pure=False): index
                for index, item in enumerate(items)}
     try:
-        for future in as_completed(list(futures)):
-            index = futures.pop(future)
-            error = future.exception()
+        for future in as_completed(list(futures), loop=client.loop):
+            index, error = futures.pop(future), future.exception()
             yield index, future.result() if error is None else Failure(
                 f'{items[index]}: the workers that did it ended: {one_line(error)}')
             # The workers may forget the result.

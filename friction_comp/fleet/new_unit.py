@@ -1,0 +1,144 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Fits one unit more of a known type: the population is its start and its prior.
+
+A prior is as good as further recordings: it adds to the sums of the unit's own. So little motion
+already corrects what it shows, and what it does not show stays that of the population.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+import math
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from friction_comp.drive import Drive
+from friction_comp.errors import InputError
+from friction_comp.fleet.common_model import CommonModel
+from friction_comp.fleet.population import Population
+from friction_comp.fleet.spread import LEVEL
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.refinement.block_sums import BlockSums
+from friction_comp.refinement.recording_sums import sums_of_recordings
+from friction_comp.samples import Samples
+from friction_comp.statistics import holm
+
+
+@dataclass(frozen=True)
+class NewUnit:
+    """A unit's model with the population as prior, and how it compares; with P coefficients."""
+
+    model: FrictionModel
+    names: list[str]  # of the coefficients
+    values: np.ndarray  # (P,), A
+    errors: np.ndarray  # (P,): standard errors
+    told: np.ndarray  # (P,): share of each that the recording tells; the rest is the population's
+    p: np.ndarray  # (P,): probability of such a value in the population, adjusted for their number
+    # RMS error on parts that were not fitted: of the population's model, of a fit to the recording
+    # alone, and with the prior.
+    population_error: float
+    alone_error: float
+    error: float
+
+    @property
+    def out(self) -> list[str]:
+        """The coefficients in which the unit is out of the population."""
+        return [name for name, p in zip(self.names, self.p) if p < 1.0 - LEVEL]
+
+
+def fit_new_unit(recorded: Sequence[Samples], population: Population,
+                 drive: Drive | None = None, declared: bool = False) -> NewUnit:
+    """Fit a unit with its population as prior.
+
+    If the unit is out of the population, the population tells nothing about it, and the recording
+    alone is used.
+
+    Parameters
+    ----------
+    recorded : sequence of Samples
+    population : Population
+    drive : Drive, optional
+        The population's when omitted.
+    declared : bool
+        Whether torque constant and gear ratio of the drive are known.
+
+    Raises
+    ------
+    InputError
+        If the recordings cannot be used.
+    """
+    like = population.model
+    common = CommonModel.from_model(like)
+    sums = sums_of_recordings(
+        recorded, common.terms, common.transition, (drive or like.drive) if declared else None,
+        like.differentiation or None)
+    prior = population.prior
+    mean, deviation = np.array(prior.mean), np.array(prior.deviation)
+    if len(mean) != len(common.columns):
+        raise InputError(f"the population's model has {len(common.columns)} coefficients, its "
+                         f'prior {len(mean)}')
+    alone = _fitted(sums, common.columns, mean, np.full(len(mean), np.inf), 1.0)
+    # A sensor noisier than those of the fleet counts by its own noise.
+    noise = max(prior.error, _rms(sums, common.columns, alone[0])) ** 2 * prior.inflation
+    alone = _fitted(sums, common.columns, mean, np.full(len(mean), np.inf), noise)
+    spread = np.sqrt(np.diag(alone[1]) + deviation ** 2)
+    p = holm(2.0 * stats.t.sf(np.abs(alone[0] - mean) / np.maximum(spread, 1e-300),
+                              max(len(population.units) - 2, 1)))
+    if (p < 1.0 - LEVEL).any():
+        deviation = np.full(len(mean), np.inf)
+    values, covariance = _fitted(sums, common.columns, mean, deviation, noise)
+    errors = np.sqrt(np.diag(covariance))
+    told = np.where(np.isinf(deviation), 1.0, 1.0 - np.minimum(
+        errors / np.where(deviation > 0.0, deviation, np.inf), 1.0) ** 2)
+    told = np.where(deviation > 0.0, told, 0.0)
+    model = common.model(values, like)
+    if drive is not None:
+        model.drive = drive
+    return NewUnit(
+        model, _names(common), values, errors, told, p, _rms(sums, common.columns, mean),
+        _left_out(sums, common.columns, mean, np.full(len(mean), np.inf), noise),
+        _left_out(sums, common.columns, mean, deviation, noise))
+
+
+def _names(common: CommonModel) -> list[str]:
+    names = ['offset', 'coulomb', 'viscous']
+    for one in common.compared()[len(names):]:
+        names += [one.name] if len(one.columns) == 1 else [
+            f'{one.name.rsplit(":", 1)[0]}: {part}' for part in ('cosine', 'sine')]
+    return names
+
+
+def _fitted(sums: BlockSums, columns: Sequence[int], mean: np.ndarray, deviation: np.ndarray,
+            noise: float, weights: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Return coefficients, shape (P,), and their covariance, with independent normal priors.
+
+    `noise` is the variance of a row that counts as independent.
+    """
+    inner = np.append(columns, sums.gram.shape[1] - 1)
+    total = np.tensordot(np.ones(len(sums.rows)) if weights is None else weights,
+                         sums.gram[:, inner[:, None], inner], 1) / noise
+    scale = np.where(deviation > 0.0, 1.0, 0.0)
+    # Certain coefficients stay; where nothing is known in advance, a little keeps it solvable.
+    least = 1e-7 * np.diag(total)[:-1]
+    precision = np.where(scale > 0.0, 1.0 / np.maximum(deviation, 1e-300) ** 2, 0.0) + least
+    matrix = total[:-1, :-1] * scale * scale[:, None] + np.diag(
+        np.where((scale > 0.0) & (precision > 0.0), precision, 1.0))
+    goal = (total[:-1, -1] - total[:-1, :-1] @ mean) * scale
+    covariance = np.linalg.inv(matrix) * scale * scale[:, None]
+    return mean + covariance @ goal, covariance
+
+
+def _rms(sums: BlockSums, columns: Sequence[int], values: np.ndarray) -> float:
+    errors = sums.squared_errors(columns, np.repeat(values[None], len(sums.rows), axis=0))
+    return math.sqrt(max(float(errors.sum()), 0.0) / float(sums.rows.sum()))
+
+
+def _left_out(sums: BlockSums, columns: Sequence[int], *prior: Any) -> float:
+    """Return the RMS error of each block by the fit to all others."""
+    fits = np.array([_fitted(sums, columns, *prior, 1.0 - row)[0] for row in np.eye(len(sums.rows))])
+    errors = sums.squared_errors(columns, fits)
+    return math.sqrt(max(float(errors.sum()), 0.0) / float(sums.rows.sum()))
