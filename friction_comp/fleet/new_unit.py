@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 import math
-from typing import Any
 
 import numpy as np
 from scipy import stats
@@ -137,8 +136,10 @@ def _rms(sums: BlockSums, columns: Sequence[int], values: np.ndarray) -> float:
     return math.sqrt(max(float(errors.sum()), 0.0) / float(sums.rows.sum()))
 
 
-def _left_out(sums: BlockSums, columns: Sequence[int], *prior: Any) -> float:
+def _left_out(sums: BlockSums, columns: Sequence[int], mean: np.ndarray, deviation: np.ndarray,
+              noise: float) -> float:
     """Return the RMS error of each block by the fit to all others."""
-    fits = np.array([_fitted(sums, columns, *prior, 1.0 - row)[0] for row in np.eye(len(sums.rows))])
+    fits = np.array([_fitted(sums, columns, mean, deviation, noise, 1.0 - row)[0]
+                     for row in np.eye(len(sums.rows))])
     errors = sums.squared_errors(columns, fits)
     return math.sqrt(max(float(errors.sum()), 0.0) / float(sums.rows.sum()))

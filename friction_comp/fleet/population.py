@@ -9,7 +9,7 @@ the same up and down.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 import json
 import math
 from pathlib import Path
@@ -23,6 +23,7 @@ from friction_comp.files import plain
 from friction_comp.fleet.common_model import CommonModel, Compared
 from friction_comp.fleet.spread import FEWEST_UNITS, LEVEL, Spread, spread_of, units_from_recordings
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.refinement import thresholds
 from friction_comp.refinement.block_sums import BlockSums
 from friction_comp.statistics import holm
 
@@ -173,7 +174,9 @@ def _estimate(common: CommonModel, sums: BlockSums) -> _Estimate:
     left_out = sums.fits(with_derivatives, 1.0 - np.eye(count))
     deviations = (left_out - left_out.mean(axis=0))[:, chosen]
     covariance = (count - 1) / count * deviations.T @ deviations
-    squares = sums.squared_errors(with_derivatives, left_out) / np.maximum(sums.rows, 1)
+    # Of the fit to all: one block may hold the only slow motion, which others cannot predict.
+    squares = sums.squared_errors(with_derivatives, np.repeat(values[None], count, axis=0)
+                                  ) / np.maximum(sums.rows, 1)
     mean = float(np.average(squares, weights=sums.rows))
     spread = float(np.std(squares, ddof=1)) / math.sqrt(count) / max(mean, 1e-300)
     total = sums.gram.sum(axis=0)[:-1, :-1]
@@ -212,15 +215,17 @@ def population_of(recordings: Sequence[tuple[str, BlockSums]], common: CommonMod
                          'needed')
     fits = [_estimate(common, sums) for _, sums in recordings]
     compared = [*((one, *_values(fits, common, one.columns)) for one in common.compared()),
-                (Compared(ERROR, 'A', (), True), np.array([fit.rms for fit in fits]),
-                 np.array([fit.rms * fit.rms_error for fit in fits]))]
+                (Compared(ERROR, 'A', (), True), *_rms_values(fits))]
     # What no recording shows, such as an offset in motion to one side, cannot differ.
     compared = [entry for entry in compared if entry[2].all()]
     parameters = [_parameter(one, unit, values, errors, units_of, fits[0].freedom,
                              tests * len(compared)) for one, values, errors in compared]
+    # No model is exact: that it describes a unit a little worse than others says nothing.
+    most = thresholds.WRITTEN_ERROR * parameters[-1].mean
+    parameters[-1] = replace(parameters[-1], units=[
+        replace(value, out=value.out and value.value > most) for value in parameters[-1].units])
     adjusted = holm([parameter.p_same for parameter in parameters])
-    parameters = [ParameterSpread(**{**vars(parameter), 'p_same': float(p),
-                                     'varies': bool(p < 1.0 - LEVEL)})
+    parameters = [replace(parameter, p_same=float(p), varies=bool(p < 1.0 - LEVEL))
                   for parameter, p in zip(parameters, adjusted)]
     out = [any(parameter.units[k].out for parameter in parameters) for k in range(len(names))]
     prior = _prior(fits, index, np.array(out))
@@ -243,12 +248,23 @@ def _values(fits: Sequence[_Estimate], common: CommonModel, columns: tuple[int, 
     return size, np.sqrt(np.maximum(errors, 0.0))
 
 
+def _rms_values(fits: Sequence[_Estimate]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the error of the common model in each recording, with its standard error.
+
+    The standard error is that of most recordings: a bump that is met in a few blocks makes the
+    error of these blocks large, and would hide itself behind the scatter of the blocks.
+    """
+    rms = np.array([fit.rms for fit in fits])
+    return rms, rms * float(np.median([fit.rms_error for fit in fits]))
+
+
 def _parameter(one: Compared, unit: str, values: np.ndarray, errors: np.ndarray,
                units_of: Sequence[str], freedom: float, tests: int) -> ParameterSpread:
     """Return the spread of a parameter from its values in all recordings, of `units_of`."""
     names, index = np.unique(units_of, return_inverse=True)
     # Where zero is possible there are no factors.
-    logarithmic = one.positive and bool((values - 2.0 * errors > 0.0).all())
+    logarithmic = one.positive and bool(
+        (values > 0.0).all() and np.median(values - 2.0 * errors) > 0.0)
     if logarithmic:
         values, errors = np.log(values), errors / values
     back = np.exp if logarithmic else np.asarray
@@ -260,8 +276,8 @@ def _parameter(one: Compared, unit: str, values: np.ndarray, errors: np.ndarray,
     mean_half = float(stats.t.ppf(0.5 + 0.5 * LEVEL, inside - 1)) * spread.mean_error
     return ParameterSpread(
         one.name, one.unit.replace('A', unit, 1), 'logarithmic' if logarithmic else 'linear',
-        float(back(spread.mean)), _ends(back, spread.mean, mean_half), spread.deviation, spread.interval,
-        _range(back, spread, inside), spread.p_same, False,
+        float(back(spread.mean)), _ends(back, spread.mean, mean_half),
+        spread.deviation, spread.interval, _range(back, spread, inside), spread.p_same, False,
         [UnitValue(str(name), float(back(units.value[k])), _ends(back, units.value[k], half[k]),
                    float(spread.p_out[k]), bool(spread.out[k]), int(counts[k]))
          for k, name in enumerate(names)])

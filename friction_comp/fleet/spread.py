@@ -124,17 +124,19 @@ def spread_of(units: Values, tests: int = 1) -> Spread:
     removed: list[int] = []
     significant = 0
     for k in range(int(_LARGEST_SHARE * size)):
-        p_values = np.where(inside, _p_values(units, inside), np.inf)
-        index = int(np.argmin(p_values))
-        if p_values[index] * (size - k) < (1.0 - LEVEL) / tests:
-            significant = k + 1
+        mean, _, variance = _population(units, inside)
+        index = int(np.argmax(np.where(
+            inside, (units.value - mean) ** 2 / (_variances(units) + variance + 1e-300), -1.0)))
         inside[index] = False
         removed.append(index)
+        if _p_outside(units, inside, index) * (size - k) < (1.0 - LEVEL) / tests:
+            significant = k + 1
     out = np.zeros(size, dtype=bool)
     out[removed[:significant]] = True
     mean, mean_error, variance = _population(units, ~out)
+    p_values = np.array([_p_outside(units, ~out & (np.arange(size) != k), k) for k in range(size)])
     return Spread(mean, mean_error, math.sqrt(variance), _profile(units, ~out),
-                  _p_same(units, ~out), _p_outside(units, ~out), out)
+                  _p_same(units, ~out), p_values, out)
 
 
 def _variances(units: Values) -> np.ndarray:
@@ -169,41 +171,26 @@ def _population(units: Values, chosen: np.ndarray) -> tuple[float, float, float]
 def _profile(units: Values, chosen: np.ndarray) -> tuple[float, float]:
     """Return the interval of the standard deviation between the chosen units."""
     value, own = units.value[chosen], _variances(units)[chosen]
-    low, high = (
-        _root(lambda variance, limit=limit: _weighted_squares(value, own + variance) - limit, value)
-        for limit in stats.chi2.ppf([0.5 + 0.5 * LEVEL, 0.5 - 0.5 * LEVEL], len(value) - 1))
-    return math.sqrt(low), math.sqrt(high)
+
+    def end(share: float) -> float:
+        limit = float(stats.chi2.ppf(share, len(value) - 1))
+        return math.sqrt(_root(
+            lambda variance: _weighted_squares(value, own + variance) - limit, value))
+    return end(0.5 + 0.5 * LEVEL), end(0.5 - 0.5 * LEVEL)
 
 
-def _p_values(units: Values, inside: np.ndarray) -> np.ndarray:
-    """Return the probability of each unit's deviation from a population that includes it."""
-    mean, _, between = _population(units, inside)
-    count = int(inside.sum())
-    total = _variances(units) + between
-    squares = (units.value - mean) ** 2 / np.maximum(total, 1e-300)
-    # The unit is a part of mean and variance; of all deviations none is larger than the limit.
-    rest = (count - 1) ** 2 / count - squares
-    t = np.sqrt(np.where(rest > 0.0, (count - 2) * squares / np.maximum(rest, 1e-12), np.inf))
-    return np.asarray(2.0 * stats.t.sf(t, _freedom(units, between, inside)))
+def _p_outside(units: Values, chosen: np.ndarray, index: int) -> float:
+    """Return the probability of a unit's deviation from the population of the chosen others.
 
-
-def _p_outside(units: Values, chosen: np.ndarray) -> np.ndarray:
-    """Return the probability of each unit's deviation from the population of the chosen ones."""
-    mean, error, between = _population(units, chosen)
-    inside = _p_values(units, chosen)
-    t = np.abs(units.value - mean) / np.sqrt(_variances(units) + between + error ** 2 + 1e-300)
-    other = 2.0 * stats.t.sf(t, _freedom(units, between, chosen))
-    return np.where(chosen, inside, other)
-
-
-def _freedom(units: Values, between: float, inside: np.ndarray) -> np.ndarray:
-    """Return the degrees of freedom of a variance between units plus one of measurement.
-
-    The one between units is as uncertain as the deviations of all chosen units make it.
+    Its degrees of freedom are those of the variance between units, which is as uncertain as the
+    deviations of most chosen units make it, plus the unit's own variance of measurement.
     """
-    total = _variances(units) + between + 1e-300
-    common = float(np.mean(total[inside])) ** 2 / max(int(inside.sum()) - 2, 1)
-    return np.asarray(total ** 2 / (common + _variances(units) ** 2 / units.freedom))
+    mean, error, between = _population(units, chosen)
+    own = _variances(units)
+    total = own[index] + between + error ** 2 + 1e-300
+    common = float(np.median(own[chosen]) + between) ** 2 / max(int(chosen.sum()) - 1, 1)
+    freedom = total ** 2 / (common + own[index] ** 2 / units.freedom[index] + 1e-300)
+    return float(2.0 * stats.t.sf(abs(units.value[index] - mean) / math.sqrt(total), freedom))
 
 
 def _p_same(units: Values, chosen: np.ndarray) -> float:

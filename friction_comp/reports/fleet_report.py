@@ -83,7 +83,7 @@ def add_fleet(page: Report, population: Population) -> None:
              for k, unit in enumerate(population.units)],
             'Values with 95 % intervals; what is out is bold.')
     name = f'population_{population.joint}'.rstrip('_')
-    page.text(f'`fleet.json` holds all of this. `refine NEW --fleet fleet.json` fits a further unit '
+    page.text('`fleet.json` holds all of this. `refine NEW --fleet fleet.json` fits a further unit '
               f'with this population as its start and prior; `{name}.yaml` is its mean as a model.')
 
 

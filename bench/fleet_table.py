@@ -1,0 +1,205 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Simulated fleets: which units are called out, times, and how little motion a new unit needs.
+
+Odd seeds are reported; even ones were looked at while the comparison was made.
+
+    python3 bench/fleet_table.py --units 40 --seeds 5 --faults coulomb inertia bump
+    python3 bench/fleet_table.py --units 40 --seeds 7 9
+    python3 bench/fleet_table.py --false-alarms 400
+    python3 bench/fleet_table.py --new-units 10 --seeds 5 --fleet output/fleet_5
+    python3 bench/fleet_table.py --times --units 12 --seeds 5 --jobs 1 2 4
+"""
+
+import argparse
+import json
+from pathlib import Path
+import shutil
+import tempfile
+
+from many_recordings import timed
+import numpy as np
+
+from friction_comp.fleet.new_unit import fit_new_unit
+from friction_comp.fleet.population import read_fleet
+from friction_comp.fleet.spread import spread_of, units_from_recordings
+from friction_comp.refinement import refine
+from simulated_recordings.drives import Excitation, record
+from simulated_recordings.fleet import FAULTS, fleet_drive, write_fleet
+
+MOTIONS = (3.0, 5.0, 10.0, 15.0, 30.0, 60.0, 120.0)
+
+
+def fleets(arguments):
+    """Refine whole fleets; print which units are called out."""
+    for seed in arguments.seeds:
+        folder = (arguments.keep or Path(tempfile.mkdtemp())) / f'fleet_{seed}'
+        odd = write_fleet(folder / 'units', seed, arguments.units, arguments.faults)
+        spent, cpu, peak = timed(['refine', folder / 'units', '--each', '--jobs',
+                                  arguments.jobs[-1], '--output', folder / 'out'])
+        content = json.loads((folder / 'out' / 'report.json').read_text())
+        found = {name: what for out in content['out'].values() for name, what in out.items()}
+        # The simplest thing: the median of each reported parameter, three standard deviations.
+        simple = by_three_sigma(folder / 'out', content)
+        print(f'fleet {seed}: {arguments.units} units, odd {odd or "none"}; called out {found}; '
+              f'missed {sorted(set(odd) - set(found))}, false {sorted(set(found) - set(odd))}; '
+              f'by three standard deviations {simple}; {spent:.0f} s, {cpu:.0f} s of processor '
+              f'time, {peak:.0f} MB', flush=True)
+
+
+def by_three_sigma(folder, content):
+    """Return the units whose own Coulomb or viscous friction is beyond three deviations."""
+    names, rows = [], []
+    for row in content['recordings']:
+        own = json.loads((folder / row['folder'] / 'report.json').read_text())['friction']
+        names.append(row['folder'].rsplit('_day', 1)[0])
+        rows.append([own['offset'], own['coulomb'], own['viscous']])
+    values = np.array(rows)
+    far = np.abs(values - values.mean(axis=0)) > 3.0 * values.std(axis=0, ddof=1)
+    return sorted({name for name, one in zip(names, far) if one.any()})
+
+
+def false_alarms(count):
+    """Print how often a unit is called out in fleets without an odd one, by the statistics alone.
+
+    Of 8 parameters with errors of a third of the spread; and how often one of 3 odd ones is found.
+    """
+    rng = np.random.default_rng(1)
+    for label, units, draw, per_unit in (
+            ('40 units, normal', 40, rng.standard_normal, 1),
+            ('40 units, three recordings each', 40, rng.standard_normal, 3),
+            ('10 units, normal', 10, rng.standard_normal, 1),
+            ("40 units, Student's t with 5 degrees of freedom", 40,
+             lambda n: rng.standard_t(5, n) / np.sqrt(5 / 3), 1)):
+        alarms = simple = 0
+        found = np.zeros(3)
+        for _ in range(count):
+            called = by_hand = False
+            for _ in range(8):
+                values, sums = fleet_values(rng, draw(units), per_unit)
+                called |= spread_of(sums, 8).out.any()
+                by_hand |= (np.abs(values - values.mean()) > 3 * values.std(ddof=1)).any()
+            alarms += called
+            simple += by_hand
+            for k, size in enumerate((5.0, 7.0, 9.0)):
+                truth = draw(units)
+                truth[:3] += size
+                _, sums = fleet_values(rng, truth, per_unit)
+                found[k] += spread_of(sums, 8).out[:3].mean()
+        print(f'{label}: a unit of 8 parameters called out in {100 * alarms / count:.1f} % of '
+              f'fleets ({100 * simple / count:.0f} % by three standard deviations); of 3 odd '
+              'units, 5, 7 and 9 spreads away, found '
+              + ', '.join(f'{100 * share / count:.0f} %' for share in found), flush=True)
+
+
+def fleet_values(rng, truth, per_unit):
+    """Return measured means of units, and what the comparison gets of them."""
+    unit = np.repeat(np.arange(len(truth)), per_unit)
+    error = 0.33 * np.exp(0.3 * rng.standard_normal(len(unit)))
+    values = truth[unit] + 0.3 * (per_unit > 1) * rng.standard_normal(len(unit))
+    values = values + error * rng.standard_normal(len(unit))
+    told = error * np.sqrt(rng.chisquare(15, len(unit)) / 15)
+    means = np.bincount(unit, values) / per_unit
+    return means, units_from_recordings(values, told, unit, 15)
+
+
+def new_units(arguments):
+    """Print the error on another motion of a new unit after little motion, with and without."""
+    seed = arguments.seeds[0]
+    population, = read_fleet(arguments.fleet / 'out' / 'fleet.json')
+    rows = {seconds: [] for seconds in MOTIONS}
+    covered = []
+    for unit in range(1000, 1000 + arguments.new_units):
+        drive = fleet_drive(seed, unit)
+        ratio = drive.model.drive.torque_per_current
+        test = one(drive, 7000 + unit, 120.0, ratio)
+        for seconds in MOTIONS:
+            samples = one(drive, 9000 + unit, seconds, ratio)
+            new = fit_new_unit([samples], population)
+            long = one(drive, 9000 + unit, MOTIONS[-1], ratio)
+            truth = fit_new_unit([long], population).values
+            covered.append(np.abs(new.values - truth) < 1.96 * new.errors)
+            alone = fit_new_unit([samples], without_prior(population))
+            try:
+                searched = rms(refine([samples]).model, test)
+            except ValueError:
+                searched = np.nan
+            rows[seconds].append((rms(new.model, test), rms(alone.model, test), searched,
+                                  rms(population.model, test), bool(new.out)))
+    print('motion (s) | with the prior | same effects, no prior | refine alone | population alone '
+          '| called out, of', arguments.new_units)
+    for seconds, errors in rows.items():
+        values = np.array(errors, dtype=float)
+        print(f'{seconds:.0f} | ' + ' | '.join(
+            f'{1e3 * value:.2f}' for value in np.nanmedian(values[:, :4], axis=0))
+            + f' | {int(values[:, 4].sum())}', flush=True)
+    print(f'intervals that hold the value of {MOTIONS[-1]:.0f} s: {100 * np.mean(covered):.0f} %')
+
+
+def one(drive, seed, seconds, ratio):
+    """Return a recording as refinement gets it without constants: effort in N·m."""
+    samples = record(drive, seed, Excitation(duration=seconds, rate=125.0))[0].samples
+    return samples.with_(current=samples.current * ratio)
+
+
+def rms(model, samples):
+    """Return the error of a model in motion, N·m."""
+    moving = np.abs(np.gradient(samples.position, samples.time)) > 0.02
+    return float(np.sqrt(np.mean((samples.current - model.predict(samples))[moving] ** 2)))
+
+
+def without_prior(population):
+    """Return the population with a prior that tells nothing."""
+    from dataclasses import replace
+    prior = replace(population.prior, deviation=[1e6] * len(population.prior.mean))
+    return replace(population, prior=prior)
+
+
+def times(arguments):
+    """Print times of a fleet with several numbers of processes, and of another checkout's."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        write_fleet(folder / 'units', arguments.seeds[0], arguments.units)
+        for jobs in arguments.jobs:
+            spent, cpu, _ = timed(['refine', folder / 'units', '--each', '--jobs', jobs,
+                                   '--output', folder / f'out_{jobs}'])
+            print(f'{arguments.units} recordings, {jobs} processes: {spent:.0f} s, {cpu:.0f} s of '
+                  'processor time', flush=True)
+            shutil.rmtree(folder / f'out_{jobs}')
+        if arguments.other:
+            import bench_tools
+            import many_recordings
+            many_recordings.ROOT = bench_tools.ROOT = arguments.other
+            for jobs in arguments.jobs:
+                spent, cpu, _ = timed(['refine', folder / 'units', '--each', '--jobs', jobs,
+                                       '--output', folder / f'other_{jobs}'])
+                print(f'{arguments.other.name}, {jobs} processes: {spent:.0f} s, {cpu:.0f} s of '
+                      'processor time', flush=True)
+
+
+def main():
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--units', type=int, default=40)
+    parser.add_argument('--seeds', type=int, nargs='+', default=[5])
+    parser.add_argument('--faults', nargs='*', default=[], choices=list(FAULTS))
+    parser.add_argument('--jobs', type=int, nargs='+', default=[2])
+    parser.add_argument('--keep', type=Path, help='folder in which the fleets stay')
+    parser.add_argument('--false-alarms', type=int, metavar='FLEETS')
+    parser.add_argument('--new-units', type=int)
+    parser.add_argument('--fleet', type=Path, help='fleet that --keep kept')
+    parser.add_argument('--times', action='store_true')
+    parser.add_argument('--other', type=Path, help='another checkout to time as well')
+    arguments = parser.parse_args()
+    if arguments.false_alarms:
+        false_alarms(arguments.false_alarms)
+    elif arguments.new_units:
+        new_units(arguments)
+    elif arguments.times:
+        times(arguments)
+    else:
+        fleets(arguments)
+
+
+if __name__ == '__main__':
+    main()
