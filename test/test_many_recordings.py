@@ -75,6 +75,30 @@ def test_each_recording_has_its_own_report_and_one_page_tells_of_all(folder, tmp
     assert told.startswith('2 of 3 refined')
 
 
+@pytest.mark.slow
+def test_an_interrupted_run_is_continued_and_what_changed_is_done_again(folder, tmp_path):
+    out, room = tmp_path / 'out', tmp_path / 'sessions'
+    shutil.copytree(folder, room)
+    command = [str(room), '--each', '--jobs', '1', '--output', str(out)]
+    assert run('refine', command) == 0
+    first = {path: path.stat().st_mtime_ns for path in out.glob('*/report.json')}
+    before = json.loads((out / 'report.json').read_text())
+    # As after an interrupt, one recording is not done; another is not the same any more.
+    (out / 'day_0' / 'resume.json').unlink()
+    assert run('refine', command) == 0
+    content = json.loads((out / 'report.json').read_text())
+    assert content['taken_over'] == 1
+    assert [row['after'] for row in content['recordings']] == [
+        row['after'] for row in before['recordings']]
+    changed = {path.parent.name for path, when in first.items()
+               if path.stat().st_mtime_ns != when}
+    assert changed == {'day_0'}
+    for file in (room / 'day_1').iterdir():
+        os.utime(file, (1e9, 1e9))
+    assert run('refine', [*command, '--current-limit', '2']) == 0
+    assert json.loads((out / 'report.json').read_text())['taken_over'] == 0
+
+
 def test_a_program_gets_the_report_on_standard_output(tmp_path, capsys):
     write_samples(tmp_path / 't', trial([1.0] * 4, directions=[1, -1] * 2, step=1e-2))
     assert run('evaluate', [str(tmp_path / 't'), '--output', str(tmp_path / 'o'), '--json']) == 0

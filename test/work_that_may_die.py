@@ -20,14 +20,25 @@ def work_that_may_die(number):
     return number ** 2, os.getpid()
 
 
-def refined_where_first(arguments, piece):
+def work_that_ends_a_worker_once(item):
+    """Return the item and its process; the item that names a file ends its process once."""
+    number, marker = item
+    if marker is not None and not marker.exists():
+        marker.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    if number == 3:
+        raise InputError(f'{number}: not this one')
+    return number, os.getpid()
+
+
+def refined_where_first(arguments, with_page, piece):
     """Refine the first recording; never finish with another."""
     if piece.path.name != 'day_0':
         threading.Event().wait()
     from friction_comp.tools.refine_each import _refine_one
     # It draws its page without Bokeh, which takes longer than all else.
     sys.modules['bokeh'] = None
-    return _refine_one(arguments, piece)
+    return _refine_one(arguments, with_page, piece)
 
 
 if __name__ == '__main__':

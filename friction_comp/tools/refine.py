@@ -35,6 +35,8 @@ def main(argv: list[str] | None = None) -> int:
         'log.csv --columns time=t,position=q_2,velocity=dq_2,effort=tau_2 --unit position=deg '
         '--output output/refined',
         'examples/elbow --each --model config/armin_configuration_2.yaml --output output/each',
+        'robots --each --output output/fleet',
+        'new_robot.mcap --fleet output/fleet/fleet.json --output output/new_robot',
         'examples/elbow --model output/refined/model.yaml --history --output output/next')
     ).add_recordings(unit_help=(
         '. A unit alone, such as A or V, is the unit of the figures in the report. The default is '
@@ -74,9 +76,10 @@ def main(argv: list[str] | None = None) -> int:
     if arguments.history and (arguments.model is None or arguments.each or arguments.urdf):
         raise InputError('--history goes with --model, and with one joint: not with --each or '
                          '--urdf')
-    if arguments.fleet and (arguments.model or arguments.each or arguments.urdf):
-        raise InputError('--fleet gives the model to start from: not with --model, --each or '
-                         '--urdf')
+    if arguments.fleet and (
+            arguments.model or arguments.each or arguments.urdf or arguments.history):
+        raise InputError('--fleet gives the model to start from: not with --model, --each, '
+                         '--history or --urdf')
     if arguments.scheduler and (arguments.jobs or not arguments.each):
         raise InputError('--scheduler goes with --each, and without --jobs: Dask decides how many '
                          'recordings are refined at once')
@@ -87,6 +90,10 @@ def main(argv: list[str] | None = None) -> int:
     if arguments.jobs:
         raise InputError('--jobs goes with --each: several recordings that give one model are '
                          'fitted together')
+    if arguments.fleet:
+        from friction_comp.tools.refine_new_unit import refine_new_unit
+
+        return refine_new_unit(arguments)
     if arguments.urdf:
         from friction_comp.tools.refine_arm import refine_whole_arm
 

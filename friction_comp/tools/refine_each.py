@@ -119,8 +119,8 @@ def _refine_pieces(arguments: Namespace, pieces: Sequence[Piece], batch: _Batch,
     if not waiting:
         return
     # The names of all recordings need not go to each process with each recording.
-    work: Callable[[Piece], Any] = partial(_refine_one, Namespace(**{**vars(arguments), 'recordings': []}),
-                   len(pieces) <= MOST_PAGES)
+    own = Namespace(**{**vars(arguments), 'recordings': []})
+    work: Callable[[Piece], Any] = partial(_refine_one, own, len(pieces) <= MOST_PAGES)
     if len(pieces) > 1:
         # One that cannot be used must not lose the others, even if it is the last to be done.
         work = partial(attempt, work)

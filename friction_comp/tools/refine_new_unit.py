@@ -1,0 +1,70 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The tool ``refine --fleet``: fits one unit more, with the population of its type as prior."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+
+from friction_comp.errors import errors_name, InputError
+from friction_comp.tools.common import output_folder, to_json, write_report
+from friction_comp.tools.recorded_drive import (
+    layout_of,
+    showing_friction,
+    unit_of,
+    with_current_limit,
+)
+
+
+def refine_new_unit(arguments: Namespace) -> int:
+    """Fit a unit with its population as prior; write report and model, and return 0."""
+    from friction_comp.fleet.new_unit import fit_new_unit
+    from friction_comp.fleet.population import read_fleet
+    from friction_comp.recordings.condense import read_condensed
+    from friction_comp.reports.fleet_report import new_unit_report, new_unit_verdict
+    from friction_comp.tools.recorded_drive import drive_of
+
+    found = read_fleet(arguments.fleet, arguments.joint)
+    if len(found) > 1:
+        raise InputError(f'{arguments.fleet}: has the joints '
+                         f'{", ".join(one.joint for one in found)}: choose one with --joint')
+    population = found[0]
+    like = population.model
+    drive = drive_of(arguments, like)
+    recordings = read_condensed(
+        arguments.recordings, arguments.joint, drive.torque_constant, drive.gear_ratio,
+        layout=layout_of(arguments))
+    like.check_joint(recordings[0][1].joint, arguments.fleet)
+    constants = arguments.torque_constant or arguments.gear_ratio
+    # The effort of the fleet's recordings is in the unit of its file unless constants were given.
+    unit = unit_of(arguments, None, [info for _, info in recordings]) if (
+        drive.torque_per_current == 1.0 and not constants) else 'A'
+    if unit != population.unit:
+        raise InputError(f'{arguments.fleet}: is in {population.unit}, the recording in {unit}')
+    usable, = showing_friction({arguments.joint or '': recordings}).values()
+    recorded = [samples for samples, _ in usable]
+    drive, limit = with_current_limit(arguments, drive, recorded)
+    declared = bool(constants) or unit == 'N·m' or drive.torque_per_current != 1.0
+    with errors_name(arguments.recordings[0]):
+        new = fit_new_unit(recorded, population, drive, declared)
+    new.model.notes = {'fleet': str(arguments.fleet), 'unit': unit, **limit,
+                       'refined_from': [str(path) for path in arguments.recordings]}
+    content = {
+        'joint': population.joint, 'unit': unit, 'units': len(population.units), 'out': new.out,
+        'coefficients': [
+            {'name': name, 'value': float(value), 'interval': [
+                float(value - 1.96 * error), float(value + 1.96 * error)],
+             'population': mean, 'told_by_recording': float(told), 'p': float(p)}
+            for name, value, error, mean, told, p in zip(
+                new.names, new.values, new.errors, population.prior.mean, new.told, new.p)],
+        'held_out_rmse': {'population': new.population_error, 'recording_alone': new.alone_error,
+                          'with_population': new.error}}
+    with output_folder(arguments.output) as folder:
+        write_report(folder, content, new_unit_report(new, population), arguments.command)
+        new.model.save(folder / 'model.yaml')
+    if arguments.json:
+        print(to_json(content), end='')
+    else:
+        print(new_unit_verdict(new, population).replace('**', ''))
+        print(arguments.output / 'report.html')
+    return 0

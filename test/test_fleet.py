@@ -1,0 +1,198 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""A fleet: which unit is out, what varies, and what the population tells of a unit more."""
+
+from dataclasses import replace
+import json
+import pickle
+
+import numpy as np
+import pytest
+
+from friction_comp.drive import Drive
+from friction_comp.errors import InputError
+from friction_comp.fleet.common_model import CommonModel
+from friction_comp.fleet.new_unit import fit_new_unit
+from friction_comp.fleet.population import ERROR, fleet_json, population_of, read_fleet
+from friction_comp.fleet.spread import spread_of, units_from_recordings, Values
+from friction_comp.model.effects import EFFECTS
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.reports.fleet_report import fleet_verdict, new_unit_verdict
+from friction_comp.reports.refinement_overviews import each_report
+from friction_comp.samples import Samples
+
+RATE, WIDTH = 100.0, 0.02
+
+
+def drawn(unit):
+    """Return the factors of a unit's parameters."""
+    rng = np.random.default_rng([unit, 1])
+    return {name: np.exp(scatter * rng.standard_normal()) for name, scatter in (
+        ('coulomb', 0.08), ('viscous', 0.12), ('inertia', 0.03))}
+
+
+def recorded(unit, seconds=20.0, day=0, bump=0.0, noise=0.01, **factors):
+    """Return a recording of a unit: Coulomb, viscous, inertia, and a bump if wanted."""
+    value = {name: factors.get(name, 1.0) * factor for name, factor in drawn(unit).items()}
+    rng = np.random.default_rng([unit, day, 2])
+    t = np.arange(round(seconds * RATE)) / RATE
+    q = sum(size * np.sin(2 * np.pi * f * t + rng.uniform(0, 6)) for size, f in (
+        (0.8, 0.11), (0.3, 0.37), (0.1, 0.9)))
+    v = np.gradient(q, t)
+    current = (0.5 * value['coulomb'] * np.tanh(v / WIDTH) + 0.2 * value['viscous'] * v
+               + 0.05 * value['inertia'] * np.gradient(v, t)
+               + bump * np.tanh(v / WIDTH) * np.exp(-((q - 0.3) / 0.1) ** 2)
+               + noise * rng.standard_normal(len(t)))
+    return Samples(time=t, position=q, current=current, joint='elbow')
+
+
+@pytest.fixture(scope='module')
+def model():
+    return FrictionModel(
+        Drive(1.0, 1.0), Sigmoid(0.5, -0.5, 2.0 / WIDTH, 0.0, 0.2), joint='elbow',
+        effects=[EFFECTS['inertia']({'coefficients': [0.05]})],
+        differentiation={'method': 'zero-phase Butterworth', 'source': 'position',
+                         'bandwidth': 10.0})
+
+
+def fleet(model, units, odd, days=1):
+    common = CommonModel.of([model] * 3)
+    sums = [(f'unit_{unit:02d}', common.sums([recorded(unit, day=day, **odd.get(unit, {}))],
+                                             model, False))
+            for unit in range(units) for day in range(days)]
+    return population_of(sums, common, model, 'A')
+
+
+@pytest.fixture(scope='module')
+def population(model):
+    return fleet(model, 40, {4: {'coulomb': 1.6}, 17: {'bump': 0.4}, 31: {'inertia': 1.4}})
+
+
+def test_three_odd_units_of_forty_are_found_and_no_other(population):
+    assert population.out == {
+        'unit_04': ['coulomb'], 'unit_17': [ERROR], 'unit_31': ['inertia']}
+    verdict = fleet_verdict(population)
+    assert verdict.startswith('**3 of 40 units are out**')
+    assert 'unit_31: inertia' in verdict
+
+
+def test_mean_spread_and_range_are_those_of_the_population(population):
+    by_name = {one.name: one for one in population.parameters}
+    usual = [drawn(unit) for unit in range(40)]
+    for name, nominal, odd in (('coulomb', 0.5, 4), ('viscous', 0.2, None), ('inertia', 0.05, 31)):
+        true = np.log([nominal * factors[name] for unit, factors in enumerate(usual)
+                       if unit != odd])
+        one = by_name[name]
+        low, high = one.spread_interval
+        assert one.scale == 'logarithmic'
+        assert low < true.std(ddof=1) < high
+        assert one.spread == pytest.approx(true.std(ddof=1), rel=0.15)
+        assert np.log(one.mean) == pytest.approx(true.mean(), abs=0.03)
+        assert one.varies
+        # 95 % of units: two spreads on either side.
+        assert np.log(one.range[1] / one.mean) == pytest.approx(2.03 * one.spread, rel=0.05)
+    # The same noise in all units.
+    assert by_name[ERROR].mean == pytest.approx(0.01, rel=0.1)
+    assert not by_name['offset'].varies
+
+
+def test_odd_units_do_not_hide_each_other_and_a_clean_fleet_has_none():
+    rng = np.random.default_rng(3)
+    alarms = 0
+    for _ in range(60):
+        value, error = rng.standard_normal(30), np.full(30, 0.3)
+        units = Values(value + error * rng.standard_normal(30), error, np.full(30, 15.0))
+        alarms += spread_of(units).out.any()
+    assert alarms <= 8
+    # Three at the same place shift mean and spread so far that none of them is extreme alone.
+    units.value[:3] = 7.0
+    assert np.nonzero(spread_of(units, 8).out)[0].tolist() == [0, 1, 2]
+    three = np.abs(units.value - units.value.mean()) > 3 * units.value.std(ddof=1)
+    assert not three.any()
+
+
+def test_what_differs_from_day_to_day_is_no_spread_between_units():
+    rng = np.random.default_rng(5)
+    unit = np.repeat(np.arange(20), 4)
+    values = 1.0 + 0.5 * rng.standard_normal(80)
+    units = units_from_recordings(values, np.full(80, 0.01), unit, 15.0)
+    assert units.error == pytest.approx(np.full(20, 0.25), rel=0.25)
+    spread = spread_of(units)
+    assert spread.p_same > 0.05
+    assert spread.deviation < 0.2
+
+
+def test_workers_send_sums_whose_size_does_not_depend_on_the_recording(model):
+    common = CommonModel.of([model])
+    short, long = (pickle.dumps(common.sums([recorded(1, seconds)], model, False))
+                   for seconds in (10.0, 100.0))
+    assert len(short) == len(long)
+    assert len(short) < 10_000
+
+
+def test_an_effect_is_common_if_half_of_the_recordings_show_it(model):
+    ripple = [replace(model, effects=[*model.effects, EFFECTS['friction_ripple'](
+        {'frequency': k, 'growth': 0.0, 'speed': 1.0, 'transition': 0.02,
+         'coefficients': [0.1, 0.1]})]) for k in (23.9, 24.0, 24.1, 60.0)]
+    common = CommonModel.of([*ripple, model, model])
+    assert [(term.kind.name, term.constants.get('frequency')) for term in common.terms] == [
+        ('inertia', None), ('friction_ripple', 24.0)]
+    assert [one.name for one in common.compared()][-1].startswith('friction ripple of 24')
+
+
+def test_fleet_json_is_read_as_it_was_written_and_others_are_refused(population, tmp_path):
+    path = tmp_path / 'fleet.json'
+    path.write_text(fleet_json([population]))
+    assert read_fleet(path, 'elbow')[0].to_dict() == population.to_dict()
+    with pytest.raises(InputError, match="no joint 'knee': it has 'elbow'"):
+        read_fleet(path, 'knee')
+    document = json.loads(path.read_text())
+    for text, words in (('{}', 'not the fleet.json'), ('[', 'not a JSON'), (
+            json.dumps({**document, 'version': 9}), 'version 9'), (
+            json.dumps({**document, 'joints': [{}]}), 'not a valid')):
+        path.write_text(text)
+        with pytest.raises(InputError, match=words):
+            read_fleet(path)
+
+
+def test_few_units_are_not_compared(model):
+    with pytest.raises(InputError, match='3 units are too few'):
+        fleet(model, 3, {})
+
+
+def test_a_new_unit_needs_less_motion_with_its_population_as_prior(population):
+    certain = replace(population, prior=replace(population.prior, deviation=[1e6] * 4))
+    errors = {'with': [], 'alone': [], 'population': []}
+    for unit in range(100, 112):
+        test = recorded(unit, 60.0, day=9)
+        # Little motion, and noisy.
+        short = [recorded(unit, 3.0, noise=0.05)]
+        for name, new in (('with', fit_new_unit(short, population)),
+                          ('alone', fit_new_unit(short, certain))):
+            assert not new.out
+            errors[name].append(np.std(test.current - new.model.predict(test)) ** 2 - 1e-4)
+        errors['population'].append(
+            np.std(test.current - population.model.predict(test)) ** 2 - 1e-4)
+    excess = {name: np.mean(values) for name, values in errors.items()}
+    assert excess['with'] < 0.8 * excess['alone']
+    assert excess['with'] < 0.8 * excess['population']
+
+
+def test_a_unit_out_of_the_population_is_fitted_without_it(population):
+    new = fit_new_unit([recorded(200, coulomb=1.8)], population)
+    assert new.out == ['coulomb']
+    assert (new.told == 1.0).all()
+    assert new.values[1] == pytest.approx(0.9, rel=0.25)
+    assert 'fitted to its recording alone' in new_unit_verdict(new, population)
+    usual = fit_new_unit([recorded(201)], population)
+    assert usual.out == []
+    assert usual.error < 0.5 * usual.population_error
+
+
+def test_the_page_names_units_parameters_and_intervals(population):
+    content = {'recordings': [], 'failed': [], 'not_done': 0}
+    page = each_report(content, [population]).html()
+    for text in ('3 of 40 units are out', 'unit_17', 'error of the common model', 'fleet.json'):
+        assert text in page
+    assert '<script src' not in page
