@@ -1,0 +1,61 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Work on a Dask cluster of two processes: the same results, also if one of them is killed."""
+
+import json
+
+import pytest
+from work_that_may_die import work_that_ends_a_worker_once
+
+from friction_comp.__main__ import run
+from friction_comp.cluster import runner_on_cluster
+from friction_comp.parallel import Failure
+from friction_comp.recordings import write_samples
+from simulated_recordings.drives import excitation_for, random_drive, record
+
+distributed = pytest.importorskip('distributed', reason='Dask is not installed')
+
+
+@pytest.fixture(scope='module')
+def cluster():
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True,
+                                  dashboard_address=None) as made:
+        yield made
+
+
+@pytest.mark.slow
+def test_a_killed_worker_costs_nothing(cluster, tmp_path):
+    items = [(number, tmp_path / 'died' if number == 2 else None) for number in range(6)]
+    with runner_on_cluster(cluster.scheduler_address) as work_on:
+        found = dict(work_on(work_that_ends_a_worker_once, items))
+    assert (tmp_path / 'died').exists()
+    assert found.pop(3) == Failure('3: not this one')
+    assert {index: outcome[0] for index, outcome in found.items()} == {
+        0: 0, 1: 1, 2: 2, 4: 4, 5: 5}
+
+
+@pytest.mark.slow
+def test_recordings_are_refined_on_the_cluster_as_here(cluster, tmp_path):
+    for name in ('one', 'two'):
+        write_samples(tmp_path / 'robots' / name / 'day', record(
+            random_drive(3, ['gravity']), 4, excitation_for(
+                ['gravity'], duration=6.0, rate=100.0))[0].samples)
+    rows = {}
+    for where, more in (('here', ['--jobs', '1']), ('there', [
+            '--scheduler', cluster.scheduler_address])):
+        out = tmp_path / where
+        assert run('refine', [str(tmp_path / 'robots'), '--each', '--output', str(out), *more]
+                   ) == 0
+        rows[where] = [{name: value for name, value in row.items() if name != 'seconds'}
+                       for row in json.loads((out / 'report.json').read_text())['recordings']]
+    assert rows['here'] == rows['there']
+    assert (tmp_path / 'there' / 'one_day' / 'model.yaml').is_file()
+
+
+def test_a_scheduler_that_does_not_answer_is_named(tmp_path, refuses):
+    write_samples(tmp_path / 'day', record(random_drive(3, ['gravity']), 4, excitation_for(
+        ['gravity'], duration=6.0, rate=100.0))[0].samples)
+    refuses('no Dask scheduler answers', 'refine', tmp_path / 'day', '--each',
+            '--scheduler', 'tcp://127.0.0.1:1')
+    refuses('--scheduler goes with --each', 'refine', tmp_path / 'day',
+            '--scheduler', 'tcp://127.0.0.1:1')
