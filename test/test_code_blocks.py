@@ -26,9 +26,9 @@ from friction_comp.tools.common import Arguments
 
 # Tools that are run as the page has them; the others take minutes, and their arguments are read.
 RUN = ('convert', 'evaluate', 'refine', 'predict')
-# But for an arm, which is refined with its URDF in test_whole_arm, and for what
-# test_many_recordings does with each of many, and in processes.
-READ = {'--urdf', '--each', '--jobs'}
+# But for an arm, which is refined with its URDF in test_whole_arm, for what test_many_recordings
+# does with each of many, and in processes, and for the fleet of test_fleet.
+READ = {'--urdf', '--each', '--jobs', '--fleet'}
 # Tools with their options that were run already: with other files the arguments are read.
 TRIED = set()
 
@@ -109,7 +109,7 @@ def check_other(words):
         assert words[3].strip('/') in NODES
         assert yaml.safe_load(words[5])
     else:
-        assert words[0] in ('ros2', 'git', 'pip', 'pre-commit', '.', 'export', 'cd'), words
+        assert words[0] in ('ros2', 'git', 'pip', 'pre-commit', '.', 'export', 'cd', 'dask'), words
 
 
 def check_node(arguments):

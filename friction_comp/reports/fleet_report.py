@@ -149,7 +149,10 @@ def _draw(axis: Axes, one: ParameterSpread, count: int) -> None:
         axis.annotate(one.units[k].unit, (k, values[k]), xytext=(4, 2), fontsize=7,
                       textcoords='offset points', color=COLOURS['red'],
                       ha='right' if k > 0.8 * count else 'left')
-    axis.margins(y=0.2)
+    # An interval of one unit must not make the differences between all others invisible.
+    low, high = min(values.min(), one.range[0]), max(values.max(), one.range[1])
+    margin = 0.2 * (high - low) + 1e-12
+    axis.set_ylim(low - margin, high + margin)
     axis.set_title(f'{one.name} ({one.unit})', fontsize=8.5, fontweight='normal')
     axis.tick_params(labelsize=7.5)
     axis.grid(axis='x', visible=False)

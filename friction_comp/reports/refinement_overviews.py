@@ -60,7 +60,8 @@ def each_report(content: dict[str, Any], populations: Sequence[Population] = ())
     """
     rows = content['recordings']
     joints = list(dict.fromkeys(row['joint'] for row in rows))
-    page = Report('What friction models lacked, recording by recording',
+    page = Report('A fleet, unit by unit' if populations else
+                  'What friction models lacked, recording by recording',
                   f'{len(rows)} refined separately; joints: {", ".join(joints)}')
     page.verdict('\n\n'.join([*map(fleet_verdict, populations), verdict(content)]))
     for population in populations:
