@@ -229,8 +229,10 @@ def population_of(recordings: Sequence[tuple[str, BlockSums]], common: CommonMod
                   for parameter, p in zip(parameters, adjusted)]
     out = [any(parameter.units[k].out for parameter in parameters) for k in range(len(names))]
     prior = _prior(fits, index, np.array(out))
-    return Population(like.joint, unit, names.tolist(), len(recordings), parameters, prior,
-                      common.model(np.array(prior.mean), like))
+    model = common.model(np.array(prior.mean), like)
+    model.notes = {'units': len(names) - sum(out), 'unit': unit, 'range_of_units': {
+        parameter.name: list(parameter.range) for parameter in parameters}}
+    return Population(like.joint, unit, names.tolist(), len(recordings), parameters, prior, model)
 
 
 def _values(fits: Sequence[_Estimate], common: CommonModel, columns: tuple[int, ...]
