@@ -73,16 +73,7 @@ def main(argv: list[str] | None = None) -> int:
         from friction_comp.tools.refine_table import refine_table
 
         return refine_table(arguments, means)
-    if arguments.history and (arguments.model is None or arguments.each or arguments.urdf):
-        raise InputError('--history goes with --model, and with one joint: not with --each or '
-                         '--urdf')
-    if arguments.fleet and (
-            arguments.model or arguments.each or arguments.urdf or arguments.history):
-        raise InputError('--fleet gives the model to start from: not with --model, --each, '
-                         '--history or --urdf')
-    if arguments.scheduler and (arguments.jobs or not arguments.each):
-        raise InputError('--scheduler goes with --each, and without --jobs: Dask decides how many '
-                         'recordings are refined at once')
+    _check_together(arguments)
     if arguments.each:
         from friction_comp.tools.refine_each import refine_each
 
@@ -126,6 +117,20 @@ def main(argv: list[str] | None = None) -> int:
     print(in_own_units(text.getvalue(), linear), end='')
     print(arguments.output / 'report.html')
     return 0
+
+
+def _check_together(arguments: Namespace) -> None:
+    """Raise InputError if arguments exclude each other."""
+    if arguments.history and (arguments.model is None or arguments.each or arguments.urdf):
+        raise InputError('--history goes with --model, and with one joint: not with --each or '
+                         '--urdf')
+    if arguments.fleet and (
+            arguments.model or arguments.each or arguments.urdf or arguments.history):
+        raise InputError('--fleet gives the model to start from: not with --model, --each, '
+                         '--history or --urdf')
+    if arguments.scheduler and (arguments.jobs or not arguments.each):
+        raise InputError('--scheduler goes with --each, and without --jobs: Dask decides how many '
+                         'recordings are refined at once')
 
 
 def _units(text: str | None) -> tuple[str | None, str | None]:
