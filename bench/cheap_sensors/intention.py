@@ -1,0 +1,84 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""How much of friction the law removes if only a sensor knows where the person wants to go.
+
+The gears, persons and movements of `law_judge.peak`: a person follows a movement on a screen, and
+the same law is told the direction a second ahead, not at all, or by a sensor.
+"""
+
+from numba import njit
+import numpy as np
+from scipy.signal import butter, sosfiltfilt
+
+from cheap_sensors.attempts import rest_torque, Sensors
+from law_judge.bank import Joints
+from law_judge.loop import make_law, NONE, run
+from law_judge.peak import _movements, BAND, LEAST, START
+from law_judge.person import person_torque
+
+_CHUNK = 10
+
+
+@njit(cache=True)
+def intended(persons, states, times, out):
+    """Write the torque that each person will exert at a time if the joint stays where it is."""
+    for j in range(len(persons)):
+        s = states[j]
+        out[j] = person_torque(persons[j], s, times[j], s.link, s.link_velocity)
+
+
+class Watched:
+    """Announces by sensors what the persons of a plant do."""
+
+    def __init__(self, kind, plant, joints, seed):
+        self._plant, self._kind = plant, kind
+        random = np.random.default_rng([seed, 431])
+        self._sensors = Sensors(kind, joints.torque, [seed, 432])
+        self._sensors.calibrate(rest_torque(random, len(joints), 4.0) * joints.torque)
+        self._rows, self._directions = [], np.zeros(len(joints), dtype=np.int64)
+
+    def __call__(self, time):
+        """Return the directions for the sample at a time in s, shape (J,)."""
+        states = self._plant.states
+        torque = states['person'].copy()
+        if self._kind != 'force':
+            intended(self._plant.persons, states, time + self._sensors.plant.delay, torque)
+        self._rows.append(torque)
+        if len(self._rows) == _CHUNK:
+            self._directions = self._sensors.play(
+                np.array(self._rows), states['measured'][None])[-1]
+            self._rows = []
+        return self._directions
+
+
+def intention(bank, kinds, law='continuous'):
+    """Return, for each gear, the share of friction's part of the peak that is removed.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (G,)
+        For 'announced', 'd = 0' and each kind of sensor: removed share; NaN where friction has no
+        part in the peak.
+    """
+    joints = Joints(bank, repetition=[0, 1], side=[1.0, -1.0])
+    persons, side = _movements(joints), joints['side']
+
+    def peaks(law_name, gears, announce):
+        plant = joints.plant(persons, gears)
+        record = run(plant, make_law(law_name, joints), START + 4.0, announce(plant),
+                     {'torque': 'person'})
+        torque = sosfiltfilt(butter(2, BAND, fs=1.0 / plant.sample_time, output='sos'),
+                             record['torque'] * side, axis=0)
+        most = torque[round(START / plant.sample_time):].max(axis=0)
+        return np.bincount(joints.gear, most) / np.bincount(joints.gear)
+
+    def fixed(at):
+        return lambda plant: lambda time: side * (time >= at)
+    floor = peaks(NONE, bank.world.frictionless(joints.gears), fixed(np.inf))
+    bare = peaks(NONE, joints.gears, fixed(np.inf))
+    part = np.where(bare - floor > LEAST * bare, bare - floor, np.nan)
+    sources = {'announced': fixed(START - 1.0), 'd = 0': fixed(np.inf)}
+    for kind in kinds:
+        sources[kind] = lambda plant, kind=kind: Watched(kind, plant, joints, bank.seed)
+    return {name: (bare - peaks(law, joints.gears, announce)) / part
+            for name, announce in sources.items()}

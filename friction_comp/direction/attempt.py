@@ -1,0 +1,104 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""One attempt to move after the other: when a sensed direction begins, and when it ends.
+
+A direction begins only from rest, since only there is a push an attempt, and ends with the signal,
+with the motion, or if no motion follows. The next attempt needs a rest again.
+"""
+
+from __future__ import annotations
+
+import math
+
+from friction_comp.direction.joint_motion import JointMotion, STILL
+
+# Rest after which the next attempt may begin, and after which a movement is over, s.
+REARM, OVER = 0.3, 0.15
+# Share of the largest signal of the attempt below which it is over, and for how long, s. While the
+# joint runs it takes little to keep it going.
+_RELEASE, _RELEASED = 0.2, 0.15
+# s without motion after which an announcement is taken back: an offset is no attempt.
+_PATIENCE = 3.0
+# Attempts in a row in which the joint moved the other way.
+_CONTRADICTIONS = 3
+
+
+class Attempt:
+    """Follows the attempts to move one joint.
+
+    Attributes
+    ----------
+    direction : int
+        What is announced now.
+    reason : str
+    resting : bool
+        Whether the sensor is at rest, so that its level may follow.
+    contradicted : bool
+        Whether the joint has moved against the sensor several times in a row.
+    """
+
+    def __init__(self) -> None:
+        self.direction, self.reason = 0, 'at rest'
+        self.resting = self.contradicted = False
+        self._against = 0
+        self._stopped = -math.inf
+
+    def stop(self, time: float, reason: str) -> None:
+        """Take back what is announced at a time in s; the next attempt begins from rest."""
+        self.direction, self.reason, self.resting = 0, reason, False
+        self._stopped = time
+
+    def add(self, time: float, motion: JointMotion, side: int, strength: float,
+            quiet: bool) -> bool:
+        """Take what the sensor says; return whether its level at rest has to be found anew.
+
+        Parameters
+        ----------
+        time : float
+            s.
+        motion : JointMotion
+        side : int
+            Direction in which the person pushes, if that is certain, else 0.
+        strength : float
+            How much, positive in the direction +1; any unit.
+        quiet : bool
+            Whether the sensor has not changed for `REARM`.
+        """
+        if self.direction:
+            self._continue(time, motion, side, strength)
+            return False
+        if not self.resting:
+            if min(motion.rest(time), time - self._stopped) < REARM or not quiet:
+                return False
+            self.resting, self.reason = True, 'at rest'
+            return True
+        if motion.rest(time) == 0.0:
+            self.stop(time, 'moves')
+        elif side:
+            self.direction, self.reason, self.resting = side, 'onset of a push', False
+            self._begin = self._strong = time
+            self._largest, self._moved = abs(strength), False
+        return False
+
+    def _continue(self, time: float, motion: JointMotion, side: int, strength: float) -> None:
+        own = strength * self.direction
+        self._largest = max(self._largest, own)
+        if own > _RELEASE * self._largest:
+            self._strong = time
+        speed = motion.speed * self.direction
+        if speed > STILL:
+            self._moved, self._against = True, 0
+        if side == -self.direction:
+            self.stop(time, 'pushed the other way')
+        elif speed < -STILL and not self._moved:
+            self._against += 1
+            self.contradicted = self._against >= _CONTRADICTIONS
+            self.stop(time, 'moved against the push')
+        elif speed < -STILL or (self._moved and motion.rest(time) > OVER):
+            self.stop(time, 'the movement is over')
+        elif time - self._strong > _RELEASED:
+            self.stop(time, 'the push is over')
+        elif not self._moved and time - self._begin > _PATIENCE:
+            self.stop(time, 'no movement followed')
+        elif not motion.known(time) or not math.isfinite(strength):
+            self.stop(time, 'joint_states are missing')

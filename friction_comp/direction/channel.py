@@ -1,0 +1,132 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""A channel of a cheap sensor: its values at an even rate, and whether it can be believed.
+
+A channel is doubted before it is used: what is silent, saturated, flat, hums or jumps says nothing
+about a person, and the reason is told.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+import math
+
+import numpy as np
+
+from friction_comp.errors import InputError
+
+# Share of the range at either end within which a value counts as saturated.
+_RAIL = 0.005
+# Samples without a new one after which a channel is silent, and the least such time, s.
+_MISSED, _SILENCE = 5.0, 0.1
+# Equal values in a row: so many times the longest run of the calibration, and at least so long, s.
+_FLAT, _FLAT_TIME = 4.0, 0.3
+# Second differences: so many times those of the calibration, over as long, s; and as a multiple of
+# the values' own scatter, which is 2.4 for white noise, and below 1 for what a person does.
+_ROUGH, _ROUGH_TIME, _ROUGH_SHARE = 8.0, 0.2, 1.6
+# Share of a rise that is made in one sample from which on it is a jump: the fastest contractions of
+# a muscle take 60 ms (Aagaard et al. 2002).
+_JUMP = 0.8
+
+
+def check_range(low: float, high: float) -> tuple[float, float]:
+    """Return the range of a converter; raises InputError if it is none."""
+    if not (math.isfinite(low) and math.isfinite(high) and low < high):
+        raise InputError('sensor_range must be the lowest and the highest value that the sensor '
+                         f'can give, such as [0, 1023], not [{low:g}, {high:g}]')
+    return low, high
+
+
+class Channel:
+    """Watches the values of a channel.
+
+    Parameters
+    ----------
+    name : str
+        For messages.
+    low, high : float
+        The values at which the converter saturates.
+    smooth : bool
+        Whether a person changes the values smoothly, as force and envelopes; raw muscle signals
+        are tested for hum by their spectrum instead (`muscle_level`).
+    """
+
+    def __init__(self, name: str, low: float, high: float, smooth: bool = True) -> None:
+        self.name, self._smooth = name, smooth
+        self._low, self._high = low, high
+        margin = _RAIL * (high - low)
+        self._inside = low + margin, high - margin
+        self._last_time = -math.inf
+        self._recent: deque[float] = deque(maxlen=4)
+        self._run = 0
+        self._saturated = self._finite = True
+        self._rougher = 0.0
+        # Of the calibration: samples per second, longest run of equal values, second differences.
+        self._rate, self._longest, self._rough = 0.0, 0, 0.0
+
+    def calibrate(self, values: np.ndarray, rate: float) -> None:
+        """Learn from values at rest, shape (N,); raises InputError if they cannot be believed."""
+        self._saturated, self._finite = False, bool(np.isfinite(values).all())
+        if not self._finite:
+            raise InputError(f'{self.name}: values that are not finite')
+        if not np.all((values > self._inside[0]) & (values < self._inside[1])):
+            raise InputError(f'{self.name}: saturated: values from {values.min():g} to '
+                             f'{values.max():g} of {self._low:g} to {self._high:g}')
+        changes = np.flatnonzero(np.diff(values) != 0.0)
+        if len(changes) < 3:
+            raise InputError(f'{self.name}: flat: {values[0]:g} does not change within '
+                             f'{len(values) / rate:.1f} s; is it connected?')
+        self._longest = int(np.diff(np.concatenate([[-1], changes, [len(values) - 1]])).max())
+        rough = np.diff(values, 2)
+        self._rough = float(np.sqrt(np.mean(rough**2)))
+        if self._rate == 0.0 or len(self._recent) != self._recent.maxlen:
+            self._recent = deque(values[-4:], maxlen=max(8, round(_ROUGH_TIME * rate)))
+        self._rate, self._run = rate, 0
+
+    def add(self, time: float, value: float) -> None:
+        """Add a sample at a time in s."""
+        self._last_time = time
+        self._finite = math.isfinite(value)
+        if not self._finite:
+            return
+        self._saturated = not self._inside[0] < value < self._inside[1]
+        recent = self._recent
+        self._run = self._run + 1 if recent and value == recent[-1] else 0
+        if self._smooth and len(recent) > 1:
+            # The largest second difference of late.
+            self._rougher = max(abs(value - 2.0 * recent[-1] + recent[-2]), 0.9 * self._rougher)
+        recent.append(value)
+
+    def silent(self, time: float) -> bool:
+        """Return whether samples are missing at a time in s."""
+        return time - self._last_time > max(_SILENCE, _MISSED / max(self._rate, 1e-9))
+
+    def fault(self, time: float) -> str:
+        """Return what is wrong with the channel at a time in s; '' if nothing is."""
+        if self.silent(time):
+            return f'{self.name}: silent'
+        if not self._finite:
+            return f'{self.name}: not finite'
+        if self._saturated:
+            return f'{self.name}: saturated at {self._recent[-1]:g}'
+        if self._run > max(_FLAT * self._longest, _FLAT_TIME * self._rate):
+            return f'{self.name}: flat at {self._recent[-1]:g}'
+        if self._smooth and self._hums():
+            return f'{self.name}: hums'
+        return ''
+
+    def _hums(self) -> bool:
+        values = self._recent
+        if len(values) < (values.maxlen or 0) or self._rougher < _ROUGH * self._rough:
+            return False
+        # Only what is rough now is worth the time.
+        rough = float(np.mean(np.square(np.diff(values, 2))))
+        return rough > (_ROUGH * self._rough)**2 and rough > _ROUGH_SHARE**2 * float(np.var(values))
+
+    def jumped(self, level: float) -> bool:
+        """Return whether the last samples rose from a level in a single step."""
+        values = [level, *list(self._recent)[-4:]]
+        rise = values[-1] - level
+        steps = [(after - before) * math.copysign(1.0, rise)
+                 for before, after in zip(values, values[1:])]
+        return max(steps[1:]) > _JUMP * abs(rise) or len(set(values[-3:])) == 1

@@ -1,0 +1,223 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The direction in which a person begins to move a joint, from a cheap sensor of force or muscles.
+
+The sensor is calibrated at rest. From then on the onset of a push is found by a test with a stated
+rate of false alarms; the direction is the side of the force, or the muscle that dominates. Muscles
+that act against each other announce nothing.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+import math
+from typing import Any
+
+import numpy as np
+
+from friction_comp.direction.announcement import Announcement
+from friction_comp.direction.attempt import Attempt, REARM
+from friction_comp.direction.channel import Channel, check_range
+from friction_comp.direction.joint_motion import JointMotion
+from friction_comp.direction.muscle_level import MuscleLevel, SHORT
+from friction_comp.direction.onset_test import OnsetTest, Rest
+from friction_comp.errors import InputError
+
+CALIBRATION_TIME = 3.0
+"""s at rest."""
+KINDS = ('force', 'muscle_envelope', 'muscle_raw')
+# Samples on the same side that an onset needs; raw signals, in which hum has to be told from a
+# muscle, need that many blocks.
+_AGREE, _AGREE_RAW = 3, 4
+# Factor by which the dominant muscle's energy must exceed the other's. Cross-talk makes a quarter of
+# a muscle's signal appear in the other channel, and electrodes differ by half.
+_DOMINANT = 4.0
+# Change between the halves of the last 0.3 s, in units of the scatter, below which a sensor rests.
+_QUIET = 2.0
+# Blocks over which the strength of a muscle is averaged.
+_AVERAGED = 4
+
+
+class SensedDirection:
+    """Announces the direction of one joint from its sensor.
+
+    Parameters
+    ----------
+    kind : {'force', 'muscle_envelope', 'muscle_raw'}
+        A force has one channel, positive if it pushes towards larger positions; muscles have two,
+        the first of which moves the joint towards larger positions.
+    sensor_range : tuple of float
+        Lowest and highest value that the converter can give.
+    """
+
+    def __init__(self, kind: str, sensor_range: tuple[float, float]) -> None:
+        if kind not in KINDS:
+            raise InputError(f'sensor must be one of {", ".join(KINDS)}, not {kind!r}')
+        low, high = check_range(*sensor_range)
+        names = ('force',) if kind == 'force' else ('flexor', 'extensor')
+        self.kind = kind
+        self.motion = JointMotion()
+        self._channels = [Channel(name, low, high, kind != 'muscle_raw') for name in names]
+        self._tests: list[OnsetTest] = []
+        self._levels: list[MuscleLevel] = []
+        self._attempt = Attempt()
+        self._collected: list[np.ndarray] | None = None
+        self._since = self._until = math.nan
+        self._fault = 'not calibrated'
+
+    # Calibration.
+
+    @property
+    def calibrating(self) -> bool:
+        """Whether values are collected for a calibration."""
+        return self._collected is not None
+
+    def begin_calibration(self) -> None:
+        """Collect values from now on; nothing is announced until the calibration has ended."""
+        self._collected, self._since = [], math.nan
+        self._tests, self._fault = [], 'calibrating'
+        self._attempt = Attempt()
+
+    def end_calibration(self) -> None:
+        """Learn from the values collected; raises InputError if they are not usable."""
+        collected, self._collected = self._collected, None
+        self._fault = 'not calibrated'
+        passed = self._until - self._since
+        values = np.concatenate(collected) if collected else np.zeros((0, len(self._channels)))
+        if not (passed > 0.5 * CALIBRATION_TIME and len(values) > 20.0 * passed):
+            raise InputError(
+                f'{self._channels[0].name}: {len(values)} values in {CALIBRATION_TIME:g} s: '
+                'a calibration needs a sensor that sends at least 20 per second')
+        if self.motion.rest(self._until) < passed:
+            raise InputError('the joint moved during the calibration, or joint_states are missing')
+        # The first message has come at the beginning of the time that passed.
+        rate = (len(values) - len(collected[0] if collected else ())) / passed
+        for channel, own in zip(self._channels, values.T):
+            channel.calibrate(own, rate)
+        levels = []
+        if self.kind == 'muscle_raw':
+            levels = [MuscleLevel(rate) for _ in self._channels]
+            found = [level.add(own) for level, own in zip(levels, values.T)]
+            for channel, level in zip(self._channels, levels):
+                if level.hums():
+                    raise InputError(f'{channel.name}: hums: check the reference electrode')
+            # The filter's beginning is no rest.
+            rests = [Rest.of(own[10:], levels[0].block_rate) for own in found]
+        else:
+            rests = [Rest.of(own, rate) for own in values.T]
+        self._levels, self._tests = levels, [OnsetTest(rest) for rest in rests]
+        self._recent: deque[list[float]] = deque(maxlen=max(
+            _AVERAGED, round(REARM * rests[0].rate)))
+        self._fault = ''
+
+    # Samples.
+
+    def add(self, time: float, values: Any) -> None:
+        """Take samples, shape (N, channels), of which the last was measured at a time in s."""
+        rows = np.atleast_2d(np.asarray(values, dtype=float))
+        if rows.shape[1] != len(self._channels):
+            raise InputError(f'a sensor of kind {self.kind} gives {len(self._channels)} values a '
+                             f'joint, not {rows.shape[1]}')
+        for row in rows.tolist():
+            for channel, value in zip(self._channels, row):
+                channel.add(time, value)
+        if self._collected is not None:
+            self._since = time if math.isnan(self._since) else self._since
+            self._until = time
+            self._collected.append(rows)
+            return
+        if not self._tests:
+            return
+        if self._levels:
+            rows = np.where(np.isfinite(rows), rows, 0.0)
+            blocks = [level.add(own) for level, own in zip(self._levels, rows.T)]
+            rows = np.column_stack(blocks)
+        for row in rows.tolist():
+            self._judge(time, row)
+
+    def _judge(self, time: float, row: list[float]) -> None:
+        """Take one value of each channel."""
+        self._fault = self._find_fault(time)
+        if self._fault:
+            self._attempt.stop(time, self._fault)
+            self._recent.clear()
+            return
+        self._recent.append(row)
+        alarms = [test.add(value) for test, value in zip(self._tests, row)]
+        strength, certain = self._push()
+        side = self._side(time, alarms, strength) if certain else 0
+        if self._attempt.add(time, self.motion, side, strength, self._quiet()):
+            for test, own in zip(self._tests, zip(*self._recent)):
+                test.settle(math.fsum(own) / len(own))
+        elif self._attempt.resting and not any(alarms):
+            for test, value in zip(self._tests, row):
+                test.follow(value)
+
+    def _quiet(self) -> bool:
+        """Return whether the channels have not changed for as long as they are remembered."""
+        if self._attempt.resting or self._attempt.direction:
+            return True
+        if len(self._recent) < (self._recent.maxlen or 0):
+            return False
+        half = len(self._recent) // 2
+        return all(
+            abs(math.fsum(own[half:]) / (len(own) - half) - math.fsum(own[:half]) / half)
+            < _QUIET * test.scatter for test, own in zip(self._tests, zip(*self._recent)))
+
+    def _find_fault(self, time: float) -> str:
+        faults = [channel.fault(time) for channel in self._channels]
+        faults += [f'{channel.name}: hums' for channel, level in zip(self._channels, self._levels)
+                   if level.hums()]
+        if self._attempt.contradicted:
+            faults.append('the joint moves against the sensor: is its sign reversed, or are its '
+                          'channels exchanged?')
+        elif not self.motion.known(time):
+            faults.append('joint_states are missing')
+        return next(filter(None, faults), '')
+
+    def _energy(self, index: int) -> tuple[float, float]:
+        """Return by how much a muscle's energy exceeds that at rest of late, and how surely."""
+        test, power = self._tests[index], 3.0 if self._levels else 2.0
+        values = [max(row[index], 0.0) for row in list(self._recent)[-_AVERAGED:]]
+        energy = sum(value**power for value in values) / len(values)
+        mean = sum(values) / len(values)
+        return (energy - max(test.level, 0.0)**power,
+                power * mean**(power - 1.0) * test.scatter / math.sqrt(len(values)))
+
+    def _push(self) -> tuple[float, bool]:
+        """Return how much the person pushes, positive in direction +1, and if that is certain."""
+        if self.kind == 'force':
+            return self._recent[-1][0] - self._tests[0].level, True
+        (flexor, of_flexor), (extensor, of_extensor) = self._energy(0), self._energy(1)
+        sign, most, least, doubt = (1.0, flexor, extensor, of_extensor) if (
+            flexor > extensor) else (-1.0, extensor, flexor, of_flexor)
+        if most <= _DOMINANT * max(least, 0.0):
+            return 0.0, False
+        return sign * math.sqrt(most), most > _DOMINANT * (max(least, 0.0) + 2.0 * doubt)
+
+    def _side(self, time: float, alarms: list[int], strength: float) -> int:
+        """Return the direction of a push, 0 unless it is certain."""
+        agree = _AGREE_RAW if self._levels else _AGREE
+        last = list(self._recent)[-agree:]
+        if len(last) < agree:
+            return 0
+        index = 0 if self.kind == 'force' or strength > 0.0 else 1
+        alarm, level = alarms[index], self._tests[index].level
+        if self.kind != 'force':
+            alarm = max(alarm, 0)
+        if not alarm or not all((row[index] - level) * alarm > 0.0 for row in last):
+            return 0
+        if self._levels and self._levels[index].hums(SHORT):
+            return 0
+        if not self._levels and self._attempt.resting and self._channels[index].jumped(level):
+            self._attempt.stop(time, f'{self._channels[index].name}: a jump, no push')
+            return 0
+        return alarm if index == 0 else -alarm
+
+    def at(self, time: float) -> Announcement:
+        """Return what is announced at a time in s."""
+        fault = self._fault or (self._find_fault(time) if self._tests else '')
+        if fault:
+            self._attempt.stop(time, fault)
+            return Announcement(0, fault, fault=True)
+        return Announcement(self._attempt.direction, self._attempt.reason)
