@@ -29,8 +29,8 @@ KINDS = ('force', 'muscle_envelope', 'muscle_raw')
 # Samples on the same side that an onset needs; raw signals, in which hum has to be told from a
 # muscle, need that many blocks.
 _AGREE, _AGREE_RAW = 3, 4
-# Factor by which the dominant muscle's energy must exceed the other's. Cross-talk makes a quarter of
-# a muscle's signal appear in the other channel, and electrodes differ by half.
+# Factor by which the dominant muscle's energy must exceed the other's. Through cross-talk a quarter
+# of a muscle's signal appears in the other channel, and electrodes differ by half.
 _DOMINANT = 4.0
 # Change between the halves of the last 0.3 s, in units of the scatter, below which a sensor rests.
 _QUIET = 2.0

@@ -26,8 +26,9 @@ _UNITS = {'deg': math.pi / 180.0, 'rad': 1.0}
 _KEYS = {'format', 'version', 'unit', 'joints', 'repetitions', 'announcement', 'steps'}
 # Angles that differ by less, rad, are the same position.
 _SAME = 1e-9
-# Number of points at which a movement is sampled to find where it begins to decelerate.
-_GRID = 200
+# Number of points at which a movement is sampled to find where it begins to decelerate, and share
+# of the largest speed below which it does.
+_GRID, _UNEVEN = 400, 0.97
 # All repetitions are computed at the beginning. So many of 10 s last more than a day.
 _MOST_REPETITIONS = 10_000
 
@@ -73,10 +74,17 @@ class ExerciseScript:
         moving = 0.0 <= time <= self.duration
         position = np.array([float(path(inside)) for path in self._paths])
         velocity = np.array([float(speed(inside)) for speed in self._speeds]) * moving
-        direction = np.array([
-            next((sign for begin, end, sign in spans if begin <= time < end), 0)
-            for spans in self._announced])
+        direction = np.array([sign for sign, _ in self._spans_at(time)])
         return position, velocity, direction
+
+    def ends(self, time: float) -> np.ndarray:
+        """Return where the announced movements end, rad, shape (J,); NaN where none is."""
+        return np.array([end for _, end in self._spans_at(time)])
+
+    def _spans_at(self, time: float) -> list[tuple[int, float]]:
+        """Return the direction of each joint, and the end of its movement."""
+        return [next(((sign, last) for begin, end, sign, last in spans if begin <= time < end),
+                     (0, math.nan)) for spans in self._announced]
 
     def of(self, joints: Sequence[str]) -> ExerciseScript:
         """Return the exercise for these joints in this order; joints that it does not move rest.
@@ -159,22 +167,39 @@ def _step(name: str, step: Any, joints: list[str], before: np.ndarray,
 
 
 def _announcements(times: np.ndarray, position: np.ndarray, speed: Any,
-                   announcement: float) -> list[tuple[float, float, int]]:
-    """Return begin (s), end (s) and direction of each announcement for one joint."""
+                   announcement: float) -> list[tuple[float, float, int, float]]:
+    """Return begin (s), end (s), direction and last position of each movement of one joint."""
     steps = np.diff(position)
     signs = np.where(np.abs(steps) < _SAME, 0, np.sign(steps)).astype(int)
-    spans: list[tuple[float, float, int]] = []
+    # A movement extends over all steps in the same direction.
+    firsts = np.flatnonzero(np.diff(signs, prepend=2))
+    spans: list[tuple[float, float, int, float]] = []
     stopped = 0.0
-    for k, sign in enumerate(signs):
-        if sign == 0:
+    for first, after in zip(firsts, [*firsts[1:], len(signs)]):
+        if signs[first] == 0:
             continue
-        begin, end = float(times[k]), float(times[k + 1])
-        if k == 0 or signs[k - 1] == 0:
+        begin, end = float(times[first]), float(times[after])
+        if first == 0 or signs[first - 1] == 0:
             # Not before the previous movement has stopped: until then, its direction remains.
             begin = max(stopped, begin - announcement)
         stopped = end
-        if k + 1 == len(signs) or signs[k + 1] == 0:
-            grid = np.linspace(times[k], times[k + 1], _GRID)
-            end = float(grid[int(np.argmax(np.abs(speed(grid))))])
-        spans.append((begin, end, int(sign)))
+        if after == len(signs) or signs[after] == 0:
+            end = _decelerates(times[first:after + 1], speed)
+        spans.append((begin, end, int(signs[first]), float(position[after])))
     return spans
+
+
+def _decelerates(times: np.ndarray, speed: Any) -> float:
+    """Return when a movement through waypoints begins to decelerate to its final rest, s."""
+    grid = np.unique(np.concatenate([
+        np.linspace(begin, end, max(3, _GRID // len(times)))
+        for begin, end in zip(times, times[1:])]))
+    speeds = np.abs(speed(grid))
+    # Backwards in time, the speed grows until there; a plan's samples make it uneven.
+    fastest = len(grid) - 1
+    for k in range(len(grid) - 1, -1, -1):
+        if speeds[k] > speeds[fastest]:
+            fastest = k
+        elif speeds[k] < _UNEVEN * speeds[fastest]:
+            break
+    return float(grid[fastest])

@@ -73,6 +73,12 @@ class ReferenceMovement:
         """Return when movement 0, 1, 2 … begins, s; even ones are in the first direction."""
         return self.standstill + movement * (self.standstill + self.movement_time)
 
+    def end(self, direction: float) -> float:
+        """Return where the movement in a direction ends, rad; NaN for 0."""
+        if direction == 0.0:
+            return math.nan
+        return self.amplitude if direction * self.amplitude > 0.0 else 0.0
+
     def at(self, time: ArrayLike) -> tuple[Any, Any, Any]:
         """Return position (rad), velocity (rad/s) and direction (-1, 0, +1) of the shape of `time`.
 

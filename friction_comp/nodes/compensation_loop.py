@@ -135,10 +135,11 @@ class CompensationLoop:
         if not self.direction.take(values, self.states.stamp or now):
             self._refuse_direction()
 
-    def take_stamped_direction(self, names: Any, velocities: Any, stamp: int, now: int) -> None:
-        """Take a direction with the stamp of its announcement."""
+    def take_stamped_direction(self, names: Any, velocities: Any, stamp: int, now: int,
+                               ends: Any = ()) -> None:
+        """Take a direction with the stamp of its announcement, and where the movement ends."""
         at = self.states.stamp or now
-        if not self.direction.take_stamped(names, velocities, stamp or at, max(at, now)):
+        if not self.direction.take_stamped(names, velocities, stamp or at, max(at, now), ends):
             self._refuse_direction()
 
     def take_temperature(self, joint: str, value: float, stamp: int, now: int) -> None:
@@ -188,8 +189,8 @@ class CompensationLoop:
             return self._zeros
         # Relative to the first state: seconds since 1970 have too little resolution as a float.
         currents = law.update(
-            (stamp - self._first) / NANO, position, states.velocity, self.direction.at(stamp),
-            self.temperature.before(stamp))
+            (stamp - self._first) / NANO, position, states.velocity,
+            self.direction.at(stamp, position), self.temperature.before(stamp))
         if self._fade is not None:
             currents = self._apply_fade(currents, stamp)
         if usable is not True:

@@ -141,7 +141,7 @@ class ConfiguredCompensator:
     def _on_stamped_direction(self, message: Any) -> None:
         self.loop.take_stamped_direction(
             message.name, message.velocity, nanoseconds(message.header.stamp),
-            self._node.get_clock().now().nanoseconds)
+            self._node.get_clock().now().nanoseconds, message.position)
 
     def _on_temperature(self, message: Any) -> None:
         self.loop.take_temperature(

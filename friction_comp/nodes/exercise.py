@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Sequence
-from functools import partial
 import math
 from time import monotonic
 from typing import Any
@@ -32,15 +31,29 @@ _DISCOVERY_TIME = 0.5
 _REPORTS_BEFORE_WARNING = 3
 
 
-def _all_alike(movement: ReferenceMovement, joints: int, time: float
-               ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return position, velocity and direction at a time, each (J,), of joints that move alike."""
-    position, velocity, direction = movement.at(time)
-    return np.full(joints, position), np.full(joints, velocity), np.full(joints, direction)
+class _AllAlike:
+    """The same movement of all joints, as an exercise."""
+
+    def __init__(self, movement: ReferenceMovement, joints: int) -> None:
+        self._movement, self._joints = movement, joints
+        self.duration = movement.duration
+
+    def at(self, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return position, velocity and direction at a time, each (J,)."""
+        position, velocity, direction = (
+            np.full(self._joints, value) for value in self._movement.at(time))
+        return position, velocity, direction
+
+    def ends(self, time: float) -> np.ndarray:
+        """Return where the announced movements end, rad, shape (J,)."""
+        return np.full(self._joints, self._movement.end(self._movement.at(time)[2]))
 
 
 class ExerciseNode(Node):
-    """Publishes `reference` and `direction`, relative to the positions at the beginning.
+    """Publishes `reference`, `direction` and `direction_stamped`.
+
+    Movements are relative to the positions at the beginning. `direction_stamped` also says where
+    they end.
 
     With `clock: ticks`, every tick of `/clock` is answered by the direction and then the reference
     with the tick's stamp. A plant in lockstep publishes its next joint states after the reference.
@@ -75,8 +88,8 @@ class ExerciseNode(Node):
             self, 'exercise_file', '', 'YAML file with the movement of each joint, '
             "instead of the note's movement")
         script = load_exercise(file).of(self._joints) if file else None
-        self._duration = (script or movement).duration
-        self._at = script.at if script else partial(_all_alike, movement, len(self._joints))
+        self._exercise = script or _AllAlike(movement, len(self._joints))
+        self._duration = self._exercise.duration
         self._when_done = declare_choice(
             self, 'when_done', ('hold', 'exit'), 'after the last repetition: hold the joints at '
             'their initial positions, or exit')
@@ -114,6 +127,8 @@ class ExerciseNode(Node):
             label='joint', size=len(self._joints), stride=len(self._joints))]
         self._references = self.create_publisher(JointState, 'reference', RELIABLE)
         self._directions = self.create_publisher(Int8MultiArray, 'direction', RELIABLE)
+        self._announced = JointState(name=list(self._joints))
+        self._announcements = self.create_publisher(JointState, 'direction_stamped', RELIABLE)
         Diagnostics(self, self._report, ', '.join(self._joints), 'exercise')
         self._origin_subscription = self.create_subscription(
             JointState, 'joint_states', self._on_joint_states, qos)
@@ -174,11 +189,16 @@ class ExerciseNode(Node):
         return monotonic() - self._connected_since > _DISCOVERY_TIME
 
     def _publish(self, time: float) -> None:
-        position, velocity, direction = self._at(time)
+        position, velocity, direction = self._exercise.at(time)
         self._time = time
         self._direction.data = array('b', direction.astype(np.int8).tobytes())
         # Before the reference: see the class.
         self._directions.publish(self._direction)
+        self._announced.header.stamp = self._reference.header.stamp
+        self._announced.velocity = array('d', direction.astype(float).tobytes())
+        self._announced.position = array(
+            'd', (self._origin + self._exercise.ends(time)).tobytes())
+        self._announcements.publish(self._announced)
         self._reference.position = array('d', (self._origin + position).tobytes())
         self._reference.velocity = array('d', velocity.tobytes())
         self._references.publish(self._reference)
@@ -216,6 +236,9 @@ class ExerciseNode(Node):
         if self.context.ok() and any(self._direction.data):
             self._direction.data = array('b', [0] * len(self._joints))
             self._directions.publish(self._direction)
+            self._announced.velocity = array('d', [0.0] * len(self._joints))
+            self._announced.position = array('d')
+            self._announcements.publish(self._announced)
 
 
 def main(argv: Sequence[str]) -> int:

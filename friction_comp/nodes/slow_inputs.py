@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from friction_comp.direction.announcement import MovementEnds
 from friction_comp.signal_checks import beyond
 
 # Largest age of a temperature, ns; friction follows it within minutes.
@@ -27,6 +28,8 @@ class Direction:
     direction counts as 0 for twice that time. `refused` is the number of invalid messages so far,
     and `why` the fault of the last of them.
 
+    A planner may say where the movement ends; beyond, the direction is 0 (`MovementEnds`).
+
     Times are in ns.
     """
 
@@ -37,11 +40,13 @@ class Direction:
         self.planners: list[str] = []
         self._indices = {joint: index for index, joint in enumerate(joints)}
         self._zeros = np.zeros(len(joints))
+        self._ends = MovementEnds(len(joints))
         self.forget()
 
     def forget(self) -> None:
         """Reset to 0 until the next message."""
         count = len(self._zeros)
+        self._ends.forget()
         self._values, self._times = self._zeros, [_NEVER] * count
         # Previous direction of each joint, and the times of its change and of its change back.
         self._before, self._changed, self._disputed = (
@@ -71,16 +76,19 @@ class Direction:
         return True
 
     def take_stamped(self, names: Sequence[str], velocities: Sequence[float], stamp: int,
-                     now: int) -> bool:
+                     now: int, ends: Sequence[float] = ()) -> bool:
         """Take a message with the planner's stamp; return whether it is valid.
 
         The signs of the velocities are the directions; values that are not finite count as 0.
         Unknown joints are ignored, joints that are not named keep their direction, and a joint that
         is named twice gets 0. A direction whose stamp is ahead of `now`, the time of the joint
-        states, by more than the timeout counts as 0, since its age is unknown.
+        states, by more than the timeout counts as 0, since its age is unknown. `ends` are the
+        positions in rad at which the movements end, NaN or none if they are not known.
         """
-        if len(names) != len(velocities):
-            return self._refuse(f'{len(velocities)} velocities for {len(names)} names',
+        if len(names) != len(velocities) or len(ends) not in (0, len(names)):
+            wrong = ('velocities', len(velocities)) if len(names) != len(velocities) else (
+                'positions', len(ends))
+            return self._refuse(f'{wrong[1]} {wrong[0]} for {len(names)} names',
                                 range(len(self._zeros)), max(stamp, now))
         own = [(self._indices[name], value) for name, value in zip(names, velocities)
                 if name in self._indices]
@@ -91,7 +99,8 @@ class Direction:
             return self._refuse('a joint named twice', indices, stamp)
         finite = [math.isfinite(value) for _, value in own]
         self._set(indices, [float(np.sign(value)) if is_finite else 0.0
-                            for (_, value), is_finite in zip(own, finite)], stamp)
+                            for (_, value), is_finite in zip(own, finite)], stamp,
+                  [end for name, end in zip(names, ends) if name in self._indices])
         if not all(finite):
             return self._refuse('a velocity that is not finite', (), stamp)
         return True
@@ -102,12 +111,14 @@ class Direction:
         self._set(indices, [0.0] * len(indices), time)
         return False
 
-    def _set(self, indices: Sequence[int], values: Sequence[float], time: int) -> None:
+    def _set(self, indices: Sequence[int], values: Sequence[float], time: int,
+             ends: Sequence[float] = ()) -> None:
         # Callers of `at` may still hold the previous array.
         self._values = self._values.copy()
-        for index, value in zip(indices, values):
+        for index, value, end in zip(indices, values, ends or [math.nan] * len(indices)):
             if time < self._times[index]:
                 continue
+            self._ends.announce(index, value, end)
             last = float(self._values[index])
             if value != last:
                 if (len(self.planners) > 1 and value == self._before[index]
@@ -123,15 +134,17 @@ class Direction:
     def _is_disputed(self, index: int, time: int) -> bool:
         return time - self._disputed[index] <= 2.0 * self.timeout * 1e9
 
-    def at(self, time: int) -> np.ndarray:
-        """Return d at a time, shape (J,)."""
+    def at(self, time: int, position: np.ndarray | None = None) -> np.ndarray:
+        """Return d at a time, shape (J,); `position` is that of the joints then, rad."""
         limit = time - self.timeout * 1e9
+        values = self._values
         for index, stamp in enumerate(self._times):
             if stamp < limit or self._disputed[index] > _NEVER:
-                return np.array([
+                values = np.array([
                     0.0 if stamp < limit or self._is_disputed(index, time) else value
                     for index, (value, stamp) in enumerate(zip(self._values, self._times))])
-        return self._values
+                break
+        return self._ends.within(values, position)
 
     def age(self, index: int, time: int) -> float:
         """Return the age of a joint's direction at a time, s; NaN if there is none."""
