@@ -26,6 +26,7 @@ NODES = {
     'identification': 'measures the friction of a joint (action server)',
     'compensator': 'feeds the friction forward to the motor',
     'exercise': 'publishes the reference movement and its direction',
+    'direction': 'announces the direction from a plan, a leader or a cheap sensor',
     'recorder': 'records topics into a rosbag2 folder',
     'refinement': 'warns when a model no longer fits, and refines it (action server)',
 }
@@ -39,6 +40,7 @@ TOOLS = {
     'convert': 'converts a recording into a CSV, Parquet or npz table, and back',
     'export': "writes a model's friction for MuJoCo, URDF or SDF, or as a table",
     'excite': 'plans a motion within limits that distinguishes effects (JointTrajectory)',
+    'teach': 'makes an exercise of a recorded movement that a person guided',
     'play': 'moves joints along a trajectory, with currents or a trajectory controller',
     'improve': 'refines, plans motion, moves and records until the model predicts new motion',
     'history': "shows a drive's friction over all its recordings",

@@ -39,6 +39,7 @@ def main(plain):
     else:
         from friction_comp.nodes.compile_nodes import compile_nodes
         compile_nodes()
+        import friction_comp.nodes.direction
         import friction_comp.nodes.exercise
         import friction_comp.nodes.identification
         import friction_comp.nodes.plant

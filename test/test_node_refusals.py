@@ -24,6 +24,7 @@ import yaml
 
 from friction_comp.errors import InputError
 from friction_comp.nodes.compensator import CompensatorNode
+from friction_comp.nodes.direction import DirectionNode
 from friction_comp.nodes.exercise import ExerciseNode
 from friction_comp.nodes.identification import IdentificationNode
 from friction_comp.nodes.plant import PlantNode
@@ -59,6 +60,8 @@ ODD_EFFECT = 'format: friction_comp_undeclared\nversion: 1\neffects: [{name: gho
     ('exercise', {'announcement': 3.0, 'standstill': 1.0}, (), 'announcement'),
     ('exercise', {'amplitude': 0.01}, (), 'amplitude'),
     ('exercise', {'when_done': 'dance'}, (), 'when_done'),
+    ('direction', {'source': 'stars'}, (), 'source'),
+    ('direction', {'source': 'sensor'}, (), 'sensor_range must be'),
     ('recorder', {'output': 'taken'}, (), 'taken'),
     ('recorder', {'compression': 'squeeze'}, (), 'squeeze'),
     ('recorder', {'max_file_size': 1e-7}, (), 'max_file_size: 1e-07 MB is too small'),
@@ -112,8 +115,8 @@ def in_this_process(kind):
             rclpy.shutdown()
 
 
-@pytest.mark.parametrize('kind', [CompensatorNode, ExerciseNode, IdentificationNode, PlantNode,
-                                  RecorderNode, RefinementNode])
+@pytest.mark.parametrize('kind', [CompensatorNode, DirectionNode, ExerciseNode, IdentificationNode,
+                                  PlantNode, RecorderNode, RefinementNode])
 def test_the_parameter_file_has_all_parameters_with_their_defaults(kind, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with in_this_process(kind) as node:

@@ -12,12 +12,15 @@ import pytest
 
 POLICY = Path(__file__).resolve().parents[1] / 'sros2' / 'friction_comp.policy.xml'
 # Rights that a node uses at times only: in a simulation, during a goal, in lockstep.
-AT_TIMES = {('plant', 'publish', '/clock'), ('identification', 'publish', '/current_command'),
+AT_TIMES = {*(('direction', 'subscribe', topic) for topic in ('/trajectory', '/reference')),
+            ('plant', 'publish', '/clock'), ('identification', 'publish', '/current_command'),
             ('exercise', 'subscribe', '/joint_states'),
             *((node, 'subscribe', '/clock') for node in (
-                'compensator', 'identification', 'exercise', 'recorder', 'refinement')),
+                'compensator', 'identification', 'exercise', 'direction', 'recorder',
+                'refinement')),
             *(('friction_comp_doctor', 'request', f'/{node}/{what}') for node in (
-                'plant', 'compensator', 'identification', 'exercise', 'recorder', 'refinement')
+                'plant', 'compensator', 'identification', 'exercise', 'direction', 'recorder',
+                'refinement')
               for what in ('get_parameters', 'list_parameters'))}
 CHILDREN = {'policy': {'enclaves'}, 'enclaves': {'enclave'}, 'enclave': {'profiles'},
             'profiles': {'profile'}, 'profile': {'topics', 'services', 'actions'},
@@ -81,7 +84,7 @@ def test_only_few_nodes_may_command_a_current_or_announce_a_direction():
     assert commanders == {'compensator', 'identification'}
     planners = {node for node, has in table.items()
                 if has['publish'] & {'/direction', '/direction_stamped'}}
-    assert planners == {'exercise'}
+    assert planners == {'exercise', 'direction'}
     listeners = {node for node, has in table.items() if '/interaction_wrench' in has['subscribe']}
     assert listeners == {'recorder', 'refinement', 'friction_comp_watch', 'friction_comp_doctor'}
     assert not listeners & (commanders | planners), 'the torque sensor is for evaluation only'
@@ -103,7 +106,9 @@ def test_the_nodes_use_what_they_may_and_nothing_else(tmp_path):
     one = {'joints': ['elbow'], 'model_files': MODELS[:1]}
     # What they use does not depend on how much of it.
     starts = {'plant': {**one, 'sample_time': 0.01}, 'compensator': one, 'identification': one,
-              'exercise': {'joints': ['elbow']}, 'recorder': {'output': str(tmp_path / 'bag')},
+              'exercise': {'joints': ['elbow']},
+              'direction': {'joints': ['elbow'], 'source': 'sensor', 'sensor_range': [0.0, 1.0]},
+              'recorder': {'output': str(tmp_path / 'bag')},
               'refinement': one}
     with own_domain(), probe_node() as probe, ExitStack() as nodes:
         for name, parameters in starts.items():

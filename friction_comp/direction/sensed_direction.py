@@ -65,6 +65,11 @@ class SensedDirection:
         self._since = self._until = math.nan
         self._fault = 'not calibrated'
 
+    @property
+    def channels(self) -> int:
+        """Number of values in a sample."""
+        return len(self._channels)
+
     # Calibration.
 
     @property

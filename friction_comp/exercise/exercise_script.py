@@ -26,6 +26,9 @@ _UNITS = {'deg': math.pi / 180.0, 'rad': 1.0}
 _KEYS = {'format', 'version', 'unit', 'joints', 'repetitions', 'announcement', 'steps'}
 # Angles that differ by less, rad, are the same position.
 _SAME = 1e-9
+# Movements by less, rad, 0.1 deg, are not announced: a plan of several joints moves those at rest
+# by its rounding errors.
+_LEAST = 2e-3
 # Number of points at which a movement is sampled to find where it begins to decelerate, and share
 # of the largest speed below which it does.
 _GRID, _UNEVEN = 400, 0.97
@@ -176,7 +179,7 @@ def _announcements(times: np.ndarray, position: np.ndarray, speed: Any,
     spans: list[tuple[float, float, int, float]] = []
     stopped = 0.0
     for first, after in zip(firsts, [*firsts[1:], len(signs)]):
-        if signs[first] == 0:
+        if signs[first] == 0 or abs(position[after] - position[first]) < _LEAST:
             continue
         begin, end = float(times[first]), float(times[after])
         if first == 0 or signs[first - 1] == 0:

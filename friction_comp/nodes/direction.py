@@ -1,0 +1,242 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Announces the direction of each joint from a plan, a stream of desired states or a sensor."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Callable, Sequence
+import math
+import time
+from typing import Any
+
+from geometry_msgs.msg import WrenchStamped
+import numpy as np
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+from friction_comp.direction.announcement import Announcement
+from friction_comp.direction.channel import check_range
+from friction_comp.direction.desired_motion import DesiredMotion
+from friction_comp.direction.planned_direction import PlannedDirection
+from friction_comp.direction.sensed_direction import CALIBRATION_TIME, KINDS, SensedDirection
+from friction_comp.errors import InputError
+from friction_comp.nodes.diagnostics import Diagnostics, OK, per_joint, WARN
+from friction_comp.nodes.executor import yield_to_executor
+from friction_comp.nodes.joint_io import input_qos, RELIABLE
+from friction_comp.nodes.joint_states import JointColumns, NANO, nanoseconds, set_stamp
+from friction_comp.nodes.node_main import run
+from friction_comp.nodes.parameters import declare, declare_choice, declare_joints
+
+AXES = ('torque.z', 'torque.y', 'torque.x', 'force.z', 'force.y', 'force.x')
+# s after which a position is too old.
+_MAX_AGE = 0.2
+# Real s after which a calibration is given up: the clock may stand still.
+_PATIENCE = 30.0
+
+
+class DirectionNode(Node):
+    """Publishes `direction_stamped` at a rate; what it says is computed by the room `direction`."""
+
+    finished = False
+
+    def __init__(self) -> None:
+        super().__init__('direction')
+        self._joints = declare_joints(self)
+        source = declare_choice(
+            self, 'source', ('trajectory', 'reference', 'sensor'),
+            'trajectory: a plan; reference: a stream of desired states; sensor: force or muscles')
+        rate = declare(self, 'rate', 100.0, 'announcements per second [Hz]', 10.0, 1000.0)
+        self._said = [Announcement(0, 'starts') for _ in self._joints]
+        self._position = np.full(len(self._joints), np.nan)
+        self._seen = -math.inf
+        self._columns = JointColumns(self._joints)
+        self._refused = ''
+        self._sensors: list[SensedDirection] = []
+        self._at: Callable[[float], list[Announcement]] = getattr(self, f'_begin_{source}')(
+            input_qos(self), self._declare())
+        self._message = JointState(name=list(self._joints))
+        self._announcements = self.create_publisher(JointState, 'direction_stamped', RELIABLE)
+        self._diagnostics = Diagnostics(
+            self, self._report, ', '.join(self._joints), f'direction by {source}')
+        self.create_service(Trigger, '~/calibrate', self._on_calibrate,
+                            callback_group=ReentrantCallbackGroup())
+        self.fast_timers = [self.create_timer(1.0 / rate, self._announce)]
+
+    def _now(self) -> float:
+        return float(self.get_clock().now().nanoseconds) / NANO
+
+    def _declare(self) -> Any:
+        """Declare the parameters of all sources; return a function for their values."""
+        declare(self, 'announcement', 1.0, 'how long a movement from rest is announced ahead [s]',
+                0.0, 600.0)
+        declare(self, 'tolerance', 0.2, 'distance from a plan from which on it is not followed '
+                '[rad]', 1e-3, 10.0)
+        declare(self, 'least_speed', 0.005, 'slowest reference that moves [rad/s]', 1e-4, 1.0)
+        declare(self, 'stuck_error', 0.01, 'error from which on a joint at rest is stuck away '
+                'from a reference at rest [rad]', 1e-4, 1.0)
+        declare_choice(self, 'sensor', KINDS, 'what the sensor measures')
+        declare(self, 'sensor_range', [0.0, 0.0],
+                'lowest and highest value that the sensor can give, in its own unit')
+        declare_choice(self, 'axis', AXES, 'component of sensor_wrench that moves the joint')
+        return lambda name: self.get_parameter(name).value
+
+    # The sources: each subscribes, and returns what is asked at a time.
+
+    def _begin_trajectory(self, qos: Any, value: Any) -> Callable[[float], list[Announcement]]:
+        plan = self._plan = PlannedDirection(
+            self._joints, value('announcement'), value('tolerance'))
+        self.create_subscription(JointTrajectory, 'trajectory', self._on_trajectory, RELIABLE)
+        self._listen(qos, [])
+        return lambda time: plan.at(time, self._present(time))
+
+    def _begin_reference(self, qos: Any, value: Any) -> Callable[[float], list[Announcement]]:
+        motions = self._motions = [
+            DesiredMotion(value('least_speed'), value('stuck_error')) for _ in self._joints]
+        self._desired = JointColumns(self._joints)
+        self.create_subscription(JointState, 'reference', self._on_reference, qos)
+        self._listen(qos, [motion.motion for motion in motions])
+        return lambda time: [motion.at(time, float(position)) for motion, position in zip(
+            motions, self._present(time))]
+
+    def _begin_sensor(self, qos: Any, value: Any) -> Callable[[float], list[Announcement]]:
+        ends = list(value('sensor_range'))
+        if len(ends) != 2:
+            raise InputError(f'parameter sensor_range: two values are needed, not {ends}')
+        span = check_range(*map(float, ends))
+        self._axis, self._part = value('axis').split('.')
+        self._sensors = [SensedDirection(value('sensor'), span) for _ in self._joints]
+        self.create_subscription(Float64MultiArray, 'sensor', self._on_sensor, qos)
+        self.create_subscription(WrenchStamped, 'sensor_wrench', self._on_wrench, qos)
+        self._listen(qos, [sensor.motion for sensor in self._sensors])
+        return lambda time: [sensor.at(time) for sensor in self._sensors]
+
+    # Topics.
+
+    def _listen(self, qos: Any, motions: list[Any]) -> None:
+        def take(message: Any) -> None:
+            position, _, _ = self._columns.read(message)
+            now = self._now()
+            self._position = np.where(np.isfinite(position), position, self._position)
+            self._seen = now
+            for motion, value in zip(motions, position.tolist()):
+                motion.add(now, value)
+        self.create_subscription(JointState, 'joint_states', take, qos)
+
+    def _present(self, time: float) -> np.ndarray:
+        """Return the positions at a time, NaN where they are too old."""
+        fresh = 0.0 <= time - self._seen <= _MAX_AGE
+        return self._position if fresh else np.full(len(self._joints), np.nan)
+
+    def _on_trajectory(self, message: Any) -> None:
+        now = self._now()
+        stamp = nanoseconds(message.header.stamp)
+        try:
+            times = [point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec
+                     for point in message.points]
+            lengths = {len(point.positions) for point in message.points} - {
+                len(message.joint_names)}
+            if lengths:
+                raise InputError('a plan needs a position of each joint at every point')
+            self._plan.take(
+                message.joint_names, times, np.array([point.positions for point in message.points]),
+                now, stamp / NANO if stamp else now, self._present(now))
+            self._refused = ''
+        except InputError as error:
+            self._plan.forget(f'the plan was refused: {error}')
+            self._refuse(f'the plan was refused: {error}')
+
+    def _on_reference(self, message: Any) -> None:
+        position, _, _ = self._desired.read(message)
+        now = self._now()
+        for motion, value in zip(self._motions, position.tolist()):
+            motion.take(now, value)
+
+    def _on_sensor(self, message: Any) -> None:
+        """Take samples of all joints, the oldest first."""
+        width = self._sensors[0].channels * len(self._joints)
+        values = np.array(message.data)
+        if not len(values) or len(values) % width:
+            self._refuse(f'sensor: {len(values)} values are not a multiple of {width}')
+            return
+        samples = values.reshape(-1, len(self._joints), self._sensors[0].channels)
+        now = self._now()
+        for j, sensor in enumerate(self._sensors):
+            sensor.add(now, samples[:, j])
+        self._refused = ''
+
+    def _on_wrench(self, message: Any) -> None:
+        if message.header.frame_id in self._joints and self._sensors[0].channels == 1:
+            value = getattr(getattr(message.wrench, self._axis), self._part)
+            self._sensors[self._joints.index(message.header.frame_id)].add(self._now(), [[value]])
+
+    def _refuse(self, why: str) -> None:
+        if why != self._refused:
+            self.get_logger().warning(why)
+        self._refused = why
+
+    # Calibration.
+
+    async def _on_calibrate(self, _: Any, response: Any) -> Any:
+        """Calibrate all sensors at rest, and answer when it is done."""
+        response.success, texts = True, []
+        if not self._sensors:
+            response.success, response.message = False, 'only the source sensor is calibrated'
+            return response
+        if any(sensor.calibrating for sensor in self._sensors):
+            response.success, response.message = False, 'a calibration is under way'
+            return response
+        for sensor in self._sensors:
+            sensor.begin_calibration()
+        begin, patience = self._now(), time.monotonic() + _PATIENCE
+        while self._now() - begin < CALIBRATION_TIME and time.monotonic() < patience:
+            await yield_to_executor()
+        for joint, sensor in zip(self._joints, self._sensors):
+            try:
+                sensor.end_calibration()
+            except InputError as error:
+                response.success = False
+                texts.append(f'{joint}: {error}')
+        response.message = '; '.join(texts) or 'calibrated'
+        self.get_logger().info(f'calibration: {response.message}')
+        return response
+
+    # What is said.
+
+    def _announce(self) -> None:
+        now = self._now()
+        self._said = self._at(now)
+        set_stamp(self._message.header.stamp, round(now * NANO))
+        self._message.velocity = array('d', [float(said.direction) for said in self._said])
+        self._message.position = array('d', [said.end for said in self._said])
+        self._announcements.publish(self._message)
+
+    def _report(self) -> Any:
+        values: dict[str, Any] = {
+            **per_joint(self._joints, 'direction', (said.direction for said in self._said)),
+            **per_joint(self._joints, 'end [rad]', (said.end for said in self._said)),
+            **{f'{joint}: reason': said.reason for joint, said in zip(self._joints, self._said)}}
+        faults = [f'{joint}: {said.reason}' for joint, said in zip(self._joints, self._said)
+                  if said.fault]
+        if self._refused:
+            faults.append(self._refused)
+        if faults:
+            return WARN, '; '.join(faults), values
+        return OK, 'announces' if any(said.direction for said in self._said) else 'waits', values
+
+    def leave(self) -> None:
+        """Announce no direction."""
+        if self.context.ok():
+            set_stamp(self._message.header.stamp, self.get_clock().now().nanoseconds)
+            self._message.velocity = array('d', [0.0] * len(self._joints))
+            self._message.position = array('d')
+            self._announcements.publish(self._message)
+
+
+def main(argv: Sequence[str]) -> int:
+    """Start the node and return its exit code."""
+    return run('direction', DirectionNode, argv)
