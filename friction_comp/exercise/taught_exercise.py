@@ -1,0 +1,195 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Makes an exercise of a movement that a person guided: what was shown, in the same tempo.
+
+A joint's reversals are where it turns by more than a hand trembles, its rests where it does not
+leave a place; between them it moves one way. Waypoints stand at the reversals and at the ends of
+the rests of any joint, and where a monotone curve through the others would leave the path.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+import math
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+from scipy.signal import butter, sosfiltfilt
+
+from friction_comp.errors import InputError
+from friction_comp.exercise.exercise_script import FORMAT, VERSION
+
+RATE = 100.0
+# Hz: voluntary movement has little above, tremor begins there.
+_LOW_PASS = 4.0
+DEGREE = math.pi / 180.0
+# A turn by less is no reversal, and a curve that is closer is on the path, rad.
+TURN, _CLOSE = 1.0 * DEGREE, 0.5 * DEGREE
+# A place is held if it is not left by more, rad, for so long, s.
+_PLACE, _REST = 0.4 * DEGREE, 0.4
+# s of rest before the first movement, so that it can be announced.
+_FIRST_REST = 1.0
+# Smallest angle in the file, rad.
+_GRAIN = 0.01 * DEGREE
+
+
+@dataclass(frozen=True)
+class Taught:
+    """An exercise made of a recorded movement.
+
+    Attributes
+    ----------
+    document : dict
+        Content of the exercise file.
+    time : ndarray, shape (N,)
+        s, from the beginning of the exercise.
+    path : ndarray, shape (N, J)
+        The guided movement, rad from the beginning.
+    waypoints : ndarray, shape (K,)
+        Times of the waypoints, s.
+    slowed : float
+        Factor by which the tempo was reduced to keep limits of speed.
+    """
+
+    document: dict[str, Any]
+    time: np.ndarray
+    path: np.ndarray
+    waypoints: np.ndarray
+    slowed: float
+
+
+def teach(joints: Sequence[str], time: np.ndarray, position: np.ndarray,
+          speeds: Sequence[float] | None = None, announcement: float = 1.0) -> Taught:
+    """Return the exercise of a guided movement.
+
+    Parameters
+    ----------
+    joints : sequence of str
+    time : ndarray, shape (N,)
+        s.
+    position : ndarray, shape (N, J)
+        rad.
+    speeds : sequence of float, optional
+        Largest speed of each joint, rad/s: a faster movement is slowed down.
+    announcement : float
+        s by which movements from rest are announced ahead.
+
+    Raises
+    ------
+    InputError
+        If nothing moves, or the recording is too short.
+    """
+    if not time[-1] - time[0] > 2.0 * _REST:
+        raise InputError(f'{time[-1] - time[0]:.2g} s are too short for an exercise')
+    even = np.arange(time[0], time[-1], 1.0 / RATE)
+    raw = np.column_stack([np.interp(even, time, column) for column in position.T])
+    path = sosfiltfilt(butter(2, _LOW_PASS, fs=RATE, output='sos'), raw, axis=0)
+    shaped, keys = zip(*(_one_way(column) for column in path.T))
+    shape = np.column_stack(shaped)
+    shape = np.round((shape - shape[0]) / _GRAIN) * _GRAIN
+    if np.abs(shape).max() < TURN:
+        raise InputError(f'no joint moves by more than {TURN / DEGREE:.0f} degree')
+    knots = _add_where_far(even, shape, sorted({0, len(even) - 1, *(k for own in keys
+                                                                    for k in own)}))
+    moving = np.flatnonzero(np.abs(np.diff(shape[knots], axis=0)).max(axis=1) > 0.0)
+    # Without the time before the first movement and after the last one.
+    knots = knots[moving[0]:moving[-1] + 2]
+    slowed = _slow_down(even[knots], shape[knots], speeds)
+    durations = np.diff(even[knots]) * slowed
+    steps: list[dict[str, Any]] = [{'hold': _FIRST_REST}]
+    for before, after, duration in zip(knots, knots[1:], durations):
+        moved = shape[after] - shape[before]
+        if not moved.any():
+            steps.append({'hold': round(float(duration), 3)})
+            continue
+        steps.append({'to': {joint: round(float(shape[after, j] / DEGREE), 2)
+                             for j, joint in enumerate(joints) if moved[j] != 0.0},
+                      'time': round(float(duration), 3)})
+    steps.append({'hold': _FIRST_REST})
+    document = {
+        'format': FORMAT, 'version': VERSION, 'unit': 'deg', 'joints': list(joints),
+        'announcement': announcement, 'steps': steps}
+    begin = even[knots[0]]
+    return Taught(document, _FIRST_REST + (even - begin) * slowed, path - path[knots[0]],
+                  _FIRST_REST + (even[knots] - begin) * slowed, slowed)
+
+
+def _one_way(path: np.ndarray) -> tuple[np.ndarray, list[int]]:
+    """Return a path that moves one way between its reversals and rests, and their indices."""
+    keys = _reversals(path)
+    for begin, end in _rests(path):
+        # A rest at a reversal stands in its place.
+        keys = [k for k in keys if not begin < k < end] + [begin, end]
+    keys = sorted({0, len(path) - 1, *keys})
+    shaped = path.copy()
+    for begin, end in _rests(path):
+        shaped[begin:end + 1] = np.median(path[begin:end + 1])
+    for first, last in zip(keys, keys[1:]):
+        low, high = sorted((shaped[first], shaped[last]))
+        part = np.clip(shaped[first:last + 1], low, high)
+        up = shaped[last] >= shaped[first]
+        shaped[first:last + 1] = (np.maximum if up else np.minimum).accumulate(part)
+    return shaped, keys
+
+
+def _reversals(path: np.ndarray) -> list[int]:
+    """Return the indices of the extremes from which the path turns back by more than TURN."""
+    found: list[int] = []
+    highest = lowest = 0
+    direction = 0
+    for k, value in enumerate(path):
+        highest = k if value >= path[highest] else highest
+        lowest = k if value <= path[lowest] else lowest
+        if direction >= 0 and path[highest] - value > TURN:
+            if direction:
+                found.append(highest)
+            direction, lowest = -1, k
+        elif direction <= 0 and value - path[lowest] > TURN:
+            if direction:
+                found.append(lowest)
+            direction, highest = 1, k
+        if direction > 0:
+            lowest = k
+        elif direction < 0:
+            highest = k
+    return found
+
+
+def _rests(path: np.ndarray) -> list[tuple[int, int]]:
+    """Return first and last index of each longest part that stays at a place."""
+    rests, begin = [], 0
+    while begin < len(path):
+        inside = np.abs(path[begin:] - path[begin]) <= _PLACE
+        end = begin + (int(np.argmin(inside)) if not inside.all() else len(inside)) - 1
+        if end - begin >= _REST * RATE:
+            # From when the joint is at the place, to when it leaves.
+            there = begin + np.flatnonzero(
+                np.abs(path[begin:end + 1] - np.median(path[begin:end + 1])) <= _PLACE / 4.0)
+            rests.append((int(there[0]), int(there[-1])))
+            begin = end + 1
+        else:
+            begin += 1
+    return rests
+
+
+def _add_where_far(time: np.ndarray, shape: np.ndarray, knots: list[int]) -> np.ndarray:
+    """Return knots between which monotone cubics are close to the path everywhere."""
+    while True:
+        curve = PchipInterpolator(time[knots], shape[knots])(time)
+        far = np.abs(curve - shape).max(axis=1)
+        added = [begin + int(np.argmax(far[begin:end])) for begin, end in zip(knots, knots[1:])
+                 if far[begin:end].max() > _CLOSE]
+        if not added:
+            return np.array(knots)
+        knots = sorted({*knots, *added})
+
+
+def _slow_down(time: np.ndarray, shape: np.ndarray, speeds: Sequence[float] | None) -> float:
+    """Return the factor of time with which all joints keep their limits of speed."""
+    if speeds is None:
+        return 1.0
+    grid = np.linspace(time[0], time[-1], 10 * len(time) + 100)
+    fastest = np.abs(PchipInterpolator(time, shape).derivative()(grid)).max(axis=0)
+    return float(max(1.0, (fastest / np.asarray(speeds)).max()))

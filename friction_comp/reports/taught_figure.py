@@ -1,0 +1,45 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""A guided movement and the exercise that was made of it."""
+
+from __future__ import annotations
+
+from typing import Any, TYPE_CHECKING
+
+import numpy as np
+
+from friction_comp.exercise.exercise_script import ExerciseScript
+from friction_comp.exercise.taught_exercise import Taught
+from friction_comp.reports.figures import new_figure, styled, thin
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_FORWARD, _BACK, _PATH = '#c4661a', '#1f6fae', '#9aa5b1'
+
+
+@styled
+def taught_figure(taught: Taught, script: ExerciseScript) -> Figure:
+    """Return a figure with a row for each joint: path, waypoints, and coloured directions."""
+    count = len(script.joints)
+    figure, axes = new_figure(rows=count, height=1.0 + 2.0 * count)
+    rows: list[Any] = list(np.atleast_1d(axes).ravel())
+    time = np.linspace(0.0, script.duration, 1500)
+    states = [script.at(float(t)) for t in time]
+    position = np.degrees([state[0] for state in states])
+    direction = np.array([state[2] for state in states])
+    for j, (row, joint) in enumerate(zip(rows, script.joints)):
+        row.plot(*thin(taught.time, np.degrees(taught.path[:, j])), color=_PATH, linewidth=4.0,
+                 alpha=0.6, label='guided')
+        row.plot(time, position[:, j], color='#1a2b3d', linewidth=1.2, label='exercise')
+        row.plot(taught.waypoints, np.interp(taught.waypoints, time, position[:, j]), 'o',
+                 color='#1a2b3d', markersize=4, label='waypoint')
+        low, high = row.get_ylim()
+        for sign, colour, label in ((1, _FORWARD, 'announced: +1'), (-1, _BACK, 'announced: -1')):
+            row.fill_between(time, low, high, where=direction[:, j] == sign, color=colour,
+                             alpha=0.16, linewidth=0, label=label)
+        row.set_ylim(low, high)
+        row.set_ylabel(f'{joint}, deg')
+    rows[0].legend(loc='upper right', fontsize=8, ncol=3)
+    rows[-1].set_xlabel('time, s')
+    return figure
