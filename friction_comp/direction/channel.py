@@ -27,6 +27,8 @@ _ROUGH, _ROUGH_TIME, _ROUGH_SHARE = 8.0, 0.2, 1.6
 # Share of a rise that is made in one sample from which on it is a jump: the fastest contractions of
 # a muscle take 60 ms (Aagaard et al. 2002).
 _JUMP = 0.8
+# Standard deviations of a step that is not noise.
+_CLEAR = 6.0
 
 
 def check_range(low: float, high: float) -> tuple[float, float]:
@@ -123,10 +125,14 @@ class Channel:
         rough = float(np.mean(np.square(np.diff(values, 2))))
         return rough > (_ROUGH * self._rough)**2 and rough > _ROUGH_SHARE**2 * float(np.var(values))
 
-    def jumped(self, level: float) -> bool:
-        """Return whether the last samples rose from a level in a single step."""
+    def jumped(self, level: float, scatter: float) -> bool:
+        """Return whether the last samples rose from a level in a single step, or stand still.
+
+        A step within the scatter of a push that grows is none.
+        """
         values = [level, *list(self._recent)[-4:]]
         rise = values[-1] - level
         steps = [(after - before) * math.copysign(1.0, rise)
                  for before, after in zip(values, values[1:])]
-        return max(steps[1:]) > _JUMP * abs(rise) or len(set(values[-3:])) == 1
+        return (max(steps[1:]) > max(_JUMP * abs(rise), _CLEAR * scatter)
+                or len(set(values[-3:])) == 1)

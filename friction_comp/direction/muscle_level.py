@@ -21,11 +21,11 @@ BLOCK = 0.01
 # Movement artefacts lie below it, Hz (De Luca et al. 2010).
 _HIGH_PASS = 20.0
 _LEAST_RATE = 200.0
-# Frequencies of mains, Hz, and correlation of the signal with itself a period before from which on
-# it is hum. That of a muscle scatters about 0, by 0.4 within the short window and 0.15 within the
-# long one, s.
-_MAINS, _HUM = (50.0, 60.0), 0.85
-SHORT, LONG = 0.04, 0.2
+# Frequencies of mains, Hz, of which odd harmonics come through, and share of the power that is
+# theirs in hum. In a muscle's signal it is 0.25 on average within the short window, and 0.07 within
+# the long one, s.
+_MAINS, _HARMONICS, _HUM = (50.0, 60.0), (1, 3), 0.8
+SHORT, LONG = 0.03, 0.2
 
 
 class MuscleLevel:
@@ -46,8 +46,9 @@ class MuscleLevel:
         self._filter = butter(2, _HIGH_PASS, 'high', fs=rate, output='sos')
         self._state: np.ndarray | None = None
         self._left = np.zeros(0)
-        self._rate = rate
-        self._window: deque[float] = deque(maxlen=round((LONG + 0.02) * rate) + 1)
+        self._window: deque[float] = deque(maxlen=round(LONG * rate))
+        self._waves = {window: [_waves(round(window * rate), mains / rate) for mains in _MAINS]
+                       for window in (SHORT, LONG)}
 
     def add(self, values: np.ndarray) -> np.ndarray:
         """Return the levels of the blocks that values, shape (N,), complete."""
@@ -64,16 +65,19 @@ class MuscleLevel:
         return np.cbrt(energy)
 
     def hums(self, window: float = LONG) -> bool:
-        """Return whether the last `window` s repeat themselves with a period of the mains."""
-        values = np.array(self._window)
-        count = round(window * self._rate)
-        last = values[-count:]
+        """Return whether the last `window` s, SHORT or LONG, are hum of the mains."""
+        waves = self._waves[window]
+        count = len(waves[0])
+        if len(self._window) < count:
+            return False
+        last = np.array(self._window)[-count:]
         power = float(last @ last)
-        for mains in _MAINS:
-            lag = round(self._rate / mains)
-            if len(values) < count + lag or power == 0.0:
-                continue
-            before = values[-count - lag:-lag]
-            if float(last @ before) > _HUM * max(power, float(before @ before)):
-                return True
-        return False
+        return power > 0.0 and any(
+            float(np.sum((last @ own)**2)) > _HUM * power for own in waves)
+
+
+def _waves(count: int, frequency: float) -> np.ndarray:
+    """Return an orthonormal basis of a frequency, in cycles per sample, and its harmonics."""
+    phase = 2.0 * np.pi * frequency * np.arange(count)
+    return np.asarray(np.linalg.qr(np.column_stack(
+        [wave(k * phase) for k in _HARMONICS for wave in (np.sin, np.cos)]))[0])

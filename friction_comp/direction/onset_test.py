@@ -40,19 +40,20 @@ _MOST = 2.0
 
 
 @functools.cache
-def alarm_limit(samples: float, allowance: float = ALLOWANCE) -> float:
+def alarm_limit(samples: float, memory: float = 1.0) -> float:
     """Return the limit of a one-sided sum, in standard deviations.
 
     Parameters
     ----------
     samples : float
-        Mean number of independent normal samples from one false alarm to the next.
-    allowance : float
-        Standard deviations.
+        Mean number of normal samples from one false alarm to the next.
+    memory : float
+        Number of samples that are as good as one independent sample. A sum of independent samples
+        passes the limit by 1.166 on average, one of dependent samples by less.
     """
     def excess(limit: float) -> float:
-        x = 2.0 * allowance * (limit + 1.166)
-        return math.log((math.exp(x) - x - 1.0) / (2.0 * allowance**2)) - math.log(samples)
+        x = 2.0 * ALLOWANCE * (limit + 1.166 / memory)
+        return math.log((math.exp(x) - x - 1.0) / (2.0 * ALLOWANCE**2)) - math.log(samples)
     return float(brentq(excess, 0.0, 200.0))
 
 
@@ -66,11 +67,14 @@ class Rest:
         In the channel's unit; `scatter` is that of sums, divided by the root of their length.
     rate : float
         Samples per second.
+    memory : float
+        See `alarm_limit`.
     """
 
     level: float
     scatter: float
     rate: float
+    memory: float
 
     @classmethod
     def of(cls, values: np.ndarray, rate: float) -> Rest:
@@ -84,13 +88,14 @@ class Rest:
             for lag in range(1, most + 1)) / max(variance, 1e-300)
         # What alternates, as tremor does, is no reason for confidence.
         memory = max(memory, 1.0)
-        count = max(len(values) / memory, 4.0)
+        # As many independent values stand behind it; fewer the more the autocorrelations count.
+        count = max(len(values) / memory**3, 1.5 * len(values) / most)
         scatter = math.sqrt(variance * memory * count / chi2.ppf(1.0 - _CONFIDENCE, count - 1.0))
         steps = np.abs(np.diff(values))
         step = float(steps[steps > 0.0].min()) if (steps > 0.0).any() else 0.0
         # Rare bursts, as of a trembling hand, count in full.
         burst = float(np.abs(deviations).max()) / math.sqrt(2.0 * math.log(len(values)))
-        return cls(float(values.mean()), max(scatter, step, burst), rate)
+        return cls(float(values.mean()), max(scatter, step, burst), rate, memory)
 
 
 class OnsetTest:
@@ -107,7 +112,7 @@ class OnsetTest:
     def __init__(self, rest: Rest, per_hour: float = FALSE_ALARMS) -> None:
         self.rest, self.level, self.alarm = rest, rest.level, 0
         # Two sides; the level and the scatter follow the signal, so that they have errors, too.
-        self.limit = alarm_limit(2.0 * 3600.0 * rest.rate / per_hour)
+        self.limit = alarm_limit(2.0 * 3600.0 * rest.rate / per_hour, rest.memory)
         self._variance = rest.scatter**2
         self._sums = [0.0, 0.0]
 

@@ -31,9 +31,12 @@ KINDS = ('force', 'muscle_envelope', 'muscle_raw')
 _AGREE, _AGREE_RAW = 3, 4
 # Factor by which the dominant muscle's energy must exceed the other's. Through cross-talk a quarter
 # of a muscle's signal appears in the other channel, and electrodes differ by half.
-_DOMINANT = 4.0
+_DOMINANT = 6.0
 # Change between the halves of the last 0.3 s, in units of the scatter, below which a sensor rests.
 _QUIET = 2.0
+# Excess, in units of the scatter, and its variation within 0.3 s as a share of it, beyond and below
+# which an envelope is that of hum. That of a muscle varies by a fifth.
+_HIGH, _STEADY = 10.0, 0.03
 # Blocks over which the strength of a muscle is averaged.
 _AVERAGED = 4
 
@@ -93,12 +96,12 @@ class SensedDirection:
             raise InputError(
                 f'{self._channels[0].name}: {len(values)} values in {CALIBRATION_TIME:g} s: '
                 'a calibration needs a sensor that sends at least 20 per second')
-        if self.motion.rest(self._until) < passed:
-            raise InputError('the joint moved during the calibration, or joint_states are missing')
         # The first message has come at the beginning of the time that passed.
         rate = (len(values) - len(collected[0] if collected else ())) / passed
         for channel, own in zip(self._channels, values.T):
             channel.calibrate(own, rate)
+        if self.motion.rest(self._until) < passed:
+            raise InputError('the joint moved during the calibration, or joint_states are missing')
         levels = []
         if self.kind == 'muscle_raw':
             levels = [MuscleLevel(rate) for _ in self._channels]
@@ -173,12 +176,22 @@ class SensedDirection:
         faults = [channel.fault(time) for channel in self._channels]
         faults += [f'{channel.name}: hums' for channel, level in zip(self._channels, self._levels)
                    if level.hums()]
+        faults += [f'{channel.name}: too steady for a muscle' for channel, index in zip(
+            self._channels, range(len(self._tests))) if self._too_steady(index)]
         if self._attempt.contradicted:
             faults.append('the joint moves against the sensor: is its sign reversed, or are its '
                           'channels exchanged?')
         elif not self.motion.known(time):
             faults.append('joint_states are missing')
         return next(filter(None, faults), '')
+
+    def _too_steady(self, index: int) -> bool:
+        """Return whether an envelope is high and steady, as that of hum is."""
+        if self.kind != 'muscle_envelope' or len(self._recent) < (self._recent.maxlen or 0):
+            return False
+        own, test = np.array([row[index] for row in self._recent]), self._tests[index]
+        excess = float(own.mean()) - test.level
+        return excess > _HIGH * test.scatter and float(own.std()) < _STEADY * excess
 
     def _energy(self, index: int) -> tuple[float, float]:
         """Return by how much a muscle's energy exceeds that at rest of late, and how surely."""
@@ -214,7 +227,8 @@ class SensedDirection:
             return 0
         if self._levels and self._levels[index].hums(SHORT):
             return 0
-        if not self._levels and self._attempt.resting and self._channels[index].jumped(level):
+        if not self._levels and self._attempt.resting and self._channels[index].jumped(
+                level, self._tests[index].scatter):
             self._attempt.stop(time, f'{self._channels[index].name}: a jump, no push')
             return 0
         return alarm if index == 0 else -alarm

@@ -29,6 +29,8 @@ _SAME = 1e-9
 # Movements by less, rad, 0.1 deg, are not announced: a plan of several joints moves those at rest
 # by its rounding errors.
 _LEAST = 2e-3
+# s: a shorter standstill is no rest.
+_REST = 0.05
 # Number of points at which a movement is sampled to find where it begins to decelerate, and share
 # of the largest speed below which it does.
 _GRID, _UNEVEN = 400, 0.97
@@ -174,6 +176,10 @@ def _announcements(times: np.ndarray, position: np.ndarray, speed: Any,
     """Return begin (s), end (s), direction and last position of each movement of one joint."""
     steps = np.diff(position)
     signs = np.where(np.abs(steps) < _SAME, 0, np.sign(steps)).astype(int)
+    # A plan may stand for a sample at its turn, which is no rest.
+    for k in np.flatnonzero(signs[1:-1] == 0) + 1:
+        if signs[k - 1] and signs[k + 1] and times[k + 1] - times[k] < _REST:
+            signs[k] = signs[k + 1]
     # A movement extends over all steps in the same direction.
     firsts = np.flatnonzero(np.diff(signs, prepend=2))
     spans: list[tuple[float, float, int, float]] = []

@@ -1,0 +1,352 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Where a direction comes from: plans, leaders and cheap sensors, and when there is none.
+
+Signals are made here, with known onsets; those of `simulation.cheap_sensors` where a test is about
+real sensors' faults.
+"""
+
+import math
+
+import numpy as np
+import pytest
+
+from friction_comp.direction.announcement import END_MARGIN, MovementEnds
+from friction_comp.direction.desired_motion import DesiredMotion
+from friction_comp.direction.onset_test import alarm_limit, ALLOWANCE, OnsetTest, Rest
+from friction_comp.direction.planned_direction import PlannedDirection
+from friction_comp.direction.sensed_direction import CALIBRATION_TIME, SensedDirection
+from friction_comp.errors import InputError
+from friction_comp.simulation.cheap_sensors import CheapForce, CheapMuscles, FAULTS
+
+COUNTS = (0.0, 1023.0)
+
+
+# The movement's end.
+
+def test_beyond_its_end_a_movement_has_no_direction_until_another_is_announced():
+    ends = MovementEnds(2)
+    said = np.array([1.0, -1.0])
+    for joint, end in enumerate((0.5, math.nan)):
+        ends.announce(joint, said[joint], end)
+
+    def at(first):
+        return ends.within(said, np.array([first, -100.0])).tolist()
+    assert at(0.5 + 0.9 * END_MARGIN) == [1.0, -1.0]
+    assert at(0.5 + 1.1 * END_MARGIN) == [0.0, -1.0]
+    # It stays so when the joint comes back, when the same is said again, and without a position.
+    ends.announce(0, 1.0, 0.5)
+    ends.announce(0, 1.0)
+    assert at(0.0) == [0.0, -1.0]
+    assert ends.within(said).tolist() == [0.0, -1.0]
+    ends.announce(0, 1.0, 0.9)
+    assert at(0.6) == [1.0, -1.0]
+
+
+# Onsets.
+
+def test_white_noise_gives_as_many_alarms_as_stated():
+    limit = alarm_limit(2000.0)
+    random = np.random.default_rng(0)
+    alarms, total = 0, 0.0
+    for z in random.normal(size=1_000_000).tolist():
+        total = max(0.0, total + z - ALLOWANCE)
+        if total > limit:
+            alarms, total = alarms + 1, 0.0
+    assert alarms == pytest.approx(500, rel=0.2)
+
+
+@pytest.mark.parametrize('kind', ['white', 'low pass', 'tremor'])
+def test_three_seconds_show_the_scatter_of_any_noise_well_enough(kind):
+    random = np.random.default_rng(1)
+    false = 0
+    for _ in range(40):
+        count = 300 + 100 * 60
+        noise = random.normal(size=count)
+        if kind == 'low pass':
+            for k in range(1, count):
+                noise[k] += 0.8 * noise[k - 1]
+        elif kind == 'tremor':
+            noise += 4.0 * np.sin(0.5 * np.arange(count) + random.uniform(0.0, 6.0))
+        test = OnsetTest(Rest.of(noise[:300], 100.0))
+        for value in noise[300:]:
+            if test.add(value):
+                false += 1
+                test.settle(0.0)
+            test.follow(value)
+    # 40 minutes at 0.25 an hour and channel.
+    assert false <= 1
+
+
+class Hand:
+    """A sensor of one joint, sampled 100 times per second, and the joint."""
+
+    def __init__(self, kind='force', seed=5, span=COUNTS):
+        self.random = np.random.default_rng(seed)
+        self.source = SensedDirection(kind, span)
+        self.time, self.position = 0.0, 0.0
+
+    def feel(self, *values, still=True):
+        """Take exact values, to which noise of one unit is added; return the direction."""
+        self.time += 0.01
+        self.source.motion.add(self.time, self.position)
+        noisy = np.rint(np.array(values) + self.random.normal(size=len(values)))
+        self.source.add(self.time, [noisy])
+        return self.source.at(self.time).direction
+
+    def calibrated(self, *rest):
+        for _ in range(20):
+            assert self.feel(*rest) == 0
+        self.source.begin_calibration()
+        for _ in range(round(100 * CALIBRATION_TIME) + 1):
+            assert self.feel(*rest) == 0
+        self.source.end_calibration()
+        for _ in range(40):
+            assert self.feel(*rest) == 0
+        return self
+
+    @property
+    def reason(self):
+        return self.source.at(self.time).reason
+
+
+@pytest.mark.parametrize('side', [1, -1])
+def test_a_push_is_announced_within_fractions_of_a_second_and_ends_with_the_push(side):
+    hand = Hand().calibrated(500.0)
+    assert {hand.feel(500.0) for _ in range(500)} == {0}
+    said = [hand.feel(500.0 + side * 3.0 * k) for k in range(12)]
+    assert said[-1] == side
+    assert -side not in said
+    assert said.index(side) <= 6
+    assert {hand.feel(500.0 + side * 40.0) for _ in range(50)} == {side}
+    assert [hand.feel(500.0) for _ in range(30)][-1] == 0
+    # Nor does the release count as a push to the other side.
+    assert {hand.feel(500.0) for _ in range(200)} == {0}
+    assert hand.feel(500.0) == 0
+    assert hand.reason == 'at rest'
+
+
+def test_the_end_of_the_motion_ends_the_announcement_although_the_hand_still_pushes():
+    hand = Hand().calibrated(500.0)
+    for k in range(12):
+        hand.feel(500.0 + 3.0 * k)
+    for _ in range(50):
+        hand.position += 0.002
+        assert hand.feel(540.0) == 1
+    assert [hand.feel(540.0) for _ in range(40)][-1] == 0
+    # The hand rests on the sensor now; the next push begins from there.
+    assert {hand.feel(540.0) for _ in range(100)} == {0}
+    assert [hand.feel(540.0 - 3.0 * k) for k in range(12)][-1] == -1
+
+
+def test_what_moves_nothing_is_no_attempt():
+    hand = Hand().calibrated(500.0)
+    for k in range(12):
+        hand.feel(500.0 + 3.0 * k)
+    said = [hand.feel(536.0) for _ in range(400)]
+    assert said[0] == 1
+    assert said[-1] == 0
+
+
+def test_a_joint_that_moves_the_other_way_three_times_says_that_the_sign_is_wrong():
+    hand = Hand().calibrated(500.0)
+    for _ in range(3):
+        for k in range(12):
+            hand.feel(500.0 + 3.0 * k)
+        for _ in range(20):
+            hand.position -= 0.002
+            hand.feel(540.0)
+        for _ in range(150):
+            hand.feel(500.0)
+    assert 'is its sign reversed' in hand.reason
+    assert {hand.feel(500.0 + 3.0 * k) for k in range(20)} == {0}
+
+
+def test_muscles_that_act_against_each_other_announce_nothing():
+    hand = Hand('muscle_envelope', span=(0.0, 2000.0)).calibrated(20.0, 20.0)
+    both = {hand.feel(20.0 + 4.0 * k, 20.0 + 3.5 * k) for k in range(30)}
+    assert both == {0}
+    for _ in range(100):
+        hand.feel(20.0, 20.0)
+    # The other channel shows a part of the muscle that acts.
+    assert [hand.feel(20.0 + 4.0 * k, 20.0 + 1.0 * k) for k in range(20)][-1] == 1
+    for _ in range(100):
+        hand.feel(20.0, 20.0)
+    assert [hand.feel(20.0 + 1.0 * k, 20.0 + 4.0 * k) for k in range(20)][-1] == -1
+
+
+def test_a_calibration_needs_a_sensor_that_lives_and_a_joint_at_rest():
+    for values, words in ((lambda k: 500.0, 'flat'), (lambda k: 1023.0, 'saturated'),
+                          (lambda k: math.nan, 'not finite')):
+        source = SensedDirection('force', COUNTS)
+        source.begin_calibration()
+        for k in range(320):
+            source.add(0.01 * k, [[values(k)]])
+        with pytest.raises(InputError, match=words):
+            source.end_calibration()
+        assert source.at(3.2).fault
+    hand = Hand()
+    hand.source.begin_calibration()
+    for _ in range(310):
+        hand.position += 0.001
+        hand.feel(500.0)
+    with pytest.raises(InputError, match='moved during the calibration'):
+        hand.source.end_calibration()
+    with pytest.raises(InputError, match='sensor_range'):
+        SensedDirection('force', (0.0, 0.0))
+
+
+def test_a_jump_is_no_push():
+    hand = Hand().calibrated(500.0)
+    said = {hand.feel(560.0) for _ in range(300)}
+    assert said == {0}
+    # It is the new rest.
+    assert [hand.feel(560.0 + 3.0 * k) for k in range(12)][-1] == 1
+
+
+def simulated(kind, fault, seed):
+    """Return what is announced, and why, in two seconds after a fault that begins at rest."""
+    plant = (CheapForce(np.ones(1), seed, 100.0) if kind == 'force'
+             else CheapMuscles(np.ones(1), seed, kind == 'muscle_envelope'))
+    source, said = SensedDirection(kind, plant.range), []
+    for k in range(750):
+        time = 0.01 * (k + 1)
+        source.motion.add(time, 0.0)
+        values = plant.sample(np.zeros((10, 1)))
+        values = values.reshape(len(values), source.channels)
+        if len(values) and np.isfinite(values).all():
+            source.add(time, values)
+        if k == 100:
+            source.begin_calibration()
+        elif k == 410:
+            source.end_calibration()
+        elif k == 500:
+            plant.faults = {0: fault} if kind == 'force' else {(0, 0): fault}
+        said.append(source.at(time))
+    assert not any(one.fault for one in said[411:500])
+    return said[500:]
+
+
+@pytest.mark.parametrize('kind', ['force', 'muscle_envelope', 'muscle_raw'])
+@pytest.mark.parametrize('fault', FAULTS)
+def test_a_faulty_channel_announces_nothing_and_is_told(kind, fault):
+    for seed in range(3):
+        said = simulated(kind, fault, seed)
+        wrong = sum(one.direction != 0 for one in said)
+        # Behind the low pass of an envelope, hum begins as a contraction does.
+        blind = kind == 'muscle_envelope' and fault in ('hum', 'unplugged', 'saturated')
+        assert wrong <= (50 if blind else 0)
+        assert any(one.fault for one in said)
+        assert said[-1].direction == 0
+
+
+# Plans.
+
+def planned(plan, time, position=None):
+    place = plan.path(time) if position is None else position
+    return [(one.direction, one.end) for one in plan.source.at(time, np.array(place))]
+
+
+class Plan:
+    """A plan of two joints, of which one is the node's, and where it should be."""
+
+    def __init__(self, times, positions, begin=0.0, tolerance=0.2, announcement=0.5):
+        self.source = PlannedDirection(['elbow'], announcement, tolerance)
+        self.times, self.positions = np.array(times, float), np.array(positions, float)
+        both = np.column_stack([np.zeros(len(times)), self.positions])
+        self.source.take(['other', 'elbow'], times, both, 0.0, begin, self.positions[:1])
+
+    def path(self, time):
+        return [np.interp(time, self.times, self.positions)]
+
+    def direction(self, time, position=None):
+        return planned(self, time, position)[0]
+
+
+def test_a_dense_plan_is_announced_ahead_changes_at_the_turn_and_ends_before_the_rest():
+    # A trapezoid of speed to 0.4 rad, back to 0.1 without a rest, 100 points a second.
+    time = np.arange(0.0, 6.0, 0.01)
+    speed = np.interp(time, [0, 1.5, 2, 3, 3.5, 4, 4.5, 5, 9],
+                      [0, 0, 0.4 / 1.5, 0.4 / 1.5, 0, -0.3, -0.3, 0, 0])
+    path = np.concatenate([[0.0], np.cumsum(speed[:-1]) * 0.01])
+    plan = Plan(time, path)
+    top, last = path.max(), path[-1]
+    assert plan.direction(0.9)[0] == 0
+    assert plan.direction(1.1) == (1, pytest.approx(top, abs=1e-6))
+    assert plan.direction(3.45)[0] == 1
+    assert plan.direction(3.55) == (-1, pytest.approx(last, abs=1e-6))
+    assert plan.direction(4.45)[0] == -1
+    assert plan.direction(4.6)[0] == 0
+    assert plan.direction(7.0)[0] == 0
+
+
+def test_a_plan_that_is_not_followed_is_none_even_if_the_joint_comes_across_it():
+    plan = Plan([0.0, 1.0, 3.0], [0.0, 0.5, 1.5], tolerance=0.1)
+    assert plan.direction(1.0)[0] == 1
+    assert plan.direction(1.1, [0.3])[0] == 0
+    assert plan.direction(1.5)[0] == 0
+    assert 'not followed' in plan.source.at(1.5, np.array([0.75]))[0].reason
+    plan.source.take(['elbow'], [1.0], [[0.0]], 1.5, 1.5, np.array([0.75]))
+    assert plan.direction(1.6, [0.7])[0] == -1
+    plan.source.take(['elbow'], [], [], 1.6, 1.6, np.array([0.7]))
+    assert plan.direction(1.7, [0.7])[0] == 0
+
+
+def test_a_joint_that_a_plan_moves_by_rounding_errors_rests():
+    plan = Plan([0.0, 1.0, 2.0], [0.0, 1e-4, -1e-4])
+    assert plan.direction(0.5)[0] == 0
+
+
+@pytest.mark.parametrize(('times', 'positions', 'words'), [
+    ([0.5, 0.5], [[0.0], [1.0]], 'increase'), ([0.5, 1.0], [[0.0], [math.nan]], 'finite'),
+    ([0.5], [[0.0, 1.0]], 'a position of each')])
+def test_an_unusable_plan_is_refused_and_leaves_none(times, positions, words):
+    plan = Plan([0.0, 1.0, 3.0], [0.0, 0.5, 1.5])
+    with pytest.raises(InputError, match=words):
+        plan.source.take(['elbow'], times, positions, 0.0, 0.0, np.zeros(1))
+    assert plan.direction(0.5)[0] == 0
+
+
+# Leaders and references.
+
+def led(desired, positions=None, rate=100.0, step=None, **options):
+    """Return what is announced for a stream of desired positions."""
+    source, said = DesiredMotion(**options), []
+    for k, value in enumerate(desired):
+        time = k / rate
+        if step:
+            value = step * round(value / step)
+        source.motion.add(time, value if positions is None else positions[k])
+        source.take(time, value)
+        said.append(source.at(time, value if positions is None else positions[k]).direction)
+    return np.array(said)
+
+
+@pytest.mark.parametrize('speed', [0.01, 0.05, 0.2])
+@pytest.mark.parametrize('step', [None, 25.0 / 2**16])
+def test_a_slow_reference_has_the_sign_of_its_speed_and_does_not_chatter(speed, step):
+    time = np.arange(0.0, 12.0, 0.01)
+    path = np.interp(time, [0, 2, 6, 8, 12], [0.0, 0.0, 4 * speed, 4 * speed, 0.0])
+    said = led(path, step=step)
+    changes = np.flatnonzero(np.diff(said))
+    assert said[changes + 1].tolist() == [1, 0, -1]
+    # Within 0.15 s, or two millimetres of a radian.
+    late = max(0.3, 0.003 / speed)
+    assert np.all(time[changes + 1] - [2.0, 6.0, 8.0] < late)
+
+
+def test_a_leader_at_rest_whose_encoder_flickers_announces_nothing():
+    random = np.random.default_rng(2)
+    flicker = 0.3 + 0.0015 * random.integers(0, 2, 1000)
+    assert set(led(flicker)[50:]) == {0}
+
+
+def test_a_joint_that_is_stuck_away_from_a_reference_at_rest_is_pushed_there_once():
+    time = np.arange(0.0, 6.0, 0.01)
+    path = np.interp(time, [0, 1, 2], [0.0, 0.0, 0.1])
+    joint = np.interp(time, [0, 1, 2, 3.5, 3.6], [0.0, 0.0, 0.05, 0.05, 0.12])
+    said = led(path, joint)
+    assert said[np.searchsorted(time, 1.5)] == 1
+    assert said[np.searchsorted(time, 3.0)] == 1
+    # It went too far, by more than what counts as stuck; but to and fro is no way to rest.
+    assert set(said[np.searchsorted(time, 3.7):]) == {0}
