@@ -1,0 +1,30 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Joints that lost friction and are let go: how far beyond the announced end do they go?"""
+
+import numpy as np
+
+from friction_comp.direction.announcement import MovementEnds
+from law_judge.bank import Joints
+from law_judge.loop import make_law, run
+from law_judge.persons import drivers
+from law_judge.release import AFTER, EVERY, LOST, RELEASE, START
+from law_judge.rows import DEGREE
+
+# Speeds of a guided movement, deg/s, and the way from where it is let go to its end, deg.
+SPEEDS, LEFT = (5.0, 10.0, 20.0, 40.0), 10.0
+
+
+def beyond_ends(bank, law='continuous', told=True):
+    """Return by how much each joint goes beyond the end of its movement, deg, shape (J,)."""
+    joints = Joints(bank, speed=SPEEDS, copy=[0, 1, 2, 3], factor=[LOST])
+    side = joints.sides
+    speed = joints['speed'] * DEGREE
+    end = side * (speed * (RELEASE - START) + LEFT * DEGREE)
+    plant = joints.plant(drivers(joints.gears, side * speed, START, RELEASE))
+    ends = MovementEnds(len(joints))
+    for j, (direction, last) in enumerate(zip(side.tolist(), end.tolist())):
+        ends.announce(j, direction, last if told else np.nan)
+    record = run(plant, make_law(law, joints), RELEASE + AFTER,
+                 lambda time: ends.within(side, plant.states['measured']), {'x': 'link'}, EVERY)
+    return ((record['x'] - end) * side).max(axis=0) / DEGREE

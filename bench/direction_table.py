@@ -1,0 +1,125 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Judges where directions come from: every floor of plans, leaders, sensors and ends.
+
+    python3 bench/direction_table.py [--rows attempts rest intention follow ends taught]
+                                     [--seed S] [--draws N] [--hours H]
+
+Even seeds are for tuning on, odd seeds are kept for judging. Each row has the simplest rival beside
+it. The whole takes about twenty minutes of processor time.
+"""
+
+import argparse
+import importlib
+import time
+
+from cheap_sensors.attempts import attempts, co_contractions, hours_at_rest
+from cheap_sensors.ends import beyond_ends
+from cheap_sensors.follower import follow, follower_bank, WAYS
+from cheap_sensors.intention import intention
+from cheap_sensors.taught import taught
+import numpy as np
+
+from friction_comp.direction.sensed_direction import KINDS
+from law_judge.bank import make_bank
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
+    parser.add_argument('--rows', nargs='+', default=list(ROWS), choices=ROWS)
+    parser.add_argument('--seed', type=int, default=0)
+    parser.add_argument('--draws', type=int, default=1, help='gears of each kind')
+    parser.add_argument('--hours', type=float, default=3.0, help='of rest')
+    options = parser.parse_args()
+    print(f'seed {options.seed} ({"tuning" if options.seed % 2 == 0 else "kept"} half)')
+    for name in options.rows:
+        began = time.time()
+        for what, value, floor in ROWS[name](options):
+            print(f'{what:74s} {value:>18s}  {floor}', flush=True)
+        print(f'# {name}: {time.time() - began:.0f} s', flush=True)
+
+
+def attempts_rows(options):
+    for kind in KINDS:
+        # 1,000 attempts: half at each rate of values.
+        found = [attempts(kind, 20, 25, options.seed + 2 * k) for k in range(2)]
+        delays = 1e3 * np.concatenate([one[0] for one in found])
+        missed, wrong = (sum(one[k] for one in found) for k in (1, 2))
+        total = len(delays) + missed + wrong
+        yield (f'{kind}: delay, median and nine of ten',
+               f'{np.median(delays):.0f}, {np.percentile(delays, 90):.0f} ms',
+               '60 ms' if kind == 'force' else '100 ms')
+        yield f'{kind}: wrong direction', f'{wrong} of {total}', '1 %'
+        yield f'{kind}: missed', f'{missed} of {total}', ''
+        if kind != 'force':
+            announced, number = co_contractions(kind, 10, 10, options.seed)
+            yield f'{kind}: co-contraction announced', f'{announced} of {number}', '0'
+
+
+def rest_rows(options):
+    for kind in KINDS:
+        false = hours_at_rest(kind, options.hours, 12, options.seed)
+        yield f'{kind}: false onsets in {options.hours:g} h at rest', f'{false}', '1 an hour'
+
+
+def intention_rows(options):
+    world = importlib.import_module('independent_gear.world')
+    bank = make_bank(world, world.KINDS, options.draws, options.seed)
+    removed = intention(bank, KINDS)
+    for name, share in removed.items():
+        of_announced = 100.0 * share / removed['announced']
+        yield (f'{name}: of what an announcement removes of friction in the peak, median',
+               f'{np.nanmedian(of_announced):.0f} %',
+               {'force': '60 %', 'muscle_envelope': '70 %', 'muscle_raw': '70 %'}.get(name, ''))
+        if name in KINDS:
+            least = 100.0 * np.nanmin(share - removed['d = 0'])
+            yield f'{name}: least gain over d = 0', f'{least:.0f} %', '≥ 0'
+
+
+def follow_rows(options):
+    world = importlib.import_module('independent_gear.world')
+    bank = follower_bank(world, options.draws, options.seed)
+    found = {way: follow(bank, way) for way in WAYS}
+    bare, rival = found['without'], found[WAYS[3]]
+    for way in WAYS:
+        one = found[way]
+        yield (f'{way}: RMS error, and stairs, mrad, medians',
+               f'{1e3 * np.median(one["rms"]):.1f}, {1e3 * np.median(one["stairs"]):.1f}', '')
+        yield (f'{way}: of that without: RMS median and worst',
+               f'{np.median(one["rms"] / bare["rms"]):.2f}, '
+               f'{np.max(one["rms"] / bare["rms"]):.2f}', '0.50' if way == 'ours' else '')
+        stuck = bare['stairs'] > STUCK
+        yield (f'{way}: stairs where there are any without, of those',
+               f'{np.median((one["stairs"] / bare["stairs"])[stuck]):.2f} '
+               f'({stuck.sum()} of {stuck.size})', '0.25' if way == 'ours' else '')
+        yield (f'{way}: moves by more than a count in a rest',
+               f'{(one["moves"] > COUNT).sum()} of {stuck.size}', '0' if way == 'ours' else '')
+    worse = found['ours']['rms'] > 1.02 * rival['rms']
+    yield ('ours: RMS error larger than with 0.9·tanh of the desired speed',
+           f'{worse.sum()} of {worse.size}', '0')
+
+
+def ends_rows(options):
+    world = importlib.import_module('independent_gear.world')
+    bank = make_bank(world, world.KINDS, 2, options.seed)
+    for told in (True, False):
+        way = beyond_ends(bank, told=told)
+        yield (f'friction 0.70 of the model, end {"" if told else "not "}announced: > 5 deg beyond',
+               f'{(way > 5.0).sum()} of {len(way)}', '0' if told else '')
+        yield '    farthest', f'{way.max():.0f} deg', ''
+
+
+def taught_rows(options):
+    worst, missed, extra, total = taught(60, options.seed)
+    yield 'taught exercise: farthest from a turning point', f'{worst:.2f} deg', '1 deg'
+    yield 'taught exercise: turns missed, invented', f'{missed}, {extra} of {total}', '0'
+
+
+# rad: height of stairs that count as such, and a count of the encoder.
+STUCK, COUNT = 5e-3, 5e-4
+ROWS = {'attempts': attempts_rows, 'rest': rest_rows, 'intention': intention_rows,
+        'follow': follow_rows, 'ends': ends_rows, 'taught': taught_rows}
+
+
+if __name__ == '__main__':
+    main()
