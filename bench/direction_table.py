@@ -102,11 +102,13 @@ def follow_rows(options):
 def ends_rows(options):
     world = importlib.import_module('independent_gear.world')
     bank = make_bank(world, world.KINDS, 2, options.seed)
-    for told in (True, False):
+    for told in ('end', 'direction', 'nothing'):
         way = beyond_ends(bank, told=told)
-        yield (f'friction 0.70 of the model, end {"" if told else "not "}announced: > 5 deg beyond',
-               f'{(way > 5.0).sum()} of {len(way)}', '0' if told else '')
+        yield (f'friction 0.70 of the model, {told} announced: > 5 deg beyond the end',
+               f'{(way > 5.0).sum()} of {len(way)}', '0' if told == 'end' else '')
         yield '    farthest', f'{way.max():.0f} deg', ''
+    way = beyond_ends(bank, 'none')
+    yield ('    no compensation at all', f'{(way > 5.0).sum()} of {len(way)}', '')
 
 
 def taught_rows(options):

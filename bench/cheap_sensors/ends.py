@@ -15,8 +15,11 @@ from law_judge.rows import DEGREE
 SPEEDS, LEFT = (5.0, 10.0, 20.0, 40.0), 10.0
 
 
-def beyond_ends(bank, law='continuous', told=True):
-    """Return by how much each joint goes beyond the end of its movement, deg, shape (J,)."""
+def beyond_ends(bank, law='continuous', told='end'):
+    """Return by how much each joint goes beyond the end of its movement, deg, shape (J,).
+
+    What is announced is the `end` too, only the `direction`, or `nothing`.
+    """
     joints = Joints(bank, speed=SPEEDS, copy=[0, 1, 2, 3], factor=[LOST])
     side = joints.sides
     speed = joints['speed'] * DEGREE
@@ -24,7 +27,9 @@ def beyond_ends(bank, law='continuous', told=True):
     plant = joints.plant(drivers(joints.gears, side * speed, START, RELEASE))
     ends = MovementEnds(len(joints))
     for j, (direction, last) in enumerate(zip(side.tolist(), end.tolist())):
-        ends.announce(j, direction, last if told else np.nan)
+        ends.announce(j, direction, last if told == 'end' else np.nan)
+    if told == 'nothing':
+        side = 0.0 * side
     record = run(plant, make_law(law, joints), RELEASE + AFTER,
                  lambda time: ends.within(side, plant.states['measured']), {'x': 'link'}, EVERY)
-    return ((record['x'] - end) * side).max(axis=0) / DEGREE
+    return ((record['x'] - end) * np.sign(end)).max(axis=0) / DEGREE

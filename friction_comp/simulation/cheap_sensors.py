@@ -63,7 +63,7 @@ class CheapForce:
         self._drift = np.zeros(joints)
         self._force, self._play = np.zeros(joints), np.zeros(joints)
         self._last = np.rint(self._zero)
-        self._time = self._next = 0.0
+        self._steps = 0
         self.faults: dict[int, str] = {}
 
     def sample(self, torque: np.ndarray) -> np.ndarray:
@@ -74,9 +74,10 @@ class CheapForce:
         due = []
         for row in np.asarray(torque, dtype=float):
             self._force += self._weight * (row * self._gain - self._force)
-            self._time += _STEP
-            if self._time >= self._next:
-                self._next += 1.0 / self.rate
+            self._steps += 1
+            # In whole steps: sums of times would drift.
+            if int(self._steps * self.rate * _STEP + 1e-6) > int(
+                    (self._steps - 1) * self.rate * _STEP + 1e-6):
                 due.append(self._measure())
         return np.array(due).reshape(-1, len(self._gain))
 
@@ -90,7 +91,7 @@ class CheapForce:
         exact = (self._zero + self._drift + 0.5 * (self._force + self._play)
                  + self._noise * self._random.normal(size=len(self._gain)))
         for joint, fault in self.faults.items():
-            exact[joint] = self._faulty(fault, self._time, exact[joint], joint)
+            exact[joint] = self._faulty(fault, self._steps * _STEP, exact[joint], joint)
         values = np.clip(np.rint(exact), *self.range)
         self._last = np.where(np.isfinite(values), values, self._last)
         return np.asarray(values)

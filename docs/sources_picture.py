@@ -1,0 +1,107 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Draws docs/sources.svg: a movement, and when each source announces its direction.
+
+python3 docs/sources_picture.py
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from friction_comp.direction.desired_motion import DesiredMotion
+from friction_comp.direction.planned_direction import PlannedDirection
+from friction_comp.direction.sensed_direction import SensedDirection
+from friction_comp.reports.figures import new_figure, styled, to_svg
+from friction_comp.simulation.cheap_sensors import CheapForce, CheapMuscles
+
+# The person begins to push at 2.3 s; the joint moves from 2.55 to 4.2 s.
+PUSH, MOVES, ENDS, LAST = 2.3, 2.55, 4.2, 5.5
+CALIBRATED = 4.0
+COLOURS = {'plan': '#1f6fae', 'leader': '#6a51a3', 'muscles': '#c4661a', 'force': '#0f8a69'}
+
+
+def position(time):
+    """Return the joint's angle, rad."""
+    share = np.clip((time - MOVES) / (ENDS - MOVES), 0.0, 1.0)
+    return 0.7 * share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+
+
+def torque(time):
+    """Return the person's torque as a share of breakaway: a rise, and a part that moves on."""
+    rise = np.clip((time - PUSH) / 0.25, 0.0, 1.0)
+    return rise * (1.0 - 0.6 * np.clip((time - MOVES) / 0.2, 0.0, 1.0)) * (time < ENDS - 0.3)
+
+
+def sensed(kind, plant):
+    """Return times, the first channel, and what was announced."""
+    source = SensedDirection(kind, plant.range)
+    begin, rows, said = -CALIBRATED - 0.5, [], []
+    for k in range(round((LAST - begin) * 100)):
+        time = begin + 0.01 * (k + 1)
+        fine = time + 1e-3 * np.arange(-10, 0)
+        ahead = fine + (plant.delay[0] if kind != 'force' else 0.0)
+        source.motion.add(time, float(position(time)))
+        values = plant.sample(torque(ahead)[:, None]).reshape(-1, source.channels)
+        source.add(time, values)
+        if abs(time + CALIBRATED) < 5e-3:
+            source.begin_calibration()
+        elif abs(time + 0.9) < 5e-3:
+            source.end_calibration()
+        rows.append((time, values[-1, 0] if kind == 'force' else np.sqrt(np.mean(values[:, 0]**2))))
+        said.append(source.at(time).direction)
+    return (*np.array(rows).T, np.array(said))
+
+
+def planned(time):
+    """Return what a plan announces."""
+    grid = np.arange(0.0, LAST, 0.02)
+    plan = PlannedDirection(['joint'], 1.0, 0.2)
+    plan.take(['joint'], grid, position(grid)[:, None], 0.0, 0.0, np.zeros(1))
+    return np.array([plan.at(t, position(np.array([t])))[0].direction for t in time])
+
+
+def led(time):
+    """Return what a leader announces."""
+    leader, said = DesiredMotion(), []
+    for t in time:
+        leader.motion.add(t, float(position(t)))
+        leader.take(t, float(position(t)))
+        said.append(leader.at(t, float(position(t))).direction)
+    return np.array(said)
+
+
+@styled
+def picture():
+    """Return the figure."""
+    time = np.arange(0.0, LAST, 0.01)
+    figure, axes = new_figure(rows=4, width=7.2, height=6.4)
+    force, muscles = (sensed('force', CheapForce(np.ones(1), 1, 100.0)),
+                      sensed('muscle_raw', CheapMuscles(np.ones(1), 1)))
+    rows = {'plan': (time, np.degrees(position(time)), planned(time), 'plan, deg'),
+            'leader': (time, np.degrees(position(time)), led(time), 'leader, deg'),
+            'muscles': (*muscles, 'muscle, µV'), 'force': (*force, 'force, counts')}
+    for row, (name, (when, signal, said, label)) in zip(axes.ravel(), rows.items()):
+        shown = when > 0.0
+        row.axvspan(MOVES, ENDS, color='#6b7885', alpha=0.12, linewidth=0)
+        row.plot(when[shown], signal[shown], color='#1a2b3d', linewidth=1.0)
+        low, high = row.get_ylim()
+        high += 0.35 * (high - low)
+        begin = when[shown][np.argmax(said[shown] != 0)]
+        end = when[shown][len(said[shown]) - 1 - np.argmax(said[shown][::-1] != 0)]
+        at = high - 0.14 * (high - low)
+        row.annotate('', (end, at), (begin, at), arrowprops={
+            'arrowstyle': '-|>', 'color': COLOURS[name], 'linewidth': 4.0, 'shrinkA': 0,
+            'shrinkB': 0, 'mutation_scale': 18})
+        row.set_ylim(low, high)
+        row.set_xlim(0.0, LAST)
+        row.set_ylabel(label)
+    axes.ravel()[0].set_title('grey: the joint moves; arrow: its direction is announced',
+                              fontsize=10, loc='left')
+    axes.ravel()[-1].set_xlabel('time, s')
+    return figure
+
+
+if __name__ == '__main__':
+    target = Path(__file__).with_name('sources.svg')
+    target.write_text(to_svg(picture()), encoding='utf-8')
