@@ -75,7 +75,7 @@ def led(time):
 def picture():
     """Return the figure."""
     time = np.arange(0.0, LAST, 0.01)
-    figure, axes = new_figure(rows=4, width=7.2, height=6.4)
+    figure, axes = new_figure(rows=4, width=7.2, height=1.45, sharex=True)
     force, muscles = (sensed('force', CheapForce(np.ones(1), 1, 100.0)),
                       sensed('muscle_raw', CheapMuscles(np.ones(1), 1)))
     rows = {'plan': (time, np.degrees(position(time)), planned(time), 'plan, deg'),

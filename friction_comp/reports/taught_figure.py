@@ -22,7 +22,7 @@ _FORWARD, _BACK, _PATH = '#c4661a', '#1f6fae', '#9aa5b1'
 def taught_figure(taught: Taught, script: ExerciseScript) -> Figure:
     """Return a figure with a row for each joint: path, waypoints, and coloured directions."""
     count = len(script.joints)
-    figure, axes = new_figure(rows=count, height=1.0 + 2.0 * count)
+    figure, axes = new_figure(rows=count, height=2.4, sharex=True)
     rows: list[Any] = list(np.atleast_1d(axes).ravel())
     time = np.linspace(0.0, script.duration, 1500)
     states = [script.at(float(t)) for t in time]

@@ -23,6 +23,8 @@ SCENES = {
     'arm': 'a person guides an arm of three joints, with weight and friction '
            'compensated (MuJoCo)',
     'improve': 'motion is planned and recorded until the model predicts new motion',
+    'intention': "a person's direction from cheap sensors of force and muscles",
+    'follow': 'a follower under an MIT-mode controller on slow references',
     'wear': 'a drive that changes while it runs and is refined live'}
 
 
@@ -49,6 +51,11 @@ def main(argv: list[str] | None = None) -> int:
             '--undeclared', str(package_file('config', 'undeclared_pair.yaml')),
             '--position', '-1', '1', '--velocity', '1.5', '--acceleration', '6',
             '--seed', str(arguments.seed), '--output', str(arguments.output)])
+    if arguments.scene in ('intention', 'follow'):
+        from friction_comp.tools.demo_directions import play_follow, play_intention
+
+        (play_intention if arguments.scene == 'intention' else play_follow)(arguments)
+        return 0
     with private_domain():
         # Importing ROS 2 may restart Python, so it comes first.
         import friction_comp.nodes.tool_client  # noqa: F401
