@@ -3,6 +3,7 @@
 """Exercises from YAML: the position and the announced direction of each joint."""
 
 import copy
+import math
 
 from hypothesis import given, strategies as st
 import numpy as np
@@ -11,6 +12,7 @@ import yaml
 
 from friction_comp.errors import InputError
 from friction_comp.exercise.exercise_script import exercise_of, load_exercise
+from friction_comp.exercise.reference_movement import ReferenceMovement
 from friction_comp.package_files import package_file
 
 EXAMPLE = package_file('config', 'exercises', 'two_joints.yaml')
@@ -124,3 +126,20 @@ def test_what_cannot_be_used_is_named(path, value, words):
 def test_other_files_are_no_exercises(document):
     with pytest.raises(InputError, match='not an exercise'):
         exercise_of(document)
+
+
+def test_the_end_of_each_movement_is_known_while_it_is_announced():
+    movement = ReferenceMovement(amplitude=-0.5)
+    assert movement.end(-1) == -0.5
+    assert movement.end(1) == 0.0
+    assert math.isnan(movement.end(0))
+    script = exercise_of({
+        'format': 'friction_comp_exercise', 'version': 1, 'unit': 'rad', 'joints': ['a', 'b'],
+        'announcement': 0.5, 'steps': [
+            {'hold': 1.0}, {'to': {'a': 0.2, 'b': 0.1}, 'time': 1.0},
+            {'to': {'a': 0.5, 'b': 0.0}, 'time': 1.0}, {'hold': 1.0}]})
+    assert np.isnan(script.ends(0.4)).all()
+    # The first joint passes the waypoint, the second turns there.
+    assert script.ends(0.6).tolist() == [0.5, 0.1]
+    assert script.ends(2.1).tolist() == [0.5, 0.0]
+    assert np.isnan(script.ends(3.5)).all()

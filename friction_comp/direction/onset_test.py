@@ -13,6 +13,7 @@ limit, and at least one step of the converter.
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 import functools
 import math
@@ -32,9 +33,12 @@ by at most 0.4 and for a quarter of its period, so that it never accumulates."""
 _CONFIDENCE = 0.99
 # Time over which noise is correlated at most, s.
 _MEMORY = 0.3
-# Time constants of the level and of the scatter at rest, s. A push that grows by less than the
-# allowance within the first is taken for drift.
-_LEVEL_TIME, _SCATTER_TIME = 3.0, 10.0
+# Time constants of the level at rest, and of the scatter when it grows and when it shrinks, s. A
+# push that grows by less than the allowance within the first is taken for drift; a hand that begins
+# to tremble is known after one or two cycles, and not forgotten between two bouts.
+_LEVEL_TIME, _GROWS, _SHRINKS = 3.0, 0.3, 30.0
+# s by which level and scatter are behind, so that an onset does not hide itself.
+_BEHIND = 0.15
 # Largest sum in units of the limit: a signal that has been away for long is back soon.
 _MOST = 2.0
 
@@ -115,6 +119,8 @@ class OnsetTest:
         self.limit = alarm_limit(2.0 * 3600.0 * rest.rate / per_hour, rest.memory)
         self._variance = rest.scatter**2
         self._sums = [0.0, 0.0]
+        self._waiting: deque[float] = deque()
+        self._behind = round(_BEHIND * rest.rate)
 
     @property
     def scatter(self) -> float:
@@ -133,13 +139,18 @@ class OnsetTest:
         return self.alarm
 
     def follow(self, value: float) -> None:
-        """Let level and scatter follow a sample at rest."""
+        """Let level and scatter follow a sample at rest, when some more have come."""
+        self._waiting.append(value)
+        if len(self._waiting) <= self._behind:
+            return
         step = 1.0 / self.rest.rate
-        deviation = value - self.level
+        deviation = self._waiting.popleft() - self.level
         self.level += deviation * min(1.0, step / _LEVEL_TIME)
-        self._variance = max(self.rest.scatter**2, self._variance + min(
-            1.0, step / _SCATTER_TIME) * (deviation**2 - self._variance))
+        change = deviation**2 - self._variance
+        weight = min(1.0, step / (_GROWS if change > 0.0 else _SHRINKS))
+        self._variance = max(self.rest.scatter**2, self._variance + weight * change)
 
     def settle(self, level: float) -> None:
         """Begin anew at another level of rest."""
         self.level, self.alarm, self._sums = level, 0, [0.0, 0.0]
+        self._waiting.clear()
