@@ -302,3 +302,19 @@ def test_a_temperature_without_a_stamp_has_that_of_the_newest_state():
     desk.state()
     desk.loop.take_temperature('elbow', 30.0, 0, 1)
     assert desk.loop.temperature.before(round(desk.time * SECOND) + 1) == [30.0]
+
+
+def test_beyond_the_end_that_a_planner_says_its_direction_counts_as_0():
+    direction = Direction(['elbow', 'wrist'], 0.5)
+    assert direction.take_stamped(
+        ['wrist', 'elbow'], [-1.0, 1.0], SECOND, SECOND, [math.nan, 0.4])
+    assert direction.at(SECOND, np.array([0.41, 9.0])).tolist() == [1.0, -1.0]
+    assert direction.at(SECOND, np.array([0.5, -9.0])).tolist() == [0.0, -1.0]
+    # The plain topic says the same direction, and nothing of an end.
+    assert direction.take([1, -1], SECOND + 1)
+    assert direction.at(SECOND + 1, np.array([0.3, 0.0])).tolist() == [0.0, -1.0]
+    assert direction.take_stamped(['elbow'], [1.0], SECOND + 2, SECOND + 2, [0.9])
+    assert direction.at(SECOND + 2, np.array([0.5, 0.0])).tolist() == [1.0, -1.0]
+    assert not direction.take_stamped(['elbow'], [1.0], SECOND + 3, SECOND + 3, [0.9, 0.1])
+    assert direction.why == '2 positions for 1 names'
+    assert direction.at(SECOND + 3, np.zeros(2)).tolist() == [0.0, 0.0]
