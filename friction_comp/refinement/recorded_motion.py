@@ -174,22 +174,34 @@ def smooth_motion(samples: Samples, unusable: np.ndarray) -> tuple[Samples, np.n
 def load_coefficient(samples: Samples, unusable: np.ndarray, drive: Drive) -> float:
     """Return -1/(k_t·n), A/(N·m), if the load must enter with this coefficient; 0 if it is fitted.
 
-    By J·a = k_t·n·i + τ_b - F, friction is i + τ_b/(k_t·n). If the motor carries the load, a fit of
-    the current gives a coefficient near -1/(k_t·n). If the person carries it, and the current is a
-    function of the motion (a compensation law) or zero, the fit gives a coefficient near zero, and
-    the known one has to be used.
+    By J·a = k_t·n·i + τ_b - F, friction is i + τ_b/(k_t·n). If the current shows the load, that is
+    if the load lowers the error of blocks that were not fitted, with the sign of mechanics, the
+    motor carries it, and its coefficient is fitted as that of an effect. If it does not, but the
+    load overcomes friction, then a person moves the joint, and the current is a function of the
+    motion (a compensation law) or zero: the known coefficient has to be used.
     """
     if samples.load is None or not np.any(samples.load):
         return 0.0
     mechanics = -1.0 / drive.torque_per_current
     moved, start = smooth_motion(*excerpt(samples, unusable))
-    part = moved.take(start)
-    top = float(np.percentile(np.abs(np.asarray(part.velocity)), 95))
+    part, block = moved.take(start), blocks_of(moved, start)
+    velocity, load = np.asarray(part.velocity), np.asarray(part.load)
+    top = float(np.percentile(np.abs(velocity), 95))
     columns = plain_columns(part.with_(load=None), [share * top for share in TRANSITIONS])
-    columns = np.column_stack((columns, np.asarray(part.load)))
-    coefficient = sums_of(columns, part.current, blocks_of(moved, start)).fit(
-        range(columns.shape[1]))[-1]
-    return 0.0 if coefficient / mechanics > 0.5 else mechanics
+    plain = range(columns.shape[1])
+    sums = sums_of(np.column_stack((columns, load)), part.current, block)
+    without, fitted = (float(sums.held_out_errors(some).sum())
+                       for some in (plain, [*plain, len(plain)]))
+    shown = fitted < (1.0 - thresholds.LEAST_SHARE) * without
+    if shown and sums.fit([*plain, len(plain)])[-1] < 0.0:
+        return 0.0
+    # Its mean power against friction: that of its Coulomb and viscous columns, since gravity and
+    # inertia return what they take. The blocks left out in turn give its standard error.
+    resisting = slice(1, len(TRANSITIONS) + 2)
+    fits = sums_of(columns, load, block).fits(plain, 1.0 - np.eye(int(block.max()) + 1))
+    power = fits[:, resisting] @ (columns[:, resisting].T @ velocity)
+    error = np.sqrt((len(power) - 1) * np.var(power))
+    return mechanics if power.mean() > thresholds.STANDARD_ERRORS * error else 0.0
 
 
 def choose_differentiation(samples: Samples, unusable: np.ndarray, joints: Sequence[str],
