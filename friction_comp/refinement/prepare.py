@@ -196,8 +196,13 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
     start = thinned(row_starts(moved, usable, length))
     block = blocks_of(moved, start)
     target = moved.current - load * np.asarray(moved.load) if load else moved.current
-    if not target[usable].any():
-        raise InputError('the current is zero throughout the motion: there is no friction to fit')
+    # Of smaller numbers, as an uninitialised effort has them, squares vanish.
+    if not np.abs(target[usable]).max() > math.sqrt(np.finfo(float).tiny):
+        constants = '' if samples.load is None or declared else (
+            ' without torque constant and gear ratio, which say how much of the recorded load it '
+            'is; 1 for both gives friction in N·m')
+        raise InputError('the current is zero throughout the motion: there is no friction to fit'
+                         + constants)
     coverage = coverage_of(moved, usable, slowest, samples)
     region = regions_of(motion[0][start]) if motion else np.zeros_like(block)
     rows = Rows(moved, target, usable, unusable, coverage, start, length, block, region, load,

@@ -59,12 +59,11 @@ def main(argv: list[str] | None = None) -> int:
 
         return predict_plan(arguments, plan)
     model = FrictionModel.load(arguments.model, arguments.joint)
-    whole_arm = model.arm is not None
     with progress('reading') as report:
         (samples, info), = read_recording_with_info(
             find_recording(arguments.recording),
-            arguments.joint or (model.joint if whole_arm else None), model.drive.torque_constant,
-            model.drive.gear_ratio, progress=report, others=whole_arm, layout=layout_of(arguments))
+            arguments.joint or (model.joint if model.arm else None), model.drive.torque_constant,
+            model.drive.gear_ratio, progress=report, layout=layout_of(arguments))
         model.check_joint(info.joint, arguments.model)
         report(1.0, 'predicting')
         with errors_name(arguments.recording):
