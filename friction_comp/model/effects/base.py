@@ -210,6 +210,10 @@ class Effect(ABC):
         """
         return None
 
+    def doubt(self) -> str:
+        """Return why no drive may have the effect with these coefficients; empty if one may."""
+        return ''
+
     def describe(self) -> str:
         """Return a description of the effect, one sentence."""
         return self.summary.format(**self._symbols()) or f'{self.name} ({self.variable})'

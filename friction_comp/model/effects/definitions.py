@@ -95,6 +95,14 @@ NEARLY_ONE_SPEED = 0.4
 one speed has 0.25 to 0.35; production strokes, several speeds and sines have 0.46 and more."""
 
 
+def turns_often(coverage: Coverage) -> str:
+    """Return why nothing can happen at one position only; empty within two turns."""
+    turns = coverage.span / (2.0 * math.pi)
+    return '' if turns <= 2.0 else (
+        f'The joint turned {turns:.0f} times: of the effects of position, only those that repeat '
+        'every turn are tried.')
+
+
 def too_coarse(coverage: Coverage) -> str:
     """Return a warning if the encoder gave too few distinct positions; empty otherwise."""
     if coverage.distinct_positions >= _COARSE:

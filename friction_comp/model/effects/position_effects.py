@@ -18,6 +18,7 @@ from friction_comp.model.effects.definitions import (
     RESISTS,
     SearchRange,
     Signals,
+    turns_often,
 )
 
 _BINS_A_PERIOD = 4
@@ -105,7 +106,10 @@ class Cogging(Effect):
 
     @classmethod
     def propose(cls, view: ResidualView) -> list[dict[str, float]]:
-        """Return the frequencies of the largest peaks in the spectrum of the residual."""
+        """Return the frequencies of the largest peaks in the spectrum of the residual.
+
+        Of a shaft that turns many times, these are harmonics of a turn.
+        """
         coverage, proposed = view.coverage, []
         highest = highest_frequency(view.velocity, view.row_time, coverage.resolution)
         separation = 2.0 * math.pi / max(coverage.span, 1e-9)
@@ -115,6 +119,10 @@ class Cogging(Effect):
             # At frequency zero the first column is the amplitude itself.
             k, power = position_spectrum(
                 view.position, view.residual, cls.columns(signals, c)[0], highest)
+            if turns_often(coverage):
+                width = 0.5 * separation
+                harmonic = (np.abs(k - np.round(k)) < width) & (k > 1.0 - width)
+                k, power = k[harmonic], power[harmonic]
             proposed += [{'frequency': frequency, **constants}
                          for frequency in peaks(k, power, _PEAKS, separation)]
         return proposed
@@ -226,8 +234,8 @@ class Bump(Effect):
 
     @classmethod
     def insufficient_data(cls, coverage: Coverage) -> str:
-        if coverage.speed_spread >= NEARLY_ONE_SPEED:
-            return ''
+        if turns_often(coverage) or coverage.speed_spread >= NEARLY_ONE_SPEED:
+            return turns_often(coverage)
         return (f'Speed was near {coverage.median_speed:.3g} rad/s most of the time: the few '
                 'samples of starts and reversals determine the dependence on speed, and bumps '
                 'cannot be distinguished from effects of starts and reversals.')

@@ -16,7 +16,14 @@ import numpy as np
 
 from friction_comp.drive import Drive
 from friction_comp.model.effects.base import Effect
-from friction_comp.model.effects.definitions import CARRIES, Coverage, NEITHER, SearchRange, Signals
+from friction_comp.model.effects.definitions import (
+    CARRIES,
+    Coverage,
+    NEITHER,
+    SearchRange,
+    Signals,
+    turns_often,
+)
 
 # Parts of the load that other effects put on the gear.
 _LOADS = ('cosine', 'sine', 'slope', 'offset', 'inertia')
@@ -91,6 +98,17 @@ class Spring(Effect):
     def load_share(cls, coefficients: Sequence[float], constants: dict[str, float]
                    ) -> dict[str, float]:
         return {'slope': coefficients[0], 'offset': -coefficients[0] * constants['position']}
+
+    @classmethod
+    def insufficient_data(cls, coverage: Coverage) -> str:
+        return turns_often(coverage)
+
+    def doubt(self) -> str:
+        if self.coefficients[0] >= 0.0:
+            return ''
+        return (f'The spring of {self.coefficients[0]:.3g} A per rad pushes away from its middle, '
+                'as no spring does: it stands for a weight or for other links, and only in '
+                'positions like the recorded ones.')
 
     def formula(self) -> str:
         return f'{self.coefficients[0]:+.4g}·(q {-self.values["position"]:+.4g})'
