@@ -61,7 +61,8 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
                drives: dict[str, Drive] | None = None,
                models: dict[str, FrictionModel] | None = None,
                declared: Collection[str] = (), only: Sequence[str] | None = None,
-               progress: Callable[[float, str], None] | None = None) -> ArmResult:
+               progress: Callable[[float, str], None] | None = None,
+               torques: bool = False) -> ArmResult:
     """Fit an arm's rigid bodies, then refine each joint.
 
     Parameters
@@ -78,6 +79,9 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
         Joints to refine; all of the arm when omitted.
     progress : callable, optional
         Called with the share of the work done and the name of the step.
+    torques : bool
+        Whether all currents are torques in N·m unless the recordings contradict: the current per
+        torque is then one.
 
     Raises
     ------
@@ -86,6 +90,8 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
     """
     report = progress or (lambda share, word: None)
     drives, models = drives or {}, models or {}
+    if torques:
+        drives, declared = dict.fromkeys(recorded, Drive(1.0, 1.0)) | drives, list(recorded)
     chain = Chain(urdf, list(recorded))
     notes = [f'joint {name!r} is not in the URDF: left out' for name in chain.unknown]
     notes += [f'joint {name!r} of the URDF is not recorded: assumed to stay at position zero'
@@ -100,7 +106,12 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
     carried = {name: [_add_person_torque(samples, drives[name]) if name in declared else samples
                       for samples in recorded[name]] for name in names}
     fit = fit_arm(chain, _at_common_times(carried), scales,
-                  lambda share: report(_BODIES * share, 'rigid bodies'))
+                  lambda share: report(_BODIES * share, 'rigid bodies'), torques)
+    if torques and not fit.declared:
+        torques, declared = False, ()
+        notes.append('the efforts are no torques in N·m of this URDF: taken as currents of unknown '
+                     'torque constants (--unit A says so, --torque-constant and --gear-ratio say '
+                     'more)')
     if (fit.tree.gravity != chain.tree.gravity).any():
         direction = ', '.join(f'{value:.2f}' for value in fit.tree.gravity / 9.81)
         notes.append(f'the currents fit gravity along ({direction}) of the base far better than '
@@ -116,7 +127,7 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
         drive = drives.get(name)
         try:
             result = refine([samples], models.get(name), drive if name in declared else None,
-                            report_joint, 'A' if drive else None)
+                            report_joint, 'N·m' if torques else 'A' if drive else None)
         except InputError as error:
             notes.append(f'joint {name!r}: {error}')
             continue

@@ -53,7 +53,8 @@ STRENGTHS = tuple(float(value) for value in np.geomspace(1.0, 1e6, 13))
 _FIRST_STRENGTH = 100.0
 # Relative difference of held-out errors up to which they are equal, and the URDF is preferred.
 _EQUAL_ERRORS = 0.01
-# Share by which another direction of gravity than the URDF's must lower the errors.
+# Share by which another direction of gravity than the URDF's, or other scales than those assumed,
+# must lower the errors.
 _CLEARLY_BETTER = 0.15
 # Least share of a joint's current that friction must explain for its sign to be judged.
 _LEAST_FRICTION = 0.1
@@ -92,6 +93,7 @@ class ArmFit:
     identifiable: int  # number of combinations of the links' parameters that the motion determines
     held_out_stretches: list[HeldOutStretch]  # every stretch, with the tree fitted without it
     intervals: LinkIntervals  # of the links and the currents per torque
+    declared: bool  # whether the currents per torque are those given
 
     def torque(self, samples: Samples) -> np.ndarray:
         """Return the torque in N·m of the links on a joint, shape (N,).
@@ -115,7 +117,7 @@ class ArmFit:
 
 
 def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = None,
-            progress: Callable[..., Any] | None = None) -> ArmFit:
+            progress: Callable[..., Any] | None = None, assumed: bool = False) -> ArmFit:
     """Fit an arm to recordings.
 
     Parameters
@@ -128,6 +130,9 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
         Current per torque in A per N·m, if torque constants and gear ratios are known.
     progress : callable, optional
         Called with the share 0..1 of the work done.
+    assumed : bool
+        Whether `declared` is an assumption, which is dropped if other values predict stretches that
+        were left out clearly better.
 
     Raises
     ------
@@ -147,7 +152,11 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
             raise InputError(f'joint {one.joint!r}: positions and currents of an arm must be '
                              'finite numbers')
     bodies = Bodies(chain.tree.parameters)
-    best = _best_settings(chain, joints, bodies, declared, lambda share: report(0.5 * share))
+    best = _best_settings(chain, joints, bodies, declared, lambda share: report(0.4 * share))
+    if assumed and (_trial(chain, joints, best.settings, bodies, None).error
+                    < best.error - _CLEARLY_BETTER):
+        declared = None
+        best = _best_settings(chain, joints, bodies, None, lambda share: report(0.4 + 0.1 * share))
     chain, (_, settings, problem, prior, x) = _with_gravity_direction(
         chain, joints, bodies, best, declared)
     report(0.7)
@@ -176,7 +185,7 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
         np.array([x[unknowns.friction(j)] for j in range(len(joints))]), settings,
         prior.strength, errors, without,
         identifiable(whole.total[:, :links, :links].sum(axis=0)), held_out_stretches,
-        confidence_intervals(whole.sums, prior, x))
+        confidence_intervals(whole.sums, prior, x), declared is not None)
 
 
 class _Trial(NamedTuple):

@@ -34,8 +34,8 @@ def refine_whole_arm(arguments: Namespace) -> int:
     from friction_comp.recordings import read_arm
     from friction_comp.refinement.whole_arm import refine_arm
 
-    if arguments.figures:
-        raise InputError('--unit: with --urdf the figures are in A')
+    if arguments.figures not in (None, 'A', 'N·m', 'Nm'):
+        raise InputError(f'--unit: with --urdf effort is in A or N·m, not in {arguments.figures}')
     given = arguments.torque_constant is not None or arguments.gear_ratio is not None
     models = _start_models(arguments)
     names = [str(path) for path in arguments.recordings]
@@ -60,7 +60,10 @@ def refine_whole_arm(arguments: Namespace) -> int:
             result = refine_arm(
                 recorded, arguments.urdf, drives, models, recorded if given else models,
                 [arguments.joint] if arguments.joint else None,
-                lambda share, word: report(0.1 + 0.8 * share, word))
+                lambda share, word: report(0.1 + 0.8 * share, word), not (
+                    given or models or arguments.figures == 'A' or any(
+                        info.effort_is_current for parts in recordings.values()
+                        for _, info in parts)))
         except InputError as error:
             # Name the recording, unless a file is named already.
             named = str(error).startswith((str(arguments.urdf), names[0]))
@@ -70,7 +73,8 @@ def refine_whole_arm(arguments: Namespace) -> int:
             one.report['warnings'].extend(
                 f'{info.path}: {note}' for _, info in recordings[name] for note in info.notes)
             one.model.notes = {**one.model.notes, 'refined_from': names,
-                               'urdf': str(arguments.urdf), **limits[name]}
+                               'urdf': str(arguments.urdf), 'unit': one.report['unit'],
+                               **limits[name]}
         with output_folder(arguments.output) as folder:
             _write(folder, result, names, arguments)
     if arguments.json:
