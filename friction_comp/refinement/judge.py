@@ -17,19 +17,23 @@ from typing import Any
 
 import numpy as np
 
+from friction_comp.drive import Drive
 from friction_comp.model.effects import Coverage, EFFECTS
-from friction_comp.model.effects.definitions import too_coarse
+from friction_comp.model.effects.definitions import RESISTS, too_coarse
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.best_fit import Fit
 from friction_comp.refinement.dependence import Dependence, rank_correlation
 from friction_comp.refinement.effect_columns import proposals, Table
 from friction_comp.refinement.prepare import blocks_of_samples, Rows
+from friction_comp.refinement.search import Search
 from friction_comp.samples import Samples
 from friction_comp.signal_checks import velocity_fault, velocity_ratios
 from friction_comp.statistics import rms, robust_std
 
 TRUST, IN_PART, AGAIN = 'trust', 'trust in part', 'record again'
 _ORDER = (AGAIN, IN_PART, TRUST)
+# Every so many samples show whether joints move as one.
+_EVERY = 10
 
 
 @dataclass(frozen=True)
@@ -50,12 +54,25 @@ _FINDINGS = {
         'check the signs of effort and position, and that effort is measured; follow a trajectory '
         'with a softer or a position controller'),
     'explains_nothing': (
-        AGAIN, 'Where it was not fitted, the model may be {error:.2g} A off in motion, of '
-        '{signal:.2g} A: the current depends on something that is not in the recording.',
+        AGAIN, 'Where it was not fitted, the model may be {error:.2g} A off in motion, a constant '
+        '{constant:.2g} A: the current depends on something that is not in the recording.',
         'record what loads the joint (torque sensor, other joints), or move it without load'),
     'explains_part': (
-        IN_PART, '{error:.2g} A of {signal:.2g} A remain unexplained.',
+        IN_PART, '{error:.2g} A remain unexplained, of {constant:.2g} A beside a constant.',
         'record what loads the joint (torque sensor, other joints)'),
+    'above_noise': (
+        IN_PART, 'The error, {error:.2g} A, is {times:.0f} times the noise of the current: '
+        'something acts on the joint that was not recorded, or that no effect describes.',
+        'record what acts on the joint (load, temperature, other joints; a URDF)'),
+    'no_friction': (
+        AGAIN, 'No friction shows in this current: it is the torque behind the gear, or a '
+        "controller's request.",
+        'the current of the motor, or its torque before the gear'),
+    'load_reversed': (
+        AGAIN, 'The current grows with the load, {coefficient:.3g} A per N·m: one of them has the '
+        'wrong sign. The load is the torque that moves the joint from outside.',
+        'the same with the sign of the load reversed'),
+    'doubtful': (IN_PART, '{doubt}', 'record the same over a wider range, and other joints'),
     'extrapolates': (
         IN_PART, 'A third of the {variable} range that was not fitted is predicted with '
         '{growth:.2g} times the error: the model is only supported where it was fitted.',
@@ -235,36 +252,77 @@ def friction_would_push(rows: Rows) -> bool:
     return unbounded < thresholds.PUSHING_ERROR * bounded
 
 
-def moves_as_one(rows: Rows) -> bool:
+def moves_as_one(samples: Samples) -> bool:
     """Return whether a joint's position is a linear function of those of the others."""
-    if rows.motion is None:
+    arm = samples.arm
+    if arm is None or samples.joint not in arm.joints or len(arm.joints) < 2:
         return False
-    position = rows.motion[0][rows.start]
-    index = list(rows.joints).index(rows.samples.joint)
+    index, position = arm.joints.index(samples.joint), arm.position[::_EVERY]
     others = np.column_stack((np.ones(len(position)), np.delete(position, index, axis=1)))
     own = position[:, index]
     residual = own - others @ np.linalg.lstsq(others, own, rcond=None)[0]
     return bool(np.var(residual) < (1.0 - thresholds.FOLLOWED_VARIANCE) * np.var(own))
 
 
+def error_of_constant(rows: Rows) -> float:
+    """Return the RMS error of the simplest model in motion, A: the mean of all other parts."""
+    block, target = blocks_of_samples(rows)[rows.usable], rows.target[rows.usable]
+    count, total = np.bincount(block), np.bincount(block, target)
+    return rms(target - ((total.sum() - total) / np.maximum(count.sum() - count, 1))[block])
+
+
+def friction_shows(fit: Fit) -> bool:
+    """Return whether friction lowers the error on parts that were not fitted."""
+    table = fit.table
+    resisting = {1, 2, *(column for term in fit.terms
+                         if not term.group and term.kind.role == RESISTS
+                         for column in table.columns_of[term])}
+    columns = table.indices(fit.terms, derivatives=False)
+    rest = [column for column in columns if column not in resisting]
+    without, complete = (np.bincount(table.block, table.held_out_errors(some))
+                         for some in (rest, columns))
+    return Search(table, []).is_improvement([without], [complete])
+
+
+def findings_on_model(fit: Fit) -> Iterator[Finding]:
+    """Yield what no drive does, though the fit says so."""
+    if not friction_shows(fit):
+        yield finding('no_friction')
+    values = fit.table.coefficients(fit.terms)
+    for term in fit.terms:
+        if term.group:
+            continue
+        own = [values[column] for column in fit.table.columns_of[term]]
+        known = term.kind.known_coefficients(Drive(1.0, 1.0))
+        if known is not None and known[0] * own[0] < 0.0:
+            yield finding('load_reversed', coefficient=own[0])
+        doubt = term.kind({**term.constants, 'coefficients': own}).doubt()
+        if doubt:
+            yield finding('doubtful', doubt=doubt)
+
+
 def findings(fit: Fit, raw: Samples, after: dict[str, Any], growth: dict[str, float],
-             dependences: Sequence[Dependence], open_questions: Sequence[dict[str, Any]]
-             ) -> Iterator[Finding]:
+             noise: float, dependences: Sequence[Dependence],
+             open_questions: Sequence[dict[str, Any]]) -> Iterator[Finding]:
     """Yield all findings on a model.
 
-    `after`, `growth` and `open_questions` are what `errors_of`, `LeftOutThirds.error_growth` and
-    `ambiguities` return.
+    `after`, `growth`, `noise` and `open_questions` are what `errors_of`,
+    `LeftOutThirds.error_growth`, `noise_floor` of the residual and `ambiguities` return.
     """
     rows, held_out = fit.rows, after['held_out_rmse']
-    signal = rms(rows.target[rows.usable])
+    constant = error_of_constant(rows)
     if friction_would_push(rows):
         yield finding('pushes')
     variable, largest = max(growth.items(), key=lambda entry: entry[1])
     expected = max(largest, 1.0) * held_out
-    if expected > thresholds.USELESS_ERROR * signal:
-        yield finding('explains_nothing', error=expected, signal=signal)
-    elif held_out > thresholds.UNEXPLAINED_CURRENT * signal:
-        yield finding('explains_part', error=held_out, signal=signal)
+    if expected > thresholds.USELESS_ERROR * constant:
+        yield finding('explains_nothing', error=expected, constant=constant)
+    elif held_out > thresholds.UNEXPLAINED * constant:
+        yield finding('explains_part', error=held_out, constant=constant)
+    elif held_out > max(thresholds.ABOVE_NOISE * noise, 1e-300,
+                        math.sqrt(thresholds.LEAST_SHARE) * constant):
+        yield finding('above_noise', error=held_out, times=held_out / noise)
+    yield from findings_on_model(fit)
     if largest > thresholds.GROWTH:
         yield finding('extrapolates', variable=variable, growth=largest)
     for entry in dependences:
@@ -288,8 +346,8 @@ def findings_on_recording(rows: Rows, raw: Samples) -> Iterator[Finding]:
     if rows.joints:
         yield finding('other_joints', joints=', '.join(
             name for name in rows.joints if name != raw.joint))
-        if moves_as_one(rows):
-            yield finding('moves_as_one', joint=raw.joint)
+    if moves_as_one(raw):
+        yield finding('moves_as_one', joint=raw.joint)
     fault = '' if raw.velocity is None else velocity_fault(velocity_ratios(
         raw.time, raw.position, raw.velocity, coverage.resolution), thresholds.VELOCITY_RATIO)
     if fault:

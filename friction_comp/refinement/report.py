@@ -51,6 +51,7 @@ def report_of(problem: Problem, fit: Fit, model: FrictionModel,
     dependences = [*clipping_dependence(rows), *remaining_dependences(
         rows.at_rows, rows.averaged(after[1]), rows.coverage.slowest)]
     growth = LeftOutThirds(fit.table, fit.terms).error_growth(fit.terms)
+    noise = noise_floor(rows, after[1])
     errors = errors_of(rows, *after, max(1.0, *growth.values()))
     effects = [] if kept else effects_of(problem, fit, unit)
     open_questions = [] if kept else ambiguities(fit)
@@ -66,7 +67,7 @@ def report_of(problem: Problem, fit: Fit, model: FrictionModel,
         'signal_rms': rms(raw.current[rows.usable]),
         'before': {'model': base, **errors_of(rows, *before)},
         'after': {'model': ' + '.join([refined, *(entry['name'] for entry in effects)]), **errors},
-        'noise_floor': noise_floor(rows, after[1]),
+        'noise_floor': noise,
         'effects': effects,
         'friction': friction_of(model, unit, rows.coverage.both_directions),
         'correlations': [] if kept else correlations_of(fit),
@@ -78,7 +79,8 @@ def report_of(problem: Problem, fit: Fit, model: FrictionModel,
             model.differentiation or DEFAULT_SETTINGS if kept else fit.settings),
         'stopped_because': 'no further effect predicts parts that were not fitted better by more '
                            'than chance would',
-        **verdict_of(findings(fit, raw, errors, growth, dependences, open_questions), unit)}
+        **verdict_of(findings(fit, raw, errors, growth, noise, dependences, open_questions),
+                     unit)}
 
 
 def clipping_dependence(rows: Rows) -> list[Dependence]:

@@ -68,11 +68,12 @@ GROWTH = Threshold(
 LEAST_STRENGTH = Threshold(
     0.03, 'of the residual variance', 'weaker dependences on a variable are not reported')
 UNEXPLAINED = Threshold(
-    0.4, 'of the residual variance', 'explained by one variable: the model lacks something')
-UNEXPLAINED_CURRENT = Threshold(
-    0.4, 'of the current', 'a larger error in motion is due to something not recorded')
+    0.4, 'of the residual variance',
+    'explained by one variable, or of the error of a constant: the model lacks something')
+ABOVE_NOISE = Threshold(
+    10.0, 'times the noise', 'a larger error is due to something not recorded')
 USELESS_ERROR = Threshold(
-    0.9, 'of the current', 'with a larger error elsewhere, zero would predict about as well')
+    0.9, 'of the error of a constant', 'with a larger error elsewhere, a constant predicts as well')
 SAME_LOAD = Threshold(
     0.02, 'of -1/(k_t·n)', 'if the load coefficient deviates by more, the torque constant is wrong')
 WRITTEN_ERROR = Threshold(
