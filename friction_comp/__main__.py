@@ -16,7 +16,6 @@ import threading
 from typing import NoReturn
 
 from friction_comp import __version__
-from friction_comp.compiling import defer_compilation
 from friction_comp.errors import InputError, one_line
 from friction_comp.package_files import add_environment_to_ament_path
 from friction_comp.terminal import tolerant_output
@@ -93,13 +92,16 @@ def run(name: str, argv: list[str] | None = None) -> int:
         print(NODE_USAGE.format(name=name, text=NODES[name]))
         return 0
     # Matrices are small here: threads of linear algebra libraries would mostly wait for each other,
-    # and take up to twenty times the processor time if other processes run.
+    # and take up to twenty times the processor time if other processes run. Only before numpy is
+    # imported, so that nothing above imports it.
     for library in ('OMP', 'OPENBLAS', 'MKL'):
         os.environ.setdefault(f'{library}_NUM_THREADS', '1')
     if name in NODES or name in ('demo', 'doctor', 'play', 'improve'):
         add_environment_to_ament_path()
     if name == 'compensator':
         # It responds soon after its start: the law runs in plain Python until it is compiled.
+        from friction_comp.compiling import defer_compilation
+
         defer_compilation()
     if name in NODES and threading.current_thread() is threading.main_thread():
         # Until the node installs its own handlers, there is nothing to clean up.

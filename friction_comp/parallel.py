@@ -1,6 +1,9 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Runs work on one or many items in child processes that end with their parent."""
+"""Runs work on one or many items in child processes that end with their parent.
+
+The work itself uses one thread: its matrices are small.
+"""
 
 from __future__ import annotations
 
@@ -9,20 +12,37 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, ExitStack, suppress
 from dataclasses import dataclass
+import functools
 import multiprocessing
 from multiprocessing import resource_tracker
 import os
 import signal
 import threading
-from typing import Any, TYPE_CHECKING, TypeVar
+from typing import Any, cast, TYPE_CHECKING, TypeVar
 
 from friction_comp.errors import InputError, one_line
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
+F = TypeVar('F', bound=Callable[..., Any])
 T = TypeVar('T')
 U = TypeVar('U')
+
+
+def one_thread(function: F) -> F:
+    """Return a function during which libraries of linear algebra use one thread.
+
+    Their threads share out products of large matrices. Of small ones they mostly wait for each
+    other, and a control loop that runs beside waits for them.
+    """
+    @functools.wraps(function)
+    def limited(*arguments: Any, **named: Any) -> Any:
+        from threadpoolctl import threadpool_limits
+
+        with threadpool_limits(1, 'blas'):
+            return function(*arguments, **named)
+    return cast(F, limited)
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from friction_comp.errors import InputError
 from friction_comp.excitation.joint_limits import JointLimits
 from friction_comp.excitation.separation import coverage_within, Pair, separations
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.parallel import one_thread
 from friction_comp.samples import Samples
 from friction_comp.trajectory import Trajectory
 
@@ -168,6 +169,7 @@ def moves_of_shape(shape: Sequence[float] | np.ndarray, limits: JointLimits, sec
     return centre, moves
 
 
+@one_thread
 def plan_joint(limits: JointLimits, pairs: Sequence[Pair], seconds: float, seed: int,
                model: FrictionModel | None = None,
                report: Callable[[float], None] = lambda share: None) -> JointPlan:

@@ -17,6 +17,7 @@ from friction_comp.model.effects import Coverage, Effect, EFFECTS
 from friction_comp.model.effects.base import with_range
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.parallel import one_thread
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.best_fit import find_best_fit, Fit, fit_eq6_alone, Problem
 from friction_comp.refinement.effect_columns import eq6_columns, EQ6_LINEAR, MAX_SHIFT, Table, Term
@@ -48,6 +49,7 @@ class RefineResult:
     coverage: Coverage  # the ranges that the recordings cover
 
 
+@one_thread
 def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
            drive: Drive | None = None, progress: Callable[[float, str], None] | None = None,
            unit: str | None = None) -> RefineResult:

@@ -15,6 +15,7 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.arm.arm import Arm
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.parallel import one_thread
 from friction_comp.refinement.prepare import clipped
 from friction_comp.refinement.recorded_motion import load_coefficient
 from friction_comp.refinement.refine import refine, RefineResult
@@ -57,6 +58,7 @@ class ArmResult:
             'notes': list(self.notes)}
 
 
+@one_thread
 def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
                drives: dict[str, Drive] | None = None,
                models: dict[str, FrictionModel] | None = None,

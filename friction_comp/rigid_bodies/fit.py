@@ -27,6 +27,7 @@ from friction_comp.errors import InputError
 from friction_comp.model.arm.arm import moving_states
 from friction_comp.model.arm.tree import FREE_FALL, PARAMETERS, Tree
 from friction_comp.model.differentiation import METHOD
+from friction_comp.parallel import one_thread
 from friction_comp.rigid_bodies.link_inertia import Bodies
 from friction_comp.rigid_bodies.solver import (
     confidence_intervals,
@@ -116,6 +117,7 @@ class ArmFit:
         return total
 
 
+@one_thread
 def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = None,
             progress: Callable[..., Any] | None = None, assumed: bool = False) -> ArmFit:
     """Fit an arm to recordings.

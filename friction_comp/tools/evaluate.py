@@ -35,8 +35,6 @@ def main(argv: list[str] | None = None) -> int:
     arguments = parser.parse(argv)
     from friction_comp.evaluation.sessions import evaluate_pieces, pieces_of
     from friction_comp.recordings.sources import size_of
-    from friction_comp.reports.evaluation_report import evaluation_report
-    from friction_comp.reports.evaluation_words import condition_line, summary
 
     with progress('reading') as report:
         pieces, failures = pieces_of(
@@ -48,6 +46,9 @@ def main(argv: list[str] | None = None) -> int:
                 0.95 * share, f'{round(share * len(pieces))} of {len(pieces)}'),
             run=partial(run_each, jobs=jobs))
         report(0.95, 'writing')
+        from friction_comp.reports.evaluation_report import evaluation_report
+        from friction_comp.reports.evaluation_words import condition_line, summary
+
         content = evaluations[0].as_dict()
         if len(evaluations) > 1:
             content['joints'] = [evaluation.as_dict() for evaluation in evaluations]

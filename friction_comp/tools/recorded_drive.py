@@ -163,12 +163,14 @@ def refine_recordings(arguments: Namespace, paths: Sequence[Path], joint: str | 
     `show` is called with the share 0..1 that is done and a description. With ``--history``, the
     model's history with the new recordings is returned as well, else None.
     """
-    from friction_comp.model.friction_model import FrictionModel
     from friction_comp.recordings.condense import read_condensed
     from friction_comp.recordings.history import History
-    from friction_comp.refinement import refine
 
-    model = FrictionModel.load(arguments.model, joint) if arguments.model else None
+    model = None
+    if arguments.model:
+        from friction_comp.model.friction_model import FrictionModel
+
+        model = FrictionModel.load(arguments.model, joint)
     drive = drive_of(arguments, model)
     history = (History.beside(arguments.model, drive, model.joint)
                if model and arguments.history else None)
@@ -188,6 +190,10 @@ def refine_recordings(arguments: Namespace, paths: Sequence[Path], joint: str | 
             history.add(samples, info)
         recorded = history.samples()
         _check_loads((one.name, one.samples) for one in history.recordings)
+    # Only now: importing the search takes longer than reading most recordings, and an unusable one
+    # is refused at once.
+    from friction_comp.refinement import refine
+
     # Without its constants, a drive does not tell how much current a recorded load takes.
     known = (model or arguments.torque_constant or arguments.gear_ratio
              or unit in ('N·m', 'N') or idle)

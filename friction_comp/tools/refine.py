@@ -91,14 +91,14 @@ def main(argv: list[str] | None = None) -> int:
         return refine_whole_arm(arguments)
     if arguments.history:
         _keep_history(arguments)
-    from friction_comp.reports.html import units_of_axis
-    from friction_comp.reports.refinement_report import refinement_report
-
     names = [str(path) for path in arguments.recordings]
     with progress('reading') as show:
         result, history = refine_recordings(
             arguments, arguments.recordings, arguments.joint, show)
         show(0.9, 'writing')
+        from friction_comp.reports.html import units_of_axis
+        from friction_comp.reports.refinement_report import refinement_report
+
         linear = 'position_unit' in result.model.notes
         with units_of_axis(linear):
             page = refinement_report(result, names)

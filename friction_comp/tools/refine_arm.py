@@ -32,7 +32,6 @@ def refine_whole_arm(arguments: Namespace) -> int:
     the whole arm. Returns 0.
     """
     from friction_comp.recordings import read_arm
-    from friction_comp.refinement.whole_arm import refine_arm
 
     if arguments.figures not in (None, 'A', 'N·m', 'Nm'):
         raise InputError(f'--unit: with --urdf effort is in A or N·m, not in {arguments.figures}')
@@ -52,6 +51,8 @@ def refine_whole_arm(arguments: Namespace) -> int:
                              f'{", ".join(map(repr, recordings))}')
         recorded = {name: [samples for samples, _ in parts]
                     for name, parts in showing_friction(recordings).items()}
+        from friction_comp.refinement.whole_arm import refine_arm
+
         drives, limits = {}, {}
         for name, parts in recorded.items():
             drives[name], limits[name] = with_current_limit(
