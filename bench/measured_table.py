@@ -127,7 +127,8 @@ def measure(row, data, output):
         return {'set': row.name, 'skipped': f'{folder} is not there'}
     where = output / row.name.replace(':', '_')
     joint = ['--joint', row.joint] if row.joint else []
-    urdf = ['--urdf', folder / row.urdf] if row.urdf else []
+    # Its effort holds current.
+    urdf = ['--urdf', folder / row.urdf, '--unit', 'A'] if row.urdf else []
     code, message, cpu = run(['refine', folder / 'fit', '--output', where, *joint, *urdf])
     if code:
         return {'set': row.name, 'skipped': f'refine ended with {code}: {message[-300:]}'}

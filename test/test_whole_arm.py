@@ -44,7 +44,7 @@ def refined(tmp_path_factory):
     write_samples(folder / 'fit', trial(1))
     write_samples(folder / 'score', trial(2))
     assert refine_tool.main([
-        str(folder / 'fit'), '--urdf', str(folder / 'arm.urdf'), '--output',
+        str(folder / 'fit'), '--urdf', str(folder / 'arm.urdf'), '--unit', 'A', '--output',
         str(folder / 'out')]) == 0
     return folder
 
@@ -108,7 +108,8 @@ def test_a_recording_without_the_other_joints_is_refused(refined, tmp_path, refu
 def test_one_joint_of_an_arm_has_the_usual_files(refined, tmp_path):
     write_samples(tmp_path / 'short', trial(1, 400))
     assert refine_tool.main([
-        str(tmp_path / 'short'), '--urdf', str(refined / 'arm.urdf'), '--joint', 'bend', '--output',
+        str(tmp_path / 'short'), '--urdf', str(refined / 'arm.urdf'), '--unit', 'A', '--joint',
+        'bend', '--output',
         str(tmp_path / 'out')]) == 0
     report = json.loads((tmp_path / 'out' / 'report.json').read_text(encoding='utf-8'))
     assert report['joint'] == 'bend'
@@ -127,7 +128,7 @@ def test_masses_are_fitted_to_torques_where_all_drives_are_known(refined, tmp_pa
                                                                  model, known):
     seen = []
 
-    def stop(chain, samples, scales, progress):
+    def stop(chain, samples, scales, *others):
         seen.append(scales)
         raise InputError('enough')
     monkeypatch.setattr('friction_comp.refinement.whole_arm.fit_arm', stop)

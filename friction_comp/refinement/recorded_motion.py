@@ -201,7 +201,8 @@ def load_coefficient(samples: Samples, unusable: np.ndarray, drive: Drive) -> fl
     fits = sums_of(columns, load, block).fits(plain, 1.0 - np.eye(int(block.max()) + 1))
     power = fits[:, resisting] @ (columns[:, resisting].T @ velocity)
     error = np.sqrt((len(power) - 1) * np.var(power))
-    return mechanics if power.mean() > thresholds.STANDARD_ERRORS * error else 0.0
+    # With twice the usual margin, since a sensor's load of the wrong sign would count twice.
+    return mechanics if power.mean() > 2.0 * thresholds.STANDARD_ERRORS * error else 0.0
 
 
 def choose_differentiation(samples: Samples, unusable: np.ndarray, joints: Sequence[str],

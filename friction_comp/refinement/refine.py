@@ -26,7 +26,7 @@ from friction_comp.refinement.prepare import join
 from friction_comp.refinement.recorded_motion import settings_for_arm
 from friction_comp.refinement.report import report_of
 from friction_comp.refinement.search import adjust_constants, at_limit
-from friction_comp.refinement.stability import intervals, repeat_search
+from friction_comp.refinement.stability import intervals, LeftOutThirds, repeat_search
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
 
@@ -121,6 +121,7 @@ def select_named(fit: Fit) -> Fit:
     stability = repeat_search(fit.table, fit.terms, fit.initial_count, fit.candidates)
     terms = [term for k, term in enumerate(fit.terms)
              if k < fit.initial_count or stability.named(term)]
+    terms = LeftOutThirds(fit.table, terms).without_harmful(terms, fit.initial_count)
     while True:
         fit = refit(fit, terms)
         # The constants were adjusted again, so terms have changed.

@@ -9,7 +9,8 @@ from it. The scatter of the coefficients over resampled blocks gives their inter
 The next recording will differ from this one in speed, position, time, load or posture. Therefore
 each third of the samples, ordered by each of these, is predicted by a fit to the other thirds. The
 largest of these errors is the error expected elsewhere. How far a model reaches does not tell
-whether an effect is there.
+whether an effect is there: a term is left out only if both these errors and those of long parts are
+lower without it.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import combinations
 import math
 
 import numpy as np
@@ -212,6 +214,28 @@ class LeftOutThirds:
         errors = self.mean_errors(terms)
         least = errors.pop(_PARTS)
         return {name: math.sqrt(error / least) for name, error in errors.items()}
+
+    def without_harmful(self, terms: Sequence[Term], initial_count: int) -> list[Term]:
+        """Return the terms without those whose removal lowers the errors of thirds and of parts.
+
+        The first `initial_count` terms are always kept. Of the thirds, the mean logarithm counts,
+        so that no single variable decides.
+        """
+        terms = list(terms)
+        while True:
+            errors, trials = self.mean_errors(terms), []
+            # Two terms that cancel each other have to be removed together.
+            for removed in (some for size in (1, 2)
+                            for some in combinations(terms[initial_count:], size)):
+                rest = [term for term in terms if term not in removed]
+                other = self.mean_errors(rest)
+                growth = sum(math.log(other[name] / errors[name]) for name in errors
+                             if name != _PARTS)
+                if growth < 0.0 and other[_PARTS] <= errors[_PARTS]:
+                    trials.append((growth, len(trials), rest))
+            if not trials:
+                return terms
+            terms = min(trials)[2]
 
 
 def _thirds(values: np.ndarray) -> np.ndarray:

@@ -1,0 +1,204 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the verdict says of recordings on which a small error hides that something is wrong."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from test_prepare import swings
+
+from friction_comp.drive import Drive
+from friction_comp.errors import InputError
+from friction_comp.model.effects import EFFECTS
+from friction_comp.model.effects.definitions import Coverage
+from friction_comp.parallel import one_thread
+from friction_comp.recordings import write_samples
+from friction_comp.refinement import refine, thresholds
+from friction_comp.refinement.prepare import clipped
+from friction_comp.refinement.recorded_motion import load_coefficient
+from friction_comp.samples import JointStates, Samples
+from friction_comp.statistics import rms
+from friction_comp.tools import predict
+
+DRIVE = Drive(1.0, 1.0)
+
+
+def codes(report):
+    return {finding['code'] for finding in report['findings'] if finding['grade'] != 'trust'}
+
+
+def noise(samples, size=0.02, seed=0):
+    return size * np.random.default_rng(seed).standard_normal(len(samples))
+
+
+def test_a_torque_behind_the_gear_holds_no_friction_and_says_so():
+    motion = swings(1)
+    torque = 6.0 * np.sin(motion.position) + 0.3 * motion.acceleration + noise(motion)
+    report = refine([motion.with_(current=torque, acceleration=None)], drive=DRIVE).report
+    assert report['verdict'] == 'record again'
+    assert codes(report) == {'no_friction'}
+
+
+def test_a_load_of_the_other_sign_does_not_double_the_weight():
+    """The link's torque, as the sensor shows it, is what the motor carries, and no push."""
+    motion = swings(2, 60.0)
+    rng = np.random.default_rng(2)
+    # Not a function of the motion, so that no other effect stands for it.
+    pulled = np.interp(motion.time, np.arange(0.0, 61.0, 0.5), rng.normal(size=122))
+    link = 3.0 * np.sin(motion.position) + pulled
+    result = refine([motion.with_(
+        current=motion.current + link, load=link, acceleration=None)], drive=DRIVE)
+    assert 'load_reversed' in codes(result.report)
+    assert result.report['verdict'] == 'record again'
+    assert 0.5 * (result.model.sigmoid.upper - result.model.sigmoid.lower) == pytest.approx(
+        0.5, rel=0.1)
+
+
+@pytest.mark.parametrize('share', [0.1, 0.3])
+def test_the_load_that_the_motor_carries_is_fitted_however_small_its_coefficient(share):
+    """Gears, or a sensor's filter, may leave a fraction of -1/(k_t·n) of it."""
+    motion = swings(3)
+    rng = np.random.default_rng(3)
+    load = np.interp(motion.time, np.arange(0.0, 41.0, 0.25), rng.normal(size=164))
+    samples = motion.with_(current=motion.current - share * load, load=load)
+    assert load_coefficient(samples, clipped(samples.current), DRIVE) == 0.0
+    effect, = (one for one in refine([samples.with_(acceleration=None)], drive=DRIVE).report[
+        'effects'] if one['name'] == 'load_torque')
+    assert effect['parameters']['coefficients'][0] == pytest.approx(-share, rel=0.1)
+
+
+def test_one_joint_of_an_arm_without_the_others_is_not_trusted():
+    """What its siblings do to it looks like a spring that pushes away from its middle."""
+    motion, other = swings(4), swings(5)
+    current = (motion.current - 1.4 * motion.position + 0.4 * np.cos(other.position)
+               * np.sin(other.position + motion.position))
+    report = refine([motion.with_(current=current, acceleration=None)], drive=DRIVE).report
+    assert report['verdict'] != 'trust'
+    assert codes(report) & {'doubtful', 'above_noise'}
+
+
+def test_an_error_far_above_the_noise_is_not_trusted():
+    motion, other = swings(6), swings(7)
+    quiet = 0.5 * np.tanh(motion.velocity / 0.01) + 0.2 * motion.velocity
+    current = quiet + 0.3 * other.position + noise(motion, 0.002)
+    report = refine([motion.with_(current=current, acceleration=None)], drive=DRIVE).report
+    assert report['after']['held_out_rmse'] > thresholds.ABOVE_NOISE * report['noise_floor']
+    assert codes(report) & {'above_noise', 'explains_part', 'unexplained'}
+    assert report['verdict'] != 'trust'
+
+
+def test_a_model_that_is_no_better_than_a_constant_is_worthless():
+    motion = swings(8)
+    rng = np.random.default_rng(8)
+    slow = np.interp(motion.time, np.arange(0.0, 41.0, 0.5), rng.normal(size=82))
+    report = refine([motion.with_(current=5.0 + slow, acceleration=None)], drive=DRIVE).report
+    assert report['after']['held_out_rmse'] < 0.4 * report['signal_rms']
+    assert 'explains_nothing' in codes(report)
+    assert report['verdict'] == 'record again'
+
+
+def test_joints_that_move_as_one_are_said_also_where_the_links_are_known():
+    motion = swings(9)
+    both = np.column_stack((motion.position, 0.5 * motion.position))
+    weight = 2.0 * np.sin(motion.position)
+    report = refine([motion.with_(
+        current=motion.current + weight, rigid_body=weight, acceleration=None,
+        arm=JointStates(('lift', 'bend'), both), joint='lift')], drive=DRIVE).report
+    assert 'moves_as_one' in codes(report)
+    assert report['verdict'] == 'record again'
+
+
+def staircase(seed):
+    """Return a joint at twelve constant speeds, up and down, and sums of sines of the same joint.
+
+    Coulomb friction is 0.57, viscous 0.52, inertia 0.12.
+    """
+    rng = np.random.default_rng(seed)
+    speeds = np.linspace(0.1, 1.2, 12)
+    steps = np.repeat(np.concatenate((speeds, speeds[::-1])) * np.tile((1.0, -1.0), 12), 300)
+    velocity = np.convolve(steps, np.full(5, 0.2), 'same')
+    time = np.arange(len(velocity)) * 0.005
+    sines = 0.6 * np.cos(0.9 * time) + 0.4 * np.cos(2.3 * time) + 0.2 * np.cos(5.1 * time)
+
+    def samples(v):
+        current = 0.57 * np.tanh(v / 0.02) + 0.52 * v + 0.12 * np.gradient(v, time)
+        return Samples(time=time, position=np.cumsum(v) * 0.005, velocity=v + 0.01 * rng.normal(
+            size=len(v)), current=current + 0.03 * rng.normal(size=len(v)))
+    return samples(velocity), samples(sines)
+
+
+def test_the_error_elsewhere_of_a_staircase_is_that_of_another_motion():
+    fitted, other = staircase(1)
+    result = refine([fitted], drive=DRIVE)
+    moving = np.abs(other.velocity) > 0.05
+    true = rms((other.current - result.model.predict(other))[moving])
+    assert 0.67 < result.report['after']['elsewhere_motion_rmse'] / true < 3.0
+
+
+def test_thirds_of_load_and_temperature_are_left_out_where_they_were_recorded():
+    motion = swings(10)
+    rng = np.random.default_rng(10)
+    load = np.interp(motion.time, np.arange(0.0, 41.0, 0.5), rng.normal(size=82))
+    report = refine([motion.with_(
+        current=motion.current - load, load=load, acceleration=None,
+        temperature=30.0 + motion.time / 4.0)], drive=DRIVE).report
+    assert set(report['thirds']) == {
+        'speed', 'position', 'time', 'acceleration', 'load', 'temperature'}
+
+
+def test_a_shaft_that_turns_many_times_has_only_effects_that_repeat_every_turn():
+    often = Coverage(0.1, 5.0, 0.05, 0.0, 400.0, 60.0)
+    for name in ('spring', 'bump'):
+        assert 'every turn' in EFFECTS[name].insufficient_data(often)
+    rng = np.random.default_rng(0)
+    time = np.arange(0.0, 60.0, 0.01)
+    speed = 6.0 + 3.0 * np.sin(0.7 * time)
+    position = np.cumsum(speed) * 0.01
+    current = (0.5 + 0.02 * speed + 0.1 * np.cos(3.0 * position)
+               + 0.05 * np.interp(time, np.arange(0.0, 61.0), rng.normal(size=61))
+               + 0.02 * rng.normal(size=len(time)))
+    report = refine([Samples(time=time, position=position, current=current)], drive=DRIVE).report
+    waves = [one['parameters']['frequency'] for one in report['effects']
+             if 'frequency' in one['parameters']]
+    assert waves
+    assert np.abs(np.array(waves) - np.round(waves)) == pytest.approx(0.0, abs=0.02)
+    assert min(waves) > 0.9
+
+
+@pytest.mark.parametrize('value', [0.0, 1e-308, -1e-311])
+def test_an_uninitialised_effort_is_zero(value):
+    samples = swings(11)
+    with pytest.raises(InputError, match='^the current is zero throughout the motion'):
+        refine([samples.with_(current=np.full(len(samples), value), acceleration=None)])
+
+
+def test_predict_reads_what_refine_reads(tmp_path):
+    """Of an arm, other joints may brake a joint's motor: that is no reversed sign."""
+    motion = swings(12)
+    current = -0.5 * np.tanh(motion.velocity / 0.01) + noise(motion)
+    write_samples(tmp_path / 'arm', [motion.with_(joint='lift', current=current, acceleration=None),
+                                     swings(13).with_(joint='bend', acceleration=None)])
+    model = refine([motion.with_(acceleration=None)], drive=DRIVE).model
+    model.save(tmp_path / 'model.yaml')
+    assert predict.main([
+        str(tmp_path / 'arm'), '--joint', 'lift', '--model', str(tmp_path / 'model.yaml'),
+        '--output', str(tmp_path / 'p.csv')]) == 0
+
+
+def test_small_sums_take_one_thread_and_leave_the_others_as_they_were():
+    code = ("import numpy, friction_comp.parallel as p, threadpoolctl as t\n"
+            "n = lambda: max(i['num_threads'] for i in t.threadpool_info())\n"
+            "print(n(), p.one_thread(n)(), n())")
+    done = subprocess.run(
+        [sys.executable, '-c', code], capture_output=True, text=True, check=True,
+        env={'PATH': '', 'OPENBLAS_NUM_THREADS': '2'})
+    assert done.stdout.split() == ['2', '1', '2']
+    assert one_thread(len)([1, 2]) == 2
+
+
+def test_the_command_line_sets_the_number_of_threads_before_numpy_is_imported():
+    code = "import friction_comp.__main__, sys; print('numpy' in sys.modules)"
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == 'False'
