@@ -223,7 +223,8 @@ class LeftOutThirds:
         """
         terms = list(terms)
         while True:
-            errors, trials = self.mean_errors(terms), []
+            errors = self.mean_errors(terms)
+            trials: list[tuple[float, int, list[Term]]] = []
             # Two terms that cancel each other have to be removed together.
             for removed in (some for size in (1, 2)
                             for some in combinations(terms[initial_count:], size)):
