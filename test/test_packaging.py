@@ -38,6 +38,7 @@ ROSDEP_KEYS = {
     'rich': 'python3-rich',
     'rosbags': 'python3-rosbags-pip',
     'scipy': 'python3-scipy',
+    'threadpoolctl': 'python3-threadpoolctl',
     'yaml': 'python3-yaml',
     'zstandard': 'mcap-ros2-support',  # comes with mcap
 }
