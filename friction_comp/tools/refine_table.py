@@ -90,7 +90,7 @@ def _report(fit: SteadyStates, unit: str) -> dict[str, Any]:
     if fit.intervals['coulomb'][0] <= 0.0 <= fit.intervals['coulomb'][1]:
         reasons.append('Coulomb friction cannot be distinguished from zero.')
         again.append('more and slower speeds')
-    if fit.left_out_rmse > thresholds.UNEXPLAINED_CURRENT * signal:
+    if fit.left_out_rmse > thresholds.UNEXPLAINED * signal:
         reasons.append(f'{fit.left_out_rmse:.2g} {unit} of {signal:.2g} {unit} remain unexplained.')
         again.append('each speed several times, over the same range of positions')
     found = [effect.name for effect in fit.model.effects]
