@@ -146,7 +146,7 @@ class _Signals:
         self.on_continue: Callable[[], None] = _do_nothing
         self.continued = False
         self._callback: Callable[[], None] | None = None
-        self._arrived = False
+        self._arrived = self._stopped = False
         for signum in SIGNALS:
             signal.signal(signum, lambda signum, _: self.caught.append(signum))
         for signum in _STOPPING:
@@ -166,8 +166,11 @@ class _Signals:
             callback()
 
     def _continue(self, *_: Any) -> None:
-        self.continued = True
-        self.on_continue()
+        # After SIGSTOP, which nobody can catch, no zero was sent: the node goes on, and its timeouts
+        # judge what it reads.
+        if self._stopped:
+            self._stopped, self.continued = False, True
+            self.on_continue()
 
     def _listen(self, end: Any) -> None:
         while True:
@@ -178,6 +181,7 @@ class _Signals:
                 self._callback()
             if stops:
                 # Nobody can catch this one. Zero current was published before.
+                self._stopped = True
                 os.kill(os.getpid(), signal.SIGSTOP)
 
 
