@@ -34,11 +34,12 @@ from law_judge.peak import peak
 from law_judge.quiet import flicker, knock, quiet
 from law_judge.release import release
 from law_judge.reversal import reversal
+from law_judge.to_and_fro import leader, reaches, to_and_fro
 from law_judge.untouched import lost, untouched, weight
 
 FLOORS = {f.__name__: f for f in (
-    release, untouched, lost, weight, knock, flicker, quiet, peak, reversal, bad_samples,
-    identification)}
+    release, untouched, lost, weight, knock, flicker, quiet, peak, reversal, to_and_fro,
+    reaches, leader, bad_samples, identification)}
 # Folder, kinds, and gears of each.
 WORLDS = {'gear': ('independent_gear', 'KINDS', 2), 'mujoco': ('mujoco_gear', 'KINDS', 4),
           'refined': ('independent_gear', 'REFINED', 1), 'chain': ('maxwell_chain', 'KINDS', 4)}

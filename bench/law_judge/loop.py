@@ -7,7 +7,10 @@ import numpy as np
 from friction_comp import CompensationLaw
 from law_judge.model import REFERENCE_TEMPERATURE
 
-NONE = 'none'
+NONE, KINETIC, TANH = 'none', 'kinetic', 'tanh'
+YARDSTICKS = (KINETIC, TANH)
+"""The printed kinetic law, and the two lines that everybody writes: beside every row of help."""
+TANH_SPEED = 0.03   # rad/s
 
 
 class Bare:
@@ -23,12 +26,31 @@ class Bare:
         return self._size * np.cos(position - self._phase)
 
 
-def make_law(name, joints):
-    """Return the law under test for an experiment: one of CompensationLaw's, or 'none'."""
-    return Bare(joints.gears) if name == NONE else CompensationLaw(joints.models, law=name)
+class Tanh(Bare):
+    """Nine tenths of Coulomb friction times tanh of the velocity that the drive reports."""
+
+    def __init__(self, joints):
+        super().__init__(joints.gears)
+        self._coulomb = np.array([0.5 * (model.sigmoid.upper - model.sigmoid.lower)
+                                  for model in joints.models])
+
+    def update(self, time, position, velocity, direction, temperature=None, load=None):
+        """Return the currents, A, shape (J,)."""
+        carried = super().update(time, position, velocity, direction)
+        return 0.9 * self._coulomb * np.tanh(velocity / TANH_SPEED) + carried
 
 
-def run(plant, law, seconds, direction, watch, every=1, corrupt=None, knock=None):
+def make_law(name, joints, sample_time=1e-3):
+    """Return the law under test for an experiment: one of CompensationLaw's, 'none' or 'tanh'."""
+    if name == NONE:
+        return Bare(joints.gears)
+    if name == TANH:
+        return Tanh(joints)
+    return CompensationLaw(joints.models, law=name, sample_time=sample_time)
+
+
+def run(plant, law, seconds, direction, watch, every=1, corrupt=None, knock=None,
+        hold=1):
     """Run the closed loop and return what was watched.
 
     Parameters
@@ -47,6 +69,8 @@ def run(plant, law, seconds, direction, watch, every=1, corrupt=None, knock=None
         None where it sees nothing.
     knock : tuple of float and ndarray, optional
         When, s, and by how much every joint's speed changes, rad/s.
+    hold : int
+        Samples of the plant for which each current of the law is applied.
 
     Returns
     -------
@@ -66,7 +90,7 @@ def run(plant, law, seconds, direction, watch, every=1, corrupt=None, knock=None
         seen = plant.time, position, velocity
         if corrupt is not None:
             seen = corrupt(k, *seen)
-        if seen is not None:
+        if seen is not None and k % hold == 0:
             extra = {'load': plant.states['person'].copy()}
             if warm:
                 extra['temperature'] = REFERENCE_TEMPERATURE + plant.states['temperature']

@@ -12,14 +12,16 @@ import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 from law_judge.bank import Joints
-from law_judge.loop import make_law, NONE, run
+from law_judge.loop import make_law, NONE, run, YARDSTICKS
 from law_judge.persons import ABLE, draw_persons
-from law_judge.rows import DEGREE, Row
+from law_judge.rows import beside, DEGREE, Row
 
 START = 1.5
 # When the direction is announced, s; the floors of the median and of the worst tenth, %.
 WHEN = {'1 s ahead': (0.5, 88.0, 78.0), 'with the push': (START, 86.0, 78.0),
         'not announced': (np.inf, 50.0, None)}
+FAST = 'with the push, 80 deg/s'
+FASTEST, FASTEST_LEAST = 80.0 * DEGREE, 80.0
 BAND = 20.0
 LEAST = 0.05     # share of friction in the peak
 COUNTS = 10.0   # of presliding, from which on an unannounced push is to be helped
@@ -29,21 +31,18 @@ def peak(bank, law):
     """Return rows for announcements ahead, with the push, and none."""
     joints = Joints(bank, repetition=[0, 1], side=[1.0, -1.0])
     persons = _movements(joints)
-    floor = _peaks(joints, persons, NONE, bank.world.frictionless(joints.gears))
-    bare = _peaks(joints, persons, NONE, joints.gears)
+    removed = _removed(joints, persons, law, {when: at for when, (at, _, _) in WHEN.items()})
     rows = []
-    for when, (at, median, tenth) in WHEN.items():
-        with_law = _peaks(joints, persons, law, joints.gears, at)
-        # Where friction has no part in the peak, there is nothing to take away.
-        share = np.where(bare - floor > LEAST * bare, 100.0 * (bare - with_law) / (bare - floor),
-                         np.nan)
+    for when, (_, median, tenth) in WHEN.items():
+        share = removed[when]
         name = f"friction's part of the peak removed, {when}"
         detail = {f'{kind} {g}': round(float(s), 1) for g, (kind, s) in enumerate(
             zip(bank.kinds, share))}
         if tenth is not None:
-            rows += [Row(name, float(np.nanmedian(share)), median, ' %', True, detail=detail),
-                     Row(f'{name}: worst tenth', float(np.nanpercentile(share, 10)), tenth,
-                         ' %', True)]
+            rows += [Row(name, float(np.nanmedian(share)), median, ' %', True, detail=detail,
+                         beside=beside(removed, np.nanmedian)),
+                     Row(f'{name}: worst tenth', _tenth(share), tenth, ' %', True,
+                         beside=beside(removed, _tenth))]
             continue
         known = np.array(['presliding' in document and document['presliding']['distance']
                           >= COUNTS * gear['resolution']
@@ -51,10 +50,32 @@ def peak(bank, law):
         for which, among, least in (('presliding known, ≥ 10 counts', known, median),
                                     ('otherwise', ~known, None)):
             if among.any():
+                of_these = {who: each[among] for who, each in removed.items()}
                 rows.append(Row(f'{name}, {which}', float(np.nanmedian(share[among])), least,
-                                ' %', True, detail=detail))
-        rows.append(Row(f'{name}: worst', float(np.nanmin(share)), -2.0, ' %', True))
+                                ' %', True, detail=detail, beside=beside(of_these, np.nanmedian)))
+        rows.append(Row(f'{name}: worst', float(np.nanmin(share)), -2.0, ' %', True,
+                        beside=beside(removed, np.nanmin)))
+    persons['speed'] = joints['side'] * FASTEST
+    removed = _removed(joints, persons, law, {FAST: START})
+    rows.append(Row(f"friction's part of the peak removed, {FAST}",
+                    float(np.nanmedian(removed[FAST])), FASTEST_LEAST, ' %', True,
+                    beside=beside(removed, np.nanmedian)))
     return rows
+
+
+def _tenth(share):
+    return float(np.nanpercentile(share, 10))
+
+
+def _removed(joints, persons, law, when):
+    """Return the share removed on each gear, %, by when it is announced and by yardstick."""
+    floor = _peaks(joints, persons, NONE, joints.bank.world.frictionless(joints.gears))
+    bare = _peaks(joints, persons, NONE, joints.gears)
+    peaks = {name: _peaks(joints, persons, law, joints.gears, at) for name, at in when.items()}
+    peaks.update((name, _peaks(joints, persons, name, joints.gears)) for name in YARDSTICKS)
+    # Where friction has no part in the peak, there is nothing to take away.
+    part = np.where(bare - floor > LEAST * bare, bare - floor, np.nan)
+    return {name: 100.0 * (bare - found) / part for name, found in peaks.items()}
 
 
 def _movements(joints):

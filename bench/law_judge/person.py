@@ -14,6 +14,7 @@ from numba import njit
 import numpy as np
 
 LONGEST_DELAY = 256
+MOST_PLACES = 24
 
 
 def floats(names):
@@ -22,11 +23,14 @@ def floats(names):
 
 
 # A person holds the link from `touch` to `release`, and follows a reference that starts at
-# `start`: a movement, which turns round at its end where `returns` is set, or a sway. Or, with
+# `start`: a movement, which turns round at its end where `returns` is set, a sway, or strokes of
+# minimum jerk (Flash and Hogan 1985) from each of `places` to the next, rad, at `times`, s, a pause
+# where both are the same. Or, with
 # `push`, they push with a torque that grows from `start` on, as on a joystick, and let go for good
 # when the link has moved by `push_travel`. `lean` is a torque that is always there.
 PERSON = np.dtype([
-    ('delay', 'i8'), ('returns', 'i8'),
+    ('delay', 'i8'), ('returns', 'i8'), ('strokes', 'i8'),
+    ('times', 'f8', (MOST_PLACES,)), ('places', 'f8', (MOST_PLACES,)),
     *floats('touch release arm stiffness damping voluntary lean tremor tremor_frequency '
             'tremor_phase start speed acceleration_time cruise_time sway sway_frequency '
             'push push_rate push_travel')])
@@ -50,6 +54,16 @@ def reference(who, time):
     t = time - who.start
     if t <= 0.0:
         return 0.0, 0.0
+    if who.strokes > 0:
+        k = 0
+        while k < who.strokes and who.times[k + 1] <= t:
+            k += 1
+        if k == who.strokes:
+            return who.places[k], 0.0
+        lasts, way = who.times[k + 1] - who.times[k], who.places[k + 1] - who.places[k]
+        x = (t - who.times[k]) / lasts
+        return (who.places[k] + way * x**3 * (10.0 - 15.0 * x + 6.0 * x * x),
+                way / lasts * 30.0 * (x * (1.0 - x))**2)
     if who.sway != 0.0:
         phase = 2.0 * math.pi * who.sway_frequency * t
         return (who.sway * (1.0 - math.cos(phase)),

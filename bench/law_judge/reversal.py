@@ -6,36 +6,34 @@ import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 from law_judge.bank import Joints
-from law_judge.loop import make_law, NONE, run
-from law_judge.persons import ABLE, draw_persons
-from law_judge.rows import DEGREE, Row
+from law_judge.loop import make_law, NONE, run, YARDSTICKS
+from law_judge.persons import firm_hands
+from law_judge.rows import beside, DEGREE, Row
 
 START, CRUISE, AFTER = 1.5, 1.0, 1.0
 BAND = 20.0
 AHEAD = (0.1, 0.3)     # s before the turn at which the other direction is announced
-FIRMER = 30.0     # than who is just able to move the joint: leads it through the turn
 
 
 def reversal(bank, law):
     """Return by how much peak and RMS of the torque about the turn are lower than bare, %."""
     joints = Joints(bank, side=[1.0, -1.0], ahead=AHEAD)
-    persons = draw_persons([ABLE] * len(bank.gears), bank.torque, bank.seed)
-    random = np.random.default_rng([bank.seed, 92])
+    persons, random = firm_hands(bank, 92)
     persons['start'], persons['returns'] = START, 1
     persons['speed'] = random.uniform(8.0, 25.0, len(bank.gears)) * DEGREE
     ramp = random.uniform(0.4, 1.0, len(bank.gears))
     persons['acceleration_time'], persons['cruise_time'] = ramp, CRUISE
     persons = persons[joints.gear]
     persons['speed'] *= joints['side']
-    persons['stiffness'] *= FIRMER
-    persons['damping'] *= np.sqrt(FIRMER)
     turn = (START + CRUISE + 2.0 * ramp)[joints.gear]
-    bare, with_law = (_felt(joints, persons, turn, name) for name in (NONE, law))
+    felt = {name: _felt(joints, persons, turn, name) for name in (NONE, law, *YARDSTICKS)}
     rows = []
     for k, (name, least) in enumerate((('peak', 20.0), ('RMS', 65.0))):
-        lower = 100.0 * (1.0 - with_law[k] / bare[k])
+        lowered = {who: 100.0 * (1.0 - with_law[k] / felt[NONE][k])
+                   for who, with_law in felt.items()}
+        lower = lowered[law]
         rows.append(Row(f'reversal announced: {name} lower than bare',
-                        float(np.median(lower)), least, ' %', True,
+                        float(np.median(lower)), least, ' %', True, beside=beside(lowered, np.median),
                         detail={'worst': float(lower.min()), 'each': lower.round(1).tolist()}))
     return rows
 

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from law_judge.loop import YARDSTICKS
+
 DEGREE = np.pi / 180.0
 
 
@@ -26,6 +28,8 @@ class Row:
         Of how many, for counts; `wanted` is then a share of them.
     detail : dict
         Plain figures to keep with it.
+    beside : dict of str to float
+        What the yardsticks reach.
     """
 
     floor: str
@@ -35,6 +39,7 @@ class Row:
     at_least: bool = False
     joints: int = 0
     detail: dict = field(default_factory=dict)
+    beside: dict = field(default_factory=dict)
 
     @property
     def met(self):
@@ -50,7 +55,10 @@ class Row:
         """The value as the table prints it."""
         if self.joints:
             return f'{self.value:.0f} of {self.joints}'
-        return f'{self.value:.3g}{self.unit}' if np.isfinite(self.value) else 'not known'
+        if not np.isfinite(self.value):
+            return 'not known'
+        others = ''.join(f' / {value:.3g}' for value in self.beside.values())
+        return f'{self.value:.3g}{others}{self.unit}'
 
     @property
     def asked(self):
@@ -60,6 +68,11 @@ class Row:
         if self.joints:
             return '0' if self.wanted == 0.0 else f'≤ {100 * self.wanted:.0f} %'
         return f'{"≥" if self.at_least else "≤"} {self.wanted:g}{self.unit}'
+
+
+def beside(shares, figure):
+    """Return a figure of the shares that the yardsticks reach, by their names."""
+    return {name: float(figure(shares[name])) for name in YARDSTICKS}
 
 
 def count(floor, joints, fails, wanted=0.0, which=None, **detail):

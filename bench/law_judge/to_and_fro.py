@@ -1,0 +1,182 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Movement at the tempo at which people move: what of friction the hand no longer feels.
+
+A firm hand leads the joint to and fro, reaches for places (minimum jerk), or moves and pauses as it
+likes. Removed = (bare - law) / (bare - frictionless) of the torque of the hand: RMS, or the peak
+(low pass at 20 Hz) within 0.3 s of the beginning of each movement from rest. Beside the law: the
+printed kinetic law, and 0.9 times Coulomb friction times tanh of the drive's velocity.
+"""
+
+import numpy as np
+from scipy.signal import butter, sosfiltfilt
+
+from law_judge.bank import Joints
+from law_judge.loop import make_law, NONE, run, YARDSTICKS
+from law_judge.person import MOST_PLACES
+from law_judge.persons import firm_hands
+from law_judge.rows import beside, DEGREE, Row
+
+FREQUENCIES = (0.2, 0.3, 0.6, 1.0, 1.2)
+AMPLITUDES = 10.0 * DEGREE, 15.0 * DEGREE
+FASTEST = 90.0 * DEGREE      # within the identified speeds
+START, SETTLED, END = 0.5, 2.5, 10.5
+BAND, BEGINS = 20.0, 0.3
+LEAST = 0.05     # share of friction in what the hand feels
+# How d comes, and the floors of median and worst gear, %. It tells the coming movement a moment
+# ahead; a planner that passes through 0 is silent for a while before.
+D = {'d = 0': (78.0, 60.0), 'announced': (85.0, 65.0), 'announced through 0': (85.0, 65.0)}
+AHEAD, SILENT = 0.05, 0.1
+REACHES = {'40 deg in 1.6 s': (40.0 * DEGREE, 1.6), '60 deg in 1.4 s': (60.0 * DEGREE, 1.4)}
+RATES = (1000, 500, 250, 100)    # Hz
+ENCODER = 2.0 * np.pi / 2**16
+
+
+def to_and_fro(bank, law):
+    """Lead each joint to and fro at several frequencies, not announced and announced."""
+    joints = Joints(bank, frequency=FREQUENCIES)
+    persons, random = firm_hands(bank, 93)
+    persons = persons[joints.gear]
+    amplitude = random.uniform(*AMPLITUDES, len(bank.gears))[joints.gear]
+    omega = 2.0 * np.pi * joints['frequency']
+    persons['start'], persons['sway_frequency'] = START, joints['frequency']
+    persons['sway'] = np.minimum(amplitude, FASTEST / omega)
+
+    def coming(time):
+        return np.where(time < START, 0.0, np.sign(np.sin(omega * (time + AHEAD - START))))
+
+    def silent(time):
+        return np.where(coming(time) == coming(time - SILENT), coming(time), 0.0)
+
+    def felt(name, gears=None, direction=lambda time: 0.0 * omega):
+        record = _record(joints, persons, name, gears, direction, END)
+        return _rms(record, round(1e3 * SETTLED), round(1e3 * END))
+    floor, bare = felt(NONE, bank.world.frictionless(joints.gears)), felt(NONE)
+    shares = {name: _removed(bare, felt(name), floor) for name in YARDSTICKS}
+    rows = []
+    for (how, (median, worst)), direction in zip(
+            D.items(), (lambda time: 0.0 * omega, coming, silent)):
+        shares['law'] = _removed(bare, felt(law, direction=direction), floor)
+        name = f'to and fro, {how}: removed'
+        detail = {f'{f} Hz': _spread(shares['law'][joints['frequency'] == f])
+                  for f in FREQUENCIES}
+        detail['gears'] = {f'{kind} {g}': round(float(np.nanmin(shares['law'][joints.gear == g])))
+                           for g, kind in enumerate(bank.kinds)}
+        rows += [Row(name, float(np.nanmedian(shares['law'])), median, ' %', True,
+                     detail=detail, beside=beside(shares, np.nanmedian)),
+                 Row(f'{name}, worst', float(np.nanmin(shares['law'])), worst, ' %', True,
+                     beside=beside(shares, np.nanmin))]
+    return rows
+
+
+def reaches(bank, law):
+    """Reach there and back, with pauses, announced with the push."""
+    rows = []
+    for name, (way, lasts) in REACHES.items():
+        joints = Joints(bank, side=[1.0, -1.0])
+        persons, _ = firm_hands(bank, 94)
+        times = np.cumsum([0.0, lasts, 0.8, lasts, 0.8, lasts])
+        places = joints['side'][:, None] * way * np.array([0.0, 1.0, 1.0, 0.0, 0.0, 1.0])
+        persons = _strokes(persons[joints.gear], times, places)
+        shares = _shares(joints, persons, law, announced=True)
+        rows += _both(f'reach of {name}, with the push', shares, (None, None))
+    return rows
+
+
+def leader(bank, law):
+    """Let a hand move and pause as it likes on a leader arm: nobody knows the direction."""
+    return [row for rate in RATES for row in _hand(bank, law, rate)]
+
+
+def _hand(bank, law, rate):
+    joints = Joints(bank, repetition=[0])
+    gears = joints.gears
+    gears['resolution'] = ENCODER
+    persons, random = firm_hands(bank, 95)
+    times, places = np.zeros((2, len(persons), MOST_PLACES))
+    for k in range(1, MOST_PLACES):
+        pauses = random.uniform(size=len(persons)) < 0.3
+        way = random.uniform(5.0, 40.0, len(persons)) * DEGREE * random.choice(
+            [-1.0, 1.0], len(persons))
+        # 1.875 times the mean is the fastest of minimum jerk
+        lasts = np.maximum(random.uniform(0.4, 1.5, len(persons)), 1.875 * abs(way) / FASTEST)
+        times[:, k] = times[:, k - 1] + np.where(pauses, random.uniform(0.4, 1.5, len(persons)),
+                                                 lasts)
+        places[:, k] = places[:, k - 1] + np.where(pauses, 0.0, way)
+    persons = _strokes(persons, times, places)
+    floors = (74.0, 47.0) if rate == 500 else (None, None)
+    return _both(f'leader arm at {rate} Hz, d = 0', _shares(
+        joints, persons, law, gears=gears, hold=1000 // rate), floors)
+
+
+def _strokes(persons, times, places):
+    persons['start'], persons['strokes'] = START, times.shape[-1] - 1
+    persons['times'][:, :times.shape[-1]], persons['places'][:, :times.shape[-1]] = times, places
+    return persons
+
+
+def _shares(joints, persons, law, announced=False, gears=None, hold=1):
+    """Return the share removed from RMS and peaks of each joint, %, by law."""
+    gears = joints.gears if gears is None else gears
+    end = START + np.max(persons['times'][:, persons['strokes'][0]])
+    everyone = np.arange(len(persons))
+
+    def direction(time):
+        if not announced:
+            return 0.0 * everyone
+        k = (persons['times'][:, :-1] <= max(0.0, time - START)).sum(axis=1) - 1
+        k = np.minimum(k, persons['strokes'] - 1)
+        return np.sign(persons['places'][everyone, k + 1] - persons['places'][everyone, k]) * (
+            time >= START)
+    felt = {}
+    for name in (NONE, 'frictionless', law, *YARDSTICKS):
+        plain = name == 'frictionless'
+        record = _record(joints, persons, NONE if plain else name,
+                         joints.bank.world.frictionless(gears) if plain else gears,
+                         direction, end, hold)
+        felt[name] = _rms(record, round(1e3 * START), None), _starts(record, persons)
+    return {name: [_removed(*trio) for trio in zip(felt[NONE], found, felt['frictionless'])]
+            for name, found in felt.items()}
+
+
+def _both(name, shares, floors):
+    rows = []
+    for k, (what, floor) in enumerate(zip(('RMS', 'start'), floors)):
+        each = {who: found[k] for who, found in shares.items()}
+        values = next(value for who, value in each.items()
+                      if who not in (NONE, 'frictionless', *YARDSTICKS))
+        rows.append(Row(f'{name}: {what} removed', float(np.nanmedian(values)), floor, ' %', True,
+                        detail={'worst': float(np.nanmin(values))},
+                        beside=beside(each, np.nanmedian)))
+    return rows
+
+
+def _record(joints, persons, name, gears, direction, seconds, hold=1):
+    plant = joints.plant(persons, gears)
+    record = run(plant, make_law(name, joints, hold * plant.sample_time), seconds, direction,
+                 {'torque': 'person'}, hold=hold)
+    return record['torque']
+
+
+def _rms(torque, first, last):
+    return np.sqrt(np.mean(np.square(torque[first:last], dtype=float), axis=0))
+
+
+def _starts(torque, persons):
+    """Return the median peak at the beginnings of movements from rest, shape (J,)."""
+    smooth = np.abs(sosfiltfilt(butter(2, BAND, fs=1000.0, output='sos'), torque, axis=0))
+    found = np.full(len(persons), np.nan)
+    for j, who in enumerate(persons):
+        ways = np.diff(who['places'][:who['strokes'] + 1])
+        begins = [k for k in range(len(ways)) if ways[k] != 0.0 and (k == 0 or ways[k - 1] == 0.0)]
+        at = [round(1e3 * (START + who['times'][k])) for k in begins]
+        found[j] = np.median([smooth[k:k + round(1e3 * BEGINS), j].max() for k in at])
+    return found
+
+
+def _removed(bare, with_law, floor):
+    return 100.0 * (bare - with_law) / np.where(bare - floor > LEAST * bare, bare - floor, np.nan)
+
+
+def _spread(values):
+    return f'{np.nanmedian(values):.0f} ({np.nanmin(values):.0f} to {np.nanmax(values):.0f})'
