@@ -19,14 +19,6 @@ import tempfile
 
 from bench_tools import processes
 from law_table import bank_of, FLOORS, WORLDS
-from numba import njit
-
-
-@njit
-def never(p, s, aim):
-    """Return False: the joint does not turn round."""
-    return False
-
 
 PARAMETERS = 'friction_comp.compensation.law_parameters.'
 OPERATOR = 'friction_comp.compensation.friction_operator.'
@@ -37,8 +29,9 @@ RULES = {
     'slope limit': {PARAMETERS + 'TURN_TIME': 1e-9},
     'lead speed': {PARAMETERS + 'LEAD_SPEED': math.inf},
     'lead time': {PARAMETERS + 'LEAD_TIME': 1e-3},
-    'rise, announced': {PARAMETERS + 'RISE_TIME': 1e-3},
-    'rise, not announced': {PARAMETERS + 'ALONE_TIME': 1e-3},
+    'savings': {PARAMETERS + 'SAVING': math.inf},
+    'help sooner after a turn': {PARAMETERS + 'SOONER': 0.0},
+    'slowing down': {PARAMETERS + 'TURN_SHARE': 1e-9},
     'known presliding': {PARAMETERS + 'KNOWN_COUNTS': math.inf},
     'start at breakaway friction': {PARAMETERS + 'START_DISTANCE': 1e-6},
     'withheld while speed changes': {PARAMETERS + 'LEAST_CHANGING': 1.0},
@@ -47,8 +40,7 @@ RULES = {
     'early slip': {PARAMETERS + 'EARLY': 1.0},
     'least trust': {PARAMETERS + 'LEAST_TRUST': 0.0},
     'taken back beyond the identified speeds': {OPERATOR + 'TAKEN_TIME': math.inf},
-    'lead at the turn': {OPERATOR + 'turns_round': never},
-    'changes of the announcement': {OPERATOR + 'MOST_CHANGES': math.inf},
+    'changed announcement at rest': {OPERATOR + 'PATIENCE': 0.0},
     'fade': {PARAMETERS + 'FADE': 1e6},
     'bound on the current': {PARAMETERS + 'BOUND': 1e6},
     'filter of the speed': {GUARDS + 'FILTER_TIME': 1e-6},
@@ -62,6 +54,7 @@ COLUMNS = {
     'rings 2 s after a knock': 'rings', 'untouched, model': 'starts',
     'untouched, friction': 'lost', 'carried': 'carried', 'unknown weight': 'falls',
     'announcement flickers': 'flicker', 'reversal announced: peak': 'reversal',
+    'to and fro, d = 0: removed': 'to and fro', 'to and fro, announced: removed': 'announced',
     'let go, model ≤ 1.10': 'gains', 'let go, model ≤ 1.05': 'no rest',
     'let go, model ≤ 1.5': 'fast', 'let go, friction': 'runs',
     'pushed by 2 deg, model ≤ 1.10': 'pushed'}

@@ -40,10 +40,16 @@ def defer_compilation() -> None:
 
 
 def njit(*, cache: bool = False) -> Callable[[F], F]:
-    """Return ``numba.njit`` or, after `defer_compilation`, a decorator that makes a `Kernel`."""
+    """Return ``numba.njit`` or, after `defer_compilation`, a decorator that makes a `Kernel`.
+
+    With ``NUMBA_DISABLE_JIT=1`` kernels stay plain Python: records have no attributes otherwise.
+    """
+    global _deferred, _plain
     if _deferred is None:
         import numba
-        return numba.njit(cache=cache)
+        if not numba.config.DISABLE_JIT:
+            return numba.njit(cache=cache)
+        _deferred, _plain = [], True
     return lambda function: Kernel(function, cache)  # type: ignore[return-value]
 
 

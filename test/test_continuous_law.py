@@ -11,11 +11,7 @@ import numpy as np
 import pytest
 
 from friction_comp.compensation.law import CompensationLaw, law_parameters
-from friction_comp.compensation.law_parameters import (
-    ALONE_TIME,
-    LONGER,
-    RISE_TIME,
-)
+from friction_comp.compensation.law_parameters import LONGER, START_TIME
 from friction_comp.model.effects.history_effects import Hysteresis
 from friction_comp.model.friction_model import Presliding
 from friction_comp.simulation.joint_parameters import GEARS
@@ -89,16 +85,45 @@ def test_slow_reversals_of_the_gear_are_not_compensated_early(seed, distance, er
     assert np.sum(current[:-1][last] * steps) <= taken + 4.0 * LEVEL * speed * 1e-3
 
 
-@pytest.mark.parametrize('direction, within', [(0, ALONE_TIME), (1, RISE_TIME)])
-def test_unannounced_help_rises_slowly_and_ends_at_once(direction, within):
-    """Who breaks a joint loose has a loaded arm, which sudden help would throw."""
-    time, there, back = 1e-3 * np.arange(1400), 0.3, 1.0
-    places = 0.3 * (np.maximum(0.0, time - there) - 2.0 * np.maximum(0.0, time - back))
-    current = drive_along(CompensationLaw([small_model()]), places,
-                          np.where(time < there, direction, 0))
-    assert np.max(np.diff(current[:990])) <= LEVEL / within * 1e-3 * (1.0 + 1e-9)
-    assert current[990] > 0.85 * LEVEL
-    assert current[1040] < 0.0
+def test_a_turn_after_a_long_way_costs_the_hand_friction_alone_and_help_is_soon_back():
+    """Not announced: what helped is gone when the joint turns, and there again within 2.5 R."""
+    law, time = CompensationLaw([small_model()]), 1e-3 * np.arange(3000)
+    places = 0.2 * (1.0 - np.cos(2.0 * math.pi * 0.5 * time))
+    share = drive_along(law, places, 0) / (0.9 * LEVEL)
+    assert share[900] > 0.95
+    turn = 1000
+    assert abs(share[turn]) < 0.35
+    back = np.flatnonzero(share[turn:] < -0.9)[0] + turn
+    assert places[turn] - places[back] < 2.5 * law.parameters['distance'][0]
+
+
+def test_help_at_a_turn_is_paid_by_the_way_before():
+    """Short ways leave the operator as it is: it reverses over 2 R, whoever pushes."""
+    law = CompensationLaw([small_model()])
+    distance = law.parameters['distance'][0]
+    short, time = 2.5 * distance, 1e-3 * np.arange(4000)
+    places = short * (1.0 - np.cos(2.0 * math.pi * 4.0 * time))
+    current = drive_along(law, places, 0)
+    steps = np.diff(places)[-1000:]
+    operator = np.zeros(len(places))
+    z = 0.0
+    for k in range(1, len(places)):
+        z = min(1.0, max(-1.0, z + (places[k] - places[k - 1]) / distance))
+        operator[k] = 0.9 * LEVEL * z
+    given = np.sum(current[-1001:-1] * steps)
+    saved = 0.1 * LEVEL * np.sum(np.abs(steps))
+    assert given <= np.sum(operator[-1001:-1] * steps) + saved
+
+
+def test_a_moment_without_an_announcement_changes_nothing():
+    """At rest and in motion: a planner passes through 0."""
+    for places in (np.zeros(2000), np.maximum(0.0, 3e-4 * (np.arange(2000) - 900))):
+        directions = np.ones(2000)
+        steady = drive_along(CompensationLaw([small_model()]), places, directions)
+        directions[1200:1300] = 0.0
+        np.testing.assert_allclose(
+            drive_along(CompensationLaw([small_model()]), places, directions), steady,
+            atol=1e-9)
 
 
 def slow_push():
@@ -109,15 +134,15 @@ def slow_push():
 @pytest.mark.parametrize('presliding, known', [
     (Presliding(3e-4, std=3e-5), True), (Presliding(3e-4), False),
     (Presliding(3e-4, std=7e-5), True), (Presliding(9.0 * COUNT, std=COUNT), False)])
-def test_a_push_that_nobody_announced_is_helped_where_presliding_is_known(presliding, known):
-    """Pushed slowly from rest, the joint is helped before it slides; else not before it does."""
+def test_a_push_that_nobody_announced_is_helped_from_its_first_displacement(presliding, known):
+    """The more, the better presliding is known."""
     model = replace(small_model(), presliding=presliding)
     distance = float(law_parameters(model)['distance'][0]) - 2.0 * COUNT
     assert distance == pytest.approx(presliding.distance * LONGER if not known
                                      else presliding.distance + presliding.std)
     way = presliding.distance * slow_push()
     helped = drive_along(CompensationLaw([model]), np.floor(way / COUNT) * COUNT, 0)[-1]
-    assert (helped > 0.5 * LEVEL) if known else (helped < 0.3 * LEVEL)
+    assert helped > (0.5 if known else 0.2) * LEVEL
 
 
 def test_a_hand_that_trembles_at_rest_does_not_spoil_the_push():
@@ -129,14 +154,6 @@ def test_a_hand_that_trembles_at_rest_does_not_spoil_the_push():
                           way + tremor * np.sin(0.06 * np.arange(len(way))), 0)[-1]
               for tremor in (0.0, 0.15 * distance)]
     assert helped[1] > 0.8 * helped[0] > 0.4 * LEVEL
-
-
-def test_help_that_comes_at_once_does_not_answer_a_vibration():
-    """A joint that goes to and fro within presliding gets it on the first way from rest alone."""
-    model = replace(small_model(), presliding=Presliding(3e-4, std=3e-5))
-    way = 1.5e-4 * (1.0 - np.cos(0.16 * math.pi * np.maximum(0, np.arange(2500) - 400)))
-    current = drive_along(CompensationLaw([model]), np.floor(way / COUNT) * COUNT, 0)
-    assert np.ptp(current[2000:]) < 0.3 * np.ptp(current[400:800])
 
 
 @pytest.fixture(scope='module')
@@ -242,7 +259,9 @@ def test_faster_than_identified_nothing_is_fed_forward():
 def test_a_joint_on_friction_below_its_model_by_more_than_the_share_stops_gaining_speed(gears):
     """In the model it is 1.14 times as large: more is fed forward than the gear takes."""
     log, _ = let_go(gears, 1.14, 20.0, 1.0)
-    assert log['link_speed'][:, 100:].max() < 21.5 * DEGREE
+    speed, started = log['link_speed'], round(1e3 * (START_TIME + 0.5))
+    assert np.all(speed[:, started:].max(axis=1) < speed[:, :started].max(axis=1))
+    assert speed[:, -1].max() < 0.5 * 20.0 * DEGREE
 
 
 def test_equal_and_older_times_change_nothing():

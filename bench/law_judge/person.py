@@ -49,25 +49,22 @@ def nobody(joints):
 
 
 @njit(cache=True)
-def reference(who, time):
-    """Return position and velocity of the movement shown to the person, rad from the origin."""
-    t = time - who.start
-    if t <= 0.0:
-        return 0.0, 0.0
-    if who.strokes > 0:
-        k = 0
-        while k < who.strokes and who.times[k + 1] <= t:
-            k += 1
-        if k == who.strokes:
-            return who.places[k], 0.0
-        lasts, way = who.times[k + 1] - who.times[k], who.places[k + 1] - who.places[k]
-        x = (t - who.times[k]) / lasts
-        return (who.places[k] + way * x**3 * (10.0 - 15.0 * x + 6.0 * x * x),
-                way / lasts * 30.0 * (x * (1.0 - x))**2)
-    if who.sway != 0.0:
-        phase = 2.0 * math.pi * who.sway_frequency * t
-        return (who.sway * (1.0 - math.cos(phase)),
-                who.sway * 2.0 * math.pi * who.sway_frequency * math.sin(phase))
+def stroke(who, t):
+    """Return position and velocity of strokes of minimum jerk."""
+    k = 0
+    while k < who.strokes and who.times[k + 1] <= t:
+        k += 1
+    if k == who.strokes:
+        return who.places[k], 0.0
+    lasts, way = who.times[k + 1] - who.times[k], who.places[k + 1] - who.places[k]
+    x = (t - who.times[k]) / lasts
+    return (who.places[k] + way * x**3 * (10.0 - 15.0 * x + 6.0 * x * x),
+            way / lasts * 30.0 * (x * (1.0 - x))**2)
+
+
+@njit(cache=True)
+def movement(who, t):
+    """Return position and velocity of acceleration, constant speed, and a stop or a return."""
     ramp, cruise, speed = who.acceleration_time, who.cruise_time, who.speed
     if t < ramp:
         return 0.5 * speed * t * t / ramp, speed * t / ramp
@@ -83,6 +80,21 @@ def reference(who, time):
     if left > 0.0:
         return way - 0.5 * speed * left * left / ramp, speed * left / ramp
     return way, 0.0
+
+
+@njit(cache=True)
+def reference(who, time):
+    """Return position and velocity of the movement shown to the person, rad from the origin."""
+    t = time - who.start
+    if t <= 0.0:
+        return 0.0, 0.0
+    if who.strokes > 0:
+        return stroke(who, t)
+    if who.sway != 0.0:
+        phase = 2.0 * math.pi * who.sway_frequency * t
+        return (who.sway * (1.0 - math.cos(phase)),
+                who.sway * 2.0 * math.pi * who.sway_frequency * math.sin(phase))
+    return movement(who, t)
 
 
 @njit(cache=True)

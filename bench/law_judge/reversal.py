@@ -33,7 +33,8 @@ def reversal(bank, law):
                    for who, with_law in felt.items()}
         lower = lowered[law]
         rows.append(Row(f'reversal announced: {name} lower than bare',
-                        float(np.median(lower)), least, ' %', True, beside=beside(lowered, np.median),
+                        float(np.median(lower)), least, ' %', True,
+                        beside=beside(lowered, np.median),
                         detail={'worst': float(lower.min()), 'each': lower.round(1).tolist()}))
     return rows
 

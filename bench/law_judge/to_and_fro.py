@@ -20,7 +20,7 @@ from law_judge.rows import beside, DEGREE, Row
 FREQUENCIES = (0.2, 0.3, 0.6, 1.0, 1.2)
 AMPLITUDES = 10.0 * DEGREE, 15.0 * DEGREE
 FASTEST = 90.0 * DEGREE      # within the identified speeds
-START, SETTLED, END = 0.5, 2.5, 10.5
+START, SETTLED, END = 0.5, 2.5, 7.5
 BAND, BEGINS = 20.0, 0.3
 LEAST = 0.05     # share of friction in what the hand feels
 # How d comes, and the floors of median and worst gear, %. It tells the coming movement a moment

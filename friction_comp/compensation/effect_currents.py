@@ -107,8 +107,6 @@ class EffectCurrents:
                 continue
             if effect.role == CARRIES:
                 parts = (0.0, 0.0, term.update(time, position, speed, **signals))
-            elif effect.dahl_friction() is not None:
-                continue  # the law has an element for it
             else:
                 parts = (*term.both_sides(time, position, speed, **signals), 0.0)
             if not all(map(math.isfinite, parts)):

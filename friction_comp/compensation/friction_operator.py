@@ -1,14 +1,15 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The continuous law: friction fed forward through an operator that behaves like friction.
+"""The continuous law: friction knows distances, not times, and so does what is fed forward.
 
 ``i = A(|ω|)·z``, where z in -1..1 is driven by displacement: an elastic-plastic element of distance
 R behind a small backlash. Where A does not exceed the gear's friction and R is at least its
 presliding distance, the law supplies over any path at most the energy that the gear dissipates,
-plus a bounded amount (proof in docs/compensation_law.md). Where the joint rests or turns round, z
-is moved to the announced direction (the preload), and one observation bounds the model's error:
-whether the joint holds it. What it has shown to hold is kept in one number, the trust in its drive.
-A slip lowers it, a movement by a person restores some of it.
+plus a bounded amount (proof in docs/compensation_law.md). What A leaves to the gear on a long way
+pays for z to go ahead of displacement at the next turn. At rest z is led to the announced direction
+(the preload), and one observation bounds the model's error: whether the joint holds it. What it has
+shown to hold is kept in one number, the trust in its drive. A slip lowers it, a movement by a
+person restores some of it.
 """
 
 from __future__ import annotations
@@ -22,9 +23,8 @@ from friction_comp.compiling import njit
 
 TAKEN_TIME = 0.1
 """s in which trust falls from one to zero above the identified speeds."""
-MOST_CHANGES, CHANGE_TIME = 2.5, 1.0
-"""Number of changes of the announced direction above which it is ignored, and s after which one
-change is forgotten."""
+PATIENCE = 0.3
+"""s that a changed announcement must last at a joint that has not moved."""
 PACE_TIME, CHANGE_SHARE, CHANGE_SPEED = 0.05, 0.02, 0.003
 """s over which the speed is averaged; relative change and absolute change in rad/s at which the
 largest share is withheld."""
@@ -37,22 +37,38 @@ def approach(value: float, target: float, most: float) -> float:
 
 
 @njit(cache=True)
+def spend(s: Any, target: float) -> None:
+    """Move z towards a target beyond what displacement does, as far as the way has paid for it."""
+    change = min(2.0 * s.saved, max(-2.0 * s.saved, target - s.z))
+    s.z += change
+    s.saved -= 0.5 * abs(change)
+
+
+@njit(cache=True)
 def follow(p: Any, s: Any) -> None:
-    """Drive the operator by the displacement of this sample, and detect rest."""
+    """Drive the operator by the displacement of this sample, and detect rest.
+
+    A long way saves for its turn; a vibration is too short to.
+    """
     driven = min(s.position + p.backlash, max(s.position - p.backlash, s.backlash_position))
     displacement = driven - s.backlash_position
     s.backlash_position = driven
+    s.way += abs(displacement)
+    if s.way > p.saving_distance:
+        s.saved = min(1.0, s.saved + abs(displacement) / p.saving_distance)
     if s.mode != LEADING:
-        s.z = min(1.0, max(-1.0, s.z + displacement / p.distance))
-        # A joint whose help decays springs back, which is no push: pushed on by it, a gear that
-        # yields farther than R would swing for ever.
-        if abs(s.position - s.rest_position) > p.distance:
-            s.decaying = 0.0
-        elif s.z * s.decaying < 0.0:
+        before = s.z
+        s.z = min(1.0, max(-1.0, before + displacement / p.distance))
+        # A joint that stops springs back, which is no push: pushed on by it, a gear that yields
+        # farther than R would swing for ever.
+        if abs(s.position - s.stop_position) > p.distance:
+            s.stopped = 0.0
+        if s.slowing == 1 and s.heading * (s.z - before) > 0.0:
+            s.z = before
+        elif s.z * s.stopped < 0.0 and s.z * s.aim <= 0.0:
             s.z = 0.0
-    if p.dahl > 0.0 and displacement != 0.0:
-        sign = math.copysign(1.0, displacement)
-        s.dahl_z = sign - (sign - s.dahl_z) * math.exp(-abs(displacement) / p.dahl_distance)
+        else:
+            spend(s, min(1.0, max(-1.0, s.z + p.sooner * displacement / p.distance)))
     if abs(s.position - s.still_position) > p.still_distance:
         s.still_position = s.position
         s.still_time = 0.0
@@ -68,39 +84,48 @@ def _slipped(p: Any, s: Any, share: float) -> None:
 
 
 @njit(cache=True)
-def _start_leading(s: Any) -> None:
+def _start_leading(p: Any, s: Any, aim: float) -> None:
     """Begin to lead z from where it is."""
     s.mode, s.ramp, s.lead_position, s.still_time = LEADING, s.z, s.position, 0.0
-    s.decaying = 0.0
+    s.stopped = 0.0
+    # A joint yields twice as far from one preload to the other as from none.
+    s.yields = p.slip * max(1.0, abs(aim - s.z))
 
 
 @njit(cache=True)
-def turns_round(p: Any, s: Any, aim: float) -> bool:
-    """Return whether a joint that moved against the announced direction stops.
+def slow_down(p: Any, s: Any, aim: float) -> None:
+    """Give help back while the joint slows down below a share of this movement's top speed.
 
-    A joint that springs back near its position of rest has not moved away from it, and one that
-    has been slow for half a second does not stop.
+    The hand then breaks friction alone at the turn, not what still helps in the old direction, too.
+    Where the other direction is announced, z goes there before the joint does.
     """
-    return (s.z * aim < 0.0 and abs(s.speed) < p.lead_speed < s.usual
-            and abs(s.position - s.rest_position) > p.moved_distance)
+    speed = abs(s.speed)
+    if s.speed * s.heading <= 0.0 or s.still_time >= p.rest_time:
+        s.heading, s.top, s.way = math.copysign(1.0, s.speed), 0.0, 0.0
+    s.top = max(s.top, speed)
+    left = (speed + p.lead_speed) / (p.turn_share * s.top + 1e-9)
+    s.slowing = 0
+    if s.mode == FREE and left < 1.0:
+        s.slowing = 1
+        if aim * s.heading < 0.0:
+            left = 2.0 * left - 1.0
+        elif s.z * s.heading > 0.0:
+            s.stopped, s.stop_position = s.heading, s.position
+        spend(s, s.heading * min(left, s.heading * s.z))
 
 
 @njit(cache=True)
 def lead(p: Any, s: Any, aim: float) -> None:
     """Lead the operator to the announced direction, and check that the joint holds.
 
-    z is led while the joint rests, and from where it stops if it moved in the other direction.
-
     A joint that moves in that direction by more than it yields has slipped: while z is led, which
     ends there, and once more from one rest to the next, unless it moved farther than anybody does
     by accident.
     """
-    if s.still_time >= p.rest_time:
-        s.dahl_z = approach(s.dahl_z, 0.0, s.step / p.lead_time)
     if s.mode == LEADING:
         s.since += s.step
         moved = s.position - s.lead_position
-        if abs(moved) > p.slip:
+        if abs(moved) > s.yields:
             if moved * aim > 0.0:
                 # The law moves the joint at about the speed above which z waits. The push of a
                 # person grows more slowly.
@@ -127,13 +152,14 @@ def lead(p: Any, s: Any, aim: float) -> None:
             if abs(moved) > p.slip:
                 s.rest_position = s.position
         s.since, s.displaced, s.trusted = 0.0, 0, s.trust
-        if s.direction == 0.0:
+        if aim == 0.0:
             # Displacement keeps driving the operator, since a push may come at any time.
-            s.decaying = s.z
+            if s.z != 0.0 or s.still_time > 2.0 * p.rest_time:
+                s.stopped, s.stop_position = s.z, s.position
             s.z = approach(s.z, 0.0, s.step / p.lead_time)
             s.mode, s.ramp, s.rest_position = HELD, 0.0, s.position
         elif abs(aim - s.z) > 0.02 and (s.mode == FREE or aim != s.ramp):
-            _start_leading(s)
+            _start_leading(p, s, aim)
         else:
             s.mode, s.ramp = HELD, aim
     else:
@@ -143,10 +169,6 @@ def lead(p: Any, s: Any, aim: float) -> None:
         if s.displaced == 0 and abs(s.position - s.rest_position) > p.moved_distance:
             s.displaced = 1
             s.trust = min(1.0, max(s.trust, s.trusted) + 1.0 - p.lowered)
-        if turns_round(p, s, aim):
-            # The person pushes the other way already, and does not wait until the joint rests.
-            s.since, s.displaced, s.trusted = 0.0, 0, s.trust
-            _start_leading(s)
 
 
 @njit(cache=True)
@@ -173,9 +195,6 @@ def amplitude(p: Any, s: Any, positive: bool, speed: float, more: float) -> tupl
     settled = math.tanh(0.5 * p.steepness * speed)
     # Refined effects may only sharpen the transition of Eq. 6: while it rises, their sum counts.
     sliding = max(0.0, min(plateau + more, max(plateau, plateau * settled + more)))
-    # Friction that reverses over a longer distance has an element of its own, without preload.
-    # The sliding friction without it shows whether the ramps of identification included it.
-    mean = min(mean, max(plateau, mean - p.dahl))
     near = p.slow_share * max(0.0, min(sliding, mean))
     # Until the joint has left its position of rest, breakaway friction holds it.
     moved = abs(s.position - s.rest_position)
@@ -234,32 +253,18 @@ def while_steady(p: Any, s: Any, speed: float) -> float:
 
 @njit(cache=True)
 def announced(p: Any, s: Any, direction: float) -> float:
-    """Return the direction to act on: 0 while it changes faster than in any exercise.
+    """Return the direction to act on.
 
-    The energy stored by one announcement is bounded; the number of announcements is not.
+    Each announcement stores a bounded energy. It is spent by moving: the next one counts at once.
+    At a joint that has not moved since, it counts when it has lasted.
     """
-    s.changes = max(0.0, s.changes - s.step)
     if direction != s.direction:
-        s.direction = direction
-        s.changes = min(s.changes + CHANGE_TIME, (MOST_CHANGES + 1.0) * CHANGE_TIME)
-    return 0.0 if s.changes > MOST_CHANGES * CHANGE_TIME else direction
-
-
-@njit(cache=True)
-def rise(p: Any, s: Any, wanted: float, direction: float) -> None:
-    """Limit the rate at which the friction current rises; it falls at once.
-
-    A person who breaks a joint loose has a loaded arm, and full current at the first milliradian
-    would throw it. Rising slower than falling only dissipates more energy of a vibration. A push
-    that was not announced is supported quickly within known presliding, but only on the first
-    displacement from rest: motion to and fro is a vibration.
-    """
-    held = s.friction if s.friction * wanted > 0.0 else 0.0
-    time = p.rise_time if wanted * direction > 0.0 else p.alone_time
-    if s.since < p.start_time and abs(s.position - s.rest_position) < p.distance:
-        time = min(time, p.push_time)
-    most = max(p.upper, -p.lower) * s.step / time
-    s.friction = approach(held, wanted, most) if abs(wanted) > abs(held) else wanted
+        s.direction, s.lasted = direction, 0.0
+    s.lasted += s.step
+    moved = abs(s.position - s.aim_position) > p.moved_distance
+    if direction != s.aim and (moved or s.aim == 0.0 or s.lasted > PATIENCE):
+        s.aim, s.aim_position = direction, s.position
+    return s.aim
 
 
 @njit(cache=True)
@@ -283,19 +288,20 @@ def continuous_current(p: Any, s: Any, direction: float, forward: float, backwar
     direction = announced(p, s, direction)
     if s.doubt == 0.0:
         follow(p, s)
-        lead(p, s, direction if p.gain > 0.0 else 0.0)
+        aim = direction if p.gain > 0.0 else 0.0
+        lead(p, s, aim)
+        slow_down(p, s, aim)
     speed = abs(s.speed)
     positive = s.z > 0.0
     level, start = amplitude(p, s, positive, speed, forward if positive else -backward)
     share = while_steady(p, s, speed) * faded(p, s, speed)
-    friction = s.trust * share * (level * s.z + p.share * p.dahl * s.dahl_z)
+    friction = s.trust * share * level * s.z
     if in_doubt(p, s):
-        s.friction = wanted = 0.0
+        wanted = 0.0
     elif s.doubt > 0.0:
         wanted = s.current
     else:
-        rise(p, s, soft_end(p, s, friction), direction)
-        wanted = s.friction + carried
+        wanted = soft_end(p, s, friction) + carried
     wanted = min(p.limit, max(-p.limit, wanted))
     current = approach(s.current, wanted, p.slope * s.step)
     if not math.isfinite(current):

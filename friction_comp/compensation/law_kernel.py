@@ -19,7 +19,8 @@ from friction_comp.compiling import njit
 from friction_comp.model.sigmoid import compiled_kinetic_current
 
 BUMP_TIME = 0.05
-"""s; time constant with which an exchanged model takes effect under a law without slope limit."""
+"""s; time constant with which an exchanged model or law takes effect under one without slope limit.
+"""
 
 
 @njit(cache=True)
@@ -64,14 +65,12 @@ def decide(p: Any, s: Any, direction: float, forward: float, backward: float, ca
     carried : float
         Current of other effects, A; of all effects for the other laws.
     """
-    if p.law == NONE:
-        return 0.0
     if not (direction == 1.0 or direction == -1.0) or p.law == KINETIC:
         direction = 0.0
     if p.law == CONTINUOUS:
         s.current = continuous_current(p, s, direction, forward, backward, carried)
     else:
-        wanted = paper_current(p, s, direction) + carried
+        wanted = 0.0 if p.law == NONE else paper_current(p, s, direction) + carried
         if s.changed == 1:
             s.bump = s.current - wanted
         s.bump *= math.exp(-s.step / BUMP_TIME)

@@ -31,9 +31,8 @@ LONGER = 1.5
 # Backlash of the operator as a share of its distance, beyond one count: it prevents vibration of a
 # joint that a hand holds. Where presliding is known, less is needed.
 BACKLASH, KNOWN_BACKLASH = 0.15, 0.05
-# Presliding is known if it has at least this many counts and a standard deviation. A push is then
-# detected before the joint slides, and current without an announcement rises within this time, s.
-KNOWN_COUNTS, KNOWN_TIME = 10.0, 0.03
+# Presliding is known if it has at least this many counts and a standard deviation.
+KNOWN_COUNTS = 10.0
 # rad; if the model has no presliding distance. Measured geared joints had 0.1 to 1 mrad.
 DEFAULT_PRESLIDING = 1e-3
 DEFAULT_RESOLUTION = 1e-5
@@ -48,10 +47,6 @@ UNBELIEVABLE = 3.0
 BOUND = 1.25
 # s within which the current may change from full friction in one direction to the other.
 TURN_TIME = 0.02
-# s within which the friction current may rise to full friction: in the announced direction, and
-# without an announcement.
-RISE_TIME = 0.1
-ALONE_TIME = 0.5
 # s over which the preload rises, and the speed in rad/s below which it does: a compliant gear would
 # overshoot.
 LEAD_TIME = 0.1
@@ -64,6 +59,12 @@ EARLY = 0.70
 # Distance in R from rest over which breakaway friction holds the joint; it fades over the same
 # distance again.
 START_DISTANCE = 3.0
+# The margin of the share on a way of this multiple of R covers a full reversal of z beyond what
+# displacement does; so far a way must go before it saves anything.
+SAVING = 20.0
+# How much more displacement counts after a turn, while savings last; share of the top speed of a
+# way below which help is given back.
+SOONER, TURN_SHARE = 4.0, 0.2
 # Smallest trust after the joint was faster than identified.
 LEAST_TRUST = 0.5
 # Smallest share left to a joint that gains or loses speed after the start of its movement; duration
@@ -123,8 +124,7 @@ def law_parameters(model: FrictionModel, law: str = 'continuous', breakaway_gain
         p['gain'] = 0.0
     set_breakaway(p[0], model.breakaway)
     _set_distances(p, model)
-    _set_dahl_friction(p, model)
-    _set_times(p, model)
+    p['rest_time'], p['bad_time'], p['start_time'] = 0.15, 0.02, START_TIME
     _set_speeds(p, model)
     return p
 
@@ -167,8 +167,15 @@ def _set_distances(p: Any, model: FrictionModel) -> None:
         if knows_presliding(model):
             distance = min(distance, model.presliding.distance + (model.presliding.std or 0.0))
             backlash = KNOWN_BACKLASH
+    # What the share leaves to the gear covers friction that reverses over a longer distance, or R.
+    left = (1.0 - SHARE) * float(np.maximum(p['upper'], -p['lower'])[0])
+    for effect in model.effects:
+        friction, reversal = (not effect.not_fed_back and effect.dahl_friction()) or (0.0, 0.0)
+        if friction > left:
+            distance = max(distance, LONGER * reversal)
     distance += 2.0 * count
     p['resolution'], p['distance'] = count, distance
+    p['saving_distance'], p['sooner'], p['turn_share'] = SAVING * distance, SOONER, TURN_SHARE
     p['backlash'] = backlash * distance + count
     p['slip'] = slip + 4.0 * count
     p['still_distance'] = distance / 16.0 + 1.5 * count
@@ -179,24 +186,6 @@ def _set_distances(p: Any, model: FrictionModel) -> None:
         p['soft_end'] = SOFT_END
     p['least_trust'], p['lowered'] = LEAST_TRUST, LOWERED
     p['early'], p['least_changing'] = EARLY, LEAST_CHANGING
-
-
-def _set_dahl_friction(p: Any, model: FrictionModel) -> None:
-    """Set the friction of effects that reverse over a longer distance than presliding."""
-    p['dahl_distance'] = p['distance']
-    for effect in model.effects:
-        friction, distance = (not effect.not_fed_back and effect.dahl_friction()) or (0.0, 0.0)
-        if friction > 0.0:
-            p['dahl'] += friction
-            p['dahl_distance'] = np.maximum(p['dahl_distance'], LONGER * distance)
-
-
-def _set_times(p: Any, model: FrictionModel) -> None:
-    p['rest_time'] = 0.15
-    p['rise_time'], p['alone_time'] = RISE_TIME, ALONE_TIME
-    p['push_time'] = KNOWN_TIME if knows_presliding(model) else ALONE_TIME
-    p['bad_time'] = 0.02
-    p['start_time'] = START_TIME
 
 
 def _set_speeds(p: Any, model: FrictionModel) -> None:

@@ -22,15 +22,15 @@ def _record(floats: str, integers: str) -> np.dtype:
 
 PARAMETERS = _record(
     # Friction in A, of Eq. 6 and of breakaway; s/rad, rad/s, A·s/rad.
-    'upper lower steepness shift viscous break_positive break_negative dahl '
+    'upper lower steepness shift viscous break_positive break_negative '
     # Shares.
     'gain share slow_share lowered early least_trust least_changing '
     # Distances in rad.
-    'distance dahl_distance backlash slip still_distance start_distance moved_distance '
-    'resolution '
+    'distance saving_distance sooner turn_share backlash slip still_distance start_distance '
+    'moved_distance resolution '
     'lowest highest soft_end '
     # Times in s.
-    'rest_time lead_time rise_time alone_time push_time start_time bad_time '
+    'rest_time lead_time start_time bad_time '
     'sample_time '
     # Speeds in rad/s; bounds on the current in A and A/s.
     'slow lead_speed fade_from fade_to fastest limit slope',
@@ -40,22 +40,24 @@ PARAMETERS = _record(
 STATE = _record(
     # The last sample used, the last one received, and the last stamp that jumped; s, rad, rad/s.
     'time step position seen half_speed speed leapt '
-    # The operator: z in -1..1, the element that reverses over a longer distance, position behind
-    # the backlash in rad.
-    'z dahl_z backlash_position '
+    # The operator: z in -1..1, position behind the backlash in rad.
+    'z backlash_position '
     # Rest: how long, where the joint is, where it rested, where leading began, s and rad; z while
-    # it is led, and s since leading or the movement began; the last z that decayed at rest.
-    'still_time still_position rest_position lead_position ramp since decaying '
+    # it is led, and s since leading or the movement began; the help that stopped last, and where.
+    'still_time still_position rest_position lead_position ramp since stopped stop_position '
     # Change of speed: averaged speed in rad/s, the lowest and the usual one since the start, s of
     # sliding, the share withheld.
     'pace slowest usual sliding withheld '
-    # Trust in the drive, at the last rest too; s of doubt.
-    'trust trusted doubt contradiction '
-    # The direction announced last, and its recent changes, s.
-    'direction changes '
+    # Trust in the drive, at the last rest too; rad that it may yield; s of doubt.
+    'trust trusted yields doubt contradiction '
+    # The direction announced last and for how long, the one acted on and where it came, s and rad.
+    'direction lasted aim aim_position '
+    # This way: its direction and top speed, rad/s, how long it is, rad, and the share of a reversal
+    # that is saved.
+    'heading top way saved '
     # Output in A and its parts.
-    'current friction kinetic breakaway bump '
+    'current kinetic breakaway bump '
     # Counts for inspection.
     'dropped slips overspeed',
-    'started agreed mode displaced changed')
+    'started agreed mode displaced changed slowing')
 """State of one joint; zeros before the first sample."""

@@ -70,8 +70,9 @@ class CompensatorNode(LifecycleNode):
                 'model file of each joint; a new one is validated, then activated, while the node '
                 'runs', changes=True)
         declare(self, 'law', 'continuous',
-                'continuous; paper: the note as printed; kinetic: its case without breakaway term; '
-                'none: zero current', changes=True,
+                'continuous; paper: the note as printed; kinetic: its case without breakaway term, '
+                'which leaves no friction: a joint that is let go runs on; none: zero current',
+                changes=True,
                 constraints=f'one of {", ".join(LAWS)}')
         declare(self, 'breakaway_gain', 0.9,
                 'share of the mean breakaway current that is fed forward [1]', 0.0, 1.0,
