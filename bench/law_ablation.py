@@ -30,7 +30,6 @@ RULES = {
     'lead speed': {PARAMETERS + 'LEAD_SPEED': math.inf},
     'lead time': {PARAMETERS + 'LEAD_TIME': 1e-3},
     'savings': {PARAMETERS + 'SAVING': math.inf},
-    'help sooner after a turn': {PARAMETERS + 'SOONER': 0.0},
     'slowing down': {PARAMETERS + 'TURN_SHARE': 1e-9},
     'known presliding': {PARAMETERS + 'KNOWN_COUNTS': math.inf},
     'start at breakaway friction': {PARAMETERS + 'START_DISTANCE': 1e-6},

@@ -67,8 +67,6 @@ def follow(p: Any, s: Any) -> None:
             s.z = before
         elif s.z * s.stopped < 0.0 and s.z * s.aim <= 0.0:
             s.z = 0.0
-        else:
-            spend(s, min(1.0, max(-1.0, s.z + p.sooner * displacement / p.distance)))
     if abs(s.position - s.still_position) > p.still_distance:
         s.still_position = s.position
         s.still_time = 0.0
@@ -297,11 +295,12 @@ def continuous_current(p: Any, s: Any, direction: float, forward: float, backwar
     share = while_steady(p, s, speed) * faded(p, s, speed)
     friction = s.trust * share * level * s.z
     if in_doubt(p, s):
-        wanted = 0.0
+        s.friction = wanted = 0.0
     elif s.doubt > 0.0:
         wanted = s.current
     else:
-        wanted = soft_end(p, s, friction) + carried
+        s.friction = soft_end(p, s, friction)
+        wanted = s.friction + carried
     wanted = min(p.limit, max(-p.limit, wanted))
     current = approach(s.current, wanted, p.slope * s.step)
     if not math.isfinite(current):

@@ -62,9 +62,8 @@ START_DISTANCE = 3.0
 # The margin of the share on a way of this multiple of R covers a full reversal of z beyond what
 # displacement does; so far a way must go before it saves anything.
 SAVING = 20.0
-# How much more displacement counts after a turn, while savings last; share of the top speed of a
-# way below which help is given back.
-SOONER, TURN_SHARE = 4.0, 0.2
+# Share of the top speed of a way below which help is given back.
+TURN_SHARE = 0.2
 # Smallest trust after the joint was faster than identified.
 LEAST_TRUST = 0.5
 # Smallest share left to a joint that gains or loses speed after the start of its movement; duration
@@ -175,7 +174,7 @@ def _set_distances(p: Any, model: FrictionModel) -> None:
             distance = max(distance, LONGER * reversal)
     distance += 2.0 * count
     p['resolution'], p['distance'] = count, distance
-    p['saving_distance'], p['sooner'], p['turn_share'] = SAVING * distance, SOONER, TURN_SHARE
+    p['saving_distance'], p['turn_share'] = SAVING * distance, TURN_SHARE
     p['backlash'] = backlash * distance + count
     p['slip'] = slip + 4.0 * count
     p['still_distance'] = distance / 16.0 + 1.5 * count
@@ -214,5 +213,5 @@ def bound_current(p: np.void, limit: float, friction: float = 0.0, carried: floa
         What friction effects add to sliding friction here, and what other effects ask for, A.
     """
     level = max(p['upper'], -p['lower']) + max(0.0, p['viscous']) * p['fade_from']
-    level = max(level + friction + p['dahl'], p['break_positive'], p['break_negative'])
+    level = max(level + friction, p['break_positive'], p['break_negative'])
     p['limit'] = min(limit, BOUND * level + abs(carried))

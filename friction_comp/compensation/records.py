@@ -26,7 +26,7 @@ PARAMETERS = _record(
     # Shares.
     'gain share slow_share lowered early least_trust least_changing '
     # Distances in rad.
-    'distance saving_distance sooner turn_share backlash slip still_distance start_distance '
+    'distance saving_distance turn_share backlash slip still_distance start_distance '
     'moved_distance resolution '
     'lowest highest soft_end '
     # Times in s.
@@ -56,7 +56,7 @@ STATE = _record(
     # that is saved.
     'heading top way saved '
     # Output in A and its parts.
-    'current kinetic breakaway bump '
+    'current friction kinetic breakaway bump '
     # Counts for inspection.
     'dropped slips overspeed',
     'started agreed mode displaced changed slowing')
