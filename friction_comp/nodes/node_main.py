@@ -166,8 +166,8 @@ class _Signals:
             callback()
 
     def _continue(self, *_: Any) -> None:
-        # After SIGSTOP, which nobody can catch, no zero was sent: the node goes on, and its timeouts
-        # judge what it reads.
+        # After SIGSTOP, which nobody can catch, no zero was sent: the node goes on, and its
+        # timeouts judge what it reads.
         if self._stopped:
             self._stopped, self.continued = False, True
             self.on_continue()
