@@ -18,12 +18,14 @@ def test_a_chain_holds_up_to_its_breakaway_current_and_no_further(kind):
     gears = plain(kind)
     for side, column in ((1.0, 0), (-1.0, 1)):
         level = world.breakaway_currents(gears, 0, 2)[:, column]
-        for share, holds in ((0.98, True), (1.03, False)):
+        # What creeps fast enough slides on where friction falls with speed, as on configuration 1.
+        least = np.minimum(0.98, gears['coulomb'] / gears['static'] - 0.005)
+        for share, holds in ((least, True), (1.03, False)):
             plant = world.Plant(gears, None, 0)
-            while plant.time < 1.5:
-                plant.advance(side * share * level * min(1.0, plant.time))
+            while plant.time < 2.5:
+                plant.advance(side * share * level * min(1.0, plant.time / 1.5))
             speed = np.abs(plant.states['motor_velocity'])
-            assert (speed < 1e-7).all() if holds else (speed > 1e-4).all()
+            assert (speed < 1e-5).all() if holds else (speed > 1e-4).all()
             if holds:
                 way = side * plant.states['motor']
                 assert (way < gears['presliding']).all()
