@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 _PACKAGES = (
     ('numpy', 'numpy', '', False), ('scipy', 'scipy', '', False), ('numba', 'numba', '', False),
     ('yaml', 'PyYAML', '', False), ('matplotlib', 'matplotlib', '', False),
+    ('threadpoolctl', 'threadpoolctl', '', False),
     ('rich', 'rich', '', False), ('markdown_it', 'markdown-it-py', '', False),
     ('rosbags', 'rosbags', '', False), ('mcap', 'mcap', '', False),
     ('zstandard', 'zstandard', '', False),

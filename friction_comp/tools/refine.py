@@ -68,12 +68,14 @@ def main(argv: list[str] | None = None) -> int:
                         'recordings')
     arguments = parser.parse(argv)
     arguments.unit, arguments.figures = _units(arguments.unit)
+    _check_together(arguments)
+    if arguments.history:
+        _keep_history(arguments)
     means = check_tables(arguments)
     if means is not None:
         from friction_comp.tools.refine_table import refine_table
 
         return refine_table(arguments, means)
-    _check_together(arguments)
     if arguments.each:
         from friction_comp.tools.refine_each import refine_each
 
@@ -89,8 +91,6 @@ def main(argv: list[str] | None = None) -> int:
         from friction_comp.tools.refine_arm import refine_whole_arm
 
         return refine_whole_arm(arguments)
-    if arguments.history:
-        _keep_history(arguments)
     names = [str(path) for path in arguments.recordings]
     with progress('reading') as show:
         result, history = refine_recordings(
