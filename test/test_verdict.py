@@ -4,6 +4,7 @@
 
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,8 +17,10 @@ from friction_comp.model.effects.definitions import Coverage
 from friction_comp.parallel import one_thread
 from friction_comp.recordings import write_samples
 from friction_comp.refinement import refine, thresholds
+from friction_comp.refinement.dependence import remaining_dependences
 from friction_comp.refinement.prepare import clipped
 from friction_comp.refinement.recorded_motion import load_coefficient
+from friction_comp.refinement.stability import Intervals
 from friction_comp.samples import JointStates, Samples
 from friction_comp.statistics import rms
 from friction_comp.tools import predict
@@ -87,6 +90,54 @@ def test_an_error_far_above_the_noise_is_not_trusted():
     assert report['after']['held_out_rmse'] > thresholds.ABOVE_NOISE * report['noise_floor']
     assert codes(report) & {'above_noise', 'explains_part', 'unexplained'}
     assert report['verdict'] != 'trust'
+
+
+def slow_strokes():
+    """Return a joint that turns once in a minute, so slowly that it shows nearly one speed."""
+    time = np.arange(0.0, 120.0, 0.02)
+    velocity = np.convolve(np.where((time // 35.0) % 2, -0.013, 0.013), np.full(5, 0.2), 'same')
+    return Samples(time=time, position=np.cumsum(velocity) * 0.02,
+                   current=0.15 * np.tanh(velocity / 0.001) + 0.05 * velocity)
+
+
+def certain(coefficients, draws):
+    """Return whether two equal columns with these fits to resampled parts are certain."""
+    columns = np.ones((2, 100))
+    table = SimpleNamespace(columns=columns, columns_of={'term': [0, 1]}, rows=SimpleNamespace(
+        blocks=16), sums=SimpleNamespace(signs=np.zeros(2)))
+    ends = {k: (value - 20.0, value + 20.0) for k, value in enumerate(coefficients)}
+    return Intervals(ends, {}, draws, 2.13).excludes_zero(table, 'term')
+
+
+def test_a_sum_may_be_certain_where_no_coefficient_is():
+    """At one speed Coulomb and viscous friction stand in for each other, but one of them is."""
+    rng = np.random.default_rng(0)
+    split, whole = 5.0 * rng.normal(size=200), 1.0 + 0.1 * rng.normal(size=200)
+    assert certain((0.5, 0.5), np.column_stack((0.5 * whole + split, 0.5 * whole - split)))
+    assert not certain((0.5, 0.5), 0.5 + rng.normal(size=(200, 2)))
+
+
+def test_what_is_found_but_not_named_is_said(monkeypatch):
+    motion = slow_strokes()
+    warm = motion.with_(current=motion.current * (1.0 + 0.6 * np.exp(-motion.time / 16.0))
+                        + noise(motion, 0.003))
+    monkeypatch.setattr(Intervals, 'excludes_zero', lambda *_: False)
+    report = refine([warm], drive=DRIVE).report
+    assert not report['effects']
+    assert report['verdict'] == 'trust in part'
+    assert any('warm up would explain' in reason for reason in report['reasons'])
+
+
+@pytest.mark.parametrize('size', [0.0, 0.006, 0.012])
+def test_an_error_that_changes_as_slowly_as_the_recording_is_long_is_said(size):
+    """Its cause cannot be tested, since all that varies as slowly explains it; it is no noise."""
+    motion = swings(14, 60.0)
+    slow = np.sin(2.0 * np.pi * motion.time / 30.0)
+    found = remaining_dependences(motion, size * slow + noise(motion, 0.003), 0.001)
+    # Twelve means of five seconds keep 0.91 of a wave of 30 seconds.
+    power = 0.5 * size ** 2
+    assert sum(one.strength for one in found if one.variable == 'time') == pytest.approx(
+        0.91 * power / (power + 0.003 ** 2), abs=0.04)
 
 
 def test_a_model_that_is_no_better_than_a_constant_is_worthless():

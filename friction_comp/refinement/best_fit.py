@@ -60,6 +60,10 @@ class Fit:
     candidates: list[Term]  # the last ones
     # Share of bootstrap samples in which the lag lowers the error enough; 1 without a lag.
     lag_confidence: float = 1.0
+    # What the search found before terms that cannot be named were left out, and its mean squared
+    # error of blocks that were not fitted, A².
+    found: tuple[Term, ...] = ()
+    found_error: float = math.nan
     # How often repeated searches choose each term, and intervals; filled when terms are named.
     stability: Stability = field(default_factory=Stability)
     intervals: Intervals = field(default_factory=Intervals)
@@ -72,6 +76,10 @@ class Fit:
     def errors(self) -> np.ndarray:
         """Return the squared error of each cell by a fit to all other blocks, shape (K,)."""
         return self.table.held_out_errors(self.table.indices(self.terms))
+
+    def mean_error(self) -> float:
+        """Return the mean squared error of blocks that were not fitted, A²."""
+        return float(self.errors().sum()) / float(self.table.sums.rows.sum())
 
     def rmse_with(self, terms: Sequence[Term]) -> float:
         """Return the held-out RMS error of some of the terms, at the present transition, A."""
@@ -218,18 +226,13 @@ def find_best_fit(problem: Problem) -> Fit:
             begin = None if first_lag else best.terms[best.initial_count:]
             other = search_with(problem, settings, begin)
             share = thresholds.LAG_ERROR if first_lag else 1.0 - thresholds.EQUIVALENT
-            if _mean_error(other) < share * _mean_error(best):
+            if other.mean_error() < share * best.mean_error():
                 confidence = _lag_confidence(other, best) if first_lag else best.lag_confidence
                 if confidence >= thresholds.NAMED_SHARE:
                     best = replace(other, lag_confidence=confidence)
         if best is before:
             break
     return best
-
-
-def _mean_error(fit: Fit) -> float:
-    """Return the mean squared error of blocks that were not fitted, A²."""
-    return float(fit.errors().sum()) / float(fit.table.sums.rows.sum())
 
 
 def _lag_confidence(lagged: Fit, unlagged: Fit) -> float:

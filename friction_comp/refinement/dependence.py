@@ -63,13 +63,19 @@ def remaining_dependences(samples: Samples, residual: np.ndarray, slowest: float
     rng = np.random.default_rng(0)
     cells = {name: _cells(name, signals, side) for name in _SINGLE if name in signals}
     while cells:
-        block = _blocks(values)
+        block, known_memory = _blocks(values)
         share = float(values @ values) / power
         strength, name = max((explained_share(values, cell, block, rng), name)
                              for name, cell in cells.items())
+        slow = not known_memory and 'time' in cells and (
+            name == 'time' or strength * share < thresholds.LEAST_STRENGTH)
+        if slow:
+            # By chance, whatever varies as slowly explains it, so that its cause stays open; that
+            # it is no noise does not.
+            strength, name = _share_of_means(values, cells['time']), 'time'
         if strength * share < thresholds.LEAST_STRENGTH:
             break
-        dependences.append(_dependence(name, strength * share, values, name))
+        dependences.append(_dependence(name, strength * share, values, name, slow))
         cell = cells.pop(name)
         mean = np.bincount(cell, values) / np.maximum(np.bincount(cell), 1)
         values = values - mean[cell]
@@ -142,7 +148,7 @@ def _strongest_pair(values: np.ndarray, signals: dict[str, np.ndarray], side: np
     """Return the two variables that together explain most, and the share that they explain."""
     ranges = {name: _ranges(signals[name], count) for name, count in _PAIRED.items()
               if name in signals}
-    block = _blocks(values)
+    block, _ = _blocks(values)
     best: tuple[float, float, tuple[str, ...]] = (0.0, 0.0, ())
     for names in combinations(ranges, 2):
         cell = ranges[names[0]] * (int(ranges[names[1]].max()) + 1) + ranges[names[1]]
@@ -170,22 +176,31 @@ def _inseparable(dependences: list[Dependence], signals: dict[str, np.ndarray]) 
     return inseparable
 
 
-def _blocks(values: np.ndarray) -> np.ndarray:
-    """Return the block of each value, shape (N,); blocks are longer than the correlation time."""
+def _share_of_means(values: np.ndarray, cells: np.ndarray) -> float:
+    """Return the share of a residual's power in the means of its cells."""
+    total = np.bincount(cells, values)
+    return float(total ** 2 @ (1.0 / np.maximum(np.bincount(cells), 1)) / (values @ values))
+
+
+def _blocks(values: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Return the block of each value, shape (N,), and whether blocks outlast the correlation."""
     size = len(values)
     padded = 1 << (2 * size - 1).bit_length()
     correlation = np.fft.irfft(np.abs(np.fft.rfft(values, padded)) ** 2)[:max(2, size // 10)]
     below = np.nonzero(correlation < 0.2 * correlation[0])[0]
     memory = int(below[0]) if below.size else size // 10
+    longest = size // _FEWEST_BLOCKS
     length = max(2 * memory, size // _MOST_BLOCKS)
-    return np.arange(size) // max(2, min(length, size // _FEWEST_BLOCKS))
+    return np.arange(size) // max(2, min(length, longest)), memory <= longest
 
 
-def _dependence(name: str, strength: float, values: np.ndarray, label: str) -> Dependence:
+def _dependence(name: str, strength: float, values: np.ndarray, label: str, slow: bool = False
+                ) -> Dependence:
     """Return the dependence on a variable; `label` names it, or a pair, in the note."""
     size = np.sqrt(max(strength, 0.0) * np.mean(values ** 2))
-    return Dependence(name, strength, f'about {size:.2g} A RMS of the remaining error depend on '
-                      f'{label}, in a way that no effect of the package describes')
+    how = ('change so slowly that the recording is too short to tell with what' if slow else
+           f'depend on {label}, in a way that no effect of the package describes')
+    return Dependence(name, strength, f'about {size:.2g} A RMS of the remaining error {how}')
 
 
 def _ranges(values: np.ndarray, count: int, tails: tuple[float, ...] = ()) -> np.ndarray:

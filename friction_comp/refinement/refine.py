@@ -118,6 +118,7 @@ def select_named(fit: Fit) -> Fit:
     A term is named where most repeated searches choose it, where the interval of one of its
     coefficients excludes zero, and where none of its defining constants is at its limit.
     """
+    fit = replace(fit, found=tuple(fit.terms), found_error=fit.mean_error())
     stability = repeat_search(fit.table, fit.terms, fit.initial_count, fit.candidates)
     terms = [term for k, term in enumerate(fit.terms)
              if k < fit.initial_count or stability.named(term)]

@@ -48,7 +48,7 @@ def report_of(problem: Problem, fit: Fit, model: FrictionModel,
     predicts better.
     """
     rows, raw, given = fit.rows, problem.raw, problem.model is not None
-    dependences = [*clipping_dependence(rows), *remaining_dependences(
+    dependences = [*clipping_dependence(rows), *unnamed_dependence(fit), *remaining_dependences(
         rows.at_rows, rows.averaged(after[1]), rows.coverage.slowest)]
     growth = LeftOutThirds(fit.table, fit.terms).error_growth(fit.terms)
     noise = noise_floor(rows, after[1])
@@ -103,6 +103,19 @@ def clipping_dependence(rows: Rows) -> list[Dependence]:
             strongest = (name, spread)
     return [Dependence(*strongest, f'the current is at a limit in {100 * share:.2g} % of the '
                        f'samples, mostly depending on {strongest[0]}; these are not fitted')]
+
+
+def unnamed_dependence(fit: Fit) -> list[Dependence]:
+    """Return what an effect that was found, but cannot be named, would explain, if it is much."""
+    named = {(term.kind, term.group) for term in fit.terms}
+    unnamed = [term.kind for term in fit.found if (term.kind, term.group) not in named]
+    error = fit.mean_error()
+    share = 1.0 - fit.found_error / error if error > 0.0 else 0.0
+    if not unnamed or share < thresholds.UNEXPLAINED:
+        return []
+    names = ' and '.join(dict.fromkeys(kind.name.replace('_', ' ') for kind in unnamed))
+    return [Dependence(unnamed[0].variable, share, f'{names} would explain {100 * share:.0f} % of '
+                       'its square, but the recording does not determine it')]
 
 
 def correlations_of(fit: Fit) -> list[dict[str, Any]]:

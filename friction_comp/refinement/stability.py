@@ -117,14 +117,21 @@ class Intervals:
         return self.quantile * float(robust_std(sums - np.median(sums)))
 
     def excludes_zero(self, table: Table, term: Term) -> bool:
-        """Return whether the interval of any of a term's coefficients excludes zero.
+        """Return whether the interval of a term's whole contribution excludes zero.
 
-        Where physics requires the sign of any of them, only these count.
+        Its columns may stand in for each other, as Coulomb and viscous friction at one speed: no
+        coefficient is certain then, but their sum is. The contribution of each fit is projected on
+        that of the fit to all blocks, and its interval is as wide as the choice of this direction
+        requires (Scheffé). Where physics requires the sign of any coefficient, only these count.
         """
         columns = table.columns_of[term]
-        bounded = [column for column in columns if table.sums.signs[column]] or columns
-        return any(low > 0.0 or high < 0.0 for low, high in (
-            self.coefficients[column] for column in bounded))
+        columns = [column for column in columns if table.sums.signs[column]] or columns
+        middle = np.array([np.mean(self.coefficients[column]) for column in columns])
+        weights = np.zeros(len(table.columns))
+        weights[columns] = table.columns[columns] @ (middle @ table.columns[columns])
+        size = len(columns)
+        wider = math.sqrt(size * stats.f.ppf(_LEVEL, size, table.rows.blocks - 1)) / self.quantile
+        return bool(middle @ weights[columns] > wider * self.half_width(weights))
 
     def correlations(self) -> list[tuple[float, Parameter, Parameter]]:
         """Return the rank correlation of each pair of parameters, the largest first."""
