@@ -4,7 +4,8 @@
 
 The range of a variable is divided into cells. The residual depends on the variable if its mean
 differs between cells by more than it does when the signs of long blocks of consecutive samples are
-flipped at random.
+flipped at random. A residual that changes as slowly as such blocks are long depends on time; with
+what it changes, the recording is too short to tell.
 """
 
 from __future__ import annotations
