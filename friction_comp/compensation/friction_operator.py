@@ -45,7 +45,7 @@ def spend(s: Any, target: float) -> None:
 
 
 @njit(cache=True)
-def follow(p: Any, s: Any) -> None:
+def follow(p: Any, s: Any, aim: float) -> None:
     """Drive the operator by the displacement of this sample, and detect rest.
 
     A long way saves for its turn; a vibration is too short to.
@@ -65,7 +65,7 @@ def follow(p: Any, s: Any) -> None:
             s.stopped = 0.0
         if s.slowing == 1 and s.heading * (s.z - before) > 0.0:
             s.z = before
-        elif s.z * s.stopped < 0.0 and s.z * s.aim <= 0.0:
+        elif s.z * s.stopped < 0.0 and s.z * aim <= 0.0:
             s.z = 0.0
     if abs(s.position - s.still_position) > p.still_distance:
         s.still_position = s.position
@@ -285,10 +285,12 @@ def continuous_current(p: Any, s: Any, direction: float, forward: float, backwar
     s.bump = 0.0
     direction = announced(p, s, direction)
     if s.doubt == 0.0:
-        follow(p, s)
         aim = direction if p.gain > 0.0 else 0.0
+        # A movement in its direction spends an announcement, so a joint cannot swing on it.
+        turn = aim if aim * (s.position - s.aim_position) < p.moved_distance else 0.0
+        follow(p, s, turn)
         lead(p, s, aim)
-        slow_down(p, s, aim)
+        slow_down(p, s, turn)
     speed = abs(s.speed)
     positive = s.z > 0.0
     level, start = amplitude(p, s, positive, speed, forward if positive else -backward)
