@@ -291,6 +291,16 @@ def test_a_joint_that_turns_round_as_announced_has_its_preload_without_a_rest():
     assert np.all(share[1420:1500] < -0.9)
 
 
+def test_an_announcement_is_spent_by_a_movement_in_its_direction():
+    """A joint that swings to and fro by itself gets what d = 0 gives at every later turn."""
+    time = 1e-3 * np.arange(5000)
+    places = 0.1 * (1.0 - np.cos(2.0 * math.pi * 0.5 * np.maximum(0.0, time - 0.5)))
+    later = slice(1600, None)
+    found, wanted = (drive_along(CompensationLaw([small_model()]), places, d)[later]
+                     for d in (1, 0))
+    np.testing.assert_allclose(found, wanted, atol=0.07 * LEVEL)
+
+
 @pytest.mark.parametrize('leap', [10.0, -10.0])
 def test_a_jump_of_the_stamps_does_not_stop_the_law(leap):
     """Else the current stays as it is until the clock has caught up, wherever the joint goes."""

@@ -256,6 +256,8 @@ def announced(p: Any, s: Any, direction: float) -> float:
     Each announcement stores a bounded energy. It is spent by moving: the next one counts at once.
     At a joint that has not moved since, it counts when it has lasted.
     """
+    if s.aim * (s.position - s.aim_position) > p.moved_distance:
+        s.aim_position = -s.aim * math.inf
     if direction != s.direction:
         s.direction, s.lasted = direction, 0.0
     s.lasted += s.step
@@ -287,7 +289,7 @@ def continuous_current(p: Any, s: Any, direction: float, forward: float, backwar
     if s.doubt == 0.0:
         aim = direction if p.gain > 0.0 else 0.0
         # A movement in its direction spends an announcement, so a joint cannot swing on it.
-        turn = aim if aim * (s.position - s.aim_position) < p.moved_distance else 0.0
+        turn = aim if math.isfinite(s.aim_position) else 0.0
         follow(p, s, turn)
         lead(p, s, aim)
         slow_down(p, s, turn)
