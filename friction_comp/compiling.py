@@ -15,7 +15,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import update_wrapper
 import gc
+import importlib
 import sys
+import threading
 from typing import Any, TypeVar
 
 import numpy as np
@@ -27,6 +29,8 @@ _SKIPPED_MODULES = ('scipy.linalg.cython_blas', 'coverage')
 _deferred: list[Kernel] | None = None
 _plain = False
 _compiling = False
+# Held while modules are hidden from numba; see `import_beside`.
+_hiding = threading.Lock()
 
 
 def defer_compilation() -> None:
@@ -58,17 +62,25 @@ def import_numba() -> None:
 
     Numba imports scipy only to detect BLAS, and coverage if it is installed; both are skipped. No
     kernel of this package multiplies matrices, but those of other packages may, so only the
-    package's own programs call this. No other thread may import scipy meanwhile: the law, which
-    runs in parallel, does not (`test_compiling`).
+    package's own programs call this. Another thread that needs scipy meanwhile takes it from
+    `import_beside`; the law, which runs in parallel, does not need it (`test_compiling`).
     """
-    skipped = [name for name in _SKIPPED_MODULES if name not in sys.modules]
-    # For Python's importer, None marks a module as missing.
-    sys.modules.update(dict.fromkeys(skipped))  # type: ignore[arg-type]
-    try:
-        import numba.np.arraymath  # noqa: F401
-    finally:
-        for name in skipped:
-            del sys.modules[name]
+    with _hiding:
+        skipped = [name for name in _SKIPPED_MODULES if name not in sys.modules]
+        # For Python's importer, None marks a module as missing.
+        sys.modules.update(dict.fromkeys(skipped))  # type: ignore[arg-type]
+        try:
+            import numba.np.arraymath  # noqa: F401
+        finally:
+            for name in skipped:
+                del sys.modules[name]
+
+
+def import_beside(name: str) -> None:
+    """Import a module that needs scipy in a process that may be importing numba; waits for that."""
+    if name not in sys.modules:
+        with _hiding:
+            importlib.import_module(name)
 
 
 def compiling() -> bool:

@@ -110,3 +110,20 @@ def test_the_watchdog_alarms_earlier_while_its_process_compiles(monkeypatch, tim
     monkeypatch.setattr(compiling, '_compiling', True)
     watchdog.check()
     assert alarms == [now[0]]
+
+
+def test_scipy_can_be_imported_while_numba_is():
+    """Numba's import hides a module of scipy, which must not fail another thread's import."""
+    code = (
+        'import threading, time\n'
+        'import friction_comp.compiling as compiling\n'
+        'thread = threading.Thread(target=compiling.import_numba)\n'
+        'thread.start()\n'
+        'while thread.is_alive() and not compiling._hiding.locked():\n'
+        '    time.sleep(1e-4)\n'
+        'compiling.import_beside("scipy.signal")\n'
+        'thread.join()\n'
+        'import sys\n'
+        'print("numba" in sys.modules, "scipy.linalg.cython_blas" in sys.modules)\n')
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True)
+    assert done.stdout.split() == ['True', 'True'], done.stderr
