@@ -45,6 +45,8 @@ class Bench:
         send()
 
         def answered():
+            # Again, since the first may be lost while the endpoints find each other.
+            self.states.publish(joint_state(self.now, JOINTS, [self.position[j] for j in JOINTS]))
             message = Clock()
             message.clock.sec, message.clock.nanosec = divmod(self.now, NANO)
             self.clock.publish(message)
@@ -82,24 +84,33 @@ def plan(times, positions):
         for time, position in zip(times, positions)])
 
 
+def comes(desk, directions, send):
+    """Return whether directions are published soon after what is sent, again where it was lost."""
+    for _ in range(20):
+        send()
+        if any(desk.steps(1) == directions for _ in range(5)):
+            return True
+    return False
+
+
 def test_a_plan_is_announced_with_its_end_and_replaced_and_dropped_when_not_followed(tmp_path):
     with bench(tmp_path, source='trajectory', tolerance=0.1) as desk:
         plans = desk.probe.talk(JointTrajectory, 'trajectory')
         desk.probe.matched(plans)
         assert desk.steps(3) == [0.0, 0.0]
-        plans.publish(plan([0.2, 0.4, 0.8], [0.05, 0.1, 0.0]))
-        assert desk.steps(3) == [0.0, 1.0]
+        assert comes(desk, [0.0, 1.0], lambda: plans.publish(
+            plan([0.2, 0.4, 0.8], [0.05, 0.1, 0.0])))
         assert desk.last.position[1] == pytest.approx(0.1)
         assert math.isnan(desk.last.position[0])
-        plans.publish(plan([0.5], [-0.09]))
-        assert desk.steps(3) == [0.0, -1.0]
+        assert comes(desk, [0.0, -1.0], lambda: plans.publish(plan([0.5], [-0.09])))
         assert desk.last.position[1] == pytest.approx(-0.09)
         desk.position['wrist'] = 0.2
         assert desk.steps(2) == [0.0, 0.0]
         status = desk.probe.status_of('direction', lambda s: s.level == b'\x01')
         assert 'wrist: the plan is not followed: 0.2' in status.message
-        plans.publish(plan([0.5, 0.4], [0.0, 0.1]))
-        desk.steps(2)
+        for _ in range(3):
+            plans.publish(plan([0.5, 0.4], [0.0, 0.1]))
+            desk.steps(2)
         desk.probe.status_of('direction', lambda s: 'times of a plan must increase' in s.message)
 
 
