@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+from table_maker import swing, write
 
 from friction_comp import InputError, Layout, read_recording, Samples
 from friction_comp.__main__ import main
@@ -14,18 +15,6 @@ from friction_comp.drive import Drive
 from friction_comp.identification.steady_state import fit_steady_states
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.recordings import read_recording_with_info
-
-
-def swing(count=2000, step=0.001):
-    """Return time, position and velocity of a joint that swings."""
-    time = step * np.arange(count)
-    return time, 0.4 * np.sin(2.0 * time), 0.8 * np.cos(2.0 * time)
-
-
-def write(path, **columns):
-    np.savetxt(path, np.column_stack(list(columns.values())), delimiter=',', comments='',
-               header=','.join(columns), fmt='%.12g')
-    return path
 
 
 def sliding(speed, coulomb=0.57, viscous=0.52, offset=0.0, height=0.0, speed_s=0.1):

@@ -11,6 +11,7 @@ import sys
 import numpy as np
 import pytest
 from scipy.io import savemat
+from table_maker import swing, write
 
 from friction_comp import InputError, Layout, read_recording
 from friction_comp.column_names import read_name
@@ -24,18 +25,6 @@ from friction_comp.units import in_own_units, parse_unit, unit_of
 
 UR = ['timestamp', *(f'{name}_{k}' for name in ('actual_q', 'actual_qd', 'actual_current')
                      for k in (0, 1)), 'target_moment_0', 'actual_robot_current']
-
-
-def swing(count=2000, step=0.001):
-    """Return time, position and velocity of a joint that swings."""
-    time = step * np.arange(count)
-    return time, 0.4 * np.sin(2.0 * time), 0.8 * np.cos(2.0 * time)
-
-
-def write(path, **columns):
-    np.savetxt(path, np.column_stack(list(columns.values())), delimiter=',', comments='',
-               header=','.join(columns), fmt='%.12g')
-    return path
 
 
 @pytest.mark.parametrize(('name', 'signal', 'joint', 'unit'), [

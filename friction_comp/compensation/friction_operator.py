@@ -268,6 +268,17 @@ def announced(p: Any, s: Any, direction: float) -> float:
 
 
 @njit(cache=True)
+def bound_of(p: Any, forward: float, backward: float, carried: float) -> float:
+    """Return the limit of the current in A: the drive's, and near friction by the model.
+
+    What effects carry is beside friction, so that the bound takes nothing from it.
+    """
+    sliding = max(p.upper, -p.lower) + max(0.0, p.viscous) * p.fade_from
+    friction = max(sliding + max(0.0, forward, -backward), p.break_positive, p.break_negative)
+    return min(p.limit, p.bound * friction + abs(carried))
+
+
+@njit(cache=True)
 def continuous_current(p: Any, s: Any, direction: float, forward: float, backward: float,
                        carried: float) -> float:
     """Return the current of the continuous law in A.
@@ -282,8 +293,9 @@ def continuous_current(p: Any, s: Any, direction: float, forward: float, backwar
     carried : float
         Current of the other effects, A: added outside the operator.
     """
+    limit = bound_of(p, forward, backward, carried)
     if s.step == 0.0:
-        return min(p.limit, max(-p.limit, s.current))
+        return min(limit, max(-limit, s.current))
     s.bump = 0.0
     direction = announced(p, s, direction)
     if s.doubt == 0.0:
@@ -305,7 +317,7 @@ def continuous_current(p: Any, s: Any, direction: float, forward: float, backwar
     else:
         s.friction = soft_end(p, s, friction)
         wanted = s.friction + carried
-    wanted = min(p.limit, max(-p.limit, wanted))
+    wanted = min(limit, max(-limit, wanted))
     current = approach(s.current, wanted, p.slope * s.step)
     if not math.isfinite(current):
         s.started = 0

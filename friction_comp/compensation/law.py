@@ -13,7 +13,6 @@ import numpy as np
 from friction_comp.compensation import law_kernel as kernel
 from friction_comp.compensation.effect_currents import EffectCurrents
 from friction_comp.compensation.law_parameters import (
-    bound_current,
     law_parameters,
     LAWS,
     set_breakaway,
@@ -102,7 +101,6 @@ class CompensationLaw:
         self._usable = np.zeros(self.joints, dtype=bool)
         self._effects = [EffectCurrents(model, self._why_left_out) for model in self.models]
         self._missing: list[list[tuple[str, tuple[str, ...]]] | None] = [None] * self.joints
-        self.limits = np.zeros(self.joints)
         for j in range(self.joints):
             self._take_parameters(j)
         self._collect_never_applied()
@@ -137,6 +135,11 @@ class CompensationLaw:
         return [(j, ' and '.join(self._effects[j].carrying), f'needs {self._carried[j]:.3g} A, '
                  f'more than the limit of {self.limits[j]:.3g} A')
                 for j in np.flatnonzero(np.abs(self._carried) > self.limits).tolist()]
+
+    @property
+    def limits(self) -> np.ndarray:
+        """The drives' limits of the current, A, shape (J,)."""
+        return self._parameters['limit'].copy()
 
     @property
     def largest_weights(self) -> np.ndarray:
@@ -268,12 +271,7 @@ class CompensationLaw:
             self.set_model(joint, model)
 
     def _take_parameters(self, joint: int) -> None:
-        parameters = law_parameters(self.models[joint], **self._options[joint])
-        p = parameters[0]
-        self.limits[joint] = p['limit']
-        if p['law'] == CONTINUOUS:
-            bound_current(p, self.limits[joint])
-        self._parameters[joint] = p
+        self._parameters[joint] = law_parameters(self.models[joint], **self._options[joint])[0]
         self._states[joint]['changed'] = self._states[joint]['started']
 
     def _effect_currents(self, joint: int, time: float, signals: dict[str, float | None]
@@ -285,9 +283,6 @@ class CompensationLaw:
         self._missing[joint] = currents.missing
         if self.models[joint].breakaway is not None:
             set_breakaway(p, self.models[joint].breakaway, currents.shifts)
-        if p['law'] == CONTINUOUS:
-            bound_current(p, self.limits[joint], max(0.0, currents.forward, -currents.backward),
-                          currents.carried)
         return currents.forward, currents.backward, currents.carried
 
     def _arm_signals(self, joint: int, positions: np.ndarray) -> dict[str, float | None]:

@@ -119,6 +119,7 @@ def law_parameters(model: FrictionModel, law: str = 'continuous', breakaway_gain
     for name in ('upper', 'lower', 'steepness', 'shift', 'viscous'):
         p[name] = getattr(sigmoid, name)
     p['gain'], p['share'], p['slow_share'] = breakaway_gain, SHARE, SLOW_SHARE
+    p['bound'] = BOUND
     if model.breakaway is None:
         p['gain'] = 0.0
     set_breakaway(p[0], model.breakaway)
@@ -198,20 +199,3 @@ def _set_speeds(p: Any, model: FrictionModel) -> None:
     p['fastest'] = UNBELIEVABLE * fastest
     sliding = np.maximum(p['upper'], -p['lower'])
     p['slope'] = 2.0 * sliding / TURN_TIME
-
-
-def bound_current(p: np.void, limit: float, friction: float = 0.0, carried: float = 0.0) -> None:
-    """Bound the current of this sample near friction by the model, which takes from nothing else.
-
-    Parameters
-    ----------
-    p : record of records.PARAMETERS
-        Changed in place.
-    limit : float
-        The drive's limit, A.
-    friction, carried : float
-        What friction effects add to sliding friction here, and what other effects ask for, A.
-    """
-    level = max(p['upper'], -p['lower']) + max(0.0, p['viscous']) * p['fade_from']
-    level = max(level + friction, p['break_positive'], p['break_negative'])
-    p['limit'] = min(limit, BOUND * level + abs(carried))

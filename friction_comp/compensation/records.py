@@ -24,7 +24,7 @@ PARAMETERS = _record(
     # Friction in A, of Eq. 6 and of breakaway; s/rad, rad/s, A·s/rad.
     'upper lower steepness shift viscous break_positive break_negative '
     # Shares.
-    'gain share slow_share lowered early least_trust least_changing '
+    'gain share slow_share bound lowered early least_trust least_changing '
     # Distances in rad.
     'distance saving_distance turn_share backlash slip still_distance start_distance '
     'moved_distance resolution '
