@@ -88,8 +88,7 @@ def simulator_joint(model: FrictionModel, top_speed: float | None = None) -> Sim
     springs = [effect for effect in model.effects if effect.name == 'spring']
     numbers = {**line, **({} if inertia is None else {'inertia': inertia})}
     static, static_is = _static(model, line['coulomb'])
-    ranges = {name: (gain * ends[0], gain * ends[1]) for name, value in numbers.items()
-              if model.recorded is not None and (ends := model.recorded.interval(name, value))}
+    ranges, ranges_are = _ranges(model, numbers)
     _, left_out = joint_friction_only(model)
     return SimulatorJoint(
         coulomb=gain * line['coulomb'], viscous=gain * line['viscous'],
@@ -98,8 +97,27 @@ def simulator_joint(model: FrictionModel, top_speed: float | None = None) -> Sim
         inertia=None if inertia is None else gain * inertia,
         stiffness=gain * sum(effect.coefficients[0] for effect in springs),
         rest=springs[0].values['position'] if springs else 0.0,
-        unit='N' if unit == 'N' else 'N·m', left_out=left_out, ranges=ranges,
-        ranges_are='95 % intervals of the fit' if ranges else '')
+        unit='N' if unit == 'N' else 'N·m', left_out=left_out,
+        ranges={name: (gain * low, gain * high) for name, (low, high) in ranges.items()},
+        ranges_are=ranges_are)
+
+
+def _ranges(model: FrictionModel, numbers: dict[str, float]
+            ) -> tuple[dict[str, tuple[float, float]], str]:
+    """Return ranges of numbers in the model's unit, by name, and what they are."""
+    units = model.notes.get('range_of_units', {})
+    if not units:
+        ends = {} if model.recorded is None else {
+            name: model.recorded.interval(name, value) for name, value in numbers.items()}
+        found = {name: (own[0], own[1]) for name, own in ends.items() if own}
+        return found, '95 % intervals of the fit' if found else ''
+    # Effects that bend the straight line do not vary with it.
+    base = model.sigmoid
+    own = {'offset': 0.5 * (base.upper + base.lower), 'coulomb': 0.5 * (base.upper - base.lower),
+           'viscous': base.viscous, 'inertia': numbers.get('inertia', 0.0)}
+    return {name: (value + units[name][0] - own[name], value + units[name][1] - own[name])
+            for name, value in numbers.items() if name in units}, (
+        f'where 95 % of further units lie, from {model.notes["units"]} units of a fleet')
 
 
 def of_several(joints: list[SimulatorJoint]) -> SimulatorJoint:

@@ -52,8 +52,8 @@ def main(argv: list[str] | None = None) -> int:
         'unit1/model.yaml unit2/model.yaml --to isaac --output output/elbow.yaml',
         'output/refined/model.yaml --to csv --output output/friction.csv'))
     parser.add_argument('models', metavar='MODEL', type=Path, nargs='+',
-                        help='model file; of several, for instance of a fleet, the means, with '
-                        'the range over all of them')
+                        help='model file; that of a population (refine --each) has ranges of '
+                        'further units; of several models, the means and the range over them')
     parser.add_argument('--to', choices=_FORMS, required=True,
                         help='mujoco, urdf, sdf: attributes of one joint; tanh: Fc, k, Fv, Fo; '
                         'isaac: static, dynamic and viscous friction, armature; json: all numbers '
