@@ -62,8 +62,8 @@ def compress(source: Path, target: Path) -> None:
     from rosbags.rosbag2 import Reader
     import zstandard
 
-    from friction_comp.nodes.dated_topics import stamp_of
     from friction_comp.recordings import RecordingWriter
+    from friction_comp.ros.dated_topics import stamp_of
 
     now = 0
     simulated = source.with_name(f'{source.name}_simulated')

@@ -113,7 +113,7 @@ def shorten_scenes(monkeypatch, folder):
 
     Where a scene limits simulated time to real time while it refines, the limit is lower, too.
     """
-    from friction_comp.nodes.tool_client import ToolClient
+    from friction_comp.ros.tool_client import ToolClient
     from friction_comp.tools import demo_scenes, demo_system
     set_parameter = ToolClient.set_parameter
 

@@ -26,7 +26,7 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
-from friction_comp.nodes.joint_io import UNASKED
+from friction_comp.ros.joint_io import UNASKED
 from friction_comp.tools.ros_domain import leased_domain
 
 CONFIG = ROOT / 'config'

@@ -112,7 +112,7 @@ def test_procedures_do_not_know_each_other():
     assert all(not table[room] & apart for room in apart)
 
 
-def test_only_nodes_import_ros_2():
+def test_only_nodes_and_ros_import_ros_2():
     def packages(path):
         for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
             if isinstance(node, ast.ImportFrom):
@@ -120,8 +120,8 @@ def test_only_nodes_import_ros_2():
             elif isinstance(node, ast.Import):
                 yield from (alias.name.split('.')[0] for alias in node.names)
 
-    ros = re.compile(r'rclpy|\w+_(msgs|srvs|interfaces)')
-    assert [str(path) for path in MODULES if room_of(path) != 'nodes'
+    ros = re.compile(r'rclpy|ament_\w+|launch\w*|rosidl_\w+|\w+_(msgs|srvs|interfaces)')
+    assert [str(path) for path in MODULES if room_of(path) not in ('nodes', 'ros')
             and any(map(ros.fullmatch, packages(path)))] == []
 
 

@@ -10,7 +10,7 @@ import textwrap
 import pytest
 
 from friction_comp import compiling
-from friction_comp.nodes.watchdog import Watchdog
+from friction_comp.control.watchdog import Watchdog
 
 ROOT = Path(__file__).resolve().parent.parent
 

@@ -31,7 +31,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
-from friction_comp.nodes.compensation_loop import ALONE
+from friction_comp.control.compensation_loop import ALONE
 
 pytestmark = pytest.mark.slow
 # Where a library is half imported, and where an exception would be lost.

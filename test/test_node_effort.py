@@ -26,8 +26,8 @@ from friction_comp.compensation.law import CompensationLaw
 from friction_comp.drive import Drive
 from friction_comp.excitation.plan import JointPlan, Move, trajectory_of
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.nodes.joint_io import command_unit
-from friction_comp.nodes.tool_client import message_of
+from friction_comp.ros.joint_io import command_unit
+from friction_comp.ros.tool_client import message_of
 from friction_comp.simulation.joint import Plant
 from friction_comp.topics import TORQUE_UNIT
 

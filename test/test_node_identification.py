@@ -19,10 +19,10 @@ from node_process import Process
 from ros_system import BEST_EFFORT, FakeDriver, Goals, joint_state, MODELS, probe_node
 from std_msgs.msg import Float64MultiArray
 
+from friction_comp.control.joint_states import AGAIN, JointStateInput, NEW, STALE
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.nodes.identification import IdentificationNode
-from friction_comp.nodes.joint_states import AGAIN, JointStateInput, NEW, STALE
 
 JOINT = 'elbow'
 GOAL = {'joint': JOINT, 'speeds': [0.8, 1.4], 'motion_range': 0.8, 'ramp_slope': 0.2,

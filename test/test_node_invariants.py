@@ -26,10 +26,10 @@ pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 from ros_system import joint_state, MODELS
 
 from friction_comp.compensation.law import CompensationLaw
+from friction_comp.control.compensation_loop import CompensationLoop
+from friction_comp.control.faults import Faults
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.nodes.compensation_loop import CompensationLoop
-from friction_comp.nodes.faults import Faults
-from friction_comp.nodes.joint_io import CommandPort
+from friction_comp.ros.joint_io import CommandPort
 
 JOINTS = ['elbow', 'shoulder']
 MODEL = [FrictionModel.load(path) for path in MODELS]

@@ -19,7 +19,7 @@ from friction_comp.tools import doctor
 pytestmark = pytest.mark.slow
 # Less than a person would want to be told of.
 HASTY = """
-import friction_comp.nodes.node_main as node_main
+import friction_comp.ros.node_main as node_main
 node_main.PATIENCE = 0.3
 from friction_comp.__main__ import run
 raise SystemExit(run('exercise', ['--ros-args', '-p', 'joints:=[elbow]']))

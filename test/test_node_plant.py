@@ -22,10 +22,10 @@ from std_msgs.msg import Float64MultiArray, Int8MultiArray, MultiArrayDimension
 from friction_comp.exercise.exercise_script import load_exercise
 from friction_comp.exercise.reference_movement import ReferenceMovement
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.nodes.joint_states import nanoseconds
 from friction_comp.nodes.plant import Pace
 from friction_comp.package_files import package_file
 from friction_comp.simulation.joint import Plant
+from friction_comp.stamps import nanoseconds
 from friction_comp.topics import TORQUE_UNIT
 
 JOINTS = ['elbow', 'shoulder']

@@ -24,10 +24,10 @@ from friction_comp.errors import InputError
 from friction_comp.excitation.joint_limits import JointLimits
 from friction_comp.excitation.plan import JointPlan, Move, trajectory_of
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.nodes import tool_client
 from friction_comp.nodes.goals import make_trajectory
-from friction_comp.nodes.tool_client import message_of, ToolClient
 from friction_comp.recordings import read_recording
+from friction_comp.ros import tool_client
+from friction_comp.ros.tool_client import message_of, ToolClient
 
 JOINT = 'elbow'
 LIMITS = JointLimits(JOINT, -0.5, 0.6, 1.0, 5.0)

@@ -22,9 +22,9 @@ from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 import yaml
 
-from friction_comp.nodes import dated_topics
-from friction_comp.nodes.dated_topics import diagnosed_nodes, RecordedTopic, stamp_of
 from friction_comp.recordings import find_recordings, read_recording_with_info
+from friction_comp.ros import dated_topics
+from friction_comp.ros.dated_topics import diagnosed_nodes, RecordedTopic, stamp_of
 
 
 def talk_until(probe, publisher, condition, what, count=0):

@@ -102,7 +102,7 @@ def test_the_nodes_use_what_they_may_and_nothing_else(tmp_path):
     from node_process import Process
     from ros_system import MODELS, own_domain, probe_node
 
-    from friction_comp.nodes.live_feed import LiveFeed
+    from friction_comp.ros.live_feed import LiveFeed
     one = {'joints': ['elbow'], 'model_files': MODELS[:1]}
     # What they use does not depend on how much of it.
     starts = {'plant': {**one, 'sample_time': 0.01}, 'compensator': one, 'identification': one,

@@ -18,7 +18,7 @@ from std_msgs.msg import Float64MultiArray
 
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.nodes.live_feed import LiveFeed
+from friction_comp.ros.live_feed import LiveFeed
 
 pytestmark = pytest.mark.slow
 MODEL = FrictionModel.load(MODELS[0])

@@ -56,11 +56,6 @@ def imported(path):
     return names
 
 
-def is_ros(name):
-    return name.startswith(('rclpy', 'ament_', 'launch', 'rosidl_', INTERFACES)) or name.endswith(
-        ('_msgs', '_interfaces'))
-
-
 def tracked_files():
     listing = subprocess.run(
         ['git', 'ls-files', '-z'], cwd=ROOT, capture_output=True, text=True, check=False)
@@ -110,14 +105,6 @@ def test_package_xml_names_what_the_modules_import():
                             'mujoco', 'distributed'):
                 needed.add(ROSDEP_KEYS.get(name, name))
     assert needed - declared == set()
-
-
-def test_ros_is_imported_by_the_nodes_alone():
-    nodes = ROOT / 'friction_comp' / 'nodes'
-    strays = {
-        str(path.relative_to(ROOT)): sorted(filter(is_ros, imported(path)))
-        for path in MODULES if nodes not in path.parents and any(map(is_ros, imported(path)))}
-    assert strays == {}
 
 
 def test_python_files_have_a_licence_and_a_readable_length():

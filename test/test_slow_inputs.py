@@ -16,11 +16,11 @@ pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 from ros_system import joint_state, MODELS
 
 from friction_comp.compensation.law import CompensationLaw
+from friction_comp.control.compensation_loop import CompensationLoop
+from friction_comp.control.faults import Faults
+from friction_comp.control.joint_states import CONTESTED, JointStateInput, MALFORMED, NEW, PART
+from friction_comp.control.slow_inputs import Direction, MotorTemperature
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.nodes.compensation_loop import CompensationLoop
-from friction_comp.nodes.faults import Faults
-from friction_comp.nodes.joint_states import CONTESTED, JointStateInput, MALFORMED, NEW, PART
-from friction_comp.nodes.slow_inputs import Direction, MotorTemperature
 
 SECOND = 1_000_000_000
 

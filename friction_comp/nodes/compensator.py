@@ -13,15 +13,15 @@ from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from std_srvs.srv import Trigger
 
 from friction_comp.compensation.law import GRAVITY, LAWS
+from friction_comp.control.faults import Faults
 from friction_comp.errors import InputError
 from friction_comp.model.motor_check import TORQUE, unit_of
 from friction_comp.nodes.configured_compensator import ConfiguredCompensator
-from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, Rate
-from friction_comp.nodes.faults import Faults
-from friction_comp.nodes.joint_io import command_interface, input_qos
 from friction_comp.nodes.model_loading import Loaded, Loading, PatientParameterService, try_model
-from friction_comp.nodes.node_main import run
-from friction_comp.nodes.parameters import (
+from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK, Rate
+from friction_comp.ros.joint_io import command_interface, input_qos
+from friction_comp.ros.node_main import run
+from friction_comp.ros.parameters import (
     declare,
     declare_choice,
     declare_joints,
@@ -29,7 +29,7 @@ from friction_comp.nodes.parameters import (
     load_models,
     names_in,
 )
-from friction_comp.nodes.ros_start import steady_timer
+from friction_comp.ros.ros_start import steady_timer
 
 # Real s between checks for other commanders and for faults that have ended.
 _CHECK_PERIOD = 0.1
@@ -221,7 +221,7 @@ class CompensatorNode(LifecycleNode):
         self._ending = True
         configured = self._configured
         if configured is not None:
-            configured.loop.port.zero(permanent=True)
+            configured.port.zero(permanent=True)
 
     def resume(self, seconds: float) -> None:
         """Begin anew after the process was stopped for some s."""
@@ -230,7 +230,7 @@ class CompensatorNode(LifecycleNode):
         configured = self._configured
         if configured is not None:
             configured.loop.resume(seconds)
-            configured.loop.port.release()
+            configured.port.release()
 
     def leave(self) -> None:
         """Command zero current, however the node ends."""

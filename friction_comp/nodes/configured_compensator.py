@@ -13,12 +13,12 @@ from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Int8MultiArray
 
 from friction_comp.compensation.law import CompensationLaw
-from friction_comp.nodes.compensation_loop import CompensationLoop
-from friction_comp.nodes.diagnostics import OK, per_joint, Rate, WARN
-from friction_comp.nodes.faults import Faults
-from friction_comp.nodes.joint_io import CommandPort, competing_publishers
-from friction_comp.nodes.joint_states import NANO, nanoseconds
+from friction_comp.control.compensation_loop import CompensationLoop
+from friction_comp.control.faults import Faults
 from friction_comp.nodes.model_loading import Loaded, warm_up
+from friction_comp.ros.diagnostics import OK, per_joint, Rate, WARN
+from friction_comp.ros.joint_io import CommandPort, competing_publishers
+from friction_comp.stamps import NANO, nanoseconds
 
 
 class ConfiguredCompensator:
@@ -38,9 +38,9 @@ class ConfiguredCompensator:
                               gravity=self._value('gravity'))
         warm_up(law)
         zeros = [0.0] * len(joints)
-        port = CommandPort(node, zeros, zeros, self._value('command_interface'))
+        self.port = CommandPort(node, zeros, zeros, self._value('command_interface'))
         self.loop = CompensationLoop(
-            joints, law, port, faults, round(NANO * self._value('joint_state_timeout')),
+            joints, law, self.port, faults, round(NANO * self._value('joint_state_timeout')),
             self._value('direction_timeout'), simulated=self._value('use_sim_time'))
         self._set_limits()
         self.loop.watchdog.start()
@@ -59,22 +59,22 @@ class ConfiguredCompensator:
 
     def _set_limits(self) -> None:
         drives = [model.drive for model in self.loop.law.models]
-        self.loop.port.limits = [min(drive.current_limit, self._value('current_limit'))
+        self.port.limits = [min(drive.current_limit, self._value('current_limit'))
                                  for drive in drives]
-        self.loop.port.torques = [drive.torque_per_current for drive in drives]
+        self.port.torques = [drive.torque_per_current for drive in drives]
 
     def activate(self) -> None:
         """Start to answer joint states."""
         self._find_publishers()
-        self.loop.activate(self.loop.port.others())
-        self.loop.port.open()
+        self.loop.activate(self.port.others())
+        self.port.open()
         self.active = True
 
     def deactivate(self) -> None:
         """Command zero current and stop publishing."""
         self.active = False
         self.loop.stop()
-        self.loop.port.close()
+        self.port.close()
 
     def close(self) -> None:
         """Command zero current, and release topics and models."""
@@ -168,7 +168,7 @@ class ConfiguredCompensator:
         loop = self.loop
         self._find_publishers()
         loop.direction.planners = competing_publishers(self._node, 'direction', 'direction_stamped')
-        loop.supervise(loop.port.others())
+        loop.supervise(self.port.others())
 
     def _find_publishers(self) -> None:
         self.loop.states.publishers = competing_publishers(self._node, 'joint_states')
@@ -190,7 +190,7 @@ class ConfiguredCompensator:
         stamp = loop.states.stamp
         values = {
             'law': self._value('law'), 'model_files': list(self._value('model_files')),
-            **per_joint(joints, 'command [A]', loop.port.last)}
+            **per_joint(joints, 'command [A]', self.port.last)}
         for name, term in loop.law.terms.items():
             values.update(per_joint(joints, f'{name} [A]', term))
         for name, guarded in loop.law.guards.items():
@@ -206,7 +206,7 @@ class ConfiguredCompensator:
             'directions refused': loop.direction.refused,
             'joint_states passed over': loop.states.passed_over,
             'faults so far': self._faults.count,
-            'listeners to the command': loop.port.listeners,
+            'listeners to the command': self.port.listeners,
             'left_out': '; '.join(f'{joints[index]}: {effect} ({why})' for index, effect, why in [
                 *loop.law.never_applied, *self._without_signals(), *loop.law.limited])})
         return values

@@ -19,18 +19,19 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
+from friction_comp.control.joint_states import JointColumns
 from friction_comp.direction.announcement import Announcement
 from friction_comp.direction.channel import check_range
 from friction_comp.direction.desired_motion import DesiredMotion
 from friction_comp.direction.planned_direction import PlannedDirection
 from friction_comp.direction.sensed_direction import CALIBRATION_TIME, KINDS, SensedDirection
 from friction_comp.errors import InputError
-from friction_comp.nodes.diagnostics import Diagnostics, OK, per_joint, WARN
-from friction_comp.nodes.executor import yield_to_executor
-from friction_comp.nodes.joint_io import input_qos, RELIABLE
-from friction_comp.nodes.joint_states import JointColumns, NANO, nanoseconds, set_stamp
-from friction_comp.nodes.node_main import run
-from friction_comp.nodes.parameters import declare, declare_choice, declare_joints
+from friction_comp.ros.diagnostics import Diagnostics, OK, per_joint, WARN
+from friction_comp.ros.executor import yield_to_executor
+from friction_comp.ros.joint_io import input_qos, RELIABLE
+from friction_comp.ros.node_main import run
+from friction_comp.ros.parameters import declare, declare_choice, declare_joints
+from friction_comp.stamps import NANO, nanoseconds, set_stamp
 
 AXES = ('torque.z', 'torque.y', 'torque.x', 'force.z', 'force.y', 'force.x')
 # s after which a position is too old.

@@ -17,13 +17,14 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Int8MultiArray, MultiArrayDimension
 
+from friction_comp.control.joint_states import JointColumns
 from friction_comp.exercise.exercise_script import load_exercise
 from friction_comp.exercise.reference_movement import ReferenceMovement
-from friction_comp.nodes.diagnostics import Diagnostics, OK, per_joint, WARN
-from friction_comp.nodes.joint_io import input_qos, RELIABLE
-from friction_comp.nodes.joint_states import JointColumns, NANO, nanoseconds, set_stamp
-from friction_comp.nodes.node_main import run
-from friction_comp.nodes.parameters import declare, declare_choice, declare_joints
+from friction_comp.ros.diagnostics import Diagnostics, OK, per_joint, WARN
+from friction_comp.ros.joint_io import input_qos, RELIABLE
+from friction_comp.ros.node_main import run
+from friction_comp.ros.parameters import declare, declare_choice, declare_joints
+from friction_comp.stamps import NANO, nanoseconds, set_stamp
 
 # Discovery may finish at different times at both ends of a connection; real s.
 _DISCOVERY_TIME = 0.5

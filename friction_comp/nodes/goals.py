@@ -17,7 +17,7 @@ from friction_comp.identification.goal import IdentificationGoal
 from friction_comp.identification.run import IdentificationRun
 from friction_comp.identification.supervision import SupervisedRun
 from friction_comp.identification.trajectory_run import TrajectoryGoal
-from friction_comp.nodes.parameters import declare
+from friction_comp.ros.parameters import declare
 
 # 4 to 100 deg/s, the note's range.
 DEFAULT_SPEEDS = [math.radians(v) for v in (4.0, 8.0, 15.0, 25.0, 40.0, 60.0, 80.0, 100.0)]

@@ -22,18 +22,21 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 
+from friction_comp.control import joint_states
+from friction_comp.control.joint_states import JointStateInput
+from friction_comp.control.watchdog import Watchdog
 from friction_comp.errors import InputError
 from friction_comp.files import check_folder
 from friction_comp.identification.run import IdentificationRun
 from friction_comp.identification.trajectory_run import TrajectoryRun
-from friction_comp.nodes import goals, joint_io, joint_states
-from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, per_joint, Rate, WARN
+from friction_comp.nodes import goals
 from friction_comp.nodes.goals import Action, RunningGoal
-from friction_comp.nodes.joint_states import JointStateInput, NANO
-from friction_comp.nodes.node_main import run
-from friction_comp.nodes.parameters import declare, declare_joints, load_models
-from friction_comp.nodes.ros_start import steady_timer
-from friction_comp.nodes.watchdog import Watchdog
+from friction_comp.ros import joint_io
+from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK, per_joint, Rate, WARN
+from friction_comp.ros.node_main import run
+from friction_comp.ros.parameters import declare, declare_joints, load_models
+from friction_comp.ros.ros_start import steady_timer
+from friction_comp.stamps import NANO
 
 # Real s between checks of the publishers of joint_states, other commanders, and the client; and
 # between feedback messages.

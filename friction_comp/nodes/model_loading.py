@@ -20,7 +20,7 @@ from friction_comp.compensation.feed_forward import feed_forward, FeedForward
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.nodes.executor import yield_to_executor
+from friction_comp.ros.executor import yield_to_executor
 
 # Timeout of reading and validating files, s. A thread that a file system still blocks is then
 # abandoned.

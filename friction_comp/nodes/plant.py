@@ -16,16 +16,17 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Float64MultiArray
 
+from friction_comp.control.joint_states import JointColumns
 from friction_comp.errors import InputError
-from friction_comp.nodes.diagnostics import Diagnostics, OK, per_joint, Rate, WARN
-from friction_comp.nodes.joint_io import command_interface, command_unit, RELIABLE, UNASKED, UNIT_OF
-from friction_comp.nodes.joint_states import JointColumns, NANO, nanoseconds, set_stamp
-from friction_comp.nodes.node_main import run
-from friction_comp.nodes.parameters import declare, declare_choice, declare_joints, load_models
-from friction_comp.nodes.ros_start import steady_timer
+from friction_comp.ros.diagnostics import Diagnostics, OK, per_joint, Rate, WARN
+from friction_comp.ros.joint_io import command_interface, command_unit, RELIABLE, UNASKED, UNIT_OF
+from friction_comp.ros.node_main import run
+from friction_comp.ros.parameters import declare, declare_choice, declare_joints, load_models
+from friction_comp.ros.ros_start import steady_timer
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.person import ReferenceHold
 from friction_comp.simulation.undeclared import Undeclared
+from friction_comp.stamps import NANO, nanoseconds, set_stamp
 
 # Real s between checks of a waiting plant in lockstep. It repeats its request at the second check
 # without an answer: by then, everything that had arrived has been processed.

@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections import deque
 from typing import NamedTuple
 
-from friction_comp.nodes.joint_states import NANO
+from friction_comp.stamps import NANO
 
 # Two successive stamps this much older than the newest of their topic, ns, mean that time went
 # back; a single one is an outlier. Topics are compared separately, since their queues may be read

@@ -12,12 +12,12 @@ from typing import Any
 from rclpy.node import Node
 
 from friction_comp.errors import InputError
-from friction_comp.nodes.dated_topics import DatedTopics, RECORDED, STATES
-from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
-from friction_comp.nodes.node_main import run
-from friction_comp.nodes.parameters import declare, declare_choice
-from friction_comp.nodes.ros_start import steady_timer
 from friction_comp.recordings.writer import RecordingWriter
+from friction_comp.ros.dated_topics import DatedTopics, RECORDED, STATES
+from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
+from friction_comp.ros.node_main import run
+from friction_comp.ros.parameters import declare, declare_choice
+from friction_comp.ros.ros_start import steady_timer
 
 # Real s between writes to the disk.
 _FLUSH = 0.25

@@ -21,15 +21,15 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 
 from friction_comp.errors import InputError
 from friction_comp.monitoring.live_residual import JointWatch
-from friction_comp.nodes.dated_topics import DatedTopics, RECORDED, STATES
-from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
-from friction_comp.nodes.executor import yield_to_executor
 from friction_comp.nodes.live_signals import LiveSignals
-from friction_comp.nodes.node_main import run
-from friction_comp.nodes.parameters import declare, declare_joints, load_models, names_in
 from friction_comp.nodes.recent_past import Message, RecentPast
 from friction_comp.nodes.refine_job import JobResult, RefineJob
-from friction_comp.nodes.ros_start import steady_timer
+from friction_comp.ros.dated_topics import DatedTopics, RECORDED, STATES
+from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
+from friction_comp.ros.executor import yield_to_executor
+from friction_comp.ros.node_main import run
+from friction_comp.ros.parameters import declare, declare_joints, load_models, names_in
+from friction_comp.ros.ros_start import steady_timer
 
 # Real s between checks of a running refinement and of the residual.
 _POLL_PERIOD, _MONITORING_PERIOD = 0.2, 1.0

@@ -58,7 +58,7 @@ def main(argv: list[str] | None = None) -> int:
         return 0
     with private_domain():
         # Importing ROS 2 may restart Python, so it comes first.
-        import friction_comp.nodes.tool_client  # noqa: F401
+        import friction_comp.ros.tool_client  # noqa: F401
         from friction_comp.tools.demo_loop import play_loop
         from friction_comp.tools.demo_scenes import play_arm, play_two_joints, play_wear
         from friction_comp.tools.demo_system import open_system

@@ -134,7 +134,7 @@ def check_running_system(arguments: argparse.Namespace, ros: list[str]) -> list[
     """Return the findings about the running system."""
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.monitoring.checkup import check_system
-    from friction_comp.nodes.system_probe import middleware, observe
+    from friction_comp.ros.system_probe import middleware, observe
 
     # A file that cannot be used is named before anything is observed.
     models = [FrictionModel.load(path) for path in arguments.model]

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from friction_comp.drive import Drive
     from friction_comp.excitation.improve import Improvement
     from friction_comp.excitation.plan import JointPlan
-    from friction_comp.nodes.tool_client import ToolClient
+    from friction_comp.ros.tool_client import ToolClient
     from friction_comp.samples import Samples
 
 # Points of a trajectory a second, and s within which the other nodes must answer.
@@ -125,7 +125,7 @@ def _system(arguments: Namespace, joint: str) -> Iterator[tuple[ToolClient, Node
         if arguments.simulate:
             stack.enter_context(private_domain())
         os.environ.setdefault('ROS_LOG_DIR', str(output / 'logs' / 'ros'))
-        from friction_comp.nodes.tool_client import ToolClient
+        from friction_comp.ros.tool_client import ToolClient
 
         nodes = stack.enter_context(Nodes(output / 'logs'))
         ros = stack.enter_context(ToolClient(nodes.check, _PATIENCE))

@@ -32,7 +32,7 @@ def main(argv: list[str] | None = None) -> int:
     trajectory = Trajectory.load(arguments.trajectory)
     if arguments.joint:
         trajectory = trajectory.of(arguments.joint)
-    from friction_comp.nodes.tool_client import ToolClient
+    from friction_comp.ros.tool_client import ToolClient
 
     with ToolClient(patience=_PATIENCE) as ros, progress('playing') as show:
         if arguments.controller:

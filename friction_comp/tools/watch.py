@@ -64,7 +64,7 @@ def main(argv: list[str] | None = None) -> int:
         _serve(Server, live_page(feed), arguments.port)
         return 0
     add_environment_to_ament_path()
-    from friction_comp.nodes.live_feed import LiveFeed
+    from friction_comp.ros.live_feed import LiveFeed
 
     ros = itertools.dropwhile(lambda word: word != '--ros-args', given)
     with closing(LiveFeed(arguments.joint, models, list(ros))) as running:

@@ -26,7 +26,7 @@ from std_msgs.msg import Int8MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from friction_comp.errors import InputError
-from friction_comp.nodes.ros_start import own_node
+from friction_comp.ros.ros_start import own_node
 from friction_comp.trajectory import Trajectory
 
 # Time after which an unanswered request is sent again, and time to send a cancellation, s.

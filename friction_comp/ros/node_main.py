@@ -23,8 +23,8 @@ from rclpy.utilities import remove_ros_args
 from friction_comp.compiling import compile_deferred, import_numba
 from friction_comp.errors import InputError
 from friction_comp.monitoring.network import alone
-from friction_comp.nodes.executor import StreamExecutor
-from friction_comp.nodes.ros_start import start_ros, steady_timer, without_source_locations
+from friction_comp.ros.executor import StreamExecutor
+from friction_comp.ros.ros_start import start_ros, steady_timer, without_source_locations
 
 _FINAL_SPINS = 10
 # Signals that stop a process until SIGCONT.

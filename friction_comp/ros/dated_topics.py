@@ -20,9 +20,9 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
-from friction_comp.nodes.joint_states import NANO
-from friction_comp.nodes.ros_start import steady_timer
 from friction_comp.recordings.writer import qos_profile
+from friction_comp.ros.ros_start import steady_timer
+from friction_comp.stamps import NANO
 from friction_comp.topics import TOPICS
 
 STATES = 'joint_states'

@@ -16,8 +16,9 @@ from rclpy.duration import Duration
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
-from friction_comp.nodes.joint_states import NANO
-from friction_comp.nodes.parameters import declare_choice
+from friction_comp.control.port import NEGLIGIBLE
+from friction_comp.ros.parameters import declare_choice
+from friction_comp.stamps import NANO
 from friction_comp.topics import TORQUE_UNIT
 
 # Deep enough for a reader that pauses for seconds.
@@ -35,8 +36,6 @@ UNASKED = 'unasked'
 JOINT = 'joint'
 # Command interface to the unit in the label of a command.
 UNIT_OF = {'current': 'A', 'effort': TORQUE_UNIT}
-# Smaller currents are set to zero, since decaying ones would become denormal numbers, A.
-NEGLIGIBLE = 1e-12
 # Longest wait for the acknowledgement of messages before their publisher is destroyed, s.
 _ACKNOWLEDGEMENT_TIME = 0.2
 # Real s that the watchdog waits for a blocked publication before it publishes zero.

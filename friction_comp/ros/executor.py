@@ -25,7 +25,7 @@ from rclpy.subscription import Subscription
 from rclpy.waitable import NumberOfEntities
 
 from friction_comp.errors import InputError
-from friction_comp.nodes.ros_start import without_source_locations
+from friction_comp.ros.ros_start import without_source_locations
 
 # Real s between polls of everything but the streams. It also limits the delay of signals, which
 # Python handles only when the executor returns from the middleware.

@@ -12,13 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.nodes import joint_states
-from friction_comp.nodes.faults import Faults, WARN
-from friction_comp.nodes.joint_io import CommandPort, NEGLIGIBLE
-from friction_comp.nodes.joint_states import are_finite, JointStateInput, NANO, within
-from friction_comp.nodes.slow_inputs import Direction, MotorTemperature
-from friction_comp.nodes.watchdog import Watchdog
+from friction_comp.control import joint_states
+from friction_comp.control.faults import Faults, WARN
+from friction_comp.control.joint_states import are_finite, JointStateInput, within
+from friction_comp.control.port import NEGLIGIBLE, Port
+from friction_comp.control.slow_inputs import Direction, MotorTemperature
+from friction_comp.control.watchdog import Watchdog
 from friction_comp.signal_checks import beyond, LIMITS, VelocityCheck
+from friction_comp.stamps import NANO
 
 # Time constant of the transition to the new current after a change of law or model, s.
 _FADE = 0.05
@@ -43,7 +44,7 @@ class CompensationLoop:
     is in s. If `simulated`, time may stop: silence then does not mean that the driver is gone.
     """
 
-    def __init__(self, joints: list[str], law: Any, port: CommandPort, faults: Faults,
+    def __init__(self, joints: list[str], law: Any, port: Port, faults: Faults,
                  timeout: int, direction_timeout: float, simulated: bool = False,
                  clock: Callable[[], float] = time.monotonic) -> None:
         self._joints = joints

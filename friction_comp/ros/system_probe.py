@@ -21,8 +21,8 @@ from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
 from friction_comp.errors import InputError
 from friction_comp.monitoring.observation import Endpoint, Observation, StatesSeen, TopicSeen
-from friction_comp.nodes.joint_io import command_unit
-from friction_comp.nodes.tool_client import ToolClient
+from friction_comp.ros.joint_io import command_unit
+from friction_comp.ros.tool_client import ToolClient
 from friction_comp.topics import TOPICS, TORQUE_UNIT
 
 NAME = 'friction_comp_doctor'

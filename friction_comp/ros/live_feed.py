@@ -25,11 +25,11 @@ from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.nodes.dated_topics import stamp_of
-from friction_comp.nodes.executor import StreamExecutor
-from friction_comp.nodes.joint_io import command_unit
-from friction_comp.nodes.ros_start import own_node
 from friction_comp.recordings.activity import compensator_activity
+from friction_comp.ros.dated_topics import stamp_of
+from friction_comp.ros.executor import StreamExecutor
+from friction_comp.ros.joint_io import command_unit
+from friction_comp.ros.ros_start import own_node
 from friction_comp.samples import Samples
 from friction_comp.topics import TORQUE_UNIT
 

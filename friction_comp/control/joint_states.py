@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-NANO = 1_000_000_000
+from friction_comp.stamps import NANO, nanoseconds
 
 # Verdicts on a joint state; only a new one is used.
 NEW = 'new'
@@ -26,16 +26,6 @@ CONTESTED = 'contested'  # several publishers publish the same joint
 _MAX_SOURCES = 100
 # ns for which no joint state is used after two publishers sent the same joint.
 _CONTESTED_FOR = NANO
-
-
-def nanoseconds(stamp: Any) -> int:
-    """Return a builtin_interfaces/Time in ns."""
-    return stamp.sec * NANO + stamp.nanosec
-
-
-def set_stamp(stamp: Any, value: int) -> None:
-    """Set a builtin_interfaces/Time to a time in ns."""
-    stamp.sec, stamp.nanosec = divmod(value, NANO)
 
 
 class JointColumns:
