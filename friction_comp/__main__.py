@@ -98,11 +98,6 @@ def run(name: str, argv: list[str] | None = None) -> int:
         os.environ.setdefault(f'{library}_NUM_THREADS', '1')
     if name in NODES or name in ('demo', 'doctor', 'play', 'improve'):
         add_environment_to_ament_path()
-    if name == 'compensator':
-        # It responds soon after its start: the law runs in plain Python until it is compiled.
-        from friction_comp.compiling import defer_compilation
-
-        defer_compilation()
     if name in NODES and threading.current_thread() is threading.main_thread():
         # Until the node installs its own handlers, there is nothing to clean up.
         signal.signal(signal.SIGINT, _leave)

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 
-from friction_comp.compiling import njit
+from numba import njit
 
 
 @njit(cache=True)

@@ -13,7 +13,14 @@ import signal
 import sys
 
 from friction_comp.__main__ import run
-from friction_comp.compiling import defer_compilation
+import friction_comp.nodes.compensator
+from friction_comp.nodes.compile_nodes import compile_nodes
+import friction_comp.nodes.direction
+import friction_comp.nodes.exercise
+import friction_comp.nodes.identification
+import friction_comp.nodes.plant
+import friction_comp.nodes.recorder
+import friction_comp.nodes.refinement  # noqa: F401
 
 
 def become(name, arguments, folder, output, environment):
@@ -30,21 +37,10 @@ def become(name, arguments, folder, output, environment):
     sys.exit(run(name, arguments))
 
 
-def main(plain):
+def main():
     # Stop what the test has started.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if plain:
-        defer_compilation()
-        import friction_comp.nodes.compensator
-    else:
-        from friction_comp.nodes.compile_nodes import compile_nodes
-        compile_nodes()
-        import friction_comp.nodes.direction
-        import friction_comp.nodes.exercise
-        import friction_comp.nodes.identification
-        import friction_comp.nodes.plant
-        import friction_comp.nodes.recorder
-        import friction_comp.nodes.refinement  # noqa: F401
+    compile_nodes()
     gc.freeze()
     print('ready', flush=True)
     for line in sys.stdin:
@@ -60,4 +56,4 @@ def main(plain):
 
 
 if __name__ == '__main__':
-    main(plain=sys.argv[1:] == ['plain'])
+    main()

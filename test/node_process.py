@@ -31,9 +31,9 @@ def ros_arguments(parameters=None, remappings=None):
 class Host:
     """Starts nodes by forking a process that has imported what they need."""
 
-    def __init__(self, *arguments):
+    def __init__(self):
         self._process = subprocess.Popen(
-            [sys.executable, str(ROOT / 'test' / 'node_host.py'), *arguments], text=True, bufsize=1,
+            [sys.executable, str(ROOT / 'test' / 'node_host.py')], text=True, bufsize=1,
             env=environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         assert self._process.stdout.readline() == 'ready\n'
         # It ends when its input ends.
@@ -45,16 +45,9 @@ class Host:
 
 
 @functools.cache
-def compiled_host():
-    """Return the host of all nodes but the compensator; their kernels are compiled at start."""
+def host():
+    """Return the host of all nodes; their kernels are compiled at its start."""
     return Host()
-
-
-@functools.cache
-def plain_host():
-    """Return the compensator's host: it starts in plain Python, with compiled kernels cached."""
-    compiled_host()
-    return Host('plain')
 
 
 def environment(**changes):
@@ -93,8 +86,7 @@ class Forked:
 
 def fork(name, arguments, folder, output, env):
     """Fork a node from the host for it."""
-    host = plain_host() if name == 'compensator' else compiled_host()
-    return Forked(host, name, arguments, folder, output, env)
+    return Forked(host(), name, arguments, folder, output, env)
 
 
 def fork_nodes_of_tools(monkeypatch):

@@ -4,9 +4,6 @@
 
 from dataclasses import replace
 import math
-import os
-import subprocess
-import sys
 
 from helpers import note_model
 import numpy as np
@@ -258,18 +255,3 @@ def test_sliding_and_resting_current_are_what_the_model_predicts(name, held):
         assert current == pytest.approx(SHARE * model.predict(samples)[-1], rel=0.02)
         at_rest = hold(CompensationLaw([model]), side)[-1]
         assert at_rest == pytest.approx(side * 0.9 * 0.1377, rel=0.02)
-
-
-def test_the_law_runs_without_compilation():
-    code = ('from friction_comp import CompensationLaw, FrictionModel\n'
-            'from friction_comp.package_files import package_file\n'
-            "m = FrictionModel.load(package_file('config', 'armin_configuration_1.yaml'))\n"
-            'law = CompensationLaw([m])\n'
-            'for k in range(400):\n'
-            '    i = law.update(1e-3 * k, [3e-4 * k], [0.3], [1])[0]\n'
-            'print(repr(float(i)))')
-    plain, compiled = (float(subprocess.run(
-        [sys.executable, '-c', code], check=True, capture_output=True, text=True,
-        env={**os.environ, 'NUMBA_DISABLE_JIT': off}).stdout) for off in '10')
-    assert plain == pytest.approx(compiled, rel=1e-9)
-    assert compiled > 0.05

@@ -87,7 +87,8 @@ def _one_direction(model: FrictionModel, sign: float, speed: float) -> Iterable[
     currents = np.array([law.update(t, [q], None, [sign])[0] for t, q in zip(time, position)])
     # From the middle of a turn, and over the last tenth, so that ripple averages out.
     last = time > time[-1] - _STEADY / 2.0
-    friction = model.predict(Samples(
-        time=time, position=position, velocity=velocity, current=np.zeros_like(time)))
+    nothing = np.zeros_like(time)
+    friction = model.current(Samples(time=time, position=position, velocity=velocity,
+                                     acceleration=nothing, current=nothing))
     resting = int(_REST / _STEP) - 1
     return currents[resting], currents[last].mean(), friction[last].mean()

@@ -17,9 +17,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from numba import njit
+
 from friction_comp.compensation.guards import in_doubt, soft_end
 from friction_comp.compensation.records import FREE, HELD, LEADING
-from friction_comp.compiling import njit
 
 TAKEN_TIME = 0.1
 """s in which trust falls from one to zero above the identified speeds."""

@@ -13,8 +13,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from numba import njit
+
 from friction_comp.compensation.records import CONTINUOUS, FREE
-from friction_comp.compiling import njit
 from friction_comp.low_pass import low_pass_weight
 
 LONGEST_STEP = 0.1

@@ -17,7 +17,7 @@ from friction_comp.compensation.law_parameters import (
     LAWS,
     set_breakaway,
 )
-from friction_comp.compensation.records import CONTINUOUS, NONE, PARAMETERS, STATE
+from friction_comp.compensation.records import CONTINUOUS, NONE, PARAMETERS, STATE, zeros
 from friction_comp.errors import InputError
 from friction_comp.model.effects.base import Effect
 from friction_comp.model.friction_model import FrictionModel
@@ -96,8 +96,8 @@ class CompensationLaw:
         self._options: list[dict[str, Any]] = [
             {'law': law, 'breakaway_gain': float(breakaway_gain), 'sample_time': sample_time,
              'current_limit': None if limit is None else float(limit)} for limit in limits]
-        self._parameters = np.zeros(self.joints, PARAMETERS)
-        self._states = np.zeros(self.joints, STATE)
+        self._parameters = zeros(self.joints, PARAMETERS)
+        self._states = zeros(self.joints, STATE)
         self._usable = np.zeros(self.joints, dtype=bool)
         self._effects = [EffectCurrents(model, self._why_left_out) for model in self.models]
         self._missing: list[list[tuple[str, tuple[str, ...]]] | None] = [None] * self.joints

@@ -10,12 +10,12 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from numba import njit
 import numpy as np
 
 from friction_comp.compensation.friction_operator import continuous_current
 from friction_comp.compensation.guards import observe
 from friction_comp.compensation.records import CONTINUOUS, KINETIC, NONE
-from friction_comp.compiling import njit
 from friction_comp.model.sigmoid import compiled_kinetic_current
 
 BUMP_TIME = 0.05

@@ -8,6 +8,7 @@ Compiled code reads the fields of these records by name. Where their values come
 
 from __future__ import annotations
 
+from numba import config
 import numpy as np
 
 NONE, KINETIC, PAPER, CONTINUOUS = range(4)
@@ -61,3 +62,12 @@ STATE = _record(
     'dropped slips overspeed',
     'started agreed mode displaced changed slowing')
 """State of one joint; zeros before the first sample."""
+
+
+def zeros(count: int, fields: np.dtype) -> np.ndarray:
+    """Return records of zeros, shape (J,), for compiled code or for plain Python.
+
+    With ``NUMBA_DISABLE_JIT=1`` nothing is compiled, and plain Python reads the fields by name too.
+    """
+    records = np.zeros(count, fields)
+    return records.view(np.recarray) if config.DISABLE_JIT else records

@@ -16,13 +16,9 @@ import select
 import threading
 import time
 
-from friction_comp.compiling import compiling
-
 # The alarm comes before the end of the timeout by this share of it, at most so many seconds, so
 # that its effect arrives in time.
 _EARLY, _MAX_EARLY = 0.1, 0.005
-# The same while code is compiled in this process, which may block all its threads.
-_EARLY_COMPILING, _MAX_EARLY_COMPILING = 0.3, 0.02
 
 
 class Watchdog:
@@ -34,7 +30,6 @@ class Watchdog:
     def __init__(self, timeout: float, alarm: Callable[[], None],
                  clock: Callable[[], float] = time.monotonic) -> None:
         self._timeout = timeout - min(_EARLY * timeout, _MAX_EARLY)
-        self._timeout_compiling = timeout - min(_EARLY_COMPILING * timeout, _MAX_EARLY_COMPILING)
         self._alarm, self._clock = alarm, clock
         self._fed: float | None = None
         self._idle = True
@@ -76,8 +71,7 @@ class Watchdog:
         """Call the alarm if it is due; return the time until then in s, None while idle."""
         with self._lock:
             if self._fed is not None:
-                timeout = self._timeout_compiling if compiling() else self._timeout
-                left = self._fed + timeout - self._clock()
+                left = self._fed + self._timeout - self._clock()
                 if left > 0.0:
                     return left
             alarm = self._fed is not None

@@ -9,7 +9,6 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from friction_comp.checks import check_mapping, check_number
-from friction_comp.compiling import import_beside
 from friction_comp.errors import InputError
 
 if TYPE_CHECKING:
@@ -114,7 +113,6 @@ def shifted_in_time(values: np.ndarray, samples: Samples, lag: float) -> np.ndar
 def _smooth(signal: np.ndarray, sample_time: float, bandwidth: float | None) -> np.ndarray:
     if bandwidth is None or sample_time <= 0 or 2.0 * bandwidth * sample_time >= 0.95:
         return signal
-    import_beside('scipy.signal')
     from scipy.signal import butter, sosfiltfilt
 
     sections = butter(_ORDER, 2.0 * bandwidth * sample_time, output='sos')

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import math
 from typing import Any, TYPE_CHECKING
 
+from numba import njit
 import numpy as np
 
 from friction_comp.checks import check_number
-from friction_comp.compiling import njit
 from friction_comp.errors import InputError
 
 if TYPE_CHECKING:

@@ -14,12 +14,13 @@ from std_srvs.srv import Trigger
 
 from friction_comp.compensation.law import GRAVITY, LAWS
 from friction_comp.control.faults import Faults
+from friction_comp.control.model_trial import load_compiled_code, Loaded, try_model
 from friction_comp.errors import InputError
 from friction_comp.model.motor_check import TORQUE, unit_of
 from friction_comp.nodes.configured_compensator import ConfiguredCompensator
-from friction_comp.nodes.model_loading import Loaded, Loading, PatientParameterService, try_model
 from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK, Rate
 from friction_comp.ros.joint_io import command_interface, input_qos
+from friction_comp.ros.model_loading import Loading, PatientParameterService
 from friction_comp.ros.node_main import run
 from friction_comp.ros.parameters import (
     declare,
@@ -42,6 +43,8 @@ class CompensatorNode(LifecycleNode):
 
     def __init__(self) -> None:
         super().__init__('compensator', start_parameter_services=False)
+        # Before anything can ask the node to drive: it would stop the process for a moment.
+        load_compiled_code()
         self._parameter_services = PatientParameterService(self)
         self._state = 'unconfigured'
         # The motor is not driven any more.

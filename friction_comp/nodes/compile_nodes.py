@@ -4,10 +4,9 @@
 
 from __future__ import annotations
 
-from friction_comp.compensation.law import CompensationLaw
+from friction_comp.control.model_trial import load_compiled_code
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.nodes.goals import compile_ahead
-from friction_comp.nodes.model_loading import warm_up
 from friction_comp.package_files import package_file
 from friction_comp.simulation.joint import Plant
 
@@ -18,7 +17,7 @@ def compile_nodes() -> None:
     It takes seconds, and up to ten times as long on a busy machine.
     """
     model = FrictionModel.load(package_file('config', 'armin_configuration_1.yaml'))
-    warm_up(CompensationLaw([model]))
+    load_compiled_code()
     compile_ahead(model.drive)
     Plant([model])
 

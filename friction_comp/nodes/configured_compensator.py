@@ -15,7 +15,7 @@ from std_msgs.msg import Int8MultiArray
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.control.compensation_loop import CompensationLoop
 from friction_comp.control.faults import Faults
-from friction_comp.nodes.model_loading import Loaded, warm_up
+from friction_comp.control.model_trial import Loaded
 from friction_comp.ros.diagnostics import OK, per_joint, Rate, WARN
 from friction_comp.ros.joint_io import CommandPort, competing_publishers
 from friction_comp.stamps import NANO, nanoseconds
@@ -36,7 +36,6 @@ class ConfiguredCompensator:
         self.active = False
         law = CompensationLaw([one.model for one in loaded], *self._tuning(),
                               gravity=self._value('gravity'))
-        warm_up(law)
         zeros = [0.0] * len(joints)
         self.port = CommandPort(node, zeros, zeros, self._value('command_interface'))
         self.loop = CompensationLoop(

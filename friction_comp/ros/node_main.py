@@ -20,7 +20,6 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.utilities import remove_ros_args
 
-from friction_comp.compiling import compile_deferred, import_numba
 from friction_comp.errors import InputError
 from friction_comp.monitoring.network import alone
 from friction_comp.ros.executor import StreamExecutor
@@ -69,9 +68,6 @@ def run(name: str, make_node: Callable[[], Any], argv: Sequence[str]) -> int:
                          'come after --ros-args)')
     start_ros(name, argv)
     try:
-        # If kernels are compiled at once, import all of numba before the first call.
-        if 'numba' in sys.modules:
-            import_numba()
         try:
             node = make_node()
         except _rclpy.RCLError as error:
@@ -84,8 +80,6 @@ def run(name: str, make_node: Callable[[], Any], argv: Sequence[str]) -> int:
         # Exclude long-lived objects from garbage collection between samples.
         gc.collect()
         gc.freeze()
-        threading.Thread(
-            target=_compile, args=(node.get_logger(),), name='compiling', daemon=True).start()
         try:
             return _spin(executor, node, signals)
         finally:
@@ -121,16 +115,6 @@ def _look_for_peers(node: Any) -> None:
             node.get_logger().warning(alone(PATIENCE))
 
     timer = steady_timer(node, min(1.0, PATIENCE), check)
-
-
-def _compile(logger: Any) -> None:
-    """Replace kernels in plain Python by compiled ones while the node spins."""
-    begin = time.monotonic()
-    try:
-        if compile_deferred():
-            logger.info(f'compiled code is in place after {time.monotonic() - begin:.2g} s')
-    except Exception as error:
-        logger.warning(f'continues in plain Python, since compilation failed: {error!r}')
 
 
 class _Signals:

@@ -8,9 +8,8 @@ the base.
 
 from __future__ import annotations
 
+from numba import njit
 import numpy as np
-
-from friction_comp.compiling import njit
 
 # Three numbers in a tuple, which needs no heap memory.
 Vector = tuple[float, float, float]

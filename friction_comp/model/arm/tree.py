@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from friction_comp.errors import InputError
+from friction_comp.model.arm.recursion import joint_torques
 
 # Numbers of each link: see `Tree`.
 PARAMETERS = 10
@@ -79,9 +80,6 @@ class Tree:
         In N·m, or N of prismatic joints, shape (N, L), for position, velocity and acceleration of
         the same shape; rad or m, and s.
         """
-        # Imported here, so that a model without an arm needs no compiler.
-        from friction_comp.model.arm.recursion import joint_torques
-
         q, v, a = (np.ascontiguousarray(values, dtype=float) for values in (q, v, a))
         result = np.empty(q.shape)
         joint_torques(self.parents, self.prismatic, self.rotations, self.places, self.axes,

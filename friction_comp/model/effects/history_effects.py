@@ -7,9 +7,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from numba import njit
 import numpy as np
 
-from friction_comp.compiling import njit
 from friction_comp.model.effects.base import Effect, segment_starts
 from friction_comp.model.effects.definitions import (
     Coverage,

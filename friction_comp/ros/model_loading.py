@@ -1,32 +1,25 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Loads and validates models in a separate thread while the control loop runs."""
+"""Loads models in a separate thread while the control loop runs, and services that wait."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-import math
 import threading
 import time
-from typing import Any, NamedTuple
+from typing import Any
 
-import numpy as np
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.parameter import Parameter
 from rclpy.parameter_service import ParameterService
 
-from friction_comp.compensation.feed_forward import feed_forward, FeedForward
-from friction_comp.compensation.law import CompensationLaw
 from friction_comp.errors import InputError
-from friction_comp.model.friction_model import FrictionModel
 from friction_comp.ros.executor import yield_to_executor
 
 # Timeout of reading and validating files, s. A thread that a file system still blocks is then
 # abandoned.
 _PATIENCE = 10.0
-# Samples of the trial run of a model before its activation.
-_TRIAL = 300
 
 
 class Loading:
@@ -56,46 +49,6 @@ class Loading:
         if not self._future.done():
             raise InputError(f'{", ".join(self.files)}: not read within {_PATIENCE:g} s')
         return self._future.result()
-
-
-class Loaded(NamedTuple):
-    """A model that was tried, and what the law feeds forward with it."""
-
-    model: FrictionModel
-    feed: FeedForward
-
-    def told(self, before: FeedForward | None = None) -> list[str]:
-        """Return what feeds forward otherwise than before, or than the model says, as text."""
-        return [*(f'feeds forward otherwise than before: {text}'
-                  for text in (self.feed.compared(before) if before is not None else ())),
-                *(f'feeds forward otherwise than its model says: {text}'
-                  for text in self.feed.lacking(self.model))]
-
-
-def try_model(model: FrictionModel, gravity: str, path: str) -> Loaded:
-    """Run a model in a separate law for a movement to and fro; raise InputError if it fails."""
-    try:
-        law = CompensationLaw([model], gravity=gravity)
-        for k in range(_TRIAL):
-            angle = 0.02 * k
-            current = law.update(
-                1e-3 * k, [math.sin(angle)], [20.0 * math.cos(angle)], [1.0 - k % 3],
-                temperature=[25.0])
-            if not np.isfinite(current).all():
-                raise InputError('its currents are not finite')
-        return Loaded(model, feed_forward(model))
-    except InputError as error:
-        raise InputError(f'{path}: {error}') from None
-    except Exception as error:
-        raise InputError(f'{path}: the law cannot use it: {error!r}') from None
-
-
-def warm_up(law: CompensationLaw) -> None:
-    """Compile everything before the first sample."""
-    zeros = np.zeros(len(law.models))
-    law.update(0.0, zeros, zeros, zeros)
-    law.update(0.0, zeros, None, zeros)
-    law.reset()
 
 
 class PatientParameterService(ParameterService):
