@@ -22,7 +22,7 @@ from law_table import bank_of, FLOORS, WORLDS
 
 PARAMETERS = 'friction_comp.compensation.law_parameters.'
 OPERATOR = 'friction_comp.compensation.friction_operator.'
-GUARDS = 'friction_comp.compensation.guards.'
+KERNEL = 'friction_comp.compensation.law_kernel.'
 # What is set to switch a rule off.
 RULES = {
     'as it is': {},
@@ -42,7 +42,7 @@ RULES = {
     'changed announcement at rest': {OPERATOR + 'PATIENCE': 0.0},
     'fade': {PARAMETERS + 'FADE': 1e6},
     'bound on the current': {PARAMETERS + 'BOUND': 1e6},
-    'filter of the speed': {GUARDS + 'FILTER_TIME': 1e-6},
+    'filter of the speed': {KERNEL + 'FILTER_TIME': 1e-6},
 }
 # Short names of the floors' rows, by what they begin with; the others are not printed.
 COLUMNS = {

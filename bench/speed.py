@@ -33,7 +33,7 @@ class Steps:
     def __init__(self):
         import numpy as np
 
-        from friction_comp.compensation import guards, law_kernel
+        from friction_comp.compensation import law_kernel
         from friction_comp.compensation.law import law_parameters
         from friction_comp.compensation.records import STATE
         from friction_comp.model.friction_model import FrictionModel
@@ -53,7 +53,6 @@ class Steps:
         # As records that plain Python reads by name too.
         self._law_parameters = law_parameters(model).view(np.recarray)[0]
         self._law_state = np.zeros(1, STATE).view(np.recarray)[0]
-        self._guards = guards
         self._joint_parameters = np.array([joint_parameters(model)]).view(np.recarray)[0]
         self._joint_state = np.zeros(1, JOINT_STATE).view(np.recarray)[0]
         self._random = random_states(1, 1)[0]
@@ -67,7 +66,7 @@ class Steps:
         parameters, state = self._law_parameters, self._law_state
         begin = time.perf_counter()
         for k in range(count):
-            self._guards.observe(parameters, state, 1e-3 * k, 3e-4 * k, 0.3, True)
+            self._law.observe(parameters, state, 1e-3 * k, 3e-4 * k, 0.3, True)
             self._law.decide(parameters, state, 1.0, 0.0, 0.0, 0.0)
         return (time.perf_counter() - begin) / count
 

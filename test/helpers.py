@@ -3,6 +3,7 @@
 """What tests of several rooms share: the note's drives, loops that drive them, short searches."""
 
 from contextlib import contextmanager
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -54,3 +55,12 @@ def short_search(generations=2):
     with pytest.MonkeyPatch.context() as monkeypatch:
         monkeypatch.setattr('friction_comp.excitation.plan._GENERATIONS', generations)
         yield
+
+
+def joint_state(stamp, names, position, velocity=None):
+    """Return a sensor_msgs/JointState without ROS; the stamp is in ns, velocity by default zero."""
+    sec, nanosec = divmod(int(stamp), 10**9)
+    return SimpleNamespace(
+        header=SimpleNamespace(stamp=SimpleNamespace(sec=sec, nanosec=nanosec)), name=list(names),
+        position=list(position), effort=[0.0] * len(names),
+        velocity=[0.0] * len(names) if velocity is None else list(velocity))

@@ -121,7 +121,7 @@ def test_a_joint_that_slips_in_the_probe_is_held_with_less():
 def test_faults_give_zero_current(law):
     """What is not finite stops that joint only; odd directions count as none.
 
-    A velocity of NaN is one that the driver does not measure: the continuous law does without.
+    The continuous law does without a velocity.
     """
     model = note_model()
     for bad in (math.nan, math.inf):
@@ -132,9 +132,8 @@ def test_faults_give_zero_current(law):
         current = both.update(0.151, [bad, 0.151], [1.0, 1.0], [1, 1])
         assert current[0] == 0.0
         assert current[1] > 0.05
-        absent = law == 'continuous' and math.isnan(bad)
         current = both.update(0.152, [0.152, 0.152], [1.0, bad], [1, 1])
-        assert (current[1] > 0.05) if absent else (current[1] == 0.0)
+        assert (current[1] > 0.05) if law == 'continuous' else (current[1] == 0.0)
     odd = CompensationLaw([model], law=law)
     for d in (2, -3, 0.5, math.nan):
         assert not hold(odd, d, 0.5).any()

@@ -110,6 +110,7 @@ class Motor(RuleBasedStateMachine):
         self.loop = CompensationLoop(
             JOINTS, self.law, self.port, Faults(Silent(), clock=self.now), TIMEOUT, 0.5,
             clock=self.now)
+        self.inputs = self.loop.inputs
         self.around.limits = lambda: self.port.limits
         self.change_limit(1000.0)
         self.activate()
@@ -121,14 +122,14 @@ class Motor(RuleBasedStateMachine):
         """Let time go by; the watchdog's thread wakes when it asked to."""
         end = self.steady + seconds
         while True:
-            left = self.loop.watchdog.check()
+            left = self.inputs.watchdog.check()
             if left is None or self.steady + left > end:
                 break
             self.steady += max(left, 1e-6)
         if self.clock_runs:
             self.ros += round((end - self.steady) * NANO) if end > self.steady else 0
         self.steady = max(self.steady, end)
-        self.loop.watchdog.check()
+        self.inputs.watchdog.check()
 
     # Lifecycle transitions.
 
@@ -231,12 +232,12 @@ class Motor(RuleBasedStateMachine):
 
     @rule(values=st.lists(st.integers(-128, 127) | st.sampled_from([-1, 0, 1]), max_size=3))
     def direction(self, values):
-        self.loop.take_direction(array('b', values), self.ros)
+        self.inputs.take_direction(array('b', values), self.ros)
 
     @rule(values=st.lists(ODD | st.sampled_from([-1.0, 0.0, 1.0]), min_size=2, max_size=2),
           age=st.sampled_from([-10.0, 0.0, 0.1, 10.0]))
     def stamped_direction(self, values, age):
-        self.loop.take_stamped_direction(
+        self.inputs.take_stamped_direction(
             JOINTS, values, max(0, self.ros - round(age * NANO)), self.ros)
 
     # Parameters, models, faults.
@@ -244,25 +245,24 @@ class Motor(RuleBasedStateMachine):
     @rule(law=st.sampled_from(['continuous', 'paper', 'kinetic', 'none']),
           gain=st.floats(0.0, 1.0))
     def tune(self, law, gain):
-        self.law.retune(law, gain, self.limit)
-        self.loop.changed()
+        self.loop.retune(law, gain, self.limit)
 
     @rule(limit=st.sampled_from([0.0, 0.02, 0.05, 1000.0]))
     def change_limit(self, limit):
         self.limit = limit
-        self.law.retune('continuous', 0.9, limit)
-        self.port.limits = [min(m.drive.current_limit, limit) for m in self.law.models]
-        self.loop.changed()
+        self.loop.retune('continuous', 0.9, limit)
+        assert self.port.limits == [min(m.drive.current_limit, limit) for m in self.law.models]
 
     @rule(joint=st.integers(0, 1), number=st.integers(0, 2))
     def change_model(self, joint, number):
-        self.law.set_model(joint, MODEL[number])
-        self.change_limit(self.limit)
+        models = list(self.law.models)
+        models[joint] = MODEL[number]
+        self.loop.set_models(models)
 
     @rule(kind=st.sampled_from(['raises', 'nan', 'huge', 'slow']))
     def law_fails(self, kind):
         """For one state."""
-        law, good = self.loop.law, self.loop.law.update
+        law, good = self.law, self.law.update
 
         def bad(*arguments):
             if kind == 'raises':

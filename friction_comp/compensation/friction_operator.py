@@ -19,7 +19,6 @@ from typing import Any
 
 from numba import njit
 
-from friction_comp.compensation.guards import in_doubt, soft_end
 from friction_comp.compensation.records import FREE, HELD, LEADING
 
 TAKEN_TIME = 0.1
@@ -280,6 +279,21 @@ def bound_of(p: Any, forward: float, backward: float, carried: float) -> float:
 
 
 @njit(cache=True)
+def in_doubt(p: Any, s: Any) -> bool:
+    """Return whether samples have been implausible for so long that the current is zero."""
+    return s.doubt > p.bad_time
+
+
+@njit(cache=True)
+def soft_end(p: Any, s: Any, current: float) -> float:
+    """Return the current in A, reduced where it pushes towards a position limit."""
+    if p.soft_end > 0.0:
+        room = p.highest - s.position if current > 0.0 else s.position - p.lowest
+        current *= min(1.0, max(0.0, room / p.soft_end))
+    return current
+
+
+@njit(cache=True)
 def continuous_current(p: Any, s: Any, direction: float, forward: float, backward: float,
                        carried: float) -> float:
     """Return the current of the continuous law in A.
@@ -320,9 +334,6 @@ def continuous_current(p: Any, s: Any, direction: float, forward: float, backwar
         wanted = s.friction + carried
     wanted = min(limit, max(-limit, wanted))
     current = approach(s.current, wanted, p.slope * s.step)
-    if not math.isfinite(current):
-        s.started = 0
-        current = 0.0
     friction = current - carried
     s.breakaway = start * friction
     s.kinetic = friction - s.breakaway

@@ -154,9 +154,9 @@ class CompensationLaw:
         or because the joint exceeded the identified speeds; ``beyond identified speeds``: for how
         long it did, s; ``withheld``: share withheld while the joint slows down, or is faster than
         before in this movement; ``slips``: how often it slipped under its preload; ``samples
-        dropped``: number of implausible samples; ``in doubt``: whether these, or a velocity that
-        contradicts the encoder, cause zero current; ``not carried``: what the drive's limit, or
-        that of the rate of change, takes from the effects that carry, A.
+        dropped``: number of implausible samples; ``in doubt``: whether these cause zero current;
+        ``not carried``: what the drive's limit, or that of the rate of change, takes from the
+        effects that carry, A.
         """
         s, p = self._states, self._parameters
         begun = s['started'] == 1
@@ -166,7 +166,7 @@ class CompensationLaw:
             'withheld': s['withheld'].copy(),
             'slips': s['slips'].astype(int),
             'samples dropped': s['dropped'].astype(int),
-            'in doubt': (s['doubt'] > p['bad_time']) | (s['contradiction'] > p['rest_time']),
+            'in doubt': s['doubt'] > p['bad_time'],
             'not carried': self._not_carried()}
 
     def _not_carried(self) -> np.ndarray:
@@ -189,8 +189,7 @@ class CompensationLaw:
         position : array_like, shape (J,)
             rad.
         velocity : array_like, shape (J,), or None
-            rad/s; if None, it is computed from position. The continuous law always does so, and
-            compares.
+            rad/s; if None, it is computed from position. The continuous law always does so.
         direction : array_like, shape (J,)
             Direction d of the coming movement: -1, 0 or +1; other values count as 0.
         temperature, load : array_like, shape (J,), optional

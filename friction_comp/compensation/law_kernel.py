@@ -14,13 +14,106 @@ from numba import njit
 import numpy as np
 
 from friction_comp.compensation.friction_operator import continuous_current
-from friction_comp.compensation.guards import observe
-from friction_comp.compensation.records import CONTINUOUS, KINETIC, NONE
+from friction_comp.compensation.records import CONTINUOUS, FREE, KINETIC, NONE
+from friction_comp.low_pass import low_pass_weight
 from friction_comp.model.sigmoid import compiled_kinetic_current
 
 BUMP_TIME = 0.05
 """s; time constant with which an exchanged model or law takes effect under one without slope limit.
 """
+LONGEST_STEP = 0.1
+"""s; after a longer pause, or a clock that was set, the operator is reset."""
+AGREEING = 5
+"""Consecutive samples that must agree before an implausible position is accepted."""
+FILTER_TIME = 0.004
+"""s of each of the two filters that the law's speed goes through."""
+
+
+@njit(cache=True)
+def begin(p: Any, s: Any, time: float, position: float) -> None:
+    """Start at a position, at rest."""
+    s.started = 1
+    s.time, s.step = time, p.sample_time
+    s.seen = position
+    s.trust = s.trusted = 1.0
+    settle(s, position)
+
+
+@njit(cache=True)
+def settle(s: Any, position: float) -> None:
+    """Reset to a joint at rest at this position, with the operator relaxed."""
+    s.position = s.backlash_position = s.still_position = position
+    s.rest_position = s.lead_position = s.stop_position = position
+    s.half_speed = s.speed = s.z = s.still_time = s.since = s.doubt = 0.0
+    s.mode, s.displaced, s.stopped = FREE, 0, 0.0
+    s.pace = s.slowest = s.usual = s.sliding = s.withheld = 0.0
+    s.heading = s.top = s.way = s.saved = 0.0
+
+
+@njit(cache=True)
+def observe(p: Any, s: Any, time: float, position: float, velocity: float, known: bool) -> bool:
+    """Process a sample and return whether a current can be computed.
+
+    The continuous law computes from positions alone, so that a wrong velocity cannot mislead it. A
+    position that the joint cannot have reached is dropped. After a few consecutive samples that
+    agree with each other the new position is accepted, and the operator starts again from there.
+    Until then the current is held for `bad_time`, and is zero after that.
+
+    Parameters
+    ----------
+    p, s : records of PARAMETERS and STATE
+        The state changes in place.
+    time, position, velocity : float
+        s, rad, rad/s.
+    known : bool
+        Whether the velocity is measured; otherwise the position is differentiated.
+    """
+    if not (math.isfinite(time) and math.isfinite(position)
+            and (p.law == CONTINUOUS or math.isfinite(velocity) or not known)):
+        s.dropped += 1.0
+        s.doubt += p.sample_time
+        if s.doubt > p.bad_time:
+            s.started = 0
+        return False
+    if s.started == 0:
+        dropped, slips, overspeed = s.dropped, s.slips, s.overspeed
+        begin(p, s, time - p.sample_time, position)
+        s.dropped, s.slips, s.overspeed = dropped, slips, overspeed
+    # To whole nanoseconds, the resolution of stamps: a law that is driven by messages and one in
+    # a plain loop then see the same step.
+    step = round((time - s.time) * 1e9) * 1e-9
+    if abs(step) > LONGEST_STEP:
+        # A pause, or the clock was set.
+        settle(s, position)
+        step, s.bump = p.sample_time, 0.0
+    elif step <= 0.0:
+        s.step = 0.0
+        if p.law != CONTINUOUS and known:
+            s.speed = velocity
+        return True
+    s.step, s.time = step, time
+    travel = position - s.position
+    if p.law != CONTINUOUS:
+        s.speed = velocity if known else travel / step
+        s.position = position
+        return True
+    near = p.fastest * step + 3.0 * p.resolution
+    s.agreed = s.agreed + 1 if abs(position - s.seen) <= near else 0
+    s.seen = position
+    if abs(travel) > near + p.fastest * s.doubt:
+        s.dropped += 1.0
+        s.doubt += step
+        if s.agreed < AGREEING:
+            return True
+        settle(s, position)
+        travel = 0.0
+    s.doubt = 0.0
+    s.position = position
+    # Filtered twice, so that a single encoder count causes neither a step nor a kink.
+    weight = low_pass_weight(step, FILTER_TIME)
+    s.half_speed += (travel / step - s.half_speed) * weight
+    s.speed += (s.half_speed - s.speed) * weight
+    return True
 
 
 @njit(cache=True)

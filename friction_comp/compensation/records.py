@@ -39,8 +39,8 @@ PARAMETERS = _record(
 """Parameters of one joint."""
 
 STATE = _record(
-    # The last sample used, the last one received, and the last stamp that jumped; s, rad, rad/s.
-    'time step position seen half_speed speed leapt '
+    # The last sample used, and the last one received; s, rad, rad/s.
+    'time step position seen half_speed speed '
     # The operator: z in -1..1, position behind the backlash in rad.
     'z backlash_position '
     # Rest: how long, where the joint is, where it rested, where leading began, s and rad; z while
@@ -50,7 +50,7 @@ STATE = _record(
     # sliding, the share withheld.
     'pace slowest usual sliding withheld '
     # Trust in the drive, at the last rest too; rad that it may yield; s of doubt.
-    'trust trusted yields doubt contradiction '
+    'trust trusted yields doubt '
     # The direction announced last and for how long, the one acted on and where it came, s and rad.
     'direction lasted aim aim_position '
     # This way: its direction and top speed, rad/s, how long it is, rad, and the share of a reversal

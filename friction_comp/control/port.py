@@ -17,8 +17,8 @@ class Port(Protocol):
     """Carries one command for each joint state; zero takes precedence, from any thread.
 
     Every zero command increases `ticket`, and currents with an earlier ticket are not carried: it
-    is read before a current is computed. `ready` tells whether somebody can hear commands, `last`
-    is the last command in A.
+    is read before a current is computed. It is the one place where currents are limited and must be
+    finite before they leave. `last` is the last command in A.
     """
 
     ticket: int
@@ -26,10 +26,16 @@ class Port(Protocol):
 
     @property
     def ready(self) -> bool:
-        """Whether commands can be carried."""
+        """Whether somebody can hear commands."""
 
-    def answer(self, currents: Sequence[float] | np.ndarray, ticket: int, stamp: int = 0) -> None:
-        """Carry currents in A, one for each joint, as the answer to a state's stamp in ns."""
+    def set_limits(self, limits: Sequence[float], torques: Sequence[float]) -> None:
+        """Set the joints' largest currents, A, and their torques at the joint, N·m per A."""
+
+    def answer(self, currents: Sequence[float] | np.ndarray, ticket: int, stamp: int = 0) -> bool:
+        """Carry currents in A, one for each joint, as the answer to a state's stamp in ns.
+
+        Where one is not finite, all are zero. Return whether all are finite.
+        """
 
     def repeat(self, sent: int) -> None:
         """Answer a state that was `sent` again, system time in ns, if its answer was lost."""

@@ -170,7 +170,7 @@ class CompensatorNode(LifecycleNode):
             self._failure = f'configuration failed: {error!r}'
             self.get_logger().error(traceback.format_exc())
             return TransitionCallbackReturn.FAILURE
-        self._configured.warn_left_out()
+        self._configured.warn_unusual()
         self._set_state('inactive', 'configured')
         return super().on_configure(state)
 
@@ -224,7 +224,7 @@ class CompensatorNode(LifecycleNode):
         self._ending = True
         configured = self._configured
         if configured is not None:
-            configured.port.zero(permanent=True)
+            configured.stop_motor()
 
     def resume(self, seconds: float) -> None:
         """Begin anew after the process was stopped for some s."""
@@ -232,8 +232,7 @@ class CompensatorNode(LifecycleNode):
         self.get_logger().warning(f'was stopped for {seconds:.3g} s and begins anew')
         configured = self._configured
         if configured is not None:
-            configured.loop.resume(seconds)
-            configured.port.release()
+            configured.resume(seconds)
 
     def leave(self) -> None:
         """Command zero current, however the node ends."""
@@ -242,7 +241,7 @@ class CompensatorNode(LifecycleNode):
         self._state = 'finalized'
 
     def _on_reset(self, _: Any, response: Any) -> Any:
-        texts = [] if self._configured is None else self._configured.loop.reset_faults()
+        texts = [] if self._configured is None else self._configured.reset_faults()
         response.success = True
         response.message = '; '.join(texts) or 'nothing was latched'
         return response

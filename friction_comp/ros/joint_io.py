@@ -128,7 +128,7 @@ class CommandPort:
         self._node = node
         self._topic = node.resolve_topic_name('current_command')
         self._by_torque = interface == 'effort'
-        self.limits, self.torques = list(limits), list(torques)
+        self.set_limits(limits, torques)
         size = len(self.limits)
         self._message, self._zero = (Float64MultiArray(data=array('d', bytes(8 * size)))
                                      for _ in range(2))
@@ -142,6 +142,10 @@ class CommandPort:
         self.ticket = 0
         self.last = [0.0] * size
         self._stamp = self._answered = 0
+
+    def set_limits(self, limits: Sequence[float], torques: Sequence[float]) -> None:
+        """Set the largest currents of the joints, A, and their torques, N·m per A."""
+        self.limits, self.torques = [float(limit) for limit in limits], list(torques)
 
     def open(self) -> None:
         """Create the publisher."""
@@ -169,21 +173,22 @@ class CommandPort:
                                 or time.monotonic() - self._opened > _DISCOVERY_TIME)
         return self._discovered
 
-    def answer(self, currents: Sequence[float] | np.ndarray, ticket: int, stamp: int = 0) -> None:
+    def answer(self, currents: Sequence[float] | np.ndarray, ticket: int, stamp: int = 0) -> bool:
         """Publish currents in A, one per joint, unless zero was commanded since the ticket.
 
-        Values that are not finite become zero, values beyond the limit the limit. `stamp` is that
-        of the simulated joint state that they answer, ns; 0 in real time.
+        Values beyond a limit become the limit. Where one is not finite, all become zero; return
+        whether all are finite. `stamp` is that of the simulated joint state that they answer, ns; 0
+        in real time.
         """
-        values = []
-        for value, limit in zip(np.asarray(currents).tolist(), self.limits):
-            if not -limit <= value <= limit:
-                if not math.isfinite(value):
-                    value = 0.0
-                value = min(max(value, -limit), limit)
-            elif -NEGLIGIBLE < value < NEGLIGIBLE:
-                value = 0.0
-            values.append(value)
+        given = np.asarray(currents, dtype=float).tolist()
+        finite = all(map(math.isfinite, given))
+        values = [0.0 if not finite or -NEGLIGIBLE < value < NEGLIGIBLE
+                  else min(max(value, -limit), limit)
+                  for value, limit in zip(given, self.limits)]
+        self._publish(values, ticket, stamp)
+        return finite
+
+    def _publish(self, values: list[float], ticket: int, stamp: int) -> None:
         with self._lock:
             if ticket != self.ticket or self._sealed or self._publisher is None:
                 return

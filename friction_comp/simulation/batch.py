@@ -12,8 +12,7 @@ from collections.abc import Sequence
 from numba import njit, prange
 import numpy as np
 
-from friction_comp.compensation.guards import observe
-from friction_comp.compensation.law_kernel import decide
+from friction_comp.compensation.law_kernel import decide, observe
 from friction_comp.compensation.records import STATE
 from friction_comp.simulation.joint import joint_sample, measure, start_joint
 from friction_comp.simulation.joint_parameters import JOINT_STATE, MEASURED, Record
