@@ -33,18 +33,9 @@ def room_of(path):
     return parts[0] if len(parts) > 1 else 'ground'
 
 
-def statements(node):
-    """Give the nodes of a file but for what only a checker of types runs."""
-    yield node
-    if isinstance(node, ast.If) and ast.unparse(node.test) == 'TYPE_CHECKING':
-        return
-    for inner in ast.iter_child_nodes(node):
-        yield from statements(inner)
-
-
-def imported_modules(path, walk=ast.walk):
-    """Give the package's modules that a file imports, at its top or inside functions."""
-    for node in walk(ast.parse(path.read_text(encoding='utf-8'))):
+def imported_modules(path):
+    """Give the package's modules that a file imports: for its types, and inside functions, too."""
+    for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
         if isinstance(node, ast.ImportFrom) and (node.module or '').startswith('friction_comp.'):
             yield node.module
         elif isinstance(node, ast.ImportFrom) and node.module == 'friction_comp':
@@ -102,7 +93,7 @@ def test_there_are_no_circular_imports():
     # __init__ and __main__ only forward what other modules define.
     files = {name_of(path): path for path in MODULES if path.name != '__init__.py'}
     TopologicalSorter({
-        name: set(imported_modules(path, statements)) & set(files) - {name}
+        name: set(imported_modules(path)) & set(files) - {name}
         for name, path in files.items()}).prepare()
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from friction_comp.errors import InputError
-from friction_comp.identification.excitation import ramp_current
+from friction_comp.identification.waveforms import ramp_current
 from friction_comp.note.recorded_ramps import breakaway_currents
 
 PERIOD = 10.0

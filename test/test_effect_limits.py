@@ -12,6 +12,7 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.effects import Coverage, EFFECTS
 from friction_comp.model.effects.base import with_range
+from friction_comp.model.effects.live_term import LiveTerm
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
@@ -71,7 +72,7 @@ def test_beyond_its_fitted_range_a_spring_keeps_its_value_at_the_edge():
     samples = Samples(time=np.arange(5.0), position=position, velocity=still, acceleration=still,
                       current=still)
     assert model.current(samples) == pytest.approx([-1.0, -1.0, 0.6, 1.6, 1.6])
-    live = model.effects[0].live()
+    live = LiveTerm(model.effects[0])
     assert [live.update(0.0, q, 0.0) for q in position] == pytest.approx(
         [-1.0, -1.0, 0.6, 1.6, 1.6])
 
@@ -80,7 +81,7 @@ def test_a_temperature_that_is_not_known_stays_unknown():
     model = a_model('temperature', {
         'reference_temperature': 30.0, 'transition': 0.02, 'coefficients': [-0.01, 0.0, 0.0]},
         {'temperature': [25.0, 40.0]})
-    live = model.effects[0].live()
+    live = LiveTerm(model.effects[0])
     assert live.update(0.0, 0.0, 1.0, temperature=90.0) == pytest.approx(-0.1)
     assert np.isnan(live.update(0.0, 0.0, 1.0, temperature=np.nan))
 

@@ -10,6 +10,7 @@ import pytest
 
 from friction_comp.errors import InputError
 from friction_comp.model.effects import EFFECTS
+from friction_comp.model.effects.live_term import LiveTerm
 from friction_comp.samples import Samples
 
 TRANSITION = 0.02
@@ -269,7 +270,7 @@ def test_any_motion_gives_a_finite_current_linear_in_the_coefficients(name, data
 @given(data=st.data())
 def test_live_no_friction_at_standstill_and_nothing_infinite_anywhere(name, data):
     parameters = data.draw(parameters_of(name))
-    term = EFFECTS[name](parameters).live()
+    term = LiveTerm(EFFECTS[name](parameters))
     rng = np.random.default_rng(data.draw(st.integers(0, 1000)))
     time = 0.0
     for _ in range(40):
@@ -296,7 +297,7 @@ def test_live_and_offline_are_the_same_in_motion_on_the_same_samples(name):
     samples = samples_of(position, np.gradient(position, time), step=0.005)
     # A transition above the sharpest that is fed back, so that both have the same one.
     effect = EFFECTS[name](defaults(name))
-    term = effect.live()
+    term = LiveTerm(effect)
     live = np.array([term.update(*sample) for sample in zip(
         samples.time, samples.position, samples.velocity, samples.temperature, samples.load,
         samples.rigid_body, samples.coupling)])

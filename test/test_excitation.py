@@ -8,14 +8,14 @@ from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 
-from friction_comp.identification.excitation import (
+from friction_comp.identification.goal import IdentificationGoal
+from friction_comp.identification.waveforms import (
     constant_velocity_windows,
     cycle_position,
     cycle_velocity,
     ramp_current,
     travel_state,
 )
-from friction_comp.identification.goal import IdentificationGoal
 
 velocity_reference, position_reference, current_ramp = (
     np.vectorize(formula, otypes=[float])

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from friction_comp.drive import Drive
-from friction_comp.identification.excitation import cycle_position
 from friction_comp.identification.goal import IdentificationError, IdentificationGoal
 from friction_comp.identification.kinetic import acceleration_of_cycle, local_parabolas
 from friction_comp.identification.presliding import (
@@ -21,8 +20,9 @@ from friction_comp.identification.presliding import (
 )
 from friction_comp.identification.ramp_evaluation import evaluate_ramps
 from friction_comp.identification.run import IdentificationMotion
+from friction_comp.identification.sample import Sample
 from friction_comp.identification.staircase import rests
-from friction_comp.identification.supervision import Sample
+from friction_comp.identification.waveforms import cycle_position
 
 LEVEL, RATE, COUNT = 0.3, 60.0, 1.5e-5  # A, rad/s² per A, rad
 

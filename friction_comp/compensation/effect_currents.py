@@ -64,9 +64,8 @@ class EffectCurrents:
     """
 
     def __init__(self, model: FrictionModel, why_left_out: Callable[[Effect], str]) -> None:
-        pairs = [(effect, effect.live()) for effect in model.effects if not why_left_out(effect)]
-        self.terms: list[tuple[Effect, LiveTerm]] = [
-            (effect, term) for effect, term in pairs if term is not None]
+        self.terms = [
+            (effect, LiveTerm(effect)) for effect in model.effects if not why_left_out(effect)]
         self.largest_weight = self._largest_weight(model, self.terms)
         both = model.breakaway
         self.breakaway_positions: tuple[float, float] | None = None

@@ -208,7 +208,7 @@ class CompensationLaw:
                             known, self._usable)
         forward, backward, carried = np.zeros((3, self.joints))
         for j, effects in enumerate(self._effects):
-            if len(effects) and self._usable[j] and self._parameters[j]['law'] != NONE:
+            if effects.terms and self._usable[j] and self._parameters[j]['law'] != NONE:
                 signals = {'temperature': _entry(temperature, j), 'load': _entry(load, j),
                            **self._arm_signals(j, position)}
                 forward[j], backward[j], carried[j] = self._effect_currents(j, float(time), signals)

@@ -7,17 +7,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal import savgol_filter
 
 from friction_comp.errors import InputError
-from friction_comp.identification.excitation import constant_velocity_windows
-
-if TYPE_CHECKING:
-    from friction_comp.identification.supervision import Sample
+from friction_comp.identification.sample import Sample
+from friction_comp.identification.waveforms import constant_velocity_windows
 
 # s at the beginning of a constant-velocity phase that are not used.
 _SETTLING = 0.25

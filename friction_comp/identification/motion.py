@@ -17,10 +17,10 @@ import math
 from typing import NoReturn
 
 from friction_comp.drive import Drive
-from friction_comp.identification.excitation import travel_state
 from friction_comp.identification.goal import IdentificationError, MotionGoal
 from friction_comp.identification.kinetic import acceleration_of_push, KineticPoint
-from friction_comp.identification.supervision import LEAST_SHARE, Sample, Supervision
+from friction_comp.identification.sample import Sample
+from friction_comp.identification.supervision import LEAST_SHARE, Supervision
 from friction_comp.identification.velocity_control import (
     Controller,
     LEAST_BANDWIDTH,
@@ -30,6 +30,7 @@ from friction_comp.identification.velocity_control import (
     velocity_controller_state,
     velocity_controller_step,
 )
+from friction_comp.identification.waveforms import travel_state
 from friction_comp.signal_checks import LATEST
 
 STILL_TIME = 0.2        # s of standstill required before each ramp

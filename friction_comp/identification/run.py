@@ -20,7 +20,6 @@ import numpy as np
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.identification.excitation import cycle_position, cycle_velocity
 from friction_comp.identification.goal import (
     IdentificationError,
     IdentificationGoal,
@@ -33,6 +32,7 @@ from friction_comp.identification.kinetic import (
 )
 from friction_comp.identification.motion import Motion, speed_over, STILL_TIME
 from friction_comp.identification.ramp_evaluation import evaluate_ramps, Ramp
+from friction_comp.identification.sample import Sample
 from friction_comp.identification.sigmoid_fit import fit_sigmoid
 from friction_comp.identification.staircase import (
     FIRST_STAIR,
@@ -44,12 +44,14 @@ from friction_comp.identification.staircase import (
     SLIDING_STAIR,
     STAIR,
 )
-from friction_comp.identification.supervision import check_load, Sample, SupervisedRun
+from friction_comp.identification.supervised_run import SupervisedRun
+from friction_comp.identification.supervision import check_load
 from friction_comp.identification.velocity_control import (
     Controller,
     velocity_controller_state,
     velocity_controller_step,
 )
+from friction_comp.identification.waveforms import cycle_position, cycle_velocity
 from friction_comp.statistics import evenly_spread, smallest_step
 
 # The joint slides when its mean speed over this time in s exceeds this speed in rad/s, and it has

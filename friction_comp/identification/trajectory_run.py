@@ -20,7 +20,8 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.identification.goal import MotionGoal
 from friction_comp.identification.motion import Motion, STILL_TIME
-from friction_comp.identification.supervision import Sample, SupervisedRun
+from friction_comp.identification.sample import Sample
+from friction_comp.identification.supervised_run import SupervisedRun
 
 # Shares of the trajectory's range: how far the joint may leave it, how far the first push may move
 # the joint, and how far it may lag behind its reference.

@@ -18,9 +18,9 @@ from friction_comp.files import plain, read_yaml, write_yaml
 from friction_comp.model.arm.arm import Arm
 from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate, settings_of
 from friction_comp.model.effects import Effect, EFFECTS
-from friction_comp.model.planned_motion import feed_forward_torque
+from friction_comp.model.planned_motion import planned_current
+from friction_comp.model.recorded import Recorded
 from friction_comp.model.sigmoid import Sigmoid
-from friction_comp.model.sliding_friction import Recorded
 from friction_comp.model.standstill import Breakaway, Presliding
 from friction_comp.samples import Samples
 
@@ -135,7 +135,28 @@ class FrictionModel:
         >>> model.feed_forward(0.0, 1.0)
         0.7
         """
-        return feed_forward_torque(self, position, velocity, acceleration)
+        gain = self.torque_per(self.unit)
+        if gain is None:
+            raise InputError(f'the unit of the model is {self.unit}: without torque constant and '
+                             'gear ratio it gives no torque')
+        return gain * planned_current(self.sigmoid, self.effects, position, velocity, acceleration)
+
+    @property
+    def unit(self) -> str:
+        """The unit of its current: that of the notes, else A, or N·m without constants."""
+        default = 'N·m' if self.drive.torque_per_current == 1.0 else 'A'
+        return str(self.notes.get('unit', default))
+
+    def torque_per(self, unit: str) -> float | None:
+        """Return the torque (or force) at the joint of one unit of current; None if unknown.
+
+        N·m for A, if the model has a torque constant and a gear ratio; constants of 1 and 1 mean
+        that nobody gave them.
+        """
+        gain = self.drive.torque_per_current
+        if unit in ('N·m', 'N'):
+            return 1.0
+        return gain if unit == 'A' and gain != 1.0 else None
 
     def measured(self, samples: Samples) -> np.ndarray:
         """Return the measured current in A, shape (N,), with which `predict` is compared.

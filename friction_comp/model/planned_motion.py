@@ -8,53 +8,48 @@ out. An effect with memory (hysteresis) has the value that it reaches in steady 
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterable, Sequence
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
 from friction_comp.errors import InputError
+from friction_comp.model.effects.base import Effect
 from friction_comp.model.effects.definitions import Signals
-from friction_comp.model.sliding_friction import torque_per_unit, unit_of
+from friction_comp.model.sigmoid import Sigmoid
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from friction_comp.model.effects import Effect
-    from friction_comp.model.friction_model import FrictionModel
-
 _PLANNED = {'acceleration', 'rigid_body', 'coupling'}
 
 
-def of_plan(model: FrictionModel) -> tuple[FrictionModel, list[str]]:
-    """Return a model with the effects that a plan determines, and the names of the others."""
+def of_plan(effects: Iterable[Effect]) -> tuple[list[Effect], list[str]]:
+    """Return the effects that a plan determines, and the names of the others."""
     kept: list[Effect] = []
-    others: list[Effect] = []
-    for effect in model.effects:
-        known = set(effect.needs) <= _PLANNED and effect.holds_on_another_day
-        (kept if known else others).append(effect)
-    return replace(model, effects=kept), [effect.name for effect in others]
+    others: list[str] = []
+    for effect in effects:
+        if set(effect.needs) <= _PLANNED and effect.holds_on_another_day:
+            kept.append(effect)
+        else:
+            others.append(effect.name)
+    return kept, others
 
 
-def feed_forward_torque(model: FrictionModel, position: ArrayLike, velocity: ArrayLike,
-                        acceleration: ArrayLike = 0.0) -> Any:
-    """Return what `FrictionModel.feed_forward` does."""
-    gain = torque_per_unit(model, unit_of(model))
-    if gain is None:
-        raise InputError(f'the unit of the model is {unit_of(model)}: without torque constant and '
-                         'gear ratio it gives no torque')
-    for effect in model.effects:
+def planned_current(sigmoid: Sigmoid, effects: Sequence[Effect], position: ArrayLike,
+                    velocity: ArrayLike, acceleration: ArrayLike) -> Any:
+    """Return what `FrictionModel.feed_forward` does, in the unit of the model's current."""
+    for effect in effects:
         if {'rigid_body', 'coupling'} & set(effect.needs):
             raise InputError(f"effect '{effect.name}' needs the motion of the whole arm: predict "
                              'takes its plan')
     q, v, a = (np.asarray(values, dtype=float) for values in (position, velocity, acceleration))
     if not np.isfinite(q + v + a).all():
         raise InputError('position, velocity and acceleration must be finite')
-    current = model.sigmoid(v)
-    for effect in of_plan(model)[0].effects:
+    current = sigmoid(v) + 0.0 * (q + a)
+    for effect in of_plan(effects)[0]:
         current = current + _current(effect, q, v, a)
-    torque = gain * current + 0.0 * (q + a)
-    return torque if np.ndim(torque) else float(torque)
+    return current if np.ndim(current) else float(current)
 
 
 def _current(effect: Effect, position: Any, velocity: Any, acceleration: Any) -> Any:

@@ -18,13 +18,11 @@ import numpy as np
 from friction_comp.errors import InputError
 from friction_comp.model.effects.base import Effect
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.recorded import LINE
 from friction_comp.model.sliding_friction import (
     inertia_of,
-    LINE,
     line_of,
     Sliding,
-    torque_per_unit,
-    unit_of,
 )
 from friction_comp.samples import Samples
 
@@ -77,8 +75,8 @@ def simulator_joint(model: FrictionModel, top_speed: float | None = None) -> Sim
     InputError
         If the model's unit is not a torque and cannot be converted to one.
     """
-    unit = unit_of(model)
-    gain = torque_per_unit(model, unit)
+    unit = model.unit
+    gain = model.torque_per(unit)
     if gain is None:
         raise InputError(
             f'its unit is {unit}, and no torque constant and gear ratio are known that make it a '
@@ -187,7 +185,7 @@ def loss_of(model: FrictionModel, joint: SimulatorJoint, form: str,
     `recorded` is the motion of a recording with velocity and acceleration; sweeps at the model's
     speeds when omitted.
     """
-    gain = torque_per_unit(model, unit_of(model)) or 1.0
+    gain = model.torque_per(model.unit) or 1.0
     has_inertia = form != 'tanh'
     kept = [effect for effect in model.effects if effect.name not in LINKS
             and (has_inertia or effect.name != 'inertia')]
@@ -219,7 +217,7 @@ def friction_table(model: FrictionModel, loads: np.ndarray, top_speed: float | N
     Names of the columns (velocity, position, load, torque), and the rows, shape (N, 4). Loads,
     shape (L,), N·m, are used where friction depends on the load.
     """
-    gain = torque_per_unit(model, unit_of(model)) or 1.0
+    gain = model.torque_per(model.unit) or 1.0
     kept, _ = joint_friction_only(model, ('acceleration', 'load'))
     motion, late = Sliding.of(model, top_speed).samples()
     if not any('load' in effect.needs for effect in kept.effects):

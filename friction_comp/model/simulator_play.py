@@ -17,7 +17,7 @@ import numpy as np
 
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.simulator_joint import joint_friction_only, SimulatorJoint
-from friction_comp.model.sliding_friction import Sliding, torque_per_unit, unit_of
+from friction_comp.model.sliding_friction import Sliding
 from friction_comp.samples import Samples
 
 # Natural frequency of the controller, Hz, critically damped: higher ones would hide what the joint
@@ -82,7 +82,7 @@ def swing(model: FrictionModel) -> tuple[Samples, np.ndarray]:
         velocity=speed * np.sin(turning * time),
         acceleration=speed * turning * np.cos(turning * time), current=np.zeros(len(time)))
     current = replace(kept, effects=[*kept.effects, *inertia]).current(motion)
-    return motion, (torque_per_unit(model, unit_of(model)) or 1.0) * current
+    return motion, (model.torque_per(model.unit) or 1.0) * current
 
 
 def _parts(motion: Samples) -> list[slice]:

@@ -14,70 +14,22 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 import math
-from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from friction_comp.checks import check_list, check_mapping, check_number
-from friction_comp.errors import InputError
+from friction_comp.checks import check_number
 from friction_comp.model.effects.base import Effect
 from friction_comp.model.effects.definitions import RESISTS
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.recorded import LINE
 from friction_comp.samples import Samples
 
-if TYPE_CHECKING:
-    from friction_comp.model.friction_model import FrictionModel
-
-LINE = ('offset', 'coulomb', 'viscous')
-"""Parameters of the line, in A, A and A·s/rad."""
 # rad/s, if a model does not tell the speeds at which it was measured.
 _TOP_SPEED = 1.0
 # Speeds of the line, and points over the range of position.
 _SPEEDS, _POINTS = 12, 720
 # A transition so short, rad/s, that every speed of the line is beyond it.
 _SUDDEN = 1e-9
-
-
-@dataclass(frozen=True)
-class Recorded:
-    """What a model file keeps of the recordings it was fitted to."""
-
-    speeds: tuple[float, ...] = ()  # quantiles of the speed in motion, rad/s, the lowest first
-    # 95 % intervals by parameter, in the model's unit of current, of `LINE`, inertia, transition.
-    intervals: tuple[tuple[str, tuple[float, float]], ...] = ()
-
-    @classmethod
-    def from_dict(cls, section: Any) -> Recorded:
-        """Read the section `recorded` of a model file."""
-        check_mapping(section, 'recorded', ('speeds', 'intervals'))
-        speeds = tuple(check_number(value, 'recorded.speeds', above=0.0) for value in check_list(
-            section.get('speeds'), 'recorded.speeds'))
-        intervals = []
-        known = (*LINE, 'inertia', 'transition')
-        for name, ends in check_mapping(
-                section.get('intervals') or {}, 'recorded.intervals', known).items():
-            low, high = _two(ends, f'recorded.intervals.{name}')
-            intervals.append((name, (low, high)))
-        return cls(speeds, tuple(intervals))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the section as plain values."""
-        return {'speeds': list(self.speeds),
-                'intervals': {name: list(ends) for name, ends in self.intervals}}
-
-    def interval(self, name: str, value: float) -> tuple[float, float] | None:
-        """Return a parameter's interval; None where it is unknown, or does not hold the value.
-
-        A model that was changed after the fit has other values than its intervals.
-        """
-        low, high = dict(self.intervals).get(name, (math.nan, math.nan))
-        return (low, high) if low <= value <= high else None
-
-
-def _two(ends: Any, name: str) -> tuple[float, float]:
-    values = [check_number(end, name) for end in check_list(ends, name)]
-    if len(values) != 2 or values[0] > values[1]:
-        raise InputError(f'{name} must be two numbers, the lower one first')
-    return values[0], values[1]
 
 
 @dataclass(frozen=True)
@@ -170,21 +122,3 @@ def inertia_of(model: FrictionModel) -> float | None:
         return float(sum(own))
     simulated = model.simulation.get('inertia')
     return None if simulated is None else float(simulated) / model.drive.torque_per_current
-
-
-def unit_of(model: FrictionModel) -> str:
-    """Return the unit of a model's current: that of its notes, else A, or N·m without constants."""
-    default = 'N·m' if model.drive.torque_per_current == 1.0 else 'A'
-    return str(model.notes.get('unit', default))
-
-
-def torque_per_unit(model: FrictionModel, unit: str) -> float | None:
-    """Return the torque (or force) at the joint of one unit of a model's current; None if unknown.
-
-    N·m for A, if the model has a torque constant and a gear ratio; constants of 1 and 1 mean that
-    nobody gave them.
-    """
-    gain = model.drive.torque_per_current
-    if unit in ('N·m', 'N'):
-        return 1.0
-    return gain if unit == 'A' and gain != 1.0 else None

@@ -15,7 +15,7 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.identification.goal import IdentificationGoal
 from friction_comp.identification.run import IdentificationRun
-from friction_comp.identification.supervision import SupervisedRun
+from friction_comp.identification.supervised_run import SupervisedRun
 from friction_comp.identification.trajectory_run import TrajectoryGoal
 from friction_comp.ros.parameters import declare
 

@@ -12,7 +12,6 @@ from numba import njit, prange
 import numpy as np
 
 from friction_comp.identification.breakaway import BreakawayRecords
-from friction_comp.identification.excitation import ramp_current
 from friction_comp.identification.goal import IdentificationGoal
 from friction_comp.identification.run import (
     CUT_COUNTS,
@@ -20,6 +19,7 @@ from friction_comp.identification.run import (
     CUT_WINDOW,
     IdentificationRun,
 )
+from friction_comp.identification.waveforms import ramp_current
 from friction_comp.note.published import RAMP_PERIOD
 from friction_comp.note.recorded_ramps import breakaway_currents
 from friction_comp.simulation.joint import joint_sample, measure, Plant, start_joint

@@ -12,13 +12,11 @@ import numpy as np
 
 from friction_comp.model.effects.base import Effect
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.recorded import LINE, Recorded
 from friction_comp.model.sliding_friction import (
     inertia_of,
-    LINE,
     line_of,
-    Recorded,
     Sliding,
-    torque_per_unit,
 )
 from friction_comp.refinement.best_fit import Fit
 from friction_comp.refinement.block_sums import BlockSums
@@ -118,7 +116,7 @@ def friction_of(model: FrictionModel, unit: str, both_directions: bool = True) -
             'breakaway': None if model.breakaway is None else {
                 side: {what: getattr(model.breakaway, f'{side}_{what}') for what in ('mean', 'std')}
                 for side in ('positive', 'negative')},
-            'unit': unit, 'torque_per_current': torque_per_unit(model, unit),
+            'unit': unit, 'torque_per_current': model.torque_per(unit),
             'inertia_holds': inertia_holds(model), 'formula': formula_line(numbers, model, unit)}
 
 

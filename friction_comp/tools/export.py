@@ -231,7 +231,6 @@ def recorded_motion(arguments: Namespace, model: FrictionModel
 
     from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
     from friction_comp.model.simulator_joint import LINKS
-    from friction_comp.model.sliding_friction import torque_per_unit, unit_of
     from friction_comp.recordings import find_recordings, read_recording_with_info
 
     named = arguments.recording
@@ -259,7 +258,7 @@ def recorded_motion(arguments: Namespace, model: FrictionModel
         if named:
             raise
         return None, None, [f'The recording was not played: {error}']
-    gain = torque_per_unit(model, unit_of(model)) or math.nan
+    gain = model.torque_per(model.unit) or math.nan
     return motion, gain * np.nan_to_num(measured), []
 
 

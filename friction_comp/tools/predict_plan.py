@@ -16,7 +16,6 @@ from friction_comp.files import read_yaml, write_atomically
 from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
 from friction_comp.model.friction_model import FrictionModel, joints_of
 from friction_comp.model.planned_motion import of_plan
-from friction_comp.model.sliding_friction import torque_per_unit, unit_of
 from friction_comp.samples import Samples
 
 
@@ -27,12 +26,12 @@ def predict_plan(arguments: Namespace, plan: dict[str, Samples]) -> int:
     left_out: list[str] = []
     for name, model in models.items():
         prefix = f'{name}.' if len(models) > 1 else ''
-        kept, others = of_plan(model)
+        kept, others = of_plan(model.effects)
         left_out += [other for other in others if other not in left_out]
         with errors_name(arguments.recording):
-            current = _current(kept, plan[name if name in plan else ''])
-        unit = unit_of(model)
-        gain = torque_per_unit(model, unit)
+            current = _current(replace(model, effects=kept), plan[name if name in plan else ''])
+        unit = model.unit
+        gain = model.torque_per(unit)
         if gain is not None:
             columns[f'{prefix}torque'] = gain * current
         if unit == 'A' or gain is None:
@@ -47,7 +46,7 @@ def predict_plan(arguments: Namespace, plan: dict[str, Samples]) -> int:
         print(f"left out, since a plan does not tell their signals: {', '.join(left_out)}")
     rows, units = len(columns['time']), ', '.join(dict.fromkeys(
         f'{what} in {unit}' for column in columns for what, unit in (
-            ('torque', 'N·m'), ('current', 'A'), ('effort', unit_of(next(iter(models.values())))))
+            ('torque', 'N·m'), ('current', 'A'), ('effort', next(iter(models.values())).unit))
         if column.endswith(what)))
     print(f'{arguments.output}: {rows} rows, {units}')
     return 0

@@ -22,7 +22,6 @@ from friction_comp.model.effects.definitions import (
     SearchRange,
     Signals,
 )
-from friction_comp.model.effects.live_term import LiveTerm
 from friction_comp.samples import Samples
 
 _POSITIVE = ('transition', 'velocity', 'reference', 'exponent', 'frequency', 'width', 'distance',
@@ -68,6 +67,8 @@ class Effect(ABC):
     # Whether a sample's value depends on earlier ones: then it has `step`, `start` and `memory`.
     has_memory = False
     not_fed_back = ''   # why the compensator must not apply it; empty if it may
+    # Whether it is fed back only in motion: at rest it would move an untouched joint.
+    fed_back_in_motion = False
     weight = False      # whether it supports the limb, which the robot's controller may already do
     gives_load = False  # whether it loads the teeth by a torque that depends on position
     # Whether its constants contain the load of the other effects on the gear.
@@ -199,9 +200,9 @@ class Effect(ABC):
                 states[k - 1], time[k] - time[k - 1], position[k] - position[k - 1], speed[k], c)
         return states
 
-    def live(self) -> LiveTerm | None:
-        """Return a new `LiveTerm` for the compensator, or None if it is not fed back."""
-        return None if self.not_fed_back else LiveTerm(self)
+    def fed_back(self) -> Effect:
+        """Return the effect as the compensator applies it, if it may."""
+        return self
 
     def dahl_friction(self) -> tuple[float, float] | None:
         """Return the friction that reverses as in Dahl's model, in A, and its distance; or None.

@@ -18,7 +18,6 @@ from friction_comp.model.effects.definitions import (
     Signals,
     too_coarse,
 )
-from friction_comp.model.effects.live_term import LiveTerm, SHARPEST_LIVE
 from friction_comp.samples import Samples
 
 
@@ -55,15 +54,6 @@ def _dahl_states(position: np.ndarray, is_start: np.ndarray, start: np.ndarray,
     return states
 
 
-class _FadingAtRest(LiveTerm):
-    """A term that is fed back only in motion: at rest it would move an untouched joint."""
-
-    def update(self, time: float, position: float, velocity: float, *signals: Any,
-               **named: Any) -> float:
-        return super().update(time, position, velocity, *signals, **named) * abs(
-            math.tanh(velocity / SHARPEST_LIVE))
-
-
 def _shortest_reversal(coverage: Coverage) -> float:
     return max(1e-4 * coverage.span, 3.0 * coverage.resolution)
 
@@ -89,6 +79,7 @@ class Hysteresis(Effect):
         'exponent': SearchRange(1.5, limits=lambda *_: (0.3, 3.0)), 'transition': None}
     signs = (1,)
     has_memory = True
+    fed_back_in_motion = True
     summary = ('Hysteresis: {A:.3g} A of friction reverse over {distance:.3g} rad after a '
                'reversal')
     equation = '{A:+.4g}·z {B:+.4g}·dz/dt, dz/dq = (1 - z·sgn(v))^{exponent:.3g}/{distance:.3g}'
@@ -127,9 +118,6 @@ class Hysteresis(Effect):
             return ('The joint reversed its motion fewer than three times: effects of reversals '
                     'cannot be seen.')
         return too_coarse(coverage)
-
-    def live(self) -> LiveTerm:
-        return _FadingAtRest(self)
 
     def dahl_friction(self) -> tuple[float, float]:
         """Return Dahl's friction, and the distance with an exponent of 1 for the same half rise."""

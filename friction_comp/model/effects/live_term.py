@@ -5,12 +5,9 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
+from friction_comp.model.effects.base import Effect
 from friction_comp.model.effects.definitions import Signals
-
-if TYPE_CHECKING:
-    from friction_comp.model.effects.base import Effect
 
 SHARPEST_LIVE = 0.01
 """Smallest velocity in rad/s over which a term that is fed back changes sign. A recording may show
@@ -24,6 +21,7 @@ class LiveTerm:
     """
 
     def __init__(self, effect: Effect) -> None:
+        effect = effect.fed_back()
         values = dict(effect.values)
         self._transition = None
         if 'transition' in values:
@@ -47,8 +45,11 @@ class LiveTerm:
         sign = math.tanh(velocity / self._transition) if self._transition else 0.0
         state = self._remember(time, position, velocity)
         # By position, in the order of the fields: arguments by name take twice as long.
-        return self._evaluate(Signals(0.0, position, velocity, 0.0, load, temperature, sign, state,
-                                      rigid_body, coupling))
+        value = self._evaluate(Signals(0.0, position, velocity, 0.0, load, temperature, sign, state,
+                                       rigid_body, coupling))
+        if self._effect.fed_back_in_motion:
+            value *= abs(math.tanh(velocity / SHARPEST_LIVE))
+        return value
 
     def both_sides(self, time: float, position: float, speed: float,
                    temperature: float | None = None, load: float | None = None,

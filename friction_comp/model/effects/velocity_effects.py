@@ -10,7 +10,6 @@ import numpy as np
 
 from friction_comp.model.effects.base import Effect
 from friction_comp.model.effects.definitions import Coverage, SearchRange, Signals
-from friction_comp.model.effects.live_term import LiveTerm
 
 
 def _speed_hardly_varied(coverage: Coverage) -> str:
@@ -144,9 +143,9 @@ class DirectionAsymmetry(Effect):
         return ('Motion was in one direction only: differences between directions, constant '
                 'offsets and reversals cannot be seen.')
 
-    def live(self) -> LiveTerm:
-        """Return a term that is zero at rest, where breakaway has its own two values."""
-        return LiveTerm(DirectionAsymmetry({**self.parameters, 'offset': 0.0}))
+    def fed_back(self) -> DirectionAsymmetry:
+        """Return the effect without what it has at rest, where breakaway has its own two values."""
+        return DirectionAsymmetry({**self.parameters, 'offset': 0.0})
 
     def describe(self) -> str:
         a, b = self.coefficients
