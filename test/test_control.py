@@ -84,6 +84,15 @@ def test_planners_contradict_each_other_if_an_earlier_direction_returns(words, p
     assert disputed == ([] if expected else ['elbow'])
 
 
+@pytest.mark.parametrize(('values', 'expected'), [
+    ([1, -1], [1, -1]), ([2, -1], [0, -1]), ([1], [0, 0]), ([], [0, 0])])
+def test_only_proper_directions_count(values, expected):
+    direction = Direction(['elbow', 'wrist'], 0.5)
+    assert direction.take([-1, 1], SECOND)
+    assert direction.take(values, SECOND + 1) == (expected == values)
+    assert direction.at(SECOND + 1).tolist() == expected
+
+
 def test_a_joint_named_twice_has_no_direction_and_others_keep_theirs():
     direction = Direction(['elbow', 'wrist'], 0.5)
     assert direction.take([1, 1], SECOND)
@@ -93,6 +102,20 @@ def test_a_joint_named_twice_has_no_direction_and_others_keep_theirs():
     assert direction.why == 'a joint named twice'
     assert direction.take_stamped(['knee', 'elbow'], [np.nan, -3.0], SECOND + 3, SECOND + 3)
     assert direction.at(SECOND + 3).tolist() == [-1.0, 1.0]
+
+
+def test_joints_are_found_by_name_whatever_is_said_of_others():
+    states = JointStateInput(['elbow', 'wrist'], SECOND // 20)
+    assert states.take(joint_state(
+        SECOND, ['knee', 'wrist', 'elbow', 'knee'], [1e300, 0.2, 0.1, math.nan],
+        [9.0, 2.0, 1.0, 9.0]), SECOND) == NEW
+    assert (states.position.tolist(), states.velocity.tolist()) == ([0.1, 0.2], [1.0, 2.0])
+    # ros2_control says so of a velocity that is not measured.
+    for velocity in ([], [math.nan, math.nan]):
+        states.forget()
+        assert states.take(
+            joint_state(SECOND, ['elbow', 'wrist'], [0.1, 0.2], velocity), SECOND) == NEW
+        assert states.velocity is None
 
 
 def judged(numbers, publishers, names=('elbow',), joints=('elbow',)):
@@ -137,7 +160,7 @@ def test_a_joint_named_twice_is_malformed_only_if_it_is_used():
 class Port:
     """The port of a loop; `last` are the commanded currents."""
 
-    ready, ticket = True, 0
+    ready, ticket, repeated = True, 0, 0
 
     def __init__(self, count):
         self.zero = lambda: setattr(self, 'last', [0.0] * count)
@@ -149,6 +172,9 @@ class Port:
     def answer(self, currents, *_):
         self.last = np.asarray(currents).tolist()
         return True
+
+    def repeat(self, sent):
+        self.repeated += 1
 
 
 class Desk:
@@ -213,16 +239,48 @@ def test_a_driver_that_restarts_is_a_latched_fault_whatever_it_said_last(last):
     assert desk.faults.latched
 
 
-def test_a_velocity_that_is_not_sent_any_more_contradicts_nothing():
-    desk = Desk()
+@pytest.mark.parametrize(('change', 'moved', 'words'), [
+    ({'position': [0.1, 1e300]}, [True, False], 'wrist: a position of 1e+300 rad is impossible'),
+    ({'position': [math.nan, 0.1]}, [False, True], 'not finite'),
+    ({'velocity': [0.3, math.inf]}, [True, False], 'not finite'),
+    ({'position': [0.1]}, [False, False], 'arrays of different lengths'),
+    ({'name': ['elbow', 'wrist', 'elbow'], 'position': [0.1, 0.1, 0.5], 'velocity': [],
+      'effort': []}, [False, False], 'elbow twice'),
+    ({'header': joint_state(40 * SECOND, [], []).header}, [False, False], 's old')])
+def test_a_state_that_cannot_be_is_told_and_gives_its_joint_zero_current(change, moved, words):
+    desk = Desk(['elbow', 'wrist'])
+    assert min(desk.move()) > 0.1
+    desk.time += 1e-3
+    current = desk.state(change=lambda message: vars(message).update(change))
+    assert [value != 0.0 for value in current] == moved
+    assert words in desk.faults.worst[1]
+    assert min(desk.move(0.3)) > 0.1
 
-    def in_degrees(message):
-        message.velocity[0] = math.degrees(message.velocity[0])
-    assert desk.move(1.0, change=in_degrees) == [0.0]
-    assert 'deg/s' in desk.faults.worst[1]
+
+def test_a_late_or_repeated_state_changes_nothing():
+    desk = Desk()
+    assert desk.move()[0] > 0.1
+    for stamp in (desk.time - 3e-3, desk.time):
+        desk.port.last = ['as it was']
+        desk.loop.take(joint_state(stamp * SECOND, ['elbow'], [9.0]), round(desk.time * SECOND))
+        assert desk.port.last == ['as it was']
+    assert desk.port.repeated == 1
+
+
+@pytest.mark.parametrize(('factor', 'words'), [
+    (math.degrees(1.0), 'elbow: velocity is 57.3 times the rate of position: velocity is in deg/s'),
+    (-1.0, 'wrong sign'), (0.0, 'not measured')])
+def test_a_velocity_that_contradicts_the_position_is_told_until_none_is_sent(factor, words):
+    desk = Desk(['elbow', 'wrist'])
+
+    def wrong(message):
+        message.velocity[0] *= factor
+    current = desk.move(1.0, change=wrong)
+    assert current[0] == 0.0 < 0.1 < current[1]
+    assert words in desk.faults.worst[1]
     # The driver is started again without it.
-    desk.fall_silent(2.0)
-    assert desk.move(change=lambda message: message.velocity.pop())[0] > 0.1
+    desk.fall_silent(0.5)
+    assert min(desk.move(change=lambda message: message.velocity.clear())) > 0.1
 
 
 def test_an_encoder_that_sticks_gives_zero_current_until_it_moves_again():

@@ -93,63 +93,6 @@ def test_silence_of_the_states_gives_zero_current(hasty):
         s.level == b'\x02' and 'no joint_states' in s.message))
 
 
-def test_a_repeated_stamp_is_no_new_state(hasty):
-    hasty.rest()
-    hasty.activate()
-    hasty.find(direction=[1, 1])
-    stamp = time.time_ns()
-
-    def again():
-        hasty.states.publish(joint_state(stamp, JOINTS, ZERO))
-        hasty.probe.spin_for(0.05)
-        # The next ones may repeat it as the answer that was lost.
-        return any(unasked(command) for command in hasty.commands[before:])
-    before = len(hasty.commands)
-    hasty.probe.until(again, 'a command of its own accord')
-    assert list(hasty.commands[-1].data) == ZERO
-
-
-def test_law_and_gain_change_without_a_step(driver):
-    driver.announce([1, 1])
-    base = time.time_ns()
-    last, steps = driver.ask(ZERO, ZERO, base), []
-    stamp = base
-    for name, value in (('breakaway_gain', 0.2), ('law', 'kinetic'), ('law', 'none'),
-                        ('law', 'paper'), ('breakaway_gain', 0.9)):
-        assert driver.probe.set_parameter('compensator', name, value) is None
-        for _ in range(10):
-            stamp += 2_000_000
-            driver.announce([1, 1])
-            command = driver.ask(ZERO, ZERO, stamp)
-            steps.append(np.abs(np.subtract(command, last)).max())
-            last = command
-    # The note's whole breakaway term is 0.09 and 0.12 A.
-    assert max(steps) < 0.01
-    assert last[0] > 0.02
-
-
-def test_a_late_state_is_ignored(driver):
-    driver.announce([1, 1])
-    base = time.time_ns()
-    before = driver.ask(ZERO, ZERO, base)
-    # Its answer would come first, and would be that of a joint in motion.
-    driver.states.publish(joint_state(base - 3_000_000, JOINTS, ZERO, [0.5, 0.5]))
-    assert driver.ask(ZERO, ZERO, base + 1_000_000) == before
-
-
-def test_states_in_pieces_are_put_together(driver):
-    driver.announce([1, 1])
-    whole = driver.ask(ZERO, ZERO)
-    assert min(whole) > 0.05
-    stamp = time.time_ns()
-    count = len(driver.answers)
-    for k in range(5):
-        driver.states.publish(joint_state(stamp + k * 1_000_000, ['shoulder'], [0.0]))
-        driver.probe.spin_for(0.02)
-        assert driver.ask([0.0], [0.0], stamp + k * 1_000_000, ['elbow']) == whole
-    assert len(driver.answers) == count + 5, 'one answer a round'
-
-
 def test_a_stamped_direction_has_the_planners_age(driver):
     planner = driver.probe.talk(JointState, 'direction_stamped')
     driver.probe.matched(planner)
