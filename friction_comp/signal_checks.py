@@ -32,6 +32,8 @@ LIMITS = {
 """Largest magnitude and unit of each signal, far beyond any geared drive: one turn per second for
 four hours is 1e5 rad, the fastest motors turn at 1e4 rad/s, the shaft of a wind turbine carries
 1e7 N·m."""
+STANDSTILL = 0.01
+"""rad/s; slower, friction balances the other torques of a joint instead of following a model."""
 LOWEST = {'temperature': -273.15}
 """Smallest value of signals for which it is not minus the largest: absolute zero, °C."""
 

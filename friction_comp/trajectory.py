@@ -13,6 +13,7 @@ import numpy as np
 import yaml
 
 from friction_comp.errors import InputError
+from friction_comp.stamps import NANO
 
 _STATES = ('positions', 'velocities', 'accelerations')
 
@@ -66,7 +67,7 @@ class Trajectory:
 
     def stamps(self) -> list[tuple[int, int]]:
         """Return the time of each point in s and ns."""
-        return [divmod(round(1e9 * float(time)), 1_000_000_000) for time in self.time]
+        return [divmod(round(1e9 * float(time)), NANO) for time in self.time]
 
     def to_yaml(self, remark: str) -> str:
         """Return the message as YAML, for ``ros2 topic pub`` or a goal, below a comment."""

@@ -26,6 +26,7 @@ from friction_comp.signal_checks import (
     current_answer,
     current_fault,
     LIMITS,
+    STANDSTILL,
     velocity_fault,
     velocity_ratios,
 )
@@ -41,8 +42,8 @@ _OBSERVERS = ('recorder', 'refinement', 'watch', 'doctor')
 # Fewest blocks of motion to check sign and unit of velocity, and largest ratio of velocity and rate
 # of position.
 _FEWEST_BLOCKS, _LARGEST_RATIO = 5, 1.25
-# Speed below which samples are not used, rad/s, and fewest samples.
-_STILL, _FEWEST_SAMPLES = 0.02, 50
+# Fewest samples in motion.
+_FEWEST_SAMPLES = 50
 # Commands below this share of the drive's limit are smaller than the measurement noise.
 _SMALL = 0.01
 # Accepted range of measured over commanded current; smaller errors of a gain or torque constant
@@ -334,7 +335,7 @@ def _check_fit(seen: Observation, joint: str, model: FrictionModel, rows: np.nda
                ) -> list[Finding]:
     """Compare a joint's model with rows for `LiveResidual`."""
     _, _, velocity, current, load, _ = rows.T
-    moving = (np.abs(velocity) > _STILL) & np.isfinite(current)
+    moving = (np.abs(velocity) > STANDSTILL) & np.isfinite(current)
     if moving.sum() < _FEWEST_SAMPLES:
         return [Finding(NOTE, joint, 'too little motion to compare it with its model',
                         'run doctor again while it is moved')]

@@ -15,14 +15,15 @@ import numpy as np
 
 from friction_comp.checks import check_number
 from friction_comp.samples import Samples
+from friction_comp.signal_checks import STANDSTILL
 from friction_comp.statistics import quantile_edges
 
 # Length of a block and of the shortest one that is used, s.
 _BLOCK, _SHORTEST = 0.4, 0.1
 # Blocks used for the error, and blocks kept to find the variables that explain it.
 _RECENT, _KEPT = 60, 4000
-# Speed of standstill: below this in rad/s, or below this share of the usual speed.
-_STANDSTILL, _SLOW_SHARE = 0.01, 0.1
+# A joint stands still, too, below this share of its usual speed.
+_SLOW_SHARE = 0.1
 # A warning ends at this share of the error that starts it.
 _HYSTERESIS = 0.8
 # A variable is named if it explains this share of the residual, and at most this much less than the
@@ -96,7 +97,7 @@ class ResidualMonitor:
         speed = np.abs(samples.velocity)
         fast = float(np.percentile(speed, 90))
         self._speed = max(fast, 0.99 * self._speed)
-        moving = speed > max(_STANDSTILL, _SLOW_SHARE * self._speed)
+        moving = speed > max(STANDSTILL, _SLOW_SHARE * self._speed)
         moving &= np.isfinite(residual) & np.isfinite(predicted)
         none = np.full(len(samples), np.nan)
         table = np.column_stack([

@@ -15,6 +15,8 @@ import struct
 
 import numpy as np
 
+from friction_comp.stamps import NANO
+
 JOINT_STATE = 'sensor_msgs/msg/JointState'
 FLOAT_ARRAY = 'std_msgs/msg/Float64MultiArray'
 INT8_ARRAY = 'std_msgs/msg/Int8MultiArray'
@@ -164,6 +166,6 @@ def _extract_fields(block: np.ndarray, fields: dict[str, tuple[str, int, int]]
         values[name] = np.ascontiguousarray(block[:, start:stop]).view(code) if count else \
             np.empty((len(block), 0), dtype=code)
     if 'sec' in values:
-        values['stamp'] = (values['sec'][:, 0].astype(np.int64) * 1_000_000_000
+        values['stamp'] = (values['sec'][:, 0].astype(np.int64) * NANO
                            + values['nanosec'][:, 0])
     return values

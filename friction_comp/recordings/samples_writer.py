@@ -14,12 +14,13 @@ from friction_comp.errors import InputError
 from friction_comp.recordings.storage import AnyPath
 from friction_comp.recordings.writer import RecordingWriter
 from friction_comp.samples import Samples
+from friction_comp.stamps import NANO
 from friction_comp.topics import TOPICS
 
 
 def write_samples(path: AnyPath, samples: Samples | Sequence[Samples],
                   torque_constant: float = 1.0, gear_ratio: float = 1.0, namespace: str = '',
-                  start_ns: int = 1_000_000_000, custom_data: dict[str, str] | None = None,
+                  start_ns: int = NANO, custom_data: dict[str, str] | None = None,
                   compression: str = 'none') -> None:
     """Write samples as a recording with the topics that the nodes publish.
 
@@ -69,7 +70,7 @@ def _messages(types: dict[str, Any], joints: list[Samples], torque_per_current: 
 
     def header(frame: str = '') -> Any:
         return types['std_msgs/msg/Header'](
-            types['builtin_interfaces/msg/Time'](*divmod(stamp, 1_000_000_000)), frame)
+            types['builtin_interfaces/msg/Time'](*divmod(stamp, NANO)), frame)
 
     position, velocity, reference, reference_velocity, command = map(columns, (
         'position', 'velocity', 'reference_position', 'reference_velocity', 'command'))

@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 
 from friction_comp.recordings.scan import Scan, Track
+from friction_comp.stamps import NANO
 from friction_comp.topics import TORQUE_UNIT
 
-_SECOND = 1_000_000_000
 # A first stamp of zero is a time rather than an empty field if the next one is below this, ns.
-_LARGEST_AFTER_ZERO = _SECOND
+_LARGEST_AFTER_ZERO = NANO
 # With at least so many successive messages of earlier stamps, the clock was set back; with fewer,
 # messages are out of order.
 _SET_BACK = 20
 # Distance of a stamp from its neighbours above which it is an outlier, ns.
-_FAR_OFF = _SECOND
+_FAR_OFF = NANO
 # A gap is longer than both: a number of median time steps, and a time in s.
 _GAP_STEPS, _GAP = 5.0, 0.02
 GAPS = ' gaps in the joint states'
@@ -104,8 +104,8 @@ def clock_shifts(times: np.ndarray, order: np.ndarray, receive: np.ndarray,
         shift += back + gap
         shifts.at.append(int(order[k]))
         shifts.by.append(shift)
-        notes.append(f'the clock was set back by {back / _SECOND:.3g} s after '
-                     f'{(times[k - 1] - times[0]) / _SECOND:.3f} s: later times are shifted')
+        notes.append(f'the clock was set back by {back / NANO:.3g} s after '
+                     f'{(times[k - 1] - times[0]) / NANO:.3f} s: later times are shifted')
     return shifts
 
 

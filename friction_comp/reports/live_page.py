@@ -27,6 +27,7 @@ from bokeh.plotting import figure
 import numpy as np
 
 from friction_comp.reports.moving_joint import still_joint
+from friction_comp.signal_checks import STANDSTILL
 
 SIGNALS = ('time', 'position', 'velocity', 'reference_velocity', 'direction', 'current', 'command',
            'predicted', 'residual', 'torque', 'load')
@@ -43,9 +44,8 @@ _PLOTS = (
 _TABLE = {'position': 'rad', 'velocity': 'rad/s', 'direction': 'd', 'current': 'A',
           'torque': 'N·m', 'load': 'N·m', 'residual': 'A'}
 _LEVELS = {'ok': '#0a7d4f', 'note': '#4a5765', 'warning': '#a85b00', 'problem': '#b3261e'}
-# Gap across which no line is drawn, s, and velocity below which friction balances the other
-# torques instead of following the model, rad/s.
-_GAP, _STANDSTILL = 0.25, 0.01
+# Gap across which no line is drawn, s.
+_GAP = 0.25
 # Length of the time axis, s.
 _LENGTH = 10.0
 # Time between updates, ms, and playback speeds of a recording as multiples of real time.
@@ -210,7 +210,7 @@ def _plots(source: ColumnDataSource) -> list[Any]:
 
 def with_gaps(data: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Return signals with a NaN inserted in each gap, and the residual NaN at standstill."""
-    still = ~(np.abs(data['velocity']) > _STANDSTILL)
+    still = ~(np.abs(data['velocity']) > STANDSTILL)
     data = {**data, 'residual': np.where(still, np.nan, data['residual'])}
     gaps = np.nonzero(np.diff(data['time']) > _GAP)[0] + 1
     result = {name: np.insert(values, gaps, np.nan) for name, values in data.items()}

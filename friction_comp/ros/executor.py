@@ -26,11 +26,11 @@ from rclpy.waitable import NumberOfEntities
 
 from friction_comp.errors import InputError
 from friction_comp.ros.ros_start import without_source_locations
+from friction_comp.stamps import NANO
 
 # Real s between polls of everything but the streams. It also limits the delay of signals, which
 # Python handles only when the executor returns from the middleware.
 _POLL_PERIOD = 0.02
-_NANO = 1_000_000_000
 # Real s after a stopped process continues, in which the messages sent meanwhile arrive.
 _SETTLING = 0.2
 # Real s before the same refusal is logged again.
@@ -78,7 +78,7 @@ class _WaitSet:
             add(handle)
         for waitable in self._waitables:
             waitable.add_to_wait_set(self._set)
-        self._set.wait(int(seconds * _NANO))
+        self._set.wait(int(seconds * NANO))
 
     def is_any_ready(self) -> bool:
         return (any(self.is_ready(kind, index) for kind, index in self._indices)

@@ -11,6 +11,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from friction_comp.errors import InputError
+from friction_comp.stamps import NANO
 from friction_comp.tools.common import Arguments, keep_inputs, progress
 from friction_comp.tools.recorded_drive import layout_of
 
@@ -41,7 +42,7 @@ def main(argv: list[str] | None = None) -> int:
             write_table(output, joints)
         else:
             # Zero would mean that a message has no stamp.
-            write_samples(output, joints, start_ns=max(round(1e9 * info.start), 1_000_000_000))
+            write_samples(output, joints, start_ns=max(round(1e9 * info.start), NANO))
     names = ', '.join(samples.joint or 'one joint' for samples in joints)
     print(f'{output}: {len(joints[0])} instants of {names}')
     for note in info.notes:
