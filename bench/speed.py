@@ -35,7 +35,7 @@ class Steps:
 
         from friction_comp.compensation import law_kernel
         from friction_comp.compensation.law import law_parameters
-        from friction_comp.compensation.records import STATE
+        from friction_comp.compensation.law_fields import STATE
         from friction_comp.model.friction_model import FrictionModel
         from friction_comp.simulation import joint as kernel
         from friction_comp.simulation.joint_parameters import (

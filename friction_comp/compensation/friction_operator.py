@@ -15,11 +15,10 @@ person restores some of it.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from numba import njit
 
-from friction_comp.compensation.records import FREE, HELD, LEADING
+from friction_comp.compensation.law_fields import FREE, HELD, LEADING, Parameters, State
 
 TAKEN_TIME = 0.1
 """s in which trust falls from one to zero above the identified speeds."""
@@ -37,7 +36,7 @@ def approach(value: float, target: float, most: float) -> float:
 
 
 @njit(cache=True)
-def spend(s: Any, target: float) -> None:
+def spend(s: State, target: float) -> None:
     """Move z towards a target beyond what displacement does, as far as the way has paid for it."""
     change = min(2.0 * s.saved, max(-2.0 * s.saved, target - s.z))
     s.z += change
@@ -45,7 +44,7 @@ def spend(s: Any, target: float) -> None:
 
 
 @njit(cache=True)
-def follow(p: Any, s: Any, aim: float) -> None:
+def follow(p: Parameters, s: State, aim: float) -> None:
     """Drive the operator by the displacement of this sample, and detect rest.
 
     A long way saves for its turn; a vibration is too short to.
@@ -75,14 +74,14 @@ def follow(p: Any, s: Any, aim: float) -> None:
 
 
 @njit(cache=True)
-def _slipped(p: Any, s: Any, share: float) -> None:
+def _slipped(p: Parameters, s: State, share: float) -> None:
     """Lower the trust in a drive that slipped under its preload to a share of what it was."""
     s.slips += 1.0
     s.trust = max(p.least_trust, share * s.trust)
 
 
 @njit(cache=True)
-def _start_leading(p: Any, s: Any, aim: float) -> None:
+def _start_leading(p: Parameters, s: State, aim: float) -> None:
     """Begin to lead z from where it is."""
     s.mode, s.ramp, s.lead_position, s.still_time = LEADING, s.z, s.position, 0.0
     s.stopped = 0.0
@@ -91,7 +90,7 @@ def _start_leading(p: Any, s: Any, aim: float) -> None:
 
 
 @njit(cache=True)
-def slow_down(p: Any, s: Any, aim: float) -> None:
+def slow_down(p: Parameters, s: State, aim: float) -> None:
     """Give help back while the joint slows down below a share of this movement's top speed.
 
     The hand then breaks friction alone at the turn, not what still helps in the old direction, too.
@@ -113,7 +112,7 @@ def slow_down(p: Any, s: Any, aim: float) -> None:
 
 
 @njit(cache=True)
-def lead(p: Any, s: Any, aim: float) -> None:
+def lead(p: Parameters, s: State, aim: float) -> None:
     """Lead the operator to the announced direction, and check that the joint holds.
 
     A joint that moves in that direction by more than it yields has slipped: while z is led, which
@@ -170,7 +169,8 @@ def lead(p: Any, s: Any, aim: float) -> None:
 
 
 @njit(cache=True)
-def amplitude(p: Any, s: Any, positive: bool, speed: float, more: float) -> tuple[float, float]:
+def amplitude(p: Parameters, s: State, positive: bool, speed: float, more: float
+              ) -> tuple[float, float]:
     """Return A in A: the share of friction that is fed forward in one direction of sliding.
 
     Parameters
@@ -209,7 +209,7 @@ def amplitude(p: Any, s: Any, positive: bool, speed: float, more: float) -> tupl
 
 
 @njit(cache=True)
-def faded(p: Any, s: Any, speed: float) -> float:
+def faded(p: Parameters, s: State, speed: float) -> float:
     """Return the share of current left above the identified speeds, and lower the trust there.
 
     A joint that fast is driven by more current than friction dissipates, or by a person in a hurry:
@@ -223,7 +223,7 @@ def faded(p: Any, s: Any, speed: float) -> float:
 
 
 @njit(cache=True)
-def while_steady(p: Any, s: Any, speed: float) -> float:
+def while_steady(p: Parameters, s: State, speed: float) -> float:
     """Return the share of current left to a joint whose speed changes.
 
     Every movement starts with acceleration. After the start, a joint that becomes faster than it
@@ -250,7 +250,7 @@ def while_steady(p: Any, s: Any, speed: float) -> float:
 
 
 @njit(cache=True)
-def announced(p: Any, s: Any, direction: float) -> float:
+def announced(p: Parameters, s: State, direction: float) -> float:
     """Return the direction to act on.
 
     Each announcement stores a bounded energy. It is spent by moving: the next one counts at once.
@@ -268,7 +268,7 @@ def announced(p: Any, s: Any, direction: float) -> float:
 
 
 @njit(cache=True)
-def bound_of(p: Any, forward: float, backward: float, carried: float) -> float:
+def bound_of(p: Parameters, forward: float, backward: float, carried: float) -> float:
     """Return the limit of the current in A: the drive's, and near friction by the model.
 
     What effects carry is beside friction, so that the bound takes nothing from it.
@@ -279,13 +279,13 @@ def bound_of(p: Any, forward: float, backward: float, carried: float) -> float:
 
 
 @njit(cache=True)
-def in_doubt(p: Any, s: Any) -> bool:
+def in_doubt(p: Parameters, s: State) -> bool:
     """Return whether samples have been implausible for so long that the current is zero."""
     return s.doubt > p.bad_time
 
 
 @njit(cache=True)
-def soft_end(p: Any, s: Any, current: float) -> float:
+def soft_end(p: Parameters, s: State, current: float) -> float:
     """Return the current in A, reduced where it pushes towards a position limit."""
     if p.soft_end > 0.0:
         room = p.highest - s.position if current > 0.0 else s.position - p.lowest
@@ -294,7 +294,7 @@ def soft_end(p: Any, s: Any, current: float) -> float:
 
 
 @njit(cache=True)
-def continuous_current(p: Any, s: Any, direction: float, forward: float, backward: float,
+def continuous_current(p: Parameters, s: State, direction: float, forward: float, backward: float,
                        carried: float) -> float:
     """Return the current of the continuous law in A.
 

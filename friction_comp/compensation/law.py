@@ -12,12 +12,12 @@ import numpy as np
 
 from friction_comp.compensation import law_kernel as kernel
 from friction_comp.compensation.effect_currents import EffectCurrents
+from friction_comp.compensation.law_fields import CONTINUOUS, NONE, PARAMETERS, STATE, zeros
 from friction_comp.compensation.law_parameters import (
     law_parameters,
     LAWS,
     set_breakaway,
 )
-from friction_comp.compensation.records import CONTINUOUS, NONE, PARAMETERS, STATE, zeros
 from friction_comp.errors import InputError
 from friction_comp.model.effects.base import Effect
 from friction_comp.model.friction_model import FrictionModel
@@ -108,7 +108,7 @@ class CompensationLaw:
 
     @property
     def parameters(self) -> np.ndarray:
-        """The joints' parameters, as compiled loops take them: records.PARAMETERS, shape (J,)."""
+        """The joints' parameters as compiled loops take them: law_fields.PARAMETERS, (J,)."""
         return self._parameters.copy()
 
     @property

@@ -8,13 +8,12 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from numba import njit
 import numpy as np
 
 from friction_comp.compensation.friction_operator import continuous_current
-from friction_comp.compensation.records import CONTINUOUS, FREE, KINETIC, NONE
+from friction_comp.compensation.law_fields import CONTINUOUS, FREE, KINETIC, NONE, Parameters, State
 from friction_comp.low_pass import low_pass_weight
 from friction_comp.model.sigmoid import compiled_kinetic_current
 
@@ -30,7 +29,7 @@ FILTER_TIME = 0.004
 
 
 @njit(cache=True)
-def begin(p: Any, s: Any, time: float, position: float) -> None:
+def begin(p: Parameters, s: State, time: float, position: float) -> None:
     """Start at a position, at rest."""
     s.started = 1
     s.time, s.step = time, p.sample_time
@@ -40,7 +39,7 @@ def begin(p: Any, s: Any, time: float, position: float) -> None:
 
 
 @njit(cache=True)
-def settle(s: Any, position: float) -> None:
+def settle(s: State, position: float) -> None:
     """Reset to a joint at rest at this position, with the operator relaxed."""
     s.position = s.backlash_position = s.still_position = position
     s.rest_position = s.lead_position = s.stop_position = position
@@ -51,7 +50,8 @@ def settle(s: Any, position: float) -> None:
 
 
 @njit(cache=True)
-def observe(p: Any, s: Any, time: float, position: float, velocity: float, known: bool) -> bool:
+def observe(p: Parameters, s: State, time: float, position: float, velocity: float, known: bool
+            ) -> bool:
     """Process a sample and return whether a current can be computed.
 
     The continuous law computes from positions alone, so that a wrong velocity cannot mislead it. A
@@ -117,7 +117,7 @@ def observe(p: Any, s: Any, time: float, position: float, velocity: float, known
 
 
 @njit(cache=True)
-def printed_current(p: Any, speed: float) -> float:
+def printed_current(p: Parameters, speed: float) -> float:
     """Return the kinetic term of the printed law in A.
 
     Eq. 6, but only in motion: the look-up table has no points around standstill, so that the value
@@ -130,7 +130,7 @@ def printed_current(p: Any, speed: float) -> float:
 
 
 @njit(cache=True)
-def paper_current(p: Any, s: Any, direction: float) -> float:
+def paper_current(p: Parameters, s: State, direction: float) -> float:
     """Return the current of section 2.5 as printed; `kinetic` is the same with direction 0."""
     s.kinetic = printed_current(p, s.speed)
     s.breakaway = 0.0
@@ -143,8 +143,8 @@ def paper_current(p: Any, s: Any, direction: float) -> float:
 
 
 @njit(cache=True)
-def decide(p: Any, s: Any, direction: float, forward: float, backward: float, carried: float
-           ) -> float:
+def decide(p: Parameters, s: State, direction: float, forward: float, backward: float,
+           carried: float) -> float:
     """Return the motor current in A for the sample that `observe` processed.
 
     Parameters

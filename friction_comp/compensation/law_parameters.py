@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.compensation.records import (
+from friction_comp.compensation.law_fields import (
     CONTINUOUS,
     KINETIC,
     NONE,
@@ -94,7 +94,7 @@ def law_parameters(model: FrictionModel, law: str = 'continuous', breakaway_gain
 
     Returns
     -------
-    ndarray of records.PARAMETERS, shape (1,)
+    ndarray of law_fields.PARAMETERS, shape (1,)
 
     Raises
     ------
@@ -135,7 +135,7 @@ def set_breakaway(p: np.void, breakaway: Breakaway | None,
 
     Parameters
     ----------
-    p : record of records.PARAMETERS
+    p : record of law_fields.PARAMETERS
         Changed in place.
     breakaway : Breakaway or None
         Without it nothing is led at rest, and near standstill nothing is known but that friction

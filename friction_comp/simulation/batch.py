@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from numba import njit, prange
 import numpy as np
 
+from friction_comp.compensation.law_fields import STATE
 from friction_comp.compensation.law_kernel import decide, observe
-from friction_comp.compensation.records import STATE
 from friction_comp.simulation.joint import joint_sample, measure, start_joint
 from friction_comp.simulation.joint_parameters import JOINT_STATE, MEASURED, Record
 from friction_comp.simulation.undeclared import COLUMNS
@@ -95,7 +95,7 @@ def closed_loops(
         The logged signals by name.
     extremes : ndarray, shape (R, 2)
         Lowest and highest true position of each run in rad.
-    guards : ndarray of compensation.records.STATE, shape (R,)
+    guards : ndarray of compensation.law_fields.STATE, shape (R,)
         Final states of the laws.
     """
     movements = np.ascontiguousarray(np.stack(
