@@ -25,6 +25,13 @@ ABSURD = 1e6
 """rad; beyond any joint."""
 FILTER_TIME = 0.004
 """s of each of the two filters that the law's speed goes through."""
+END_MARGIN, END_TIME = 0.03, 0.3
+"""rad, 1.7 deg, beyond the announced end of a movement, where nothing pushes outwards any more; and
+s before that place from which on help is given back. A person's arm and a trajectory controller
+come to rest within a degree or two of the goal; a smaller margin makes the arm heavier just there.
+Who brakes evenly for twice the time, or longer, keeps all help. A shorter one gives a joint that
+runs by itself no room to stop: with 0.25 s, 2 of 768 go farther than 5 deg.
+"""
 
 
 @njit(cache=True)
@@ -140,8 +147,30 @@ def in_doubt(p: Any, s: Any) -> bool:
 
 
 @njit(cache=True)
+def within_movement(p: Any, s: Any, direction: float, end: float) -> float:
+    """Return the direction, 0 for a joint that has been beyond the end of its movement.
+
+    The end in rad, NaN if it is not said, holds until another movement is announced, or the joint
+    rests while none is: an announcement ceases before its movement does.
+    """
+    if direction != 0.0 and not (direction == s.outward and end == s.end):
+        s.outward, s.end, s.beyond = direction, end, 0
+    elif direction == 0.0 and s.still_time >= p.rest_time:
+        s.outward, s.beyond = 0.0, 0
+    if s.outward * (s.position - s.end) > END_MARGIN:
+        s.beyond = 1
+    return 0.0 if s.beyond == 1 else direction
+
+
+@njit(cache=True)
 def soft_end(p: Any, s: Any, current: float) -> float:
-    """Return the current in A, reduced where it pushes towards a position limit."""
+    """Return the current in A, reduced where it pushes out of the announced movement or the limits.
+
+    Outside, the joint moves outwards with its bare friction, and inwards with help.
+    """
+    if current * s.outward > 0.0 and not math.isnan(s.end):
+        room = END_MARGIN - s.outward * (s.position - s.end)
+        current *= min(1.0, max(0.0, room / max(END_MARGIN, END_TIME * abs(s.speed))))
     if p.soft_end > 0.0:
         room = p.highest - s.position if current > 0.0 else s.position - p.lowest
         current *= min(1.0, max(0.0, room / p.soft_end))

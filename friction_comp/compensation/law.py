@@ -156,7 +156,8 @@ class CompensationLaw:
         before in this movement; ``slips``: how often it slipped under its preload; ``samples
         dropped``: number of implausible samples; ``in doubt``: whether these, or a velocity that
         contradicts the encoder, cause zero current; ``not carried``: what the drive's limit, or
-        that of the rate of change, takes from the effects that carry, A.
+        that of the rate of change, takes from the effects that carry, A; ``beyond the end``:
+        whether it has been beyond the announced end of its movement.
         """
         s, p = self._states, self._parameters
         begun = s['started'] == 1
@@ -167,7 +168,8 @@ class CompensationLaw:
             'slips': s['slips'].astype(int),
             'samples dropped': s['dropped'].astype(int),
             'in doubt': (s['doubt'] > p['bad_time']) | (s['contradiction'] > p['rest_time']),
-            'not carried': self._not_carried()}
+            'not carried': self._not_carried(),
+            'beyond the end': s['beyond'] == 1}
 
     def _not_carried(self) -> np.ndarray:
         s = self._states
@@ -179,7 +181,7 @@ class CompensationLaw:
 
     def update(self, time: float, position: ArrayLike, velocity: ArrayLike | None,
                direction: ArrayLike, temperature: ArrayLike | None = None,
-               load: ArrayLike | None = None) -> np.ndarray:
+               load: ArrayLike | None = None, end: ArrayLike = math.nan) -> np.ndarray:
         """Return the current for one sample.
 
         Parameters
@@ -195,6 +197,8 @@ class CompensationLaw:
             Direction d of the coming movement: -1, 0 or +1; other values count as 0.
         temperature, load : array_like, shape (J,), optional
             Degrees Celsius and N·m, for effects that need them.
+        end : array_like, shape (J,), optional
+            Position at which the announced movement ends, rad; NaN if that is not said.
 
         Returns
         -------
@@ -204,7 +208,7 @@ class CompensationLaw:
         position = self._row(position, 'position')
         known = velocity is not None
         velocity = self._row(0.0 if velocity is None else velocity, 'velocity')
-        direction = self._row(direction, 'direction')
+        direction, end = self._row(direction, 'direction'), self._row(end, 'end')
         kernel.observe_bank(self._parameters, self._states, float(time), position, velocity,
                             known, self._usable)
         forward, backward, carried = np.zeros((3, self.joints))
@@ -214,8 +218,8 @@ class CompensationLaw:
                            **self._arm_signals(j, position)}
                 forward[j], backward[j], carried[j] = self._effect_currents(j, float(time), signals)
         current = np.empty(self.joints)
-        kernel.decide_bank(self._parameters, self._states, self._usable, direction, forward,
-                           backward, carried, current)
+        kernel.decide_bank(self._parameters, self._states, self._usable, direction, end,
+                           forward, backward, carried, current)
         self._carried = carried
         return current
 

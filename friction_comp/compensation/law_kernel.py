@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from friction_comp.compensation.friction_operator import continuous_current
-from friction_comp.compensation.guards import observe
+from friction_comp.compensation.guards import observe, within_movement
 from friction_comp.compensation.records import CONTINUOUS, KINETIC, NONE
 from friction_comp.compiling import njit
 from friction_comp.model.sigmoid import compiled_kinetic_current
@@ -50,8 +50,8 @@ def paper_current(p: Any, s: Any, direction: float) -> float:
 
 
 @njit(cache=True)
-def decide(p: Any, s: Any, direction: float, forward: float, backward: float, carried: float
-           ) -> float:
+def decide(p: Any, s: Any, direction: float, end: float, forward: float, backward: float,
+           carried: float) -> float:
     """Return the motor current in A for the sample that `observe` processed.
 
     Parameters
@@ -59,6 +59,8 @@ def decide(p: Any, s: Any, direction: float, forward: float, backward: float, ca
     p, s : records of PARAMETERS and STATE
     direction : float
         d: -1, 0 or +1, anything else counts as 0.
+    end : float
+        Position at which the announced movement ends, rad; NaN if that is not said.
     forward, backward : float
         Signed contribution of friction effects in each direction of sliding, A; for the continuous
         law only.
@@ -67,6 +69,7 @@ def decide(p: Any, s: Any, direction: float, forward: float, backward: float, ca
     """
     if not (direction == 1.0 or direction == -1.0) or p.law == KINETIC:
         direction = 0.0
+    direction = within_movement(p, s, direction, end)
     if p.law == CONTINUOUS:
         s.current = continuous_current(p, s, direction, forward, backward, carried)
     else:
@@ -89,12 +92,12 @@ def observe_bank(p: np.ndarray, s: np.ndarray, time: float, position: np.ndarray
 
 @njit(cache=True)
 def decide_bank(p: np.ndarray, s: np.ndarray, usable: np.ndarray, direction: np.ndarray,
-                forward: np.ndarray, backward: np.ndarray, carried: np.ndarray,
+                end: np.ndarray, forward: np.ndarray, backward: np.ndarray, carried: np.ndarray,
                 current: np.ndarray) -> None:
     """Write every joint's current in A; 0 where the sample cannot be used."""
     for j in range(len(p)):
         if usable[j]:
             current[j] = decide(
-                p[j], s[j], direction[j], forward[j], backward[j], carried[j])
+                p[j], s[j], direction[j], end[j], forward[j], backward[j], carried[j])
         else:
             current[j] = s[j].current = s[j].kinetic = s[j].breakaway = 0.0

@@ -52,6 +52,8 @@ STATE = _record(
     'trust trusted yields doubt contradiction '
     # The direction announced last and for how long, the one acted on and where it came, s and rad.
     'direction lasted aim aim_position '
+    # The movement announced last: its direction, 0 once it is over, and its end, rad.
+    'outward end '
     # This way: its direction and top speed, rad/s, how long it is, rad, and the share of a reversal
     # that is saved.
     'heading top way saved '
@@ -59,5 +61,5 @@ STATE = _record(
     'current friction kinetic breakaway bump '
     # Counts for inspection.
     'dropped slips overspeed',
-    'started agreed mode displaced changed slowing')
+    'started agreed mode displaced changed slowing beyond')
 """State of one joint; zeros before the first sample."""

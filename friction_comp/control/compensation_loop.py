@@ -191,7 +191,7 @@ class CompensationLoop:
         # Relative to the first state: seconds since 1970 have too little resolution as a float.
         currents = law.update(
             (stamp - self._first) / NANO, position, states.velocity,
-            self.direction.at(stamp, position), self.temperature.before(stamp))
+            self.direction.at(stamp), self.temperature.before(stamp), end=self.direction.ends)
         if self._fade is not None:
             currents = self._apply_fade(currents, stamp)
         if usable is not True:
