@@ -18,7 +18,7 @@ import math
 from typing import Any
 
 from friction_comp.compensation.guards import in_doubt, soft_end
-from friction_comp.compensation.records import FREE, HELD, LEADING
+from friction_comp.compensation.records import DESIRED, FREE, HELD, LEADING
 from friction_comp.compiling import njit
 
 TAKEN_TIME = 0.1
@@ -297,9 +297,13 @@ def continuous_current(p: Any, s: Any, direction: float, forward: float, backwar
     if s.step == 0.0:
         return min(limit, max(-limit, s.current))
     s.bump = 0.0
-    direction = announced(p, s, direction)
-    if s.doubt == 0.0:
-        aim = direction if p.gain > 0.0 else 0.0
+    heard = announced(p, s, direction)
+    desired = p.law == DESIRED
+    if desired:
+        # Friction of the reference's motion: what the joint does is its controller's affair.
+        s.z, s.trust = direction, 1.0
+    elif s.doubt == 0.0:
+        aim = heard if p.gain > 0.0 else 0.0
         # A movement in its direction spends an announcement, so a joint cannot swing on it.
         turn = aim if math.isfinite(s.aim_position) else 0.0
         follow(p, s, turn)
@@ -308,7 +312,7 @@ def continuous_current(p: Any, s: Any, direction: float, forward: float, backwar
     speed = abs(s.speed)
     positive = s.z > 0.0
     level, start = amplitude(p, s, positive, speed, forward if positive else -backward)
-    share = while_steady(p, s, speed) * faded(p, s, speed)
+    share = (1.0 if desired else while_steady(p, s, speed)) * faded(p, s, speed)
     friction = s.trust * share * level * s.z
     if in_doubt(p, s):
         s.friction = wanted = 0.0

@@ -69,7 +69,7 @@ def observe(p: Any, s: Any, time: float, position: float, velocity: float, known
         Whether the velocity is measured; otherwise the position is differentiated.
     """
     # Drivers report NaN for what they do not measure; the continuous law needs no velocity.
-    if p.law == CONTINUOUS and math.isnan(velocity):
+    if p.law >= CONTINUOUS and math.isnan(velocity):
         known = False
     if not (math.isfinite(time) and math.isfinite(position) and abs(position) < ABSURD
             and (math.isfinite(velocity) or not known)):
@@ -87,7 +87,7 @@ def observe(p: Any, s: Any, time: float, position: float, velocity: float, known
     step = round((time - s.time) * 1e9) * 1e-9
     leaps = step > LONGEST_STEP or step < -LONGEST_STEP
     again = leaps and 0.0 < time - s.leapt <= LONGEST_STEP
-    if again or (p.law != CONTINUOUS and step > LONGEST_STEP):
+    if again or (p.law < CONTINUOUS and step > LONGEST_STEP):
         # Two in a row: a pause, or the clock was set. The other laws have no memory.
         settle(s, position)
         step, s.bump = p.sample_time, 0.0
@@ -100,12 +100,12 @@ def observe(p: Any, s: Any, time: float, position: float, velocity: float, known
         s.step = 0.0
         if leaps:
             s.leapt = time
-        if p.law != CONTINUOUS and known:
+        if p.law < CONTINUOUS and known:
             s.speed = velocity
         return True
     s.step, s.time = step, time
     travel = position - s.position
-    if p.law != CONTINUOUS:
+    if p.law < CONTINUOUS:
         s.speed = velocity if known else travel / step
         s.position = position
         return True

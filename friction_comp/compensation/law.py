@@ -40,7 +40,7 @@ class CompensationLaw:
     ----------
     models : list of FrictionModel
         One per joint. Without breakaway currents nothing is applied at rest.
-    law : {'continuous', 'paper', 'kinetic', 'none'}
+    law : {'continuous', 'desired', 'paper', 'kinetic', 'none'}
         See `law_parameters`.
     breakaway_gain : float
         Share of the mean breakaway current.
@@ -175,7 +175,7 @@ class CompensationLaw:
         s = self._states
         # What is missing is taken from what carries where both have the same sign.
         lacking = (s['friction'] + self._carried - s['current']) * np.sign(self._carried)
-        most = np.where(self._parameters['law'] == CONTINUOUS, lacking,
+        most = np.where(self._parameters['law'] >= CONTINUOUS, lacking,
                         np.abs(self._carried) - self.limits)
         return np.clip(most, 0.0, np.abs(self._carried))
 
@@ -282,7 +282,7 @@ class CompensationLaw:
                          ) -> tuple[float, float, float]:
         """Return the currents of the joint's effects: forward, backward and carried, A."""
         p, s, effects = self._parameters[joint], self._states[joint], self._effects[joint]
-        evaluate = effects.by_direction if p['law'] == CONTINUOUS else effects.total
+        evaluate = effects.by_direction if p['law'] >= CONTINUOUS else effects.total
         currents = evaluate(time, float(s['position']), float(s['speed']), signals)
         self._missing[joint] = currents.missing
         if self.models[joint].breakaway is not None:

@@ -70,7 +70,7 @@ def decide(p: Any, s: Any, direction: float, end: float, forward: float, backwar
     if not (direction == 1.0 or direction == -1.0) or p.law == KINETIC:
         direction = 0.0
     direction = within_movement(p, s, direction, end)
-    if p.law == CONTINUOUS:
+    if p.law >= CONTINUOUS:
         s.current = continuous_current(p, s, direction, forward, backward, carried)
     else:
         wanted = 0.0 if p.law == NONE else paper_current(p, s, direction) + carried

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-NONE, KINETIC, PAPER, CONTINUOUS = range(4)
+NONE, KINETIC, PAPER, CONTINUOUS, DESIRED = range(5)
 FREE, LEADING, HELD = range(3)
 """The continuous law follows displacement; raises the preload of a joint at rest; holds it."""
 
