@@ -107,7 +107,7 @@ def ends_rows(options):
         yield (f'friction 0.70 of the model, {told} announced: > 5 deg beyond the end',
                f'{(way > 5.0).sum()} of {len(way)}', '0' if told == 'end' else '')
         yield '    farthest', f'{way.max():.0f} deg', ''
-    way = beyond_ends(bank, 'none')
+    way = beyond_ends(bank, 'none', 'nothing')
     yield ('    no compensation at all', f'{(way > 5.0).sum()} of {len(way)}', '')
 
 

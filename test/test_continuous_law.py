@@ -10,6 +10,7 @@ from hypothesis import given, settings, strategies as st
 import numpy as np
 import pytest
 
+from friction_comp.compensation.friction_operator import END_MARGIN
 from friction_comp.compensation.law import CompensationLaw, law_parameters
 from friction_comp.compensation.law_parameters import LONGER, START_TIME
 from friction_comp.model.effects.history_effects import Hysteresis
@@ -36,10 +37,13 @@ def maxwell_slip(path, shares, distances):
 
 @given(seed=st.integers(0, 10 ** 6), factor=st.floats(0.7, 1.1), share=st.floats(0.05, 1.0),
        longest=st.floats(1e-4, 3e-4), size=st.floats(0.2, 20.0), speed=st.floats(0.01, 0.3),
-       std=st.sampled_from([None, 1e-5]))
+       std=st.sampled_from([None, 1e-5]), end=st.sampled_from([math.nan, -0.5, 0.0, 0.5]))
 def test_over_closed_paths_the_law_gives_less_energy_than_the_gear_dissipates(
-        seed, factor, share, longest, size, speed, std):
-    """Random to and fro, through the encoder, friction over-estimated by a tenth at most."""
+        seed, factor, share, longest, size, speed, std, end):
+    """Random to and fro, through the encoder, friction over-estimated by a tenth at most.
+
+    Also about the place where nothing pushes outwards any more, beyond the end of a movement.
+    """
     rng = np.random.default_rng(seed)
     turns = np.concatenate(([0.0], longest * size * rng.uniform(-1.0, 1.0, 12), [0.0]))
     times = np.cumsum(np.abs(np.diff(turns, prepend=0.0))) / speed
@@ -50,6 +54,7 @@ def test_over_closed_paths_the_law_gives_less_energy_than_the_gear_dissipates(
     gear = maxwell_slip(path, shares, (longest, rng.uniform(0.1, 1.0) * longest))
     model = replace(small_model(factor=factor), presliding=Presliding(3e-4, std=std))
     law = CompensationLaw([model])
+    law.update(-1e-3, [0.0], None, [1.0], end=[end * longest * size - END_MARGIN])
     current = drive_along(law, np.round(path / COUNT) * COUNT, 0)
     steps = np.diff(path)
     given_back = np.cumsum(current[:-1] * steps)

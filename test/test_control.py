@@ -376,17 +376,21 @@ def test_a_temperature_without_a_stamp_has_that_of_the_newest_state():
     assert desk.inputs.temperature.tolist() == [30.0]
 
 
-def test_beyond_the_end_that_a_planner_says_its_direction_counts_as_0():
+def test_the_end_that_a_planner_says_is_kept_until_another_direction_or_end_comes():
     direction = Direction(['elbow', 'wrist'], 0.5)
+
+    def said(time):
+        return direction.at(time).tolist(), np.nan_to_num(direction.ends, nan=-9.0).tolist()
     assert direction.take_stamped(
         ['wrist', 'elbow'], [-1.0, 1.0], SECOND, SECOND, [math.nan, 0.4])
-    assert direction.at(SECOND, np.array([0.41, 9.0])).tolist() == [1.0, -1.0]
-    assert direction.at(SECOND, np.array([0.5, -9.0])).tolist() == [0.0, -1.0]
+    assert said(SECOND) == ([1.0, -1.0], [0.4, -9.0])
     # The plain topic says the same direction, and nothing of an end.
     assert direction.take([1, -1], SECOND + 1)
-    assert direction.at(SECOND + 1, np.array([0.3, 0.0])).tolist() == [0.0, -1.0]
+    assert said(SECOND + 1) == ([1.0, -1.0], [0.4, -9.0])
     assert direction.take_stamped(['elbow'], [1.0], SECOND + 2, SECOND + 2, [0.9])
-    assert direction.at(SECOND + 2, np.array([0.5, 0.0])).tolist() == [1.0, -1.0]
-    assert not direction.take_stamped(['elbow'], [1.0], SECOND + 3, SECOND + 3, [0.9, 0.1])
+    assert said(SECOND + 2) == ([1.0, -1.0], [0.9, -9.0])
+    assert direction.take([-1, -1], SECOND + 3)
+    assert said(SECOND + 3) == ([-1.0, -1.0], [-9.0, -9.0])
+    assert not direction.take_stamped(['elbow'], [1.0], SECOND + 4, SECOND + 4, [0.9, 0.1])
     assert direction.why == '2 positions for 1 names'
-    assert direction.at(SECOND + 3, np.zeros(2)).tolist() == [0.0, 0.0]
+    assert direction.at(SECOND + 4).tolist() == [0.0, 0.0]

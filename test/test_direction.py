@@ -11,7 +11,6 @@ import math
 import numpy as np
 import pytest
 
-from friction_comp.direction.announcement import END_MARGIN, MovementEnds
 from friction_comp.direction.desired_motion import DesiredMotion
 from friction_comp.direction.onset_test import alarm_limit, ALLOWANCE, OnsetTest, Rest
 from friction_comp.direction.planned_direction import PlannedDirection
@@ -20,27 +19,6 @@ from friction_comp.errors import InputError
 from friction_comp.simulation.cheap_sensors import CheapForce, CheapMuscles, FAULTS
 
 COUNTS = (0.0, 1023.0)
-
-
-# The movement's end.
-
-def test_beyond_its_end_a_movement_has_no_direction_until_another_is_announced():
-    ends = MovementEnds(2)
-    said = np.array([1.0, -1.0])
-    for joint, end in enumerate((0.5, math.nan)):
-        ends.announce(joint, said[joint], end)
-
-    def at(first):
-        return ends.within(said, np.array([first, -100.0])).tolist()
-    assert at(0.5 + 0.9 * END_MARGIN) == [1.0, -1.0]
-    assert at(0.5 + 1.1 * END_MARGIN) == [0.0, -1.0]
-    # It stays so when the joint comes back, when the same is said again, and without a position.
-    ends.announce(0, 1.0, 0.5)
-    ends.announce(0, 1.0)
-    assert at(0.0) == [0.0, -1.0]
-    assert ends.within(said).tolist() == [0.0, -1.0]
-    ends.announce(0, 1.0, 0.9)
-    assert at(0.6) == [1.0, -1.0]
 
 
 # Onsets.

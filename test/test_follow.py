@@ -5,9 +5,11 @@
 import numpy as np
 import pytest
 
+from friction_comp.compensation.law import CompensationLaw
 from friction_comp.exercise.reference_movement import ReferenceMovement
 from friction_comp.simulation.mit_drive import MitDrive, POSITION_STEP, TIMEOUT
 from friction_comp.tools import demo_directions
+from simulated_recordings.small_model import LEVEL, small_model
 
 
 def test_a_drive_controls_in_the_steps_of_its_frames_until_they_cease():
@@ -26,10 +28,32 @@ def test_a_drive_controls_in_the_steps_of_its_frames_until_they_cease():
     assert velocity[0] in (0.0, pytest.approx(90.0 / 4096))
 
 
+def test_friction_of_the_desired_motion_is_fed_forward_however_the_joint_moves():
+    law = CompensationLaw([small_model()], 'desired')
+
+    def after(count, speed, direction):
+        for _ in range(count):
+            after.time, after.place = after.time + 1e-3, after.place + 1e-3 * speed
+            current = law.update(after.time, [after.place], None, [direction])[0]
+        return current
+    after.time = after.place = 0.0
+    assert after(200, 0.0, 0) == 0.0
+    # Within 20 ms, also where the joint stays, comes back, or was never announced to stop.
+    for direction in (1, -1):
+        assert after(20, 0.0, direction) == pytest.approx(0.9 * direction * LEVEL, rel=0.03)
+        for speed in (0.2, -0.2):
+            assert after(500, speed, direction) == pytest.approx(0.9 * direction * LEVEL, rel=0.03)
+    assert after(20, -0.2, 0) == 0.0
+    assert after(500, 2.5, 1) == 0.0
+    assert after(500, 0.1, 1) == pytest.approx(0.9 * LEVEL, rel=0.03)
+
+
 @pytest.mark.slow
-def test_a_follower_with_the_law_has_half_of_the_error():
-    bare, helped = (demo_directions._follow(way, 0.05, 1)['rms'] for way in ('without', 'the law'))
-    assert helped < 0.5 * bare
+@pytest.mark.parametrize('speed', [0.02, 0.1])
+def test_a_follower_has_a_quarter_of_the_error_and_no_more_than_with_the_desired_speed_alone(speed):
+    found = {way: demo_directions._follow(way, speed, 1)['rms'] for way in demo_directions.WAYS}
+    assert found['the law'] < 0.25 * found['without']
+    assert found['the law'] <= found['0.9·tanh of the desired speed']
 
 
 @pytest.mark.slow

@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Joints that lost friction and are let go: how far beyond the announced end do they go?"""
 
+from functools import partial
+
 import numpy as np
 
-from friction_comp.direction.announcement import MovementEnds
 from law_judge.bank import Joints
-from law_judge.loop import make_law, run
+from law_judge.loop import announced, make_law, run
 from law_judge.persons import drivers
 from law_judge.release import AFTER, EVERY, LOST, RELEASE, START
 from law_judge.rows import DEGREE
@@ -25,11 +26,9 @@ def beyond_ends(bank, law='continuous', told='end'):
     speed = joints['speed'] * DEGREE
     end = side * (speed * (RELEASE - START) + LEFT * DEGREE)
     plant = joints.plant(drivers(joints.gears, side * speed, START, RELEASE))
-    ends = MovementEnds(len(joints))
-    for j, (direction, last) in enumerate(zip(side.tolist(), end.tolist())):
-        ends.announce(j, direction, last if told == 'end' else np.nan)
-    if told == 'nothing':
-        side = 0.0 * side
-    record = run(plant, make_law(law, joints), RELEASE + AFTER,
-                 lambda time: ends.within(side, plant.states['measured']), {'x': 'link'}, EVERY)
+    law = make_law(law, joints)
+    if told == 'end':
+        law.update = partial(law.update, end=end)
+    record = run(plant, law, RELEASE + AFTER, announced((told != 'nothing') * side),
+                 {'x': 'link'}, EVERY)
     return ((record['x'] - end) * np.sign(end)).max(axis=0) / DEGREE

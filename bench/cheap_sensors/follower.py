@@ -60,7 +60,7 @@ def follow(bank, way, factor=1.0):
     torque_per, speed = joints.gears['torque_per_current'], joints['speed']
     kp = joints.torque / LAG
     drive = MitDrive(kp, DAMPING * kp, 5.0 * joints.torque)
-    law = CompensationLaw(joints.models, sample_time=PERIOD)
+    law = CompensationLaw(joints.models, 'desired', sample_time=PERIOD)
     leaders = [DesiredMotion() for _ in speed]
     coulomb = np.array([model.sigmoid.upper for model in joints.models]) * torque_per
     every = round(PERIOD / plant.sample_time)

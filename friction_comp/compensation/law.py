@@ -40,7 +40,7 @@ class CompensationLaw:
     ----------
     models : list of FrictionModel
         One per joint. Without breakaway currents nothing is applied at rest.
-    law : {'continuous', 'paper', 'kinetic', 'none'}
+    law : {'continuous', 'desired', 'paper', 'kinetic', 'none'}
         See `law_parameters`.
     breakaway_gain : float
         Share of the mean breakaway current.
@@ -156,7 +156,8 @@ class CompensationLaw:
         before in this movement; ``slips``: how often it slipped under its preload; ``samples
         dropped``: number of implausible samples; ``in doubt``: whether these cause zero current;
         ``not carried``: what the drive's limit, or that of the rate of change, takes from the
-        effects that carry, A.
+        effects that carry, A; ``beyond the end``: whether it has been beyond the announced end of
+        its movement.
         """
         s, p = self._states, self._parameters
         begun = s['started'] == 1
@@ -167,19 +168,20 @@ class CompensationLaw:
             'slips': s['slips'].astype(int),
             'samples dropped': s['dropped'].astype(int),
             'in doubt': s['doubt'] > p['bad_time'],
-            'not carried': self._not_carried()}
+            'not carried': self._not_carried(),
+            'beyond the end': s['beyond'] == 1}
 
     def _not_carried(self) -> np.ndarray:
         s = self._states
         # What is missing is taken from what carries where both have the same sign.
         lacking = (s['friction'] + self._carried - s['current']) * np.sign(self._carried)
-        most = np.where(self._parameters['law'] == CONTINUOUS, lacking,
+        most = np.where(self._parameters['law'] >= CONTINUOUS, lacking,
                         np.abs(self._carried) - self.limits)
         return np.clip(most, 0.0, np.abs(self._carried))
 
     def update(self, time: float, position: ArrayLike, velocity: ArrayLike | None,
                direction: ArrayLike, temperature: ArrayLike | None = None,
-               load: ArrayLike | None = None) -> np.ndarray:
+               load: ArrayLike | None = None, end: ArrayLike = math.nan) -> np.ndarray:
         """Return the current for one sample.
 
         Parameters
@@ -194,6 +196,8 @@ class CompensationLaw:
             Direction d of the coming movement: -1, 0 or +1; other values count as 0.
         temperature, load : array_like, shape (J,), optional
             Degrees Celsius and N·m, for effects that need them.
+        end : array_like, shape (J,), optional
+            Position at which the announced movement ends, rad; NaN if that is not said.
 
         Returns
         -------
@@ -203,7 +207,7 @@ class CompensationLaw:
         position = self._row(position, 'position')
         known = velocity is not None
         velocity = self._row(0.0 if velocity is None else velocity, 'velocity')
-        direction = self._row(direction, 'direction')
+        direction, end = self._row(direction, 'direction'), self._row(end, 'end')
         kernel.observe_bank(self._parameters, self._states, float(time), position, velocity,
                             known, self._usable)
         forward, backward, carried = np.zeros((3, self.joints))
@@ -213,8 +217,8 @@ class CompensationLaw:
                            **self._arm_signals(j, position)}
                 forward[j], backward[j], carried[j] = self._effect_currents(j, float(time), signals)
         current = np.empty(self.joints)
-        kernel.decide_bank(self._parameters, self._states, self._usable, direction, forward,
-                           backward, carried, current)
+        kernel.decide_bank(self._parameters, self._states, self._usable, direction, end,
+                           forward, backward, carried, current)
         self._carried = carried
         return current
 
@@ -277,7 +281,7 @@ class CompensationLaw:
                          ) -> tuple[float, float, float]:
         """Return the currents of the joint's effects: forward, backward and carried, A."""
         p, s, effects = self._parameters[joint], self._states[joint], self._effects[joint]
-        evaluate = effects.by_direction if p['law'] == CONTINUOUS else effects.total
+        evaluate = effects.by_direction if p['law'] >= CONTINUOUS else effects.total
         currents = evaluate(time, float(s['position']), float(s['speed']), signals)
         self._missing[joint] = currents.missing
         if self.models[joint].breakaway is not None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from numba import config
 import numpy as np
 
-NONE, KINETIC, PAPER, CONTINUOUS = range(4)
+NONE, KINETIC, PAPER, CONTINUOUS, DESIRED = range(5)
 FREE, LEADING, HELD = range(3)
 """The continuous law follows displacement; raises the preload of a joint at rest; holds it."""
 
@@ -93,6 +93,8 @@ class State:
     lasted: float
     aim: float              # direction acted on, and where it came, rad
     aim_position: float
+    outward: float          # direction of the movement announced last, 0 once it is over
+    end: float              # of that movement, rad
     heading: float          # of this way; its top speed, rad/s, and length, rad
     top: float
     way: float
@@ -111,6 +113,7 @@ class State:
     displaced: int          # whether the joint has moved since its last rest
     changed: int            # whether the parameters have changed
     slowing: int            # whether help is being given back
+    beyond: int             # whether the joint has been beyond the end of its movement
 
 
 def _record(kind: type) -> np.dtype:

@@ -12,7 +12,7 @@ import math
 from numba import njit
 import numpy as np
 
-from friction_comp.compensation.friction_operator import continuous_current
+from friction_comp.compensation.friction_operator import continuous_current, within_movement
 from friction_comp.compensation.law_fields import CONTINUOUS, FREE, KINETIC, NONE, Parameters, State
 from friction_comp.low_pass import low_pass_weight
 from friction_comp.model.sigmoid import compiled_kinetic_current
@@ -69,7 +69,7 @@ def observe(p: Parameters, s: State, time: float, position: float, velocity: flo
         Whether the velocity is measured; otherwise the position is differentiated.
     """
     if not (math.isfinite(time) and math.isfinite(position)
-            and (p.law == CONTINUOUS or math.isfinite(velocity) or not known)):
+            and (p.law >= CONTINUOUS or math.isfinite(velocity) or not known)):
         s.dropped += 1.0
         s.doubt += p.sample_time
         if s.doubt > p.bad_time:
@@ -88,12 +88,12 @@ def observe(p: Parameters, s: State, time: float, position: float, velocity: flo
         step, s.bump = p.sample_time, 0.0
     elif step <= 0.0:
         s.step = 0.0
-        if p.law != CONTINUOUS and known:
+        if p.law < CONTINUOUS and known:
             s.speed = velocity
         return True
     s.step, s.time = step, time
     travel = position - s.position
-    if p.law != CONTINUOUS:
+    if p.law < CONTINUOUS:
         s.speed = velocity if known else travel / step
         s.position = position
         return True
@@ -143,7 +143,7 @@ def paper_current(p: Parameters, s: State, direction: float) -> float:
 
 
 @njit(cache=True)
-def decide(p: Parameters, s: State, direction: float, forward: float, backward: float,
+def decide(p: Parameters, s: State, direction: float, end: float, forward: float, backward: float,
            carried: float) -> float:
     """Return the motor current in A for the sample that `observe` processed.
 
@@ -152,6 +152,8 @@ def decide(p: Parameters, s: State, direction: float, forward: float, backward: 
     p, s : records of PARAMETERS and STATE
     direction : float
         d: -1, 0 or +1, anything else counts as 0.
+    end : float
+        Position at which the announced movement ends, rad; NaN if that is not said.
     forward, backward : float
         Signed contribution of friction effects in each direction of sliding, A; for the continuous
         law only.
@@ -160,7 +162,8 @@ def decide(p: Parameters, s: State, direction: float, forward: float, backward: 
     """
     if not (direction == 1.0 or direction == -1.0) or p.law == KINETIC:
         direction = 0.0
-    if p.law == CONTINUOUS:
+    direction = within_movement(p, s, direction, end)
+    if p.law >= CONTINUOUS:
         s.current = continuous_current(p, s, direction, forward, backward, carried)
     else:
         wanted = 0.0 if p.law == NONE else paper_current(p, s, direction) + carried
@@ -182,12 +185,12 @@ def observe_bank(p: np.ndarray, s: np.ndarray, time: float, position: np.ndarray
 
 @njit(cache=True)
 def decide_bank(p: np.ndarray, s: np.ndarray, usable: np.ndarray, direction: np.ndarray,
-                forward: np.ndarray, backward: np.ndarray, carried: np.ndarray,
+                end: np.ndarray, forward: np.ndarray, backward: np.ndarray, carried: np.ndarray,
                 current: np.ndarray) -> None:
     """Write every joint's current in A; 0 where the sample cannot be used."""
     for j in range(len(p)):
         if usable[j]:
             current[j] = decide(
-                p[j], s[j], direction[j], forward[j], backward[j], carried[j])
+                p[j], s[j], direction[j], end[j], forward[j], backward[j], carried[j])
         else:
             current[j] = s[j].current = s[j].kinetic = s[j].breakaway = 0.0

@@ -11,6 +11,7 @@ import numpy as np
 
 from friction_comp.compensation.law_fields import (
     CONTINUOUS,
+    DESIRED,
     KINETIC,
     NONE,
     PAPER,
@@ -19,7 +20,8 @@ from friction_comp.compensation.law_fields import (
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import Breakaway, FrictionModel
 
-LAWS = {'none': NONE, 'kinetic': KINETIC, 'paper': PAPER, 'continuous': CONTINUOUS}
+LAWS = {'none': NONE, 'kinetic': KINETIC, 'paper': PAPER, 'continuous': CONTINUOUS,
+        'desired': DESIRED}
 
 # Margin for model errors: with a model 1.10 times the true friction, 1 % is still left to the gear.
 SHARE = 0.9
@@ -82,9 +84,10 @@ def law_parameters(model: FrictionModel, law: str = 'continuous', breakaway_gain
     Parameters
     ----------
     model : FrictionModel
-    law : {'continuous', 'paper', 'kinetic', 'none'}
-        The last two never apply the breakaway term, or no current at all: the note's case 1, and
-        the bare drive.
+    law : {'continuous', 'desired', 'paper', 'kinetic', 'none'}
+        `desired` is that of a joint whose controller follows a reference: friction in the direction
+        announced, however the joint moves. The last two never apply the breakaway term, or no
+        current at all: the note's case 1, and the bare drive.
     breakaway_gain : float
         Share of the mean breakaway current that is applied; 0.9 in the note.
     current_limit : float, optional

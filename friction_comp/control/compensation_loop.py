@@ -116,7 +116,7 @@ class CompensationLoop:
             return self._zeros
         try:
             return self._law.update(inputs.time, inputs.position, inputs.velocity,
-                                    inputs.direction, inputs.temperature)
+                                    inputs.direction, inputs.temperature, end=inputs.ends)
         except Exception as error:
             self._faults.latch('law', f'an error in the law: {error!r}\n{traceback.format_exc()}')
             return self._zeros

@@ -40,8 +40,9 @@ class Inputs:
     time : float
         Of the last new joint state, s since the first one: seconds since 1970 have too little
         resolution as a float.
-    position, direction : ndarray, shape (J,)
-        Then; rad, NaN for a joint whose values are in doubt, and d.
+    position, direction, ends : ndarray, shape (J,)
+        Then; rad, NaN for a joint whose values are in doubt, d, and where announced movements end,
+        rad, NaN where nobody says so.
     velocity, temperature : ndarray, shape (J,), or None
         rad/s and degrees Celsius; None where nobody sent any.
     anew : bool
@@ -153,7 +154,7 @@ class Inputs:
             self.position[wrong] = np.nan
             self._faults.report('velocity', '; '.join(
                 f'{self._joints[j]}: {self._velocities[j].fault}' for j in wrong))
-        self.direction = self._direction.at(stamp, states.position)
+        self.direction, self.ends = self._direction.at(stamp), self._direction.ends
         self.temperature = self._temperature.before(stamp)
 
     def _possible(self) -> np.ndarray:

@@ -9,7 +9,6 @@ import math
 
 import numpy as np
 
-from friction_comp.direction.announcement import MovementEnds
 from friction_comp.signal_checks import beyond
 
 # Largest age of a temperature, ns; friction follows it within minutes.
@@ -28,7 +27,8 @@ class Direction:
     direction counts as 0 for twice that time. `refused` is the number of invalid messages so far,
     and `why` the fault of the last of them.
 
-    A planner may say where the movement ends; beyond, the direction is 0 (`MovementEnds`).
+    `ends` are the positions in rad at which the movements end, NaN where no planner says so, shape
+    (J,). What was said is kept until another direction or end comes.
 
     Times are in ns.
     """
@@ -40,14 +40,13 @@ class Direction:
         self.planners: list[str] = []
         self._indices = {joint: index for index, joint in enumerate(joints)}
         self._zeros = np.zeros(len(joints))
-        self._ends = MovementEnds(len(joints))
         self.forget()
 
     def forget(self) -> None:
         """Reset to 0 until the next message."""
         count = len(self._zeros)
-        self._ends.forget()
         self._values, self._times = self._zeros, [_NEVER] * count
+        self.ends = np.full(count, math.nan)
         # Previous direction of each joint, and the times of its change and of its change back.
         self._before, self._changed, self._disputed = (
             [0.0] * count, [_NEVER] * count, [_NEVER] * count)
@@ -114,12 +113,13 @@ class Direction:
     def _set(self, indices: Sequence[int], values: Sequence[float], time: int,
              ends: Sequence[float] = ()) -> None:
         # Callers of `at` may still hold the previous array.
-        self._values = self._values.copy()
+        self._values, self.ends = self._values.copy(), self.ends.copy()
         for index, value, end in zip(indices, values, ends or [math.nan] * len(indices)):
             if time < self._times[index]:
                 continue
-            self._ends.announce(index, value, end)
             last = float(self._values[index])
+            if value != last or not math.isnan(end):
+                self.ends[index] = end
             if value != last:
                 if (len(self.planners) > 1 and value == self._before[index]
                         and time - self._changed[index] <= self.timeout * 1e9):
@@ -134,17 +134,15 @@ class Direction:
     def _is_disputed(self, index: int, time: int) -> bool:
         return time - self._disputed[index] <= 2.0 * self.timeout * 1e9
 
-    def at(self, time: int, position: np.ndarray | None = None) -> np.ndarray:
-        """Return d at a time, shape (J,); `position` is that of the joints then, rad."""
+    def at(self, time: int) -> np.ndarray:
+        """Return d at a time, shape (J,)."""
         limit = time - self.timeout * 1e9
-        values = self._values
         for index, stamp in enumerate(self._times):
             if stamp < limit or self._disputed[index] > _NEVER:
-                values = np.array([
+                return np.array([
                     0.0 if stamp < limit or self._is_disputed(index, time) else value
                     for index, (value, stamp) in enumerate(zip(self._values, self._times))])
-                break
-        return self._ends.within(values, position)
+        return self._values
 
     def age(self, index: int, time: int) -> float:
         """Return the age of a joint's direction at a time, s; NaN if there is none."""

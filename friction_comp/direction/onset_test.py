@@ -20,6 +20,7 @@ import math
 
 import numpy as np
 from scipy.optimize import brentq
+from scipy.signal import detrend
 from scipy.stats import chi2
 
 FALSE_ALARMS = 0.25
@@ -36,7 +37,7 @@ _MEMORY = 0.3
 # Time constants of the level at rest, and of the scatter when it grows and when it shrinks, s. A
 # push that grows by less than the allowance within the first is taken for drift; a hand that begins
 # to tremble is known after one or two cycles, and not forgotten between two bouts.
-_LEVEL_TIME, _GROWS, _SHRINKS = 3.0, 0.3, 30.0
+_LEVEL_TIME, _GROWS, _SHRINKS = 1.0, 0.3, 30.0
 # s by which level and scatter are behind, so that an onset does not hide itself.
 _BEHIND = 0.15
 # Largest sum in units of the limit: a signal that has been away for long is back soon.
@@ -83,7 +84,8 @@ class Rest:
     @classmethod
     def of(cls, values: np.ndarray, rate: float) -> Rest:
         """Return level and scatter of values at rest, shape (N,)."""
-        deviations = values - values.mean()
+        # The level follows a drift.
+        deviations = detrend(values)
         variance = float(np.mean(deviations**2))
         # The variance of sums: all autocorrelations, with the weights of Bartlett.
         most = min(round(_MEMORY * rate), len(values) // 4)

@@ -199,8 +199,9 @@ class SensedDirection:
         values = [max(row[index], 0.0) for row in list(self._recent)[-_AVERAGED:]]
         energy = sum(value**power for value in values) / len(values)
         mean = sum(values) / len(values)
-        return (energy - max(test.level, 0.0)**power,
-                power * mean**(power - 1.0) * test.scatter / math.sqrt(len(values)))
+        # The scatter is that of sums: fewer values than noise remembers have that of one sum.
+        return (energy - max(test.level, 0.0)**power, power * mean**(power - 1.0) * test.scatter
+                / math.sqrt(max(len(values), test.rest.memory)))
 
     def _push(self) -> tuple[float, bool]:
         """Return how much the person pushes, positive in direction +1, and if that is certain."""

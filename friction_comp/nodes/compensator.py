@@ -73,7 +73,8 @@ class CompensatorNode(LifecycleNode):
                 'model file of each joint; a new one is validated, then activated, while the node '
                 'runs', changes=True)
         declare(self, 'law', 'continuous',
-                'continuous; paper: the note as printed; kinetic: its case without breakaway term, '
+                'continuous; desired: friction of the reference of another controller, which moves '
+                'the joint; paper: the note as printed; kinetic: its case without breakaway term, '
                 'which leaves no friction: a joint that is let go runs on; none: zero current',
                 changes=True,
                 constraints=f'one of {", ".join(LAWS)}')

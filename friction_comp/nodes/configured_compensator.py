@@ -121,6 +121,10 @@ class ConfiguredCompensator:
     def warn_unusual(self) -> None:
         """Log what is unusual about the law and the models, and which effects are not fed back."""
         logger = self._node.get_logger()
+        if self._value('law') == 'desired':
+            logger.warning(
+                "law: 'desired' pushes in the announced direction however the joint moves: it is "
+                'for joints that another controller moves along a reference')
         if self._value('law') == 'paper':
             logger.warning(
                 "law: 'paper' is the note's, as printed, for comparison: it has no guards, and an "

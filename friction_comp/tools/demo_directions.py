@@ -136,7 +136,7 @@ def _follow(way: str, speed: float, seed: int) -> dict[str, Any]:
     per, coulomb = model.drive.torque_per_current, model.sigmoid.upper
     kp = np.array([coulomb * per / _LAG])
     drive = MitDrive(kp, _DAMPING * kp, np.array([10.0 * coulomb * per]))
-    law, leader = CompensationLaw([model], sample_time=PERIOD), DesiredMotion()
+    law, leader = CompensationLaw([model], 'desired', sample_time=PERIOD), DesiredMotion()
     points = (0.0, 1.0, 6.0, 7.0, 12.0, 13.0), (0.0, 0.0, 5.0 * speed, 5.0 * speed, 0.0, 0.0)
     current, rows, direction = np.zeros(1), [], 0.0
     for k in range(round(points[0][-1] / STEP)):
