@@ -4,10 +4,11 @@
 
 from dataclasses import dataclass
 import itertools
+import math
 
 import numpy as np
 
-from law_judge.model import scaled, true_models
+from law_judge.model import scaled, STD, true_models
 
 
 @dataclass
@@ -29,6 +30,22 @@ class Bank:
         """Return a bank of some of the gears, with other models."""
         return Bank(self.world, [self.kinds[g] for g in gears], self.gears[gears], documents,
                     self.seed)
+
+    def telling(self, known):
+        """Return a bank whose models know their presliding distance, or do not.
+
+        Of a gear without presliding there is nothing to know.
+        """
+        documents = []
+        for gear, old in zip(self.gears, self.documents):
+            new = {name: value for name, value in old.items() if name != 'presliding'}
+            distance, scatter = self.world.presliding(gear)
+            if known and np.isfinite(distance):
+                new['presliding'] = old.get('presliding') or {
+                    'distance': float(distance),
+                    'std': math.hypot(STD * float(distance), scatter)}
+            documents.append(new)
+        return self.chosen(np.arange(len(self.gears)), documents)
 
 
 def make_bank(world, kinds, draws, seed, repetitions=24, without=()):

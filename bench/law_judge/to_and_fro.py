@@ -34,6 +34,10 @@ ENCODER = 2.0 * np.pi / 2**16
 
 def to_and_fro(bank, law):
     """Lead each joint to and fro at several frequencies, not announced and announced."""
+    return [row for known in (True, False) for row in _to_and_fro(bank.telling(known), law, known)]
+
+
+def _to_and_fro(bank, law, known):
     joints = Joints(bank, frequency=FREQUENCIES)
     persons, random = firm_hands(bank, 93)
     persons = persons[joints.gear]
@@ -57,7 +61,9 @@ def to_and_fro(bank, law):
     for (how, (median, worst)), direction in zip(
             D.items(), (lambda time: 0.0 * omega, coming, silent)):
         shares['law'] = _removed(bare, felt(law, direction=direction), floor)
-        name = f'to and fro, {how}: removed'
+        name = f'to and fro, {how}{"" if known else ", presliding unknown"}: removed'
+        if not known:
+            median = worst = None
         detail = {f'{f} Hz': _spread(shares['law'][joints['frequency'] == f])
                   for f in FREQUENCIES}
         detail['gears'] = {f'{kind} {g}': round(float(np.nanmin(shares['law'][joints.gear == g])))
