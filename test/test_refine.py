@@ -86,7 +86,7 @@ def test_report_has_what_is_promised(folder, drive):
     assert report['noise_floor'] == pytest.approx(drive.noise, rel=0.15)
     assert report['unexplained'] == []
     again = verdict_of([Finding(**finding) for finding in report['findings']])
-    assert again['verdict'] == report['verdict']
+    assert again.verdict == report['verdict']
 
 
 @pytest.mark.slow
@@ -244,11 +244,11 @@ def test_the_effects_hidden_in_each_example_are_found(name):
         ROOT / 'examples' / 'elbow' / f'{name}.mcap.zstd', None, model.drive.torque_constant,
         model.drive.gear_ratio)
     report = refine(samples, model).report
-    found = {effect['name']: effect for effect in report['effects']}
+    found = {effect.name: effect for effect in report.effects}
     assert found.keys() >= {'friction_ripple', 'inertia'}
     assert found.keys() & {'gravity', 'spring'}
-    assert found['friction_ripple']['parameters']['frequency'] == pytest.approx(24.0, abs=0.2)
-    assert report['after']['held_out_rmse'] < 1.2 * report['noise_floor']
+    assert found['friction_ripple'].parameters['frequency'] == pytest.approx(24.0, abs=0.2)
+    assert report.after.held_out_rmse < 1.2 * report.noise_floor
 
 
 @pytest.mark.parametrize('load', [None, 0.5])
@@ -289,7 +289,7 @@ def test_outliers_and_gaps_do_no_harm(drive):
     keep = np.ones(len(samples), dtype=bool)
     keep[2000:2500] = False
     result = refine([samples.take(keep)], drive=drive.model.drive)
-    assert [effect['variable'] for effect in result.report['effects']] == ['position']
+    assert [effect.variable for effect in result.report.effects] == ['position']
     fresh = record(drive, 6, excitation)[0].samples
     error = fresh.current - result.model.predict(fresh)
     assert rms(error) < 1.3 * drive.noise_floor

@@ -199,8 +199,8 @@ def arm_scene_report(alone: Mapping[str, Samples], helped: Mapping[str, Samples]
                 'peak helped (N·m)', 'added to the model of the drive'],
                [[joint, peak['alone']['rms'], peak['helped']['rms'], peak['alone']['peak'],
                  peak['helped']['peak'],
-                 effect_names(effect['name']
-                              for effect in result.results[joint].report['effects'])]
+                 effect_names(effect.name
+                              for effect in result.results[joint].report.effects)]
                 for joint, peak in peaks.items()])
     fitted = result.report()['rigid_bodies']
     page.table(['link after joint', 'mass in the URDF (kg)', 'mass found (kg)'],

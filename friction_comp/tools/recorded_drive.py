@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.recordings import RecordingInfo
     from friction_comp.recordings.history import History
-    from friction_comp.refinement.refine import RefineResult
+    from friction_comp.refinement import RefinementReport, RefineResult
     from friction_comp.samples import Samples
 
 OF_TABLE = ('columns', 'unit', 'rate', 'stiffness', 'damping')
@@ -192,26 +192,25 @@ def refine_recordings(arguments: Namespace, paths: Sequence[Path], joint: str | 
         _check_loads((one.name, one.samples) for one in history.recordings)
     # Only now: importing the search takes longer than reading most recordings, and an unusable one
     # is refused at once.
-    from friction_comp.refinement import refine
+    from friction_comp.refinement import Origin, refine
 
     # Without its constants, a drive does not tell how much current a recorded load takes.
     known = (model or arguments.torque_constant or arguments.gear_ratio
              or unit in ('N·m', 'N') or idle)
+    origin = Origin(unit, bool(known), notes_on(recordings, idle), {
+        'refined_from': [str(path) for path in paths], **_of_table(arguments), **limit,
+        **({'position_unit': 'm'} if any(info.linear for _, info in recordings) else {})})
     with errors_name(f'{paths[0]}: {joint}' if joint else paths[0]):
         result = refine(
-            recorded, model, drive if known else None, unit=unit,
+            recorded, model, drive, origin=origin,
             progress=lambda share, name: show(0.2 + 0.7 * share, f'trying {name}'))
-    result.model.drive = drive
-    result.report['warnings'].extend(
-        f'{info.path}: {note}' for _, info in recordings for note in info.notes)
-    result.model.notes = {**result.model.notes, 'refined_from': [str(path) for path in paths],
-                          'unit': unit, **_of_table(arguments), **limit}
-    if any(info.linear for _, info in recordings):
-        result.model.notes['position_unit'] = 'm'
-    if idle:
-        result.report['warnings'].append(
-            'the motor was idle: friction is what the load (torque sensor) overcame, in N·m')
     return result, history
+
+
+def notes_on(recordings: Iterable[tuple[Samples, RecordingInfo]], idle: bool = False) -> list[str]:
+    """Return the notes on recordings as warnings of a report; `idle` is that of the motor."""
+    return [f'{info.path}: {note}' for _, info in recordings for note in info.notes] + [
+        'the motor was idle: friction is what the load (torque sensor) overcame, in N·m'] * idle
 
 
 def _idle(arguments: Namespace, recorded: Sequence[Samples]) -> bool:
@@ -276,40 +275,37 @@ def folder_names(names: Iterable[str]) -> list[str]:
     return folders
 
 
-def print_summary(report: dict[str, Any]) -> None:
+def print_summary(report: RefinementReport) -> None:
     """Print the report of a refinement in a few lines."""
     from friction_comp.reports.friction_words import number_lines
     from friction_comp.reports.html import number, quantity
 
-    unit, friction = report['unit'], report['friction']
+    unit, before, after = report.unit, report.before, report.after
     print('friction in sliding, with 95 % intervals:')
-    for line in number_lines(friction):
+    for line in number_lines(report.friction):
         print(f'  {line}')
-    print(friction['formula'])
-    print(f"verdict: {report['verdict']}")
-    for line in report['reasons']:
+    print(report.friction.formula)
+    print(f'verdict: {report.verdict}')
+    for line in report.reasons:
         print(f'  {line}')
-    for line in report['record_again']:
+    for line in report.record_again:
         print(f'  record: {line}')
-    before, after = report['before']['held_out_rmse'], report['after']['held_out_rmse']
-    print(f"before: {quantity(before, unit)} RMS on data not fitted ({report['before']['model']})")
-    for effect in report['effects']:
-        print(f"  + {effect['name']} ({effect['variable']}): "
-              f"{quantity(effect['held_out_rmse'], unit)}   {effect['in_words']} (chosen in "
-              f"{100 * effect['chosen']:.0f} % of the searches)")
-    if not report['effects']:
+    print(f'before: {quantity(before.held_out_rmse, unit)} RMS on data not fitted '
+          f'({before.model})')
+    for effect in report.effects:
+        print(f'  + {effect.name} ({effect.variable}): {quantity(effect.held_out_rmse, unit)}   '
+              f'{effect.in_words} (chosen in {100 * effect.chosen:.0f} % of the searches)')
+    if not report.effects:
         print('  no effect beyond the model shows in the recordings')
-    print(f"after:  {quantity(after, unit)} RMS on data not fitted; noise floor "
-          f"{quantity(report['noise_floor'], unit)}")
-    errors = report['after']
-    print(f"        {quantity(errors['worst_part_rmse'], unit)} in the worst part; to expect "
-          f"elsewhere: {quantity(errors['elsewhere_motion_rmse'], unit)} in motion, "
-          f"{quantity(errors['elsewhere_rmse'], unit)} with standstill, where friction is whatever "
+    print(f'after:  {quantity(after.held_out_rmse, unit)} RMS on data not fitted; noise floor '
+          f'{quantity(report.noise_floor, unit)}')
+    print(f'        {quantity(after.worst_part_rmse, unit)} in the worst part; to expect '
+          f'elsewhere: {quantity(after.elsewhere_motion_rmse, unit)} in motion, '
+          f'{quantity(after.elsewhere_rmse, unit)} with standstill, where friction is whatever '
           'holds the joint')
-    for entry in report['unexplained']:
-        print(f"unexplained: {entry['variable']} ({number(entry['strength'])} of the remaining "
-              'variance)')
-    for entry in report['ambiguous']:
-        print(f"ambiguous: {' or '.join(entry['between'])}: {entry['why']}")
-    for line in report['warnings']:
+    for entry in report.unexplained:
+        print(f'unexplained: {entry.variable} ({number(entry.strength)} of the remaining variance)')
+    for question in report.ambiguous:
+        print(f"ambiguous: {' or '.join(question.between)}: {question.why}")
+    for line in report.warnings:
         print(f'note: {line}')

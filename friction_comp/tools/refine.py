@@ -102,14 +102,14 @@ def main(argv: list[str] | None = None) -> int:
         linear = 'position_unit' in result.model.notes
         with units_of_axis(linear):
             page = refinement_report(result, names)
-        result.report = in_own_units(result.report, linear)
+        content = in_own_units(result.report.content(), linear)
         with output_folder(arguments.output) as folder:
-            write_report(folder, result.report, page, arguments.command)
+            write_report(folder, content, page, arguments.command)
             result.model.save(folder / 'model.yaml')
             if history is not None:
                 history.save(folder / 'model.yaml')
     if arguments.json:
-        print(to_json(result.report), end='')
+        print(to_json(content), end='')
         return 0
     text = io.StringIO()
     with redirect_stdout(text):

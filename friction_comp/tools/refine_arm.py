@@ -14,6 +14,7 @@ from friction_comp.tools.recorded_drive import (
     drive_of,
     folder_names,
     layout_of,
+    notes_on,
     print_summary,
     showing_friction,
     with_current_limit,
@@ -51,6 +52,7 @@ def refine_whole_arm(arguments: Namespace) -> int:
                              f'{", ".join(map(repr, recordings))}')
         recorded = {name: [samples for samples, _ in parts]
                     for name, parts in showing_friction(recordings).items()}
+        from friction_comp.refinement import Origin
         from friction_comp.refinement.whole_arm import refine_arm
 
         drives, limits = {}, {}
@@ -64,18 +66,15 @@ def refine_whole_arm(arguments: Namespace) -> int:
                 lambda share, word: report(0.1 + 0.8 * share, word), not (
                     given or models or arguments.figures == 'A' or any(
                         info.effort_is_current for parts in recordings.values()
-                        for _, info in parts)))
+                        for _, info in parts)), {
+                    name: Origin(warnings=notes_on(recordings[name]), notes={
+                        'refined_from': names, 'urdf': str(arguments.urdf), **limits[name]})
+                    for name in recorded})
         except InputError as error:
             # Name the recording, unless a file is named already.
             named = str(error).startswith((str(arguments.urdf), names[0]))
             raise InputError(f'{"" if named else f"{names[0]}: "}{error}') from None
         report(0.9, 'writing')
-        for name, one in result.results.items():
-            one.report['warnings'].extend(
-                f'{info.path}: {note}' for _, info in recordings[name] for note in info.notes)
-            one.model.notes = {**one.model.notes, 'refined_from': names,
-                               'urdf': str(arguments.urdf), 'unit': one.report['unit'],
-                               **limits[name]}
         with output_folder(arguments.output) as folder:
             _write(folder, result, names, arguments)
     if arguments.json:
@@ -119,13 +118,13 @@ def _write(folder: Path, result: ArmResult, names: list[str], arguments: Namespa
                for name, own in zip(result.results, folder_names(result.results))}
     for name, one in result.results.items():
         folders[name].mkdir(exist_ok=True)
-        own = {**one.report, 'arm': arm} if joint else one.report
+        own = {**one.report.content(), 'arm': arm} if joint else one.report.content()
         write_report(folders[name], own, refinement_report(one, names), command)
         one.model.save(folders[name] / 'model.yaml')
     if joint:
         return
-    whole = {'unit': next(iter(result.results.values())).report['unit'], 'arm': arm,
-             'joints': {name: one.report for name, one in result.results.items()}}
+    whole = {'unit': next(iter(result.results.values())).report.unit, 'arm': arm,
+             'joints': {name: one.report.content() for name, one in result.results.items()}}
     write_report(folder, whole, arm_report(
         result, names, {name: own.name for name, own in folders.items()}), command)
     write_yaml(folder / 'model.yaml', arm_document(

@@ -159,7 +159,7 @@ def _refine_one(arguments: Namespace, with_page: bool, piece: Piece
     """Refine a joint of a recording; return its row of the page on all, its model and its files."""
     begin = time.monotonic()
     result, _ = refine_recordings(arguments, [piece.path], piece.joint)
-    report, model = result.report, result.model.to_dict()
+    report, model = result.report.content(), result.model.to_dict()
     files = {'report.json': to_json(report), 'model.yaml': to_yaml(model)}
     if with_page:
         from friction_comp.reports.refinement_report import refinement_report
