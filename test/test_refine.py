@@ -21,6 +21,7 @@ from friction_comp.errors import InputError
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.recorded_drive.refine_recordings import showing_friction
 from friction_comp.recordings import (
     read_recording,
     read_recording_with_info,
@@ -31,7 +32,6 @@ from friction_comp.refinement.judge import Finding, verdict_of
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
 from friction_comp.tools.predict import main as run_predict, moving
-from friction_comp.tools.recorded_drive import showing_friction
 from friction_comp.tools.refine import main as run_refine
 from simulated_recordings.drives import excitation_for, random_drive, record
 
@@ -320,14 +320,12 @@ def test_ball_screw_of_the_emps_benchmark():
 @pytest.mark.parametrize('given, limit, said', [
     ([], 7.25, True), (['--current-limit', '12'], 12.0, False)])
 def test_the_current_limit_is_the_largest_that_lasted_unless_given(given, limit, said):
-    from argparse import Namespace
-
-    from friction_comp.tools.recorded_drive import with_current_limit
+    from friction_comp.recorded_drive.given import Given, with_current_limit
 
     time = np.arange(300) * 0.01
     recorded = Samples(time=time, position=np.sin(time), current=7.25 * np.cos(time))
     recorded.current[[150, 299]] = 200.0, np.nan
-    arguments = Namespace(model=None, current_limit=float(given[1]) if given else None)
-    drive, note = with_current_limit(arguments, Drive(1.0, 1.0), [recorded])
+    told = Given(current_limit=float(given[1]) if given else None)
+    drive, note = with_current_limit(told, Drive(1.0, 1.0), [recorded])
     assert drive.current_limit == limit
     assert ('current_limit' in note) == said

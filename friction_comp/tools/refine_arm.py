@@ -9,16 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from friction_comp.errors import InputError
-from friction_comp.tools.common import output_folder, progress, write_report
-from friction_comp.tools.recorded_drive import (
-    drive_of,
-    folder_names,
-    layout_of,
-    notes_on,
-    print_summary,
-    showing_friction,
-    with_current_limit,
-)
+from friction_comp.recorded_drive.given import drive_of, with_current_limit
+from friction_comp.recorded_drive.refine_recordings import notes_on, showing_friction
+from friction_comp.results import output_folder, write_report
+from friction_comp.tools.common import progress
+from friction_comp.tools.refine_arguments import folder_names, given_of, print_summary
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
@@ -37,13 +32,13 @@ def refine_whole_arm(arguments: Namespace) -> int:
     if arguments.figures not in (None, 'A', 'N·m', 'Nm'):
         raise InputError(f'--unit: with --urdf effort is in A or N·m, not in {arguments.figures}')
     given = arguments.torque_constant is not None or arguments.gear_ratio is not None
-    models = _start_models(arguments)
+    models, known = _start_models(arguments), given_of(arguments)
     names = [str(path) for path in arguments.recordings]
     with progress('reading') as report:
         recordings = read_arm(
             arguments.recordings,
-            lambda name: drive_of(arguments, models.get(name)).torque_per_current,
-            lambda share: report(0.1 * share), layout_of(arguments))
+            lambda name: drive_of(known, models.get(name)).torque_per_current,
+            lambda share: report(0.1 * share), known.layout)
         if '' in recordings:
             raise InputError(f'{names[0]}: names no joint: give its name in the URDF with --joint')
         unknown = [name for name in models if name not in recordings]
@@ -58,7 +53,7 @@ def refine_whole_arm(arguments: Namespace) -> int:
         drives, limits = {}, {}
         for name, parts in recorded.items():
             drives[name], limits[name] = with_current_limit(
-                arguments, drive_of(arguments, models.get(name)), parts)
+                known, drive_of(known, models.get(name)), parts)
         try:
             result = refine_arm(
                 recorded, arguments.urdf, drives, models, recorded if given else models,
