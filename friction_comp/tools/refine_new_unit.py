@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from argparse import Namespace
+from dataclasses import replace
 
 from friction_comp.errors import errors_name, InputError
 from friction_comp.recorded_drive.given import drive_of, unit_of, with_current_limit
@@ -44,8 +45,9 @@ def refine_new_unit(arguments: Namespace) -> int:
     declared = bool(constants) or unit == 'N·m' or drive.torque_per_current != 1.0
     with errors_name(arguments.recordings[0]):
         new = fit_new_unit(recorded, population, drive, declared)
-    new.model.notes = {'fleet': str(arguments.fleet), 'unit': unit, **limit,
-                       'refined_from': [str(path) for path in arguments.recordings]}
+    model = replace(new.model, notes={
+        'fleet': str(arguments.fleet), 'unit': unit, **limit,
+        'refined_from': [str(path) for path in arguments.recordings]})
     content = {
         'joint': population.joint, 'unit': unit, 'units': len(population.units), 'out': new.out,
         'coefficients': [
@@ -58,7 +60,7 @@ def refine_new_unit(arguments: Namespace) -> int:
                           'with_population': new.error}}
     with output_folder(arguments.output) as folder:
         write_report(folder, content, new_unit_report(new, population), arguments.command)
-        new.model.save(folder / 'model.yaml')
+        model.save(folder / 'model.yaml')
     if arguments.json:
         print(to_json(content), end='')
     else:

@@ -50,14 +50,16 @@ def refine_table(arguments: Namespace, columns: tuple[Column, Column]) -> int:
         fit = fit_steady_states(
             speeds, torques / (1.0 if in_ampere else drive.torque_per_current), drive)
     limit = arguments.current_limit or float(f'{np.max(np.abs(fit.currents)):.4g}')
-    fit.model.drive = replace(drive, current_limit=limit)
-    fit.model.joint = arguments.joint or velocity.joint or effort.joint
     linear = velocity.dimension == 'length/time'
-    fit.model.notes = {'refined_from': [str(path)], 'unit': unit,
-                       **({'position_unit': 'm'} if linear else {}),
-                       **({} if arguments.current_limit else {
-                           'current_limit': 'the largest current of the table, since no other '
-                                            'limit was given'})}
+    model = replace(
+        fit.model, drive=replace(drive, current_limit=limit),
+        joint=arguments.joint or velocity.joint or effort.joint,
+        notes={'refined_from': [str(path)], 'unit': unit,
+               **({'position_unit': 'm'} if linear else {}),
+               **({} if arguments.current_limit else {
+                   'current_limit': 'the largest current of the table, since no other limit was '
+                                    'given'})})
+    fit = replace(fit, model=model)
     report = in_own_units(_report(fit, unit), linear)
     with units_of_axis(linear):
         page = steady_state_report(report, fit.model, fit.speeds, fit.currents, [str(path)])
