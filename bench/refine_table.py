@@ -67,8 +67,8 @@ def one_draw(task):
     result = refine([trial.samples for trial in fit], model=None, drive=drive.model.drive)
     seconds = time.perf_counter() - started
     report = result.report
-    found = [effect['variable'] for effect in report['effects']]
-    unexplained = [entry['variable'] for entry in report['unexplained']]
+    found = [effect.variable for effect in report.effects]
+    unexplained = [entry.variable for entry in report.unexplained]
     wanted = list(drive.variables)
     if outside:
         allowed = OUTSIDE[outside][1]
@@ -82,11 +82,11 @@ def one_draw(task):
     floor = drive.noise_floor
     return {
         'cases': cases, 'outside': outside, 'seed': seed, 'wanted': wanted,
-        'found': [[effect['name'], effect['variable']] for effect in report['effects']],
+        'found': [[effect.name, effect.variable] for effect in report.effects],
         'unexplained': unexplained,
-        'ambiguous': [entry['between'] for entry in report['ambiguous']],
+        'ambiguous': [entry.between for entry in report.ambiguous],
         'named': named, 'only': only, 'ratio': error(result.model, score) / floor,
-        'before': report['before']['held_out_rmse'] / floor, 'seconds': seconds}
+        'before': report.before.held_out_rmse / floor, 'seconds': seconds}
 
 
 def tasks(options):

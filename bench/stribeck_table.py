@@ -88,12 +88,12 @@ def judge(task: tuple[str, int, int]) -> dict[str, object]:
     """Refine one drive."""
     effect, number, seed = task
     report = refine([recording(effect, number, seed)], drive=Drive(0.1, 100.0)).report
-    found = [entry['name'] for entry in report['effects']]
+    found = [entry.name for entry in report.effects]
     return {'effect': effect, 'motion': MOTIONS[number % len(MOTIONS)], 'number': number,
             'found': found, 'named': bool(NAMES[effect] & set(found)),
-            'only': set(found) <= NAMES[effect] | {'inertia'}, 'verdict': report['verdict'],
-            'error': report['after']['held_out_rmse'] / NOISE,
-            'before': report['before']['held_out_rmse'] / NOISE}
+            'only': set(found) <= NAMES[effect] | {'inertia'}, 'verdict': report.verdict,
+            'error': report.after.held_out_rmse / NOISE,
+            'before': report.before.held_out_rmse / NOISE}
 
 
 def main() -> None:

@@ -30,7 +30,7 @@ ROOT = Path(__file__).resolve().parent.parent
 def picture() -> Figure:
     """Return torque over time, and friction over velocity, of the example log."""
     result = refine(read_recording(ROOT / 'examples' / 'log.csv'))
-    samples, model, friction = result.samples, result.model, result.report['friction']
+    samples, model, friction = result.samples, result.model, result.report.friction
     others = sum(effect.current(samples) for effect in model.effects)
     # A third of the samples is as easy to read as all of them.
     velocity = np.asarray(samples.velocity)
@@ -46,8 +46,8 @@ def picture() -> Figure:
     right.plot(velocity[moves], (samples.current - others)[moves], '.', markersize=2,
                color=COLOURS['grey'], label='measured, without the other effects')
     speeds = np.linspace(velocity.min(), velocity.max(), 400)
-    right.plot(speeds, friction['coulomb'] * np.sign(speeds) + friction['viscous'] * speeds
-               + friction['offset'], color=COLOURS['blue'], label='Coulomb + viscous + offset')
+    right.plot(speeds, friction.coulomb * np.sign(speeds) + friction.viscous * speeds
+               + friction.offset, color=COLOURS['blue'], label='Coulomb + viscous + offset')
     right.set(xlabel='velocity (rad/s)', ylabel='friction (N·m)')
     right.legend(loc='upper left')
     return figure

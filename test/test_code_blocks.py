@@ -233,7 +233,7 @@ def finds(kind):
     noise = 0.002 * np.random.default_rng(3).standard_normal(time.size)
     result = refine([samples.with_(
         current=0.1 * np.tanh(velocity / 0.02) + 0.05 * velocity + extra + noise)])
-    assert result.report['effects'][0]['name'] == kind.name
+    assert result.report.effects[0].name == kind.name
 
 
 @pytest.mark.parametrize('text', blocks('yaml'))

@@ -73,9 +73,9 @@ def test_pieces_from_everywhere_are_kept_where_averages_are_too_many(folder):
 def test_a_ripple_is_found_in_averages(folder):
     found = [samples for samples, _ in read_condensed(folder, limit=10_000)]
     report = refine(found, drive=Drive(1.0, 1.0)).report
-    assert [effect['name'] for effect in report['effects']] == ['cogging']
+    assert [effect.name for effect in report.effects] == ['cogging']
     # The noise of averages is smaller by this factor.
-    assert report['after']['held_out_rmse'] < 1.2 * NOISE / 5 ** 0.5
+    assert report.after.held_out_rmse < 1.2 * NOISE / 5 ** 0.5
 
 
 def test_the_other_joints_of_an_arm_are_averaged_too(tmp_path):

@@ -40,11 +40,11 @@ def test_the_weight_of_the_next_link_is_found_without_a_urdf():
     currents, motion = planar(rng, 1000)
     for joint, current in zip(names, currents):
         result = refine([seen_by(joint, names, current, motion)])
-        assert result.report['after']['held_out_rmse'] < 0.03
+        assert result.report.after.held_out_rmse < 0.03
         if joint == 'wrist':
-            assert 'other_joints' not in {effect['name'] for effect in result.report['effects']}
+            assert 'other_joints' not in {effect.name for effect in result.report.effects}
             continue
-        found = {effect['variable']: effect['in_words'] for effect in result.report['effects']}
+        found = {effect.variable: effect.in_words for effect in result.report.effects}
         assert 'elbow' in found['other joints'] or 'shoulder' in found['other joints']
         coupling = result.model.arm.source
         weights = [group.angles for group in coupling.groups if group.kind == 'weight']
@@ -75,8 +75,8 @@ def test_joints_that_move_independently_show_no_coupling():
     slow = np.convolve(rng.standard_normal(1600), np.exp(-np.arange(100) / 20))[50:1550]
     current = 0.3 * np.tanh(v / 0.02) + 0.2 * v + 0.02 * slow
     report = refine([seen_by('c', names, current, motion)]).report
-    assert 'other_joints' not in {effect['name'] for effect in report['effects']}
-    assert 'other_joints' in {finding['code'] for finding in report['findings']}
+    assert 'other_joints' not in {effect.name for effect in report.effects}
+    assert 'other_joints' in {finding.code for finding in report.findings}
 
 
 def test_neighbours_and_the_weight_of_links_behind_are_tried_together():
@@ -121,7 +121,7 @@ def test_weight_and_inertia_that_cancel_are_found_together():
     for fit, score, effects in zip(fits, scores, ({'gravity', 'inertia'}, {'inertia'})):
         result = refine([fit])
         assert effects | {'other_joints'} <= {
-            effect['name'] for effect in result.report['effects']}
+            effect.name for effect in result.report.effects}
         assert rms(score.current - result.model.predict(score)) < 0.5 * rms(
             score.current - result.start.predict(score))
 
@@ -158,8 +158,8 @@ def test_joints_that_move_together_cannot_be_told_apart(share):
                + 0.3 * np.tanh(v[:, 0] / 0.01) + 0.2 * v[:, 0] + 0.05 * a[:, 0]
                + 0.02 * rng.standard_normal(len(q)))
     report = refine([seen_by('shoulder', ('shoulder', 'elbow'), current, (q, v, a))]).report
-    assert report['verdict'] == ('record again' if share else 'trust in part')
-    assert ('moves_as_one' in {one['code'] for one in report['findings']}) is (share == 1.0)
+    assert report.verdict == ('record again' if share else 'trust in part')
+    assert ('moves_as_one' in {one.code for one in report.findings}) is (share == 1.0)
     if share == 0.0:
-        assert 'other_joints' in {effect['name'] for effect in report['effects']}
-        assert report['after']['held_out_rmse'] < 0.022
+        assert 'other_joints' in {effect.name for effect in report.effects}
+        assert report.after.held_out_rmse < 0.022

@@ -40,27 +40,27 @@ def refined():
 
 
 def test_the_numbers_are_those_of_the_drive_and_their_intervals_hold_them(refined):
-    friction = refined.report['friction']
+    friction = refined.report.friction
     for name, value in TRUTH.items():
-        low, high = friction['intervals'][name]
+        low, high = friction.intervals[name]
         assert low <= value <= high, name
         assert high - low < 0.06
-        assert friction[name] == pytest.approx(value, rel=0.03, abs=0.01)
-    assert friction['torque_per_current'] == 1.0
-    assert friction['breakaway'] is None
+        assert getattr(friction, name) == pytest.approx(value, rel=0.03, abs=0.01)
+    assert friction.torque_per_current == 1.0
+    assert friction.breakaway is None
     # Without an effect and without a model given, there are intervals as well.
     assert refined.model.recorded.speeds[-1] == pytest.approx(4.0, rel=0.1)
 
 
 def test_the_lines_name_every_number_with_interval_and_unit(refined):
-    lines = {line.split()[0]: line for line in number_lines(refined.report['friction'])}
+    lines = {line.split()[0]: line for line in number_lines(refined.report.friction)}
     assert list(lines) == ['Coulomb', 'viscous', 'offset', 'breakaway', 'transition', 'inertia']
     for name, unit in (('Coulomb', 'N·m '), ('viscous', 'N·m·s/rad'), ('inertia', 'kg·m²')):
         assert unit in lines[name]
         assert ' to ' in lines[name]
     assert 'all links that moved' in lines['inertia']
     assert 'identification' in lines['breakaway']
-    formula = refined.report['friction']['formula']
+    formula = refined.report.friction.formula
     assert formula.startswith('torque = 0.50')
     assert formula.endswith('[N·m, v in rad/s]')
 

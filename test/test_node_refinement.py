@@ -3,7 +3,6 @@
 """The refinement action over DDS: from messages in memory to a model that is loaded."""
 
 import asyncio
-import os
 from pathlib import Path
 import shutil
 import signal
@@ -29,7 +28,6 @@ from friction_comp.model.friction_model import arm_document, FrictionModel
 from friction_comp.monitoring.live_residual import JointWatch
 from friction_comp.nodes.live_signals import LiveSignals
 from friction_comp.nodes.recent_past import Message, RecentPast
-from friction_comp.nodes.refine_job import RefineJob
 from friction_comp.nodes.refinement import RefinementNode
 from friction_comp.ros.live_feed import frame_of
 
@@ -237,16 +235,6 @@ def test_the_client_is_told_when_the_node_is_stopped(tmp_path):
         result = probe.complete(outcome, 'the result', 20.0).result
         assert result.message == 'the node was stopped'
         bench.close()
-
-
-def test_reading_the_progress_does_not_disturb_the_process_that_writes_it(tmp_path):
-    job = RefineJob(JOINT, MODELS[0], tmp_path, 'nothing', ())
-    log = job._log.fileno()
-    os.write(log, b'progress 0.5 trying\nprog')
-    # Where the process writes next, since both share the position.
-    position = os.lseek(log, -4, os.SEEK_END)
-    assert job._lines() == ['progress 0.5 trying']
-    assert os.lseek(log, 0, os.SEEK_CUR) == position
 
 
 def test_a_joint_of_an_arm_file_is_watched_with_its_own_model(tmp_path):

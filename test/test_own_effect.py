@@ -80,11 +80,11 @@ def recording(seed, duration=60.0, step=0.01):
 @pytest.mark.slow
 def test_an_effect_that_exists_only_here(own_effect, tmp_path):
     result = refine([recording(1)])
-    found = result.report['effects'][0]
-    assert found['name'] == 'tight_end'
-    assert found['variable'] == 'position'
-    assert found['parameters']['reach'] == pytest.approx(REFERENCE, rel=0.1)
-    assert found['parameters']['coefficients'][0] == pytest.approx(GAIN, rel=0.1)
+    found = result.report.effects[0]
+    assert found.name == 'tight_end'
+    assert found.variable == 'position'
+    assert found.parameters['reach'] == pytest.approx(REFERENCE, rel=0.1)
+    assert found.parameters['coefficients'][0] == pytest.approx(GAIN, rel=0.1)
 
     result.model.save(tmp_path / 'model.yaml')
     model = FrictionModel.load(tmp_path / 'model.yaml')
@@ -106,6 +106,6 @@ def test_an_effect_that_exists_only_here(own_effect, tmp_path):
 
 def test_without_the_new_effect_no_other_replaces_it():
     report = refine([recording(1)]).report
-    assert 'tight_end' not in [effect['name'] for effect in report['effects']]
-    assert 'position' in [entry['variable'] for entry in report['unexplained']] + [
-        effect['variable'] for effect in report['effects']]
+    assert 'tight_end' not in [effect.name for effect in report.effects]
+    assert 'position' in [entry.variable for entry in report.unexplained] + [
+        effect.variable for effect in report.effects]

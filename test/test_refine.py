@@ -21,6 +21,7 @@ from friction_comp.errors import InputError
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.recorded_drive.refine_recordings import showing_friction
 from friction_comp.recordings import (
     read_recording,
     read_recording_with_info,
@@ -31,7 +32,6 @@ from friction_comp.refinement.judge import Finding, verdict_of
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
 from friction_comp.tools.predict import main as run_predict, moving
-from friction_comp.tools.recorded_drive import showing_friction
 from friction_comp.tools.refine import main as run_refine
 from simulated_recordings.drives import excitation_for, random_drive, record
 
@@ -86,7 +86,7 @@ def test_report_has_what_is_promised(folder, drive):
     assert report['noise_floor'] == pytest.approx(drive.noise, rel=0.15)
     assert report['unexplained'] == []
     again = verdict_of([Finding(**finding) for finding in report['findings']])
-    assert again['verdict'] == report['verdict']
+    assert again.verdict == report['verdict']
 
 
 @pytest.mark.slow
@@ -244,11 +244,11 @@ def test_the_effects_hidden_in_each_example_are_found(name):
         ROOT / 'examples' / 'elbow' / f'{name}.mcap.zstd', None, model.drive.torque_constant,
         model.drive.gear_ratio)
     report = refine(samples, model).report
-    found = {effect['name']: effect for effect in report['effects']}
+    found = {effect.name: effect for effect in report.effects}
     assert found.keys() >= {'friction_ripple', 'inertia'}
     assert found.keys() & {'gravity', 'spring'}
-    assert found['friction_ripple']['parameters']['frequency'] == pytest.approx(24.0, abs=0.2)
-    assert report['after']['held_out_rmse'] < 1.2 * report['noise_floor']
+    assert found['friction_ripple'].parameters['frequency'] == pytest.approx(24.0, abs=0.2)
+    assert report.after.held_out_rmse < 1.2 * report.noise_floor
 
 
 @pytest.mark.parametrize('load', [None, 0.5])
@@ -289,7 +289,7 @@ def test_outliers_and_gaps_do_no_harm(drive):
     keep = np.ones(len(samples), dtype=bool)
     keep[2000:2500] = False
     result = refine([samples.take(keep)], drive=drive.model.drive)
-    assert [effect['variable'] for effect in result.report['effects']] == ['position']
+    assert [effect.variable for effect in result.report.effects] == ['position']
     fresh = record(drive, 6, excitation)[0].samples
     error = fresh.current - result.model.predict(fresh)
     assert rms(error) < 1.3 * drive.noise_floor
@@ -320,14 +320,12 @@ def test_ball_screw_of_the_emps_benchmark():
 @pytest.mark.parametrize('given, limit, said', [
     ([], 7.25, True), (['--current-limit', '12'], 12.0, False)])
 def test_the_current_limit_is_the_largest_that_lasted_unless_given(given, limit, said):
-    from argparse import Namespace
-
-    from friction_comp.tools.recorded_drive import with_current_limit
+    from friction_comp.recorded_drive.given import Given, with_current_limit
 
     time = np.arange(300) * 0.01
     recorded = Samples(time=time, position=np.sin(time), current=7.25 * np.cos(time))
     recorded.current[[150, 299]] = 200.0, np.nan
-    arguments = Namespace(model=None, current_limit=float(given[1]) if given else None)
-    drive, note = with_current_limit(arguments, Drive(1.0, 1.0), [recorded])
+    told = Given(current_limit=float(given[1]) if given else None)
+    drive, note = with_current_limit(told, Drive(1.0, 1.0), [recorded])
     assert drive.current_limit == limit
     assert ('current_limit' in note) == said

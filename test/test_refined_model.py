@@ -11,7 +11,7 @@ from friction_comp.drive import Drive
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
-from friction_comp.refinement import refine
+from friction_comp.refinement import Origin, refine
 from friction_comp.refinement.dependence import remaining_dependences
 from friction_comp.refinement.judge import (
     AGAIN,
@@ -55,10 +55,10 @@ def test_the_model_written_is_the_model_judged(case, tmp_path):
     result.model.save(tmp_path / 'model.yaml')
     written = FrictionModel.load(tmp_path / 'model.yaml')
     error = samples.current - written.predict(samples, same_recording=True)
-    after = result.report['after']
-    assert rms(error[result.usable]) == pytest.approx(after['fit_rmse'], rel=1e-6)
-    assert after['fit_rmse'] < 0.025
-    assert after['fit_rmse'] == pytest.approx(after['held_out_rmse'], rel=0.1)
+    after = result.report.after
+    assert rms(error[result.usable]) == pytest.approx(after.fit_rmse, rel=1e-6)
+    assert after.fit_rmse < 0.025
+    assert after.fit_rmse == pytest.approx(after.held_out_rmse, rel=0.1)
     assert (written.differentiation.get('lag') is not None) == (case == 'late')
 
 
@@ -77,18 +77,18 @@ def test_the_model_written_is_the_model_judged_where_other_joints_take_part_late
     result.model.save(tmp_path / 'model.yaml')
     error = samples.current - FrictionModel.load(tmp_path / 'model.yaml').predict(samples)
     assert rms(error[result.usable]) == pytest.approx(
-        result.report['after']['fit_rmse'], rel=1e-6)
-    assert rms(error[result.usable]) < 1.3 * result.report['after']['held_out_rmse'] < 0.05
+        result.report.after.fit_rmse, rel=1e-6)
+    assert rms(error[result.usable]) < 1.3 * result.report.after.held_out_rmse < 0.05
 
 
 def test_the_error_to_expect_elsewhere_is_not_below_that_of_another_recording():
     result = refine([with_ripple(2)])
-    after = result.report['after']
+    after = result.report.after
     for seed in (3, 4):
         other = with_ripple(seed)
-        assert rms(other.current - result.model.predict(other)) < 1.3 * after['elsewhere_rmse']
-    assert after['elsewhere_rmse'] < 0.04
-    assert max(after['part_rmse']) == after['worst_part_rmse'] >= after['held_out_rmse']
+        assert rms(other.current - result.model.predict(other)) < 1.3 * after.elsewhere_rmse
+    assert after.elsewhere_rmse < 0.04
+    assert max(after.part_rmse) == after.worst_part_rmse >= after.held_out_rmse
 
 
 def test_a_current_unrelated_to_the_motion_is_not_trusted():
@@ -97,9 +97,9 @@ def test_a_current_unrelated_to_the_motion_is_not_trusted():
     slow = np.convolve(rng.standard_normal(4100), np.exp(-np.arange(101) / 20.0), 'valid')
     result = refine([samples.with_(current=slow[:4000])])
     report = result.report
-    assert report['after']['held_out_rmse'] <= report['before']['held_out_rmse']
-    assert report['verdict'] == 'record again'
-    assert report['record_again']
+    assert report.after.held_out_rmse <= report.before.held_out_rmse
+    assert report.verdict == 'record again'
+    assert report.record_again
     sigmoid = result.model.sigmoid
     assert sigmoid.upper >= sigmoid.lower
     assert sigmoid.viscous >= 0.0
@@ -109,13 +109,14 @@ def test_a_current_unrelated_to_the_motion_is_not_trusted():
 def test_what_is_found_is_the_same_whatever_the_unit_and_the_order():
     parts = with_ripple(10), with_ripple(11)
     first = refine(parts)
-    large = refine([part.with_(current=1e3 * part.current) for part in parts[::-1]], unit='mV')
-    names = [[effect['name'] for effect in found.report['effects']] for found in (first, large)]
+    large = refine([part.with_(current=1e3 * part.current) for part in parts[::-1]],
+                   origin=Origin('mV'))
+    names = [[effect.name for effect in found.report.effects] for found in (first, large)]
     assert names[0] == names[1]
-    assert large.report['after']['held_out_rmse'] == pytest.approx(
-        1e3 * first.report['after']['held_out_rmse'], rel=1e-3)
-    assert large.report['effects'][0]['in_words'].startswith('Cogging: 100 mV') or (
-        ' mV' in large.report['effects'][0]['in_words'])
+    assert large.report.after.held_out_rmse == pytest.approx(
+        1e3 * first.report.after.held_out_rmse, rel=1e-3)
+    assert large.report.effects[0].in_words.startswith('Cogging: 100 mV') or (
+        ' mV' in large.report.effects[0].in_words)
 
 
 def test_noise_is_what_changes_from_sample_to_sample():
@@ -144,14 +145,14 @@ def test_the_worst_finding_gives_the_verdict_and_notes_do_not_lower_it():
     note = Finding('short', 'It is short.')
     part = Finding('coarse', 'It is coarse.', IN_PART, 'use a finer encoder')
     again = Finding('pushes', 'It pushes.', AGAIN, 'check the signs')
-    assert verdict_of([])['verdict'] == verdict_of([note])['verdict'] == TRUST
-    assert verdict_of([note, part])['verdict'] == IN_PART
+    assert verdict_of([]).verdict == verdict_of([note]).verdict == TRUST
+    assert verdict_of([note, part]).verdict == IN_PART
     told = verdict_of([note, part, again])
-    assert told['verdict'] == AGAIN
-    assert told['reasons'] == ['It pushes.', 'It is coarse.']
-    assert told['record_again'] == ['check the signs', 'use a finer encoder']
-    assert told['warnings'] == ['It is short.']
-    assert [finding['code'] for finding in told['findings']] == ['short', 'coarse', 'pushes']
+    assert told.verdict == AGAIN
+    assert told.reasons == ['It pushes.', 'It is coarse.']
+    assert told.record_again == ['check the signs', 'use a finer encoder']
+    assert told.warnings == ['It is short.']
+    assert [finding.code for finding in told.findings] == ['short', 'coarse', 'pushes']
 
 
 def test_an_experiment_is_proposed_for_any_two_variables():

@@ -136,7 +136,7 @@ def test_the_refined_model_makes_the_drive_easier_to_move(declared, name):
     parameters, variable = FED_BACK[name]
     known = identified(declared, name, parameters)
     result = refine(recordings(declared, name, parameters, 1), model=known)
-    assert variable in {effect['variable'] for effect in result.report['effects']}
+    assert variable in {effect.variable for effect in result.report.effects}
     fresh = recordings(declared, name, parameters, 2)
     assert current_error(result.model, fresh) < 0.8 * current_error(known, fresh)
     # The soft person of the model file at ease, and a stiff, brisk one.

@@ -57,7 +57,7 @@ def refined(cases, seed, outside='', servo=False):
 
 def variables(report):
     """Return the variables of the effects found, in the order of finding."""
-    return [effect['variable'] for effect in report['effects']]
+    return [effect.variable for effect in report.effects]
 
 
 @pytest.mark.parametrize('case', CASES)
@@ -76,10 +76,10 @@ def test_both_of_a_pair_are_named(pair):
 
 def test_nothing_is_found_where_nothing_is():
     report, ratio = refined((), 40)
-    assert report['effects'] == []
-    assert report['unexplained'] == []
-    assert report['verdict'] == 'trust'
-    assert report['reasons']
+    assert report.effects == []
+    assert report.unexplained == []
+    assert report.verdict == 'trust'
+    assert report.reasons
     assert ratio <= 1.3
 
 
@@ -95,15 +95,15 @@ def test_a_joint_with_inertia_and_stiction_shows_no_more_than_these():
 def test_what_no_effect_describes_is_traced_to_its_variable(name):
     report, _ = refined((), 50, outside=name)
     allowed = OUTSIDE[name][1]
-    assert allowed & {entry['variable'] for entry in report['unexplained']}
+    assert allowed & {entry.variable for entry in report.unexplained}
     assert set(variables(report)) <= allowed
 
 
 def test_errors_and_floor_of_the_report_are_those_of_the_data():
     report, _ = refined(('gravity',), SEED)
     drive = random_drive(SEED, ('gravity',))
-    assert report['noise_floor'] == pytest.approx(drive.noise_floor, rel=0.3)
-    assert report['after']['held_out_rmse'] < 1.3 * drive.noise_floor
-    assert report['before']['held_out_rmse'] > 1.5 * drive.noise_floor
-    steps = [effect['held_out_rmse'] for effect in report['effects']]
-    assert steps[-1] <= report['before']['held_out_rmse']
+    assert report.noise_floor == pytest.approx(drive.noise_floor, rel=0.3)
+    assert report.after.held_out_rmse < 1.3 * drive.noise_floor
+    assert report.before.held_out_rmse > 1.5 * drive.noise_floor
+    steps = [effect.held_out_rmse for effect in report.effects]
+    assert steps[-1] <= report.before.held_out_rmse

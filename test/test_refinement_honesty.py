@@ -50,11 +50,11 @@ def friction(v):
 
 
 def names(report):
-    return [effect['name'] for effect in report['effects']]
+    return [effect.name for effect in report.effects]
 
 
 def traced(report):
-    return [entry['variable'] for entry in report['unexplained']]
+    return [entry.variable for entry in report.unexplained]
 
 
 @pytest.mark.slow
@@ -64,9 +64,9 @@ def test_inertia_is_found_beside_a_larger_effect_without_a_name():
     step = np.where(t > 61.0, 0.08, 0.0) * np.tanh(v / 0.02)
     report = refine([recorded(t, q, friction(v) + 0.05 * a + rough + step, 3)],
                     drive=DRIVE).report
-    inertia = next(e for e in report['effects'] if e['name'] == 'inertia')
-    assert inertia['parameters']['coefficients'][0] == pytest.approx(0.05, rel=0.25)
-    assert report['unexplained']
+    inertia = next(e for e in report.effects if e.name == 'inertia')
+    assert inertia.parameters['coefficients'][0] == pytest.approx(0.05, rel=0.25)
+    assert report.unexplained
 
 
 def test_a_change_at_one_moment_is_traced_to_time():
@@ -118,9 +118,9 @@ def test_a_bump_that_a_fold_crosses_one_way_only_is_still_found():
 def test_velocity_that_is_not_the_slope_of_position_is_said(scale, said):
     t, q, v, _ = strokes(2, duration=40.0)
     report = refine([recorded(t, q, friction(v), 2, velocity=v / scale)], drive=DRIVE).report
-    told = [finding for finding in report['findings'] if finding['code'] == 'velocity']
+    told = [finding for finding in report.findings if finding.code == 'velocity']
     assert bool(told) == said
-    assert report['verdict'] == ('trust in part' if said else 'trust')
+    assert report.verdict == ('trust in part' if said else 'trust')
 
 
 def test_a_joint_that_turns_round_slowly_has_not_rested():
@@ -145,10 +145,10 @@ def test_temperature_is_preferred_to_time_if_both_explain_equally():
     current = base.current + 0.25 * drift * np.tanh(base.velocity / 0.01)
     report = refine([base.with_(current=current + 0.01 * rng.standard_normal(len(base)),
                                 temperature=temperature)]).report
-    assert [e['variable'] for e in report['effects'] if e['variable'] != 'acceleration'] == [
+    assert [e.variable for e in report.effects if e.variable != 'acceleration'] == [
         'temperature']
-    assert {'time', 'temperature'} in [set(entry['between']) for entry in report['ambiguous']]
-    assert all(entry['experiment'] for entry in report['ambiguous'])
+    assert {'time', 'temperature'} in [set(entry.between) for entry in report.ambiguous]
+    assert all(entry.experiment for entry in report.ambiguous)
 
 
 def test_motion_at_one_speed_is_said_to_show_little_of_speed():
@@ -160,7 +160,7 @@ def test_motion_at_one_speed_is_said_to_show_little_of_speed():
     report = refine([Samples(time=time, position=np.cumsum(speed) * 0.01, velocity=speed,
                              current=current)]).report
     assert any(line.startswith('Speed was near 0.5') or line.startswith('Speed hardly varied')
-               for line in report['warnings'])
+               for line in report.warnings)
 
 
 @pytest.mark.slow
@@ -182,19 +182,19 @@ def test_standstill_helps_to_locate_the_sign_change_of_friction():
 def test_a_current_at_its_limit_is_a_finding_and_traced_to_its_variable():
     samples = swings(11)
     report = refine([samples.with_(current=np.clip(samples.current, -0.7, 0.7))]).report
-    assert report['samples_clipped'] > 100
-    assert 'ceiling' in {finding['code'] for finding in report['findings']}
-    entry, = report['unexplained']
-    assert entry['variable'] == 'velocity'
-    assert 'at a limit' in entry['note']
+    assert report.samples_clipped > 100
+    assert 'ceiling' in {finding.code for finding in report.findings}
+    entry, = report.unexplained
+    assert entry.variable == 'velocity'
+    assert 'at a limit' in entry.note
 
 
 def test_an_encoder_that_stands_still_most_of_the_time_does_no_harm():
     samples = swings(10)
     counts = np.round(samples.position / 0.02) * 0.02
     report = refine([samples.with_(position=counts, velocity=None, acceleration=None)]).report
-    assert report['samples_clipped'] == 0
-    assert 'coarse' in {finding['code'] for finding in report['findings']}
+    assert report.samples_clipped == 0
+    assert 'coarse' in {finding.code for finding in report.findings}
 
 
 def test_a_speed_controller_is_not_called_friction():
@@ -207,9 +207,9 @@ def test_a_speed_controller_is_not_called_friction():
     current = 0.4 - 0.1 * np.roll(velocity, 2) + 0.002 * rng.standard_normal(len(time))
     report = refine([Samples(time=time, position=np.cumsum(velocity) * 0.005, velocity=velocity,
                              current=current)]).report
-    assert report['effects'] == []
-    assert report['verdict'] == 'record again'
-    assert 'pushes' in {finding['code'] for finding in report['findings']}
+    assert report.effects == []
+    assert report.verdict == 'record again'
+    assert 'pushes' in {finding.code for finding in report.findings}
 
 
 def test_effects_are_named_rightly_where_a_person_carries_the_load():
@@ -226,7 +226,7 @@ def test_effects_are_named_rightly_where_a_person_carries_the_load():
         load=load + 0.005 * rng.normal(size=len(motion)),
         direction=np.sign(motion.velocity).astype(int))
     result = refine([samples], model, DRIVE)
-    named = [effect['name'] for effect in result.report['effects']]
+    named = [effect.name for effect in result.report.effects]
     assert 'gravity' in named
     assert [effect.name for effect in result.model.effects] == [*named, 'load_torque']
 
@@ -238,7 +238,7 @@ def test_a_current_of_zero_is_no_drive_without_friction():
     samples = motion.with_(current=0.0 * motion.current, load=load, acceleration=None)
     result = refine([samples], drive=DRIVE)
     assert result.model.sigmoid.upper == pytest.approx(0.5, rel=0.05)
-    assert result.report['after']['held_out_rmse'] < 0.03
+    assert result.report.after.held_out_rmse < 0.03
 
 
 def pendulum(seed, load_friction=0.15):
@@ -256,17 +256,17 @@ def pendulum(seed, load_friction=0.15):
 def test_friction_that_grows_with_the_carried_weight_is_found_without_a_torque_sensor():
     result = refine([pendulum(1)])
     report = result.report
-    found = {effect['name']: effect for effect in report['effects']}
+    found = {effect.name: effect for effect in report.effects}
     assert {'gravity', 'inner_load_friction'} <= set(found)
     assert 'bump' not in found
     own = found['inner_load_friction']
-    assert own['parameters']['coefficients'][0] == pytest.approx(0.15, rel=0.15)
-    low, high = own['intervals']['coefficients'][0]
-    assert low < own['parameters']['coefficients'][0] < high
-    assert report['unit'] == 'N·m'
-    assert 'N·m' in own['in_words']
-    assert ' A ' not in own['in_words']
-    assert report['verdict'] in ('trust', 'trust in part')
+    assert own.parameters['coefficients'][0] == pytest.approx(0.15, rel=0.15)
+    low, high = own.intervals['coefficients'][0]
+    assert low < own.parameters['coefficients'][0] < high
+    assert report.unit == 'N·m'
+    assert 'N·m' in own.in_words
+    assert ' A ' not in own.in_words
+    assert report.verdict in ('trust', 'trust in part')
     # On another recording it is the same drive.
     fresh = pendulum(2)
     moving = np.abs(fresh.velocity) > 0.05

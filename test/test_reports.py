@@ -15,14 +15,8 @@ import pytest
 from friction_comp.errors import InputError
 from friction_comp.reports.figures import band, new_figure, scatter, to_png
 from friction_comp.reports.html import number, Report
-from friction_comp.tools.common import (
-    Arguments,
-    output_folder,
-    positive,
-    progress,
-    to_json,
-    whole_number,
-)
+from friction_comp.results import output_folder, to_json
+from friction_comp.tools.common import Arguments, positive, progress, whole_number
 
 VOID = {'meta', 'img', 'br', 'hr', 'link', 'input'}
 

@@ -3,6 +3,7 @@
 """The second simulator of test recordings: its physics, and its stated error floors."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -149,8 +150,10 @@ def test_coarse_encoders_have_tens_of_positions():
 
 
 def report(effects=(), unexplained=(), warnings=()):
-    return {'effects': [{'name': n, 'variable': v, 'parameters': {}} for n, v in effects],
-            'unexplained': [{'variable': v} for v in unexplained], 'warnings': list(warnings)}
+    return SimpleNamespace(
+        effects=[SimpleNamespace(name=name, variable=variable) for name, variable in effects],
+        unexplained=[SimpleNamespace(variable=variable) for variable in unexplained],
+        warnings=warnings, verdict='trust')
 
 
 def test_judgement_of_names():

@@ -20,10 +20,10 @@ from friction_comp.errors import InputError
 from friction_comp.files import check_file, check_folder, write_atomically, write_yaml
 from friction_comp.model.friction_model import arm_document, FrictionModel
 from friction_comp.recordings import write_samples
+from friction_comp.results import output_folder
 from friction_comp.samples import Samples
 from friction_comp.tools import demo, evaluate, predict, refine, reproduce
-from friction_comp.tools.common import output_folder
-from friction_comp.tools.recorded_drive import folder_names
+from friction_comp.tools.refine_arguments import folder_names
 
 ROOT = Path(__file__).resolve().parent.parent
 MODEL = ROOT / 'config' / 'armin_configuration_1.yaml'

@@ -29,7 +29,7 @@ DRIVE = Drive(1.0, 1.0)
 
 
 def codes(report):
-    return {finding['code'] for finding in report['findings'] if finding['grade'] != 'trust'}
+    return {finding.code for finding in report.findings if finding.grade != 'trust'}
 
 
 def noise(samples, size=0.02, seed=0):
@@ -40,7 +40,7 @@ def test_a_torque_behind_the_gear_holds_no_friction_and_says_so():
     motion = swings(1)
     torque = 6.0 * np.sin(motion.position) + 0.3 * motion.acceleration + noise(motion)
     report = refine([motion.with_(current=torque, acceleration=None)], drive=DRIVE).report
-    assert report['verdict'] == 'record again'
+    assert report.verdict == 'record again'
     assert codes(report) == {'no_friction'}
 
 
@@ -54,7 +54,7 @@ def test_a_load_of_the_other_sign_does_not_double_the_weight():
     result = refine([motion.with_(
         current=motion.current + link, load=link, acceleration=None)], drive=DRIVE)
     assert 'load_reversed' in codes(result.report)
-    assert result.report['verdict'] == 'record again'
+    assert result.report.verdict == 'record again'
     assert 0.5 * (result.model.sigmoid.upper - result.model.sigmoid.lower) == pytest.approx(
         0.5, rel=0.1)
 
@@ -67,9 +67,9 @@ def test_the_load_that_the_motor_carries_is_fitted_however_small_its_coefficient
     load = np.interp(motion.time, np.arange(0.0, 41.0, 0.25), rng.normal(size=164))
     samples = motion.with_(current=motion.current - share * load, load=load)
     assert load_coefficient(samples, clipped(samples.current), DRIVE) == 0.0
-    effect, = (one for one in refine([samples.with_(acceleration=None)], drive=DRIVE).report[
-        'effects'] if one['name'] == 'load_torque')
-    assert effect['parameters']['coefficients'][0] == pytest.approx(-share, rel=0.1)
+    effect, = (one for one in refine([samples.with_(acceleration=None)],
+                                     drive=DRIVE).report.effects if one.name == 'load_torque')
+    assert effect.parameters['coefficients'][0] == pytest.approx(-share, rel=0.1)
 
 
 def test_one_joint_of_an_arm_without_the_others_is_not_trusted():
@@ -78,7 +78,7 @@ def test_one_joint_of_an_arm_without_the_others_is_not_trusted():
     current = (motion.current - 1.4 * motion.position + 0.4 * np.cos(other.position)
                * np.sin(other.position + motion.position))
     report = refine([motion.with_(current=current, acceleration=None)], drive=DRIVE).report
-    assert report['verdict'] != 'trust'
+    assert report.verdict != 'trust'
     assert codes(report) & {'doubtful', 'above_noise'}
 
 
@@ -87,9 +87,9 @@ def test_an_error_far_above_the_noise_is_not_trusted():
     quiet = 0.5 * np.tanh(motion.velocity / 0.01) + 0.2 * motion.velocity
     current = quiet + 0.3 * other.position + noise(motion, 0.002)
     report = refine([motion.with_(current=current, acceleration=None)], drive=DRIVE).report
-    assert report['after']['held_out_rmse'] > thresholds.ABOVE_NOISE * report['noise_floor']
+    assert report.after.held_out_rmse > thresholds.ABOVE_NOISE * report.noise_floor
     assert codes(report) & {'above_noise', 'explains_part', 'unexplained'}
-    assert report['verdict'] != 'trust'
+    assert report.verdict != 'trust'
 
 
 def slow_strokes():
@@ -123,9 +123,9 @@ def test_what_is_found_but_not_named_is_said(monkeypatch):
                         + noise(motion, 0.003))
     monkeypatch.setattr(Intervals, 'excludes_zero', lambda *_: False)
     report = refine([warm], drive=DRIVE).report
-    assert not report['effects']
-    assert report['verdict'] == 'trust in part'
-    assert any('warm up would explain' in reason for reason in report['reasons'])
+    assert not report.effects
+    assert report.verdict == 'trust in part'
+    assert any('warm up would explain' in reason for reason in report.reasons)
 
 
 @pytest.mark.parametrize('size', [0.0, 0.006, 0.012])
@@ -145,9 +145,9 @@ def test_a_model_that_is_no_better_than_a_constant_is_worthless():
     rng = np.random.default_rng(8)
     slow = np.interp(motion.time, np.arange(0.0, 41.0, 0.5), rng.normal(size=82))
     report = refine([motion.with_(current=5.0 + slow, acceleration=None)], drive=DRIVE).report
-    assert report['after']['held_out_rmse'] < 0.4 * report['signal_rms']
+    assert report.after.held_out_rmse < 0.4 * report.signal_rms
     assert 'explains_nothing' in codes(report)
-    assert report['verdict'] == 'record again'
+    assert report.verdict == 'record again'
 
 
 def test_joints_that_move_as_one_are_said_also_where_the_links_are_known():
@@ -158,7 +158,7 @@ def test_joints_that_move_as_one_are_said_also_where_the_links_are_known():
         current=motion.current + weight, rigid_body=weight, acceleration=None,
         arm=JointStates(('lift', 'bend'), both), joint='lift')], drive=DRIVE).report
     assert 'moves_as_one' in codes(report)
-    assert report['verdict'] == 'record again'
+    assert report.verdict == 'record again'
 
 
 def staircase(seed):
@@ -185,7 +185,7 @@ def test_the_error_elsewhere_of_a_staircase_is_that_of_another_motion():
     result = refine([fitted], drive=DRIVE)
     moving = np.abs(other.velocity) > 0.05
     true = rms((other.current - result.model.predict(other))[moving])
-    assert 0.67 < result.report['after']['elsewhere_motion_rmse'] / true < 3.0
+    assert 0.67 < result.report.after.elsewhere_motion_rmse / true < 3.0
 
 
 def test_thirds_of_load_and_temperature_are_left_out_where_they_were_recorded():
@@ -195,7 +195,7 @@ def test_thirds_of_load_and_temperature_are_left_out_where_they_were_recorded():
     report = refine([motion.with_(
         current=motion.current - load, load=load, acceleration=None,
         temperature=30.0 + motion.time / 4.0)], drive=DRIVE).report
-    assert set(report['thirds']) == {
+    assert set(report.thirds) == {
         'speed', 'position', 'time', 'acceleration', 'load', 'temperature'}
 
 
@@ -211,8 +211,8 @@ def test_a_shaft_that_turns_many_times_has_only_effects_that_repeat_every_turn()
                + 0.05 * np.interp(time, np.arange(0.0, 61.0), rng.normal(size=61))
                + 0.02 * rng.normal(size=len(time)))
     report = refine([Samples(time=time, position=position, current=current)], drive=DRIVE).report
-    waves = [one['parameters']['frequency'] for one in report['effects']
-             if 'frequency' in one['parameters']]
+    waves = [one.parameters['frequency'] for one in report.effects
+             if 'frequency' in one.parameters]
     assert waves
     assert np.abs(np.array(waves) - np.round(waves)) == pytest.approx(0.0, abs=0.02)
     assert min(waves) > 0.9

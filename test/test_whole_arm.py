@@ -205,7 +205,7 @@ def test_a_load_takes_the_current_that_it_takes_where_the_drives_are_unknown(ref
     result = refine_arm({joint: [samples] for joint, samples in parts.items()},
                         refined / 'arm.urdf', {joint: Drive(1.0, 1.0) for joint in PLANE},
                         only=[name]).results[name]
-    effects = {effect['name']: effect['parameters'] for effect in result.report['effects']}
+    effects = {effect.name: effect.parameters for effect in result.report.effects}
     assert effects['load_torque']['coefficients'] == pytest.approx([-SCALES[-1]], rel=0.1)
 
 

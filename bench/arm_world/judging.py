@@ -15,7 +15,7 @@ import numpy as np
 
 from arm_world.arms import rms
 from arm_world.recording import case
-from friction_comp.refinement import refine
+from friction_comp.refinement import Origin, refine
 
 STANDING = 0.04  # of the speed that 95 % of the samples to fit are below
 
@@ -53,14 +53,15 @@ def judge(seed):
     score = [drawn.samples(recording) for recording in drawn.score]
     began = time.process_time()
     try:
-        refined = refine([drawn.samples(recording) for recording in drawn.fit], unit='N·m')
+        refined = refine([drawn.samples(recording) for recording in drawn.fit],
+                         origin=Origin('N·m'))
         result['seconds'] = time.process_time() - began
         report = refined.report
         result.update(
             start=error([refined.start.predict(samples) for samples in score]),
             refined=error([refined.model.predict(samples) for samples in score]),
-            held_out=report['after']['held_out_rmse'] / drawn.noise, verdict=report['verdict'],
-            effects=[effect['name'] for effect in report['effects']])
+            held_out=report.after.held_out_rmse / drawn.noise, verdict=report.verdict,
+            effects=[effect.name for effect in report.effects])
     except Exception as failure:  # counted and shown, so that one seed does not end the table
         result['failed'] = f'{type(failure).__name__}: {failure}'
         result.setdefault('seconds', time.process_time() - began)

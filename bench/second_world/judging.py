@@ -77,11 +77,11 @@ def claims(case, result, largest, measured):
     wrong = []
     if negative_base(result.model, case.top_speed):
         wrong.append('base friction is negative')
-    for effect in result.report['effects']:
-        numbers = effect['parameters'].get('coefficients', [])
-        if effect['name'] in ('hysteresis', 'inertia', 'rest_time') and numbers and (
+    for effect in result.report.effects:
+        numbers = effect.parameters.get('coefficients', [])
+        if effect.name in ('hysteresis', 'inertia', 'rest_time') and numbers and (
                 max(numbers) < 0):
-            wrong.append(f"{effect['name']} is negative")
+            wrong.append(f'{effect.name} is negative')
     if largest > 3 * measured:
         wrong.append(f'predicts {largest:.3g} A on score where {measured:.3g} A is the most')
     return wrong
@@ -117,15 +117,15 @@ def judge(family, seed):
 
 def said_right(case, asked, report):
     """Return the judgement of a report's words alone."""
-    effects = [(e['name'], e['variable']) for e in report['effects']]
+    effects = [(e.name, e.variable) for e in report.effects]
     variables = {v for _, v in effects}
-    left = {u['variable'] for u in report['unexplained']}
+    left = {u.variable for u in report.unexplained}
     wanted = frozenset().union(*(h.variables for h in asked)) if asked else frozenset()
     allowed = case.allowed | wanted
     false = [f'{name} ({variable})' for name, variable in effects
              if variable not in allowed or name in case.forbidden]
     missed = [h.name for h in asked if not h.variables & variables]
-    told = ' '.join([*report.get('warnings', []), str(report.get('verdict') or '')]).lower()
+    told = ' '.join([*report.warnings, report.verdict]).lower()
     # Nearly every drive shows inertia; who names it first has found nothing hidden yet.
     told_first = [e for e in effects if e[1] != 'acceleration'][:1]
     asked_first = [h for h in asked if h.name != 'inertia']

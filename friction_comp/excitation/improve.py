@@ -26,8 +26,8 @@ from friction_comp.files import plain
 from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement import refine, RefineResult
-from friction_comp.refinement.judge import AGAIN, IN_PART, TRUST
 from friction_comp.refinement.recorded_motion import in_motion, standstill_speed
+from friction_comp.refinement.result import AGAIN, IN_PART, TRUST
 from friction_comp.refinement.thresholds import GROWTH
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
@@ -88,8 +88,8 @@ class Improvement:
     def report(self) -> dict[str, Any]:
         """Return the content of report.json: that of refinement, and the rounds."""
         last = self.rounds[-1]
-        return {**self.result.report, 'verdict': last.verdict,
-                'reasons': last.reasons or self.result.report['reasons'],
+        return {**self.result.report.content(), 'verdict': last.verdict,
+                'reasons': last.reasons or self.result.report.reasons,
                 'rounds': [plain(asdict(one), not_finite=None) for one in self.rounds],
                 'ended': self.ended}
 
@@ -142,7 +142,7 @@ def improve(play: Callable[[JointPlan], Samples], limits: JointLimits, drive: Dr
         def report(share: float, word: str, number: int = number) -> None:
             if progress:
                 progress(share, f'round {number + 1}: {word}')
-        asked = (open_pairs(result.report) if result else []) or pairs_of(DEFAULT)
+        asked = (open_pairs(result.report.content()) if result else []) or pairs_of(DEFAULT)
         report(spent / budget, 'planning')
         planned = plan(limits, asked, seconds, schedule.seed + number, model)
         report(spent / budget, 'moving')
@@ -162,19 +162,19 @@ def improve(play: Callable[[JointPlan], Samples], limits: JointLimits, drive: Dr
 
 def named_effects(result: RefineResult) -> tuple[str, ...]:
     """Return the names of the effects in a result, without duplicates."""
-    return tuple(sorted({one['name'] for one in result.report['effects']}))
+    return tuple(sorted({one.name for one in result.report.effects}))
 
 
 def _round(seconds: float, asked: list[Pair], predicted: float, result: RefineResult,
            before: tuple[str, ...] | None) -> Round:
     report = result.report
-    held_out, effects = report['after']['held_out_rmse'], named_effects(result)
+    held_out, effects = report.after.held_out_rmse, named_effects(result)
     same = effects == before
     tested = same and predicted <= GROWTH * held_out
     # A motion that was predicted well shows that the model does not extrapolate badly.
-    open_findings = [one for one in report['findings'] if one['grade'] != TRUST
-            and not (tested and one['code'] == 'extrapolates')]
-    reasons = [one['text'] for one in open_findings]
+    open_findings = [one for one in report.findings if one.grade != TRUST
+                     and not (tested and one.code == 'extrapolates')]
+    reasons = [one.text for one in open_findings]
     if before is None:
         reasons.append('No motion that was not fitted has tested the model.')
     elif not same:
@@ -182,7 +182,7 @@ def _round(seconds: float, asked: list[Pair], predicted: float, result: RefineRe
     elif not tested:
         reasons.append(f'The last recording was predicted with an error of {predicted:.3g}, where '
                        f'{held_out:.3g} is left once it is fitted too.')
-    grades = {one['grade'] for one in open_findings}
+    grades = {one.grade for one in open_findings}
     verdict = AGAIN if AGAIN in grades else IN_PART if reasons else TRUST
     return Round(seconds, asked, predicted, held_out, effects, verdict, reasons)
 
@@ -192,7 +192,7 @@ def _why_ended(rounds: list[Round], result: RefineResult, spent: bool) -> str:
     last = rounds[-1]
     if last.verdict == TRUST:
         return 'a motion that was not fitted is predicted as well as those that were'
-    codes = {one['code'] for one in result.report['findings'] if one['grade'] != TRUST}
+    codes = {one.code for one in result.report.findings if one.grade != TRUST}
     if len(rounds) > 1 and codes - set(_BY_MOTION):
         return 'the open questions cannot be answered by moving this joint'
     recent = rounds[-3:]

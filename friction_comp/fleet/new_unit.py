@@ -9,7 +9,7 @@ already corrects what it shows, and what it does not show stays that of the popu
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 
 import numpy as np
@@ -95,10 +95,9 @@ def fit_new_unit(recorded: Sequence[Samples], population: Population,
         errors / np.where(deviation > 0.0, deviation, np.inf), 1.0) ** 2)
     told = np.where(deviation > 0.0, told, 0.0)
     model = common.model(values, like)
-    if drive is not None:
-        model.drive = drive
     return NewUnit(
-        model, _names(common), values, errors, told, p, _rms(sums, common.columns, mean),
+        replace(model, drive=drive or model.drive), _names(common), values, errors, told, p,
+        _rms(sums, common.columns, mean),
         _left_out(sums, common.columns, mean, np.full(len(mean), np.inf), noise),
         _left_out(sums, common.columns, mean, deviation, noise))
 

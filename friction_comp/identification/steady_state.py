@@ -30,7 +30,7 @@ _STEEP = 10.0
 _ROUNDING = 1e-9
 
 
-@dataclass
+@dataclass(frozen=True)
 class SteadyStates:
     """Friction over speed, from a table; currents in A, speeds in rad/s."""
 

@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from friction_comp.recordings.cdr import decode
+from friction_comp.recordings.scan import values_of
 from friction_comp.topics import TOPICS
 
 # Period of the states that are used, and largest age of a load and of a temperature, ns.
@@ -18,12 +19,9 @@ _STEP, _LOAD_AGE, _TEMPERATURE_AGE = 8_000_000, 200_000_000, 60_000_000_000
 # long for the load measured at the same time, ns; other messages are kept for ten seconds at 1 kHz.
 _PATIENCE = 5_000_000_000
 _MAX_KEPT = 10_000
-# Topics, and which fields of their messages are used.
-STATES, _LOAD, _TEMPERATURE = 'joint_states', 'interaction_wrench', 'motor_temperature'
-_FIELDS = {STATES: ('position', 'velocity', 'effort'), _LOAD: ('wrench',),
-           _TEMPERATURE: ('temperature',)}
-# Index of the torque about z in a wrench.
-_TORQUE_Z = 5
+STATES = 'joint_states'
+# Topics, and how many values of each joint they hold.
+_WIDTHS = {STATES: 3, 'interaction_wrench': 1, 'motor_temperature': 1}
 
 
 class _Signal:
@@ -58,8 +56,8 @@ class LiveSignals:
         self._due = self._last = 0
         self._new: defaultdict[str, deque[tuple[int, bytes]]] = defaultdict(
             lambda: deque(maxlen=_MAX_KEPT))
-        self._signals = {(topic, joint): _Signal(len(fields))
-                         for topic, fields in _FIELDS.items() for joint in joints}
+        self._signals = {(topic, joint): _Signal(width)
+                         for topic, width in _WIDTHS.items() for joint in joints}
 
     def add_message(self, topic: str, stamp: int, cdr: bytes) -> None:
         """Keep a message about one joint (its frame_id) for the states of its time."""
@@ -87,9 +85,9 @@ class LiveSignals:
             parts = defaultdict(list)
             # Messages that name the same joints are decoded together.
             for index, names, fields in decode(TOPICS[topic], [cdr for _, cdr in messages]):
-                for column, joint in enumerate(names):
+                for joint, values in values_of(topic, names, fields)[1].items():
                     if joint in self._gains:
-                        parts[joint].append((index, _columns(topic, fields, column)))
+                        parts[joint].append((index, values))
             for joint, joint_parts in parts.items():
                 index, values = map(np.concatenate, zip(*joint_parts))
                 in_order = index.argsort()
@@ -101,7 +99,7 @@ class LiveSignals:
 
     def _rows(self, joint: str) -> np.ndarray:
         """Return time, position, velocity, current, load and temperature of complete states."""
-        states, load, temperature = (self._signals[topic, joint] for topic in _FIELDS)
+        states, load, temperature = (self._signals[topic, joint] for topic in _WIDTHS)
         newest = max(load.stamps[-1], self._last - _PATIENCE) if len(load.stamps) else self._last
         count = int(np.searchsorted(states.stamps, newest, 'right'))
         stamps = states.stamps[:count]
@@ -111,12 +109,3 @@ class LiveSignals:
             temperature.at(stamps, _TEMPERATURE_AGE)))
         states.keep_from(count)
         return rows
-
-
-def _columns(topic: str, fields: dict[str, np.ndarray], column: int) -> np.ndarray:
-    """Return the values of one joint in decoded messages, NaN where there is none."""
-    if topic == _LOAD:
-        column = _TORQUE_Z
-    return np.column_stack([
-        fields[name][:, column] if fields[name].shape[1] > column
-        else np.full(len(fields[name]), math.nan) for name in _FIELDS[topic]])

@@ -23,7 +23,8 @@ from friction_comp.errors import InputError
 from friction_comp.monitoring.live_residual import JointWatch
 from friction_comp.nodes.live_signals import LiveSignals
 from friction_comp.nodes.recent_past import Message, RecentPast
-from friction_comp.nodes.refine_job import JobResult, RefineJob
+from friction_comp.nodes.refine_job import RefineJob, refusal
+from friction_comp.recorded_drive.child import Refined
 from friction_comp.ros.dated_topics import DatedTopics, RECORDED, STATES
 from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
 from friction_comp.ros.executor import yield_to_executor
@@ -252,7 +253,7 @@ class RefinementNode(Node):
         return result
 
     async def _refine(self, joint: str, request: RefineModel.Goal, goal_handle: Any
-                      ) -> tuple[JobResult, str]:
+                      ) -> tuple[Refined, str]:
         """Return the result of refinement and the initial model file."""
         files = await self._compensator.files()
         start = files.get(joint, self._files[joint])
@@ -271,8 +272,8 @@ class RefinementNode(Node):
         while not job.poll():
             if goal_handle.is_cancel_requested:
                 job.cancel('cancelled on request')
-            goal_handle.publish_feedback(RefineModel.Feedback(
-                progress=float(job.share), step=job.step))
+            share, step = job.progress
+            goal_handle.publish_feedback(RefineModel.Feedback(progress=share, step=step))
             end = time.monotonic() + _POLL_PERIOD
             while time.monotonic() < end and not job.cancelled:
                 # The executor does not sleep while a coroutine is pending.
@@ -280,21 +281,20 @@ class RefinementNode(Node):
                 await yield_to_executor()
         return job.result(), start
 
-    async def _load_if_requested(self, joint: str, request: RefineModel.Goal, refined: JobResult,
+    async def _load_if_requested(self, joint: str, request: RefineModel.Goal, refined: Refined,
                                  start: str, result: RefineModel.Result) -> str:
         """Load the refined model if requested and allowed; return a message about it."""
         watch = self._watches[joint]
         watch.use(start)
         found = ', '.join(result.effects) or 'no effect'
-        reasons = '; '.join(line.rstrip('.') for line in refined.report['reasons'])
+        reasons = '; '.join(line.rstrip('.') for line in refined.report.reasons)
         summary = (f'found {found}; error {1e3 * result.error_before:.3g} mA before, '
                    f'{1e3 * result.error_after:.3g} mA after; verdict: {result.verdict}'
                    f'{": " if reasons else ""}{reasons}')
-        refusal = refined.refusal(watch.residual.model)
         if not request.load:
             return summary
-        if refusal:
-            return f'{summary}; not loaded: {refusal}'
+        if refused := refusal(refined, watch.residual.model):
+            return f'{summary}; not loaded: {refused}'
         try:
             await self._compensator.load(joint, str(refined.model_file))
         except InputError as error:
@@ -324,7 +324,7 @@ class RefinementNode(Node):
         if misfits:
             return WARN, '; '.join(misfits), values
         if self._job is not None:
-            return OK, f'refines: {self._job.step}', values
+            return OK, f'refines: {self._job.progress[1]}', values
         if not self._rate.count:
             return WARN, 'no joint_states yet', values
         return OK, 'watching', values
@@ -335,14 +335,14 @@ class RefinementNode(Node):
             self._job.cancel('the node was stopped')
 
 
-def _fill(result: RefineModel.Result, refined: JobResult) -> None:
+def _fill(result: RefineModel.Result, refined: Refined) -> None:
     report = refined.report
-    result.success, result.verdict = True, report['verdict']
-    result.error_before = float(report['before']['held_out_rmse'])
-    result.error_after = float(report['after']['held_out_rmse'])
-    result.noise_floor = float(report['noise_floor'] or 0.0)
-    result.effects = [effect['name'] for effect in report['effects']]
-    result.variables = [effect['variable'] for effect in report['effects']]
+    result.success, result.verdict = True, report.verdict
+    result.error_before = report.before.held_out_rmse
+    result.error_after = report.after.held_out_rmse
+    result.noise_floor = report.noise_floor
+    result.effects = [effect.name for effect in report.effects]
+    result.variables = [effect.variable for effect in report.effects]
     result.model_file, result.report = str(refined.model_file), str(refined.page)
 
 

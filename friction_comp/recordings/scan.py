@@ -112,6 +112,36 @@ def signal_of(topic: str, type_name: str) -> str | None:
     return None
 
 
+def values_of(signal: str, names: tuple[str, ...], fields: dict[str, np.ndarray],
+              joint: str | None = None) -> tuple[tuple[str, ...], dict[str, np.ndarray]]:
+    """Return names and values, as in a `Track`, of decoded messages of one layout.
+
+    `joint` selects the values that may belong to it.
+    """
+    if 'data' in fields:
+        unit = TORQUE_UNIT if names == (TORQUE_UNIT,) else ''
+        return (), {unit: fields['data'].astype(float)}
+    if signal == dynamic_states.SIGNAL:
+        values = dynamic_states.interface_values(names, fields)
+        if joint in values:
+            values = {joint: values[joint]}
+        return tuple(values), values
+    if 'wrench' in fields:
+        return names, {names[0]: fields['wrench'][:, 5:6].copy()}
+    if 'temperature' in fields:
+        return names, {names[0]: fields['temperature'][:, :1].copy()}
+    # A single joint may have no name.
+    names = names or ('',) * min(fields['position'].shape[1], 1)
+    values = {}
+    for k, name in enumerate(names):
+        if joint in (None, name) or not name:
+            values[name] = np.full((len(fields['position']), 3), np.nan)
+            for column, part in enumerate(('position', 'velocity', 'effort')):
+                if k < fields[part].shape[1]:
+                    values[name][:, column] = fields[part][:, k]
+    return names, values
+
+
 class MessageScanner:
     """Reads one rosbag2 recording, of all joints or only one, in batches of messages per topic."""
 
@@ -183,7 +213,7 @@ class _TopicReader:
         parts = []
         for index, names, fields in cdr.decode(
                 _TYPES[self.signal], [unpack(payload) for payload in payloads]):
-            names, values = self._values(names, fields)
+            names, values = values_of(self.signal, names, fields, self._joint)
             stamps = fields.get('stamp', np.zeros(len(index), dtype=np.int64))
             parts.append(Track(self.topic, self.signal, times[index], stamps, orders[index],
                                list(names), values))
@@ -193,32 +223,6 @@ class _TopicReader:
             track = Track.concatenate(parts)
             self._tracks.append(
                 track if len(parts) == 1 else track.take(np.argsort(track.order)))
-
-    def _values(self, names: tuple[str, ...], fields: dict[str, np.ndarray]
-                ) -> tuple[tuple[str, ...], dict[str, np.ndarray]]:
-        """Return the names and values of a track for messages of one layout."""
-        if 'data' in fields:
-            unit = TORQUE_UNIT if names == (TORQUE_UNIT,) else ''
-            return (), {unit: fields['data'].astype(float)}
-        if self.signal == dynamic_states.SIGNAL:
-            values = dynamic_states.interface_values(names, fields)
-            if self._joint in values:
-                values = {self._joint: values[self._joint]}
-            return tuple(values), values
-        if 'wrench' in fields:
-            return names, {names[0]: fields['wrench'][:, 5:6].copy()}
-        if 'temperature' in fields:
-            return names, {names[0]: fields['temperature'][:, :1].copy()}
-        # A single joint may have no name.
-        names = names or ('',) * min(fields['position'].shape[1], 1)
-        values = {}
-        for k, name in enumerate(names):
-            if self._joint in (None, name) or not name:
-                values[name] = np.full((len(fields['position']), 3), np.nan)
-                for column, part in enumerate(('position', 'velocity', 'effort')):
-                    if k < fields[part].shape[1]:
-                        values[name][:, column] = fields[part][:, k]
-        return names, values
 
     def take(self) -> Track | None:
         """Return the messages since the last call; None if there are none."""

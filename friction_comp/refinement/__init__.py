@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Finds in recordings the effects that a friction model lacks."""
 
-from friction_comp.refinement.refine import refine, RefineResult
+from friction_comp.refinement.refine import refine
+from friction_comp.refinement.result import Origin, RefinementReport, RefineResult
 
-__all__ = ['RefineResult', 'refine']
+__all__ = ['Origin', 'RefineResult', 'RefinementReport', 'refine']

@@ -21,6 +21,7 @@ from friction_comp.model.sliding_friction import (
 from friction_comp.refinement.best_fit import Fit
 from friction_comp.refinement.block_sums import BlockSums
 from friction_comp.refinement.effect_columns import EQ6_LINEAR
+from friction_comp.refinement.result import FrictionNumbers
 
 # Quantiles of the speed in motion that a model file keeps.
 _SPEEDS = 12
@@ -97,8 +98,8 @@ def _values(model: FrictionModel, recorded: Recorded) -> list[float | None]:
     return [*line_of(replace(model, recorded=recorded)).values(), inertia_of(model)]
 
 
-def friction_of(model: FrictionModel, unit: str, both_directions: bool = True) -> dict[str, Any]:
-    """Return the numbers of a model, in its unit of current: the entry `friction` of report.json.
+def friction_of(model: FrictionModel, unit: str, both_directions: bool = True) -> FrictionNumbers:
+    """Return the numbers of a model, in its unit of current.
 
     Their 95 % intervals are those that the model holds. `torque_per_current` converts them to
     N·m; it is None where that is not known, as of counts. Without motion in both directions, the
@@ -112,12 +113,13 @@ def friction_of(model: FrictionModel, unit: str, both_directions: bool = True) -
     intervals = {name: list(ends) for name, value in numbers.items()
                  if value is not None and model.recorded is not None
                  and (ends := model.recorded.interval(name, value))}
-    return {**numbers, 'shift': base.shift, 'intervals': intervals,
-            'breakaway': None if model.breakaway is None else {
-                side: {what: getattr(model.breakaway, f'{side}_{what}') for what in ('mean', 'std')}
-                for side in ('positive', 'negative')},
-            'unit': unit, 'torque_per_current': model.torque_per(unit),
-            'inertia_holds': inertia_holds(model), 'formula': formula_line(numbers, model, unit)}
+    return FrictionNumbers(
+        **numbers, shift=base.shift, intervals=intervals,
+        breakaway=None if model.breakaway is None else {
+            side: {what: getattr(model.breakaway, f'{side}_{what}') for what in ('mean', 'std')}
+            for side in ('positive', 'negative')},
+        unit=unit, torque_per_current=model.torque_per(unit),
+        inertia_holds=inertia_holds(model), formula=formula_line(numbers, model, unit))
 
 
 def inertia_holds(model: FrictionModel) -> str:

@@ -10,7 +10,7 @@ verdict is the grade of the worst finding.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 import math
 import re
 from typing import Any
@@ -25,25 +25,24 @@ from friction_comp.refinement.best_fit import Fit
 from friction_comp.refinement.dependence import Dependence, rank_correlation
 from friction_comp.refinement.effect_columns import proposals, Table
 from friction_comp.refinement.prepare import blocks_of_samples, Rows
+from friction_comp.refinement.result import (
+    AGAIN,
+    Errors,
+    Finding,
+    IN_PART,
+    Predicted,
+    Question,
+    TRUST,
+    Verdict,
+)
 from friction_comp.refinement.search import Search
 from friction_comp.samples import Samples
 from friction_comp.signal_checks import velocity_fault, velocity_ratios
 from friction_comp.statistics import rms, robust_std
 
-TRUST, IN_PART, AGAIN = 'trust', 'trust in part', 'record again'
 _ORDER = (AGAIN, IN_PART, TRUST)
 # Every so many samples show whether joints move as one.
 _EVERY = 10
-
-
-@dataclass(frozen=True)
-class Finding:
-    """A fact that a reader should know before using the model."""
-
-    code: str  # one of those of msg_docs/reports.md, for programs
-    text: str  # one sentence, for people
-    grade: str = TRUST  # the best verdict that this finding allows: `TRUST` for a mere note
-    record: str = ''  # a recording that would settle it; empty if none would
 
 
 _FINDINGS = {
@@ -141,19 +140,18 @@ def experiment(first: str, second: str) -> str:
                      'other way round')
 
 
-def verdict_of(findings: Iterable[Finding], unit: str = 'A') -> dict[str, Any]:
-    """Return the entries of report.json that follow from findings on a model in a unit."""
+def verdict_of(findings: Iterable[Finding], unit: str = 'A') -> Verdict:
+    """Return what follows from findings on a model in a unit."""
     found = [replace(finding, text=in_unit(finding.text, unit)) for finding in findings]
     bad = sorted((finding for finding in found if finding.grade != TRUST),
                  key=lambda finding: _ORDER.index(finding.grade))
     reasons = [finding.text for finding in bad] or [
         'The model predicts long parts of the recording that were not fitted about as well as '
         'those that were, and no variable explains a large part of the remaining error.']
-    return {
-        'verdict': bad[0].grade if bad else TRUST, 'reasons': reasons,
-        'record_again': list(dict.fromkeys(finding.record for finding in bad if finding.record)),
-        'warnings': [finding.text for finding in found if finding.grade == TRUST],
-        'findings': [asdict(finding) for finding in found]}
+    return Verdict(
+        bad[0].grade if bad else TRUST, reasons,
+        list(dict.fromkeys(finding.record for finding in bad if finding.record)),
+        [finding.text for finding in found if finding.grade == TRUST], found)
 
 
 def in_unit(text: str, unit: str) -> str:
@@ -164,29 +162,24 @@ def in_unit(text: str, unit: str) -> str:
     return text if unit == 'A' else re.sub(r'(?<=\d) A\b', f' {unit}', text)
 
 
-def errors_of(rows: Rows, fit: np.ndarray, held_out: np.ndarray, growth: float = 1.0
-              ) -> dict[str, Any]:
-    """Return the errors of a model in A, as in report.json.
+def errors_of(rows: Rows, predicted: Predicted, name: str, growth: float = 1.0) -> Errors:
+    """Return the errors of a model, whose `name` is for the reader.
 
-    `fit` and `held_out`, shape (N,), are the residuals of all samples, of the model fitted to all
-    parts and of fits to other parts; `growth` is the ratio of the errors in thirds that were not
-    fitted to those of other held-out parts.
+    `growth` is the ratio of the errors in thirds that were not fitted to those of other held-out
+    parts.
     """
-    moving = rows.usable
+    moving, held_out = rows.usable, predicted.held_out
     errors, still = held_out[moving], held_out[~moving]
     block = blocks_of_samples(rows)[moving]
     parts = [rms(errors[block == k]) for k in np.unique(block)]
     variance = float(np.var(rows.target[moving]))
     error, overall = rms(errors), rms(held_out)
     extra = (growth ** 2 - 1.0) * error ** 2 * float(np.mean(moving))
-    return {'fit_rmse': rms(fit[moving]), 'held_out_rmse': error,
-            'held_out_max': float(np.max(np.abs(errors))),
-            'held_out_r2': (1.0 - float(np.mean(errors ** 2)) / variance if variance > 0.0
-                            else 0.0),
-            'worst_part_rmse': max(parts), 'standstill_rmse': rms(still) if still.size else None,
-            'overall_rmse': overall,
-            'elsewhere_rmse': max(math.sqrt(overall ** 2 + extra), growth * error),
-            'elsewhere_motion_rmse': growth * error, 'part_rmse': parts}
+    return Errors(
+        name, rms(predicted.own[moving]), error, float(np.max(np.abs(errors))),
+        1.0 - float(np.mean(errors ** 2)) / variance if variance > 0.0 else 0.0,
+        max(parts), rms(still) if still.size else None, overall,
+        max(math.sqrt(overall ** 2 + extra), growth * error), growth * error, parts)
 
 
 def noise_floor(rows: Rows, residual: np.ndarray) -> float:
@@ -205,14 +198,14 @@ def noise_floor(rows: Rows, residual: np.ndarray) -> float:
     return float(robust_std(second)) / math.sqrt(6.0)
 
 
-def ambiguities(fit: Fit) -> list[dict[str, Any]]:
-    """Return entries of report.json's `ambiguous`."""
-    entries: dict[frozenset[str], dict[str, Any]] = {}
+def ambiguities(fit: Fit) -> list[Question]:
+    """Return what the recordings leave open."""
+    entries: dict[frozenset[str], Question] = {}
 
     def add(first: str, second: str, why: str) -> None:
         if first != second:
-            entries.setdefault(frozenset((first, second)), {
-                'between': [first, second], 'why': why, 'experiment': experiment(first, second)})
+            entries.setdefault(frozenset((first, second)), Question(
+                [first, second], why, experiment(first, second)))
     for term in fit.terms[fit.initial_count:]:
         for name, share in fit.stability.alternatives.get(term, ()):
             add(term.kind.variable, EFFECTS[name].variable,
@@ -301,15 +294,15 @@ def findings_on_model(fit: Fit) -> Iterator[Finding]:
             yield finding('doubtful', doubt=doubt)
 
 
-def findings(fit: Fit, raw: Samples, after: dict[str, Any], growth: dict[str, float],
+def findings(fit: Fit, raw: Samples, after: Errors, growth: dict[str, float],
              noise: float, dependences: Sequence[Dependence],
-             open_questions: Sequence[dict[str, Any]]) -> Iterator[Finding]:
+             open_questions: Sequence[Question]) -> Iterator[Finding]:
     """Yield all findings on a model.
 
     `after`, `growth`, `noise` and `open_questions` are what `errors_of`,
     `LeftOutThirds.error_growth`, `noise_floor` of the residual and `ambiguities` return.
     """
-    rows, held_out = fit.rows, after['held_out_rmse']
+    rows, held_out = fit.rows, after.held_out_rmse
     constant = error_of_constant(rows)
     if friction_would_push(rows):
         yield finding('pushes')
@@ -329,15 +322,16 @@ def findings(fit: Fit, raw: Samples, after: dict[str, Any], growth: dict[str, fl
         if entry.strength > thresholds.UNEXPLAINED:
             yield finding('unexplained', variable=entry.variable, note=entry.note)
     for question in open_questions:
-        yield finding('ambiguous', variables=' or '.join(question['between']), **question)
+        yield finding('ambiguous', variables=' or '.join(question.between), why=question.why,
+                      experiment=question.experiment)
     yield from findings_on_recording(rows, raw)
     yield from notes_on_coverage(rows.samples, rows.coverage)
     # The fit's error comes from block sums, that of the model from `predict` on the recording. Rows
     # average noise out, and samples outside all rows may have larger errors.
     fitted = math.hypot(rms(fit.table.residual(fit.terms, derivatives=False)),
                         noise_floor(rows, rows.target) if rows.length > 1 else 0.0)
-    if after['fit_rmse'] > thresholds.WRITTEN_ERROR * max(fitted, held_out):
-        yield finding('written', error=after['fit_rmse'], fitted=fitted)
+    if after.fit_rmse > thresholds.WRITTEN_ERROR * max(fitted, held_out):
+        yield finding('written', error=after.fit_rmse, fitted=fitted)
 
 
 def findings_on_recording(rows: Rows, raw: Samples) -> Iterator[Finding]:

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ import numpy as np
 from friction_comp.drive import Drive
 from friction_comp.model.arm.arm import Arm
 from friction_comp.model.arm.coupling import Coupling
-from friction_comp.model.effects import Coverage, Effect, EFFECTS
+from friction_comp.model.effects import Effect, EFFECTS
 from friction_comp.model.effects.base import with_range
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
@@ -25,6 +25,7 @@ from friction_comp.refinement.friction_numbers import recorded_of
 from friction_comp.refinement.prepare import join
 from friction_comp.refinement.recorded_motion import settings_for_arm
 from friction_comp.refinement.report import report_of
+from friction_comp.refinement.result import Origin, Predicted, RefineResult
 from friction_comp.refinement.search import adjust_constants, at_limit
 from friction_comp.refinement.stability import intervals, LeftOutThirds, repeat_search
 from friction_comp.samples import Samples
@@ -34,25 +35,10 @@ _STEEPNESSES = 16
 _MOST_SAMPLES = 30_000
 
 
-@dataclass
-class RefineResult:
-    """The result of refinement."""
-
-    report: dict[str, Any]  # the content of report.json
-    model: FrictionModel  # the refined model, fitted to all usable samples
-    start: FrictionModel  # the initial model
-    samples: Samples  # all, with velocity and acceleration
-    usable: np.ndarray  # (N,): which samples are in motion and fitted
-    # (N,): residual of parts that were not fitted, by the initial and by the refined model, A.
-    before: np.ndarray
-    after: np.ndarray
-    coverage: Coverage  # the ranges that the recordings cover
-
-
 @one_thread
 def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
            drive: Drive | None = None, progress: Callable[[float, str], None] | None = None,
-           unit: str | None = None) -> RefineResult:
+           origin: Origin | None = None) -> RefineResult:
     """Find the effects that a model lacks.
 
     Parameters
@@ -65,9 +51,8 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
         The model's when omitted.
     progress : callable, optional
         Called with the share of the work done and the name of the step.
-    unit : str, optional
-        Unit of `Samples.current`, for the text of the report. The default is A if a drive or a
-        model gives the torque constant, otherwise N·m, the unit of effort.
+    origin : Origin, optional
+        What is known of the recordings beside their samples.
 
     Returns
     -------
@@ -79,32 +64,37 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
         If the recordings cannot be used.
     """
     report_progress = progress or (lambda share, word: None)
-    declared = drive is not None or model is not None
+    origin = origin or Origin()
+    declared = origin.declared
+    if declared is None:
+        declared = drive is not None or model is not None
     drive = drive or (model.drive if model else Drive(1.0, 1.0))
+    origin = replace(origin, unit=origin.unit or ('A' if declared else 'N·m'))
     problem = Problem(join(recorded), drive, declared, model)
     fit = find_best_fit(problem)
     report_progress(0.6, 'repeating the search on resampled parts')
     fit = select_named(fit)
     report_progress(0.9, 'writing')
     raw, rows = problem.raw, fit.rows
-    refined = with_numbers(model_of(fit, problem), fit)
+    new = with_numbers(model_of(fit, problem), fit)
     if model:
-        start = model
-        before = own_before = model.measured(raw) - model.predict(raw, same_recording=True)
+        residual = model.measured(raw) - model.predict(raw, same_recording=True)
+        start = Predicted(replace(model, drive=drive), residual, residual)
     else:
         plain = refit(fit_eq6_alone(problem, fit.settings), [])
         plain = replace(plain, intervals=intervals(plain.table, []))
-        start, before = with_numbers(model_of(plain, problem), plain), plain.residual()
-        own_before = rows.samples.current - start.current(rows.samples)
-    after, own_after = fit.residual(), raw.current - refined.predict(raw, same_recording=True)
+        first = with_numbers(model_of(plain, problem), plain)
+        start = Predicted(first, rows.samples.current - first.current(rows.samples),
+                          plain.residual())
+    refined = Predicted(new, raw.current - new.predict(raw, same_recording=True), fit.residual())
     # A model that is no better on parts that were not fitted is not used.
-    keep_start = rms(after[rows.usable]) >= rms(before[rows.usable])
-    if keep_start:
-        refined, after, own_after = start, before, own_before
-    report = report_of(problem, fit, refined, (own_before, before), (own_after, after),
-                       unit or ('A' if declared else 'N·m'), keep_start)
-    return RefineResult(
-        report, refined, start, rows.samples, rows.usable, before, after, rows.coverage)
+    if rms(refined.held_out[rows.usable]) >= rms(start.held_out[rows.usable]):
+        refined = start
+    report = report_of(problem, fit, start, refined, origin)
+    written = replace(refined.model, notes={
+        **refined.model.notes, **origin.notes, 'unit': origin.unit})
+    return RefineResult(report, written, start.model, rows.samples, rows.usable, start.held_out,
+                        refined.held_out, rows.coverage)
 
 
 def with_numbers(model: FrictionModel, fit: Fit) -> FrictionModel:

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Compiles report.json, whose figures describe the model that is written.
+"""Compiles the report, whose figures describe the model that is written.
 
 Only the errors in other conditions (`thirds`, `elsewhere_rmse`) of an initial model that is kept
 are those of the best fit.
@@ -9,13 +9,11 @@ are those of the best fit.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
 from friction_comp.model.differentiation import DEFAULT_SETTINGS
-from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.best_fit import Fit, Problem
 from friction_comp.refinement.dependence import Dependence, remaining_dependences
@@ -30,6 +28,13 @@ from friction_comp.refinement.judge import (
     verdict_of,
 )
 from friction_comp.refinement.prepare import Rows
+from friction_comp.refinement.result import (
+    Correlation,
+    FoundEffect,
+    Origin,
+    Predicted,
+    RefinementReport,
+)
 from friction_comp.refinement.stability import LeftOutThirds, Parameter
 from friction_comp.statistics import rms
 
@@ -38,49 +43,43 @@ _RANGES = 15
 _MOST_PAIRS = 8
 
 
-def report_of(problem: Problem, fit: Fit, model: FrictionModel,
-              before: tuple[np.ndarray, np.ndarray], after: tuple[np.ndarray, np.ndarray],
-              unit: str, kept: bool) -> dict[str, Any]:
-    """Return the content of report.json on a model, fitted with the named terms alone.
+def report_of(problem: Problem, fit: Fit, start: Predicted, refined: Predicted, origin: Origin
+              ) -> RefinementReport:
+    """Return the report on a refined model, fitted with the named terms alone.
 
-    `before` and `after` are residuals of all samples, A, shape (N,): of the model itself, and of
-    fits to other parts. `kept` tells whether the initial model was kept, since no refined one
-    predicts better.
+    It is that on the initial one where `refined` is `start`, since no refined one predicts better.
     """
     rows, raw, given = fit.rows, problem.raw, problem.model is not None
+    model, unit, kept = refined.model, origin.unit, refined is start
     dependences = [*clipping_dependence(rows), *unnamed_dependence(fit), *remaining_dependences(
-        rows.at_rows, rows.averaged(after[1]), rows.coverage.slowest)]
+        rows.at_rows, rows.averaged(refined.held_out), rows.coverage.slowest)]
     growth = LeftOutThirds(fit.table, fit.terms).error_growth(fit.terms)
-    noise = noise_floor(rows, after[1])
-    errors = errors_of(rows, *after, max(1.0, *growth.values()))
+    noise = noise_floor(rows, refined.held_out)
     effects = [] if kept else effects_of(problem, fit, unit)
     open_questions = [] if kept else ambiguities(fit)
     base = 'the given model' if given else 'sigmoid of Eq. 6 fitted to the recording'
     if rows.load_coefficient and not given:
         base += ', the measured load taken as it is'
-    refined = 'the given model' if given else 'sigmoid of Eq. 6'
-    return {
-        'unit': unit, 'joint': model.joint, 'samples': len(raw),
-        'samples_in_motion': int(rows.usable.sum()),
-        'samples_clipped': int(rows.clipped.sum()),
-        'held_out': f'{rows.blocks} long parts, each predicted by a fit to all others',
-        'signal_rms': rms(raw.current[rows.usable]),
-        'before': {'model': base, **errors_of(rows, *before)},
-        'after': {'model': ' + '.join([refined, *(entry['name'] for entry in effects)]), **errors},
-        'noise_floor': noise,
-        'effects': effects,
-        'friction': friction_of(model, unit, rows.coverage.both_directions),
-        'correlations': [] if kept else correlations_of(fit),
-        'unexplained': [{**asdict(dependence), 'note': in_unit(dependence.note, unit)}
-                        for dependence in dependences],
-        'ambiguous': open_questions,
-        'thirds': growth,
-        'differentiation': dict(
-            model.differentiation or DEFAULT_SETTINGS if kept else fit.settings),
-        'stopped_because': 'no further effect predicts parts that were not fitted better by more '
-                           'than chance would',
-        **verdict_of(findings(fit, raw, errors, growth, noise, dependences, open_questions),
-                     unit)}
+    name = ' + '.join(['the given model' if given else 'sigmoid of Eq. 6',
+                       *(effect.name for effect in effects)])
+    errors = errors_of(rows, refined, name, max(1.0, *growth.values()))
+    verdict = verdict_of(findings(fit, raw, errors, growth, noise, dependences, open_questions),
+                         unit)
+    return RefinementReport(
+        unit=unit, joint=model.joint, samples=len(raw), samples_in_motion=int(rows.usable.sum()),
+        samples_clipped=int(rows.clipped.sum()),
+        held_out=f'{rows.blocks} long parts, each predicted by a fit to all others',
+        signal_rms=rms(raw.current[rows.usable]), before=errors_of(rows, start, base),
+        after=errors, noise_floor=noise, effects=effects,
+        friction=friction_of(model, unit, rows.coverage.both_directions),
+        correlations=[] if kept else correlations_of(fit),
+        unexplained=[replace(dependence, note=in_unit(dependence.note, unit))
+                     for dependence in dependences],
+        ambiguous=open_questions, thirds=growth,
+        differentiation=dict(model.differentiation or DEFAULT_SETTINGS if kept else fit.settings),
+        stopped_because='no further effect predicts parts that were not fitted better by more '
+                        'than chance would',
+        **{**vars(verdict), 'warnings': [*verdict.warnings, *origin.warnings]})
 
 
 def clipping_dependence(rows: Rows) -> list[Dependence]:
@@ -118,7 +117,7 @@ def unnamed_dependence(fit: Fit) -> list[Dependence]:
                        'its square, but the recording does not determine it')]
 
 
-def correlations_of(fit: Fit) -> list[dict[str, Any]]:
+def correlations_of(fit: Fit) -> list[Correlation]:
     """Return the correlated pairs of parameters."""
     table = fit.table
     names: dict[Parameter, str] = {
@@ -132,27 +131,25 @@ def correlations_of(fit: Fit) -> list[dict[str, Any]]:
             names[column] = f'{label}: {coefficient}'
         for name in kind.constants:
             names[term, name] = f'{label}: {name.replace("_", " ")}'
-    return [{'between': [names[a], names[b]], 'correlation': value}
+    return [Correlation([names[a], names[b]], value)
             for value, a, b in fit.intervals.correlations()
             if abs(value) > thresholds.CORRELATED and a in names and b in names][:_MOST_PAIRS]
 
 
-def effects_of(problem: Problem, fit: Fit, unit: str) -> list[dict[str, Any]]:
-    """Return the entries of the effects, those first that lower the error most.
+def effects_of(problem: Problem, fit: Fit, unit: str) -> list[FoundEffect]:
+    """Return the effects, those first that lower the error most.
 
-    All terms of other joints make one entry.
+    All terms of other joints make one.
     """
     chosen, remaining = fit.terms[:fit.initial_count], fit.terms[fit.initial_count:]
-    entries: list[dict[str, Any]] = []
+    entries: list[FoundEffect] = []
     lag = fit.settings.get('lag', 0.0)
     # A shorter lag is due to sampling; a negative one, due to a filter of the motion's sensor.
     if lag >= fit.rows.samples.sample_time:
-        entries.append({
-            'name': 'actuation_lag', 'variable': 'history',
-            'held_out_rmse': fit.rmse_with(chosen),
-            'chosen': fit.lag_confidence, 'parameters': {'lag': lag}, 'intervals': {},
-            'in_words': f'Lag: the torque is {1e3 * lag:.3g} ms later than the current',
-            'formula': f'i(t + {lag:.4g} s)'})
+        entries.append(FoundEffect(
+            'actuation_lag', 'history', fit.rmse_with(chosen), fit.lag_confidence, {'lag': lag},
+            {}, None, f'Lag: the torque is {1e3 * lag:.3g} ms later than the current',
+            f'i(t + {lag:.4g} s)'))
     while remaining:
         candidates = [[term] for term in remaining if not term.group]
         groups = [term for term in remaining if term.group]
@@ -164,7 +161,7 @@ def effects_of(problem: Problem, fit: Fit, unit: str) -> list[dict[str, Any]]:
         chosen += terms
         remaining = [term for term in remaining if term not in terms]
         if terms is groups or not is_known_load(problem, fit, terms[0]):
-            entries.append(_effect_entry(fit, terms, error, unit))
+            entries.append(_found_effect(fit, terms, error, unit))
     return entries
 
 
@@ -181,30 +178,26 @@ def is_known_load(problem: Problem, fit: Fit, term: Term) -> bool:
     return abs(coefficient / known_coefficients[0] - 1.0) < thresholds.SAME_LOAD
 
 
-def _effect_entry(fit: Fit, terms: Sequence[Term], error: float, unit: str) -> dict[str, Any]:
-    """Return the entry of one term, or of all terms of other joints."""
+def _found_effect(fit: Fit, terms: Sequence[Term], error: float, unit: str) -> FoundEffect:
+    """Return the effect of one term, or of all terms of other joints."""
     term, table = terms[0], fit.table
     kind = term.kind
-    entry = {'name': kind.name, 'variable': kind.variable, 'held_out_rmse': error,
-             'chosen': min(fit.stability.chosen.get(term, 0.0) for term in terms)}
+    chosen = min(fit.stability.chosen.get(term, 0.0) for term in terms)
     if term.group:
         moved = {name for term in terms if term.group for name in term.group.all_joints}
         names = ', '.join(sorted(moved - {fit.rows.samples.joint}))
-        return {
-            **entry, 'parameters': {'coefficients': [1.0], 'terms': len(terms)}, 'intervals': {},
-            'holds_on_another_day': True,
-            'in_words': f'Weight and inertia of other links: {len(terms)} terms of the motion of '
-                        f'{names}',
-            'formula': f'{len(terms)} terms of {names}'}
+        return FoundEffect(
+            kind.name, kind.variable, error, chosen,
+            {'coefficients': [1.0], 'terms': len(terms)}, {}, True,
+            f'Weight and inertia of other links: {len(terms)} terms of the motion of {names}',
+            f'{len(terms)} terms of {names}')
     columns, values = table.columns_of[term], table.coefficients(fit.terms)
     effect = kind({**term.constants,
                    'coefficients': [values[column] for column in columns]})
     constants = {name: list(ends) for (owner, name), ends in fit.intervals.constants.items()
                  if owner == term}
-    return {
-        **entry, 'parameters': effect.parameters,
-        'intervals': {
-            'coefficients': [list(fit.intervals.coefficients[column]) for column in columns],
-            **constants},
-        'holds_on_another_day': effect.holds_on_another_day,
-        'in_words': in_unit(effect.describe(), unit), 'formula': effect.formula()}
+    return FoundEffect(
+        kind.name, kind.variable, error, chosen, effect.parameters,
+        {'coefficients': [list(fit.intervals.coefficients[column]) for column in columns],
+         **constants},
+        effect.holds_on_another_day, in_unit(effect.describe(), unit), effect.formula())

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,8 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.parallel import one_thread
 from friction_comp.refinement.prepare import clipped
 from friction_comp.refinement.recorded_motion import load_coefficient
-from friction_comp.refinement.refine import refine, RefineResult
+from friction_comp.refinement.refine import refine
+from friction_comp.refinement.result import Origin, RefineResult
 from friction_comp.rigid_bodies.fit import ArmFit, fit_arm
 from friction_comp.rigid_bodies.urdf import Chain
 from friction_comp.samples import Samples
@@ -27,7 +28,7 @@ from friction_comp.samples import Samples
 _BODIES = 0.2
 
 
-@dataclass
+@dataclass(frozen=True)
 class ArmResult:
     """The result of refining an arm."""
 
@@ -64,7 +65,7 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
                models: dict[str, FrictionModel] | None = None,
                declared: Collection[str] = (), only: Sequence[str] | None = None,
                progress: Callable[[float, str], None] | None = None,
-               torques: bool = False) -> ArmResult:
+               torques: bool = False, origins: Mapping[str, Origin] | None = None) -> ArmResult:
     """Fit an arm's rigid bodies, then refine each joint.
 
     Parameters
@@ -84,6 +85,8 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
     torques : bool
         Whether all currents are torques in N·m unless the recordings contradict: the current per
         torque is then one.
+    origins : mapping of str to Origin, optional
+        Warnings and notes by joint; units are those that `torques` says.
 
     Raises
     ------
@@ -128,16 +131,16 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
         samples = samples.with_(rigid_body=fit.torque(samples))
         drive = drives.get(name)
         try:
-            result = refine([samples], models.get(name), drive if name in declared else None,
-                            report_joint, 'N·m' if torques else 'A' if drive else None)
+            result = refine([samples], models.get(name), drive, report_joint, replace(
+                (origins or {}).get(name, Origin()), declared=name in declared,
+                unit='N·m' if torques else 'A' if drive else ''))
         except InputError as error:
             notes.append(f'joint {name!r}: {error}')
             continue
         # The model may be the given one, which stays as it is.
         uses_arm = any('rigid_body' in effect.needs for effect in result.model.effects)
-        result.model = replace(result.model, drive=drive or result.model.drive,
-                               arm=arm if uses_arm else result.model.arm)
-        results[name] = result
+        results[name] = replace(result, model=replace(
+            result.model, arm=arm if uses_arm else result.model.arm))
     if not results:
         raise InputError(notes[-1])
     return ArmResult(fit, results, notes)

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.refinement.refine import RefineResult
+    from friction_comp.refinement.result import FoundEffect, RefineResult
     from friction_comp.samples import Samples
 
 _COLOURS = ('grey', 'violet', 'blue', 'green')
@@ -61,7 +61,7 @@ class EvaluatedTrial:
 
 def residuals(refined: RefineResult) -> tuple[float, float]:
     """Return the model's error on data not fitted before and after refinement, A."""
-    return refined.report['before']['held_out_rmse'], refined.report['after']['held_out_rmse']
+    return refined.report.before.held_out_rmse, refined.report.after.held_out_rmse
 
 
 def table_rows(trials: list[EvaluatedTrial], refined: RefineResult) -> list[list[str]]:
@@ -130,7 +130,7 @@ def demo_report(trials: list[EvaluatedTrial], refined: RefineResult, model: Fric
     """
     _, kinetic, compensated, last = trials
     before, after = residuals(refined)
-    effects = refined.report['effects']
+    effects = refined.report.effects
     page = Report('The whole loop, on a simulated joint',
                   'Identify, compensate, evaluate, refine, compensate again')
     page.verdict(_summary(trials, effects))
@@ -161,8 +161,8 @@ def demo_report(trials: list[EvaluatedTrial], refined: RefineResult, model: Fric
                 'identification action measured them.')
     page.heading('What the model lacked')
     page.table(['effect', 'depends on', 'error with it (mA)', 'description'],
-               [[effect['name'].replace('_', ' '), effect['variable'],
-                 1e3 * effect['held_out_rmse'], effect.get('in_words', '')]
+               [[effect.name.replace('_', ' '), effect.variable,
+                 1e3 * effect.held_out_rmse, effect.in_words]
                 for effect in effects] or [['none', '', None, '']])
     for name, label in (('position', 'position (rad)'), ('velocity', 'velocity (rad/s)')):
         page.figure(residual_figure(refined, name, label), f'Residual over {name}.',
@@ -175,14 +175,14 @@ def demo_report(trials: list[EvaluatedTrial], refined: RefineResult, model: Fric
     return page
 
 
-def _summary(trials: list[EvaluatedTrial], effects: list[dict[str, Any]]) -> str:
+def _summary(trials: list[EvaluatedTrial], effects: list[FoundEffect]) -> str:
     none, kinetic, compensated, last = trials
     more, stuck = ('', '') if not none.stuck else (
         'more than ', f' (the joint did not move in {none.stuck} of '
         f'{sum(c.repetitions for c in none.evaluation.conditions)} movements)')
     refined = 'The recordings show no effect that the identified model lacks.'
     if effects:
-        named = effect_names(effect['name'] for effect in effects)
+        named = effect_names(effect.name for effect in effects)
         refined = (f'With the effects that the recordings show in addition ({named}) it is '
                    f'**{last.peak} N·m**.')
     starts = sum(trial.false_starts for trial in trials)

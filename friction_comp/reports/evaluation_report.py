@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import date
 from typing import TYPE_CHECKING
 
@@ -257,21 +257,28 @@ def verdicts(evaluations: Sequence[Evaluation]) -> str:
     return '\n\n'.join(f'**{", ".join(names)}.** {text}' for text, names in joints.items())
 
 
-def evaluation_report(evaluations: Sequence[Evaluation]) -> Report:
-    """Return the page of `evaluate`, with one evaluation for each joint."""
+def evaluation_report(evaluations: Sequence[Evaluation], title: str = '', result: str = '',
+                      begin: Callable[[Report], None] = lambda _: None) -> Report:
+    """Return the page of `evaluate`, with one evaluation for each joint.
+
+    A scene of the demo may give it another title and main result, and adds with `begin` what stands
+    before the details.
+    """
     joints = ', '.join(evaluation.joint or 'the joint' for evaluation in evaluations)
     count = sum(len(evaluation.repetitions) for evaluation in evaluations)
     torque = any(evaluation.measured for evaluation in evaluations)
     recordings = list(dict.fromkeys(
         r.recording for evaluation in evaluations for r in evaluation.repetitions))
     report = Report(
-        f'{"Back-driving torque" if torque else "Movements"} of {joints}',
+        title or f'{"Back-driving torque" if torque else "Movements"} of {joints}',
         f'{count} movements from {len(recordings)} recording{"s" if len(recordings) > 1 else ""}')
     if len(evaluations) == 1:
-        report.verdict(plain_verdict(evaluations[0]) or summary(evaluations[0]))
+        report.verdict(result or plain_verdict(evaluations[0]) or summary(evaluations[0]))
+        begin(report)
         add_evaluation(report, evaluations[0])
     else:
-        report.verdict(verdicts(evaluations))
+        report.verdict(result or verdicts(evaluations))
+        begin(report)
         for evaluation in evaluations:
             report.heading(f'Joint {evaluation.joint}')
             add_evaluation(report, evaluation, part=True)

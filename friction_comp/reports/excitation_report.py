@@ -80,20 +80,20 @@ def improvement_report(improvement: Improvement, names: Sequence[str]) -> Report
     `names` are the names of the recordings.
     """
     last, report = improvement.rounds[-1], improvement.result.report
-    unit = report['unit']
-    page = Report(f"The friction model of {report['joint'] or 'the joint'}, improved by motion")
+    unit = report.unit
+    page = Report(f"The friction model of {report.joint or 'the joint'}, improved by motion")
     ended = improvement.ended or 'there are further rounds'
     rounds = len(improvement.rounds)
     page.verdict(f'**After {rounds} round{"s" * (rounds > 1)}, {improvement.seconds:g} s of '
                  f'motion: {last.verdict}.** {ended.capitalize()}.')
     page.numbers([
-        (quantity(report['before']['held_out_rmse'], unit),
+        (quantity(report.before.held_out_rmse, unit),
          'error before: Eq. 6, or the given model'),
         (quantity(last.held_out_rmse, unit), 'error with the effects found, on data not fitted'),
         (quantity(last.predicted_rmse, unit), 'error on the last motion, before it was fitted'),
-        (quantity(report['noise_floor'], unit), 'noise from sample to sample')])
+        (quantity(report.noise_floor, unit), 'noise from sample to sample')])
     page.text('What was found: ' + ('; '.join(
-        entry['in_words'] for entry in report['effects']) or 'no effect beyond the model')
+        entry.in_words for entry in report.effects) or 'no effect beyond the model')
         + '. The page `refinement.html` beside this one describes the model.')
     page.heading('Rounds')
     page.text('Each round planned a motion for the questions that earlier recordings left open, '
@@ -122,7 +122,7 @@ def _rounds_figure(improvement: Improvement, unit: str) -> Figure:
               label='prediction, before the fit')
     axes.plot(numbers, [round_.held_out_rmse for round_ in rounds], 's-', color=COLOURS['blue'],
               label='held out, after the fit')
-    axes.axhline(improvement.result.report['noise_floor'], color='0.5', linestyle='--')
+    axes.axhline(improvement.result.report.noise_floor, color='0.5', linestyle='--')
     largest = np.nanmax([(round_.predicted_rmse, round_.held_out_rmse) for round_ in rounds])
     axes.set_ylim(0.0, 1.25 * float(largest))
     axes.set_xticks(list(numbers))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from friction_comp.compensation.feed_forward import feed_forward
 
 if TYPE_CHECKING:
-    from friction_comp.refinement.refine import RefineResult
+    from friction_comp.refinement.result import RefineResult
     from friction_comp.reports.html import Report
 
 

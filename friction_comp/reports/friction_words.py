@@ -5,9 +5,12 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple, TYPE_CHECKING
 
 from friction_comp.reports.html import number
+
+if TYPE_CHECKING:
+    from friction_comp.refinement.result import FrictionNumbers
 
 # Name and unit of each number, A standing for the unit of current.
 _NAMES = {'coulomb': ('Coulomb', 'A'), 'viscous': ('viscous', 'A·s/rad'),
@@ -24,33 +27,33 @@ class NumberRow(NamedTuple):
     remark: str
 
 
-def number_rows(friction: dict[str, Any]) -> list[NumberRow]:
-    """Return a row for each number of the entry `friction` of report.json."""
-    unit, gain = friction['unit'], friction['torque_per_current']
+def number_rows(friction: FrictionNumbers) -> list[NumberRow]:
+    """Return a row for each number."""
+    unit, gain = friction.unit, friction.torque_per_current
     rows = []
     for key in ('coulomb', 'viscous', 'offset'):
         remark = ''
-        if friction['offset'] is None and key in ('coulomb', 'offset'):
+        if friction.offset is None and key in ('coulomb', 'offset'):
             remark = {'coulomb': 'with the offset: the motion was in one direction',
                       'offset': 'not known: the motion was in one direction'}[key]
         rows.append(_row(friction, key, remark))
     rows += _breakaway_rows(friction, unit, gain)
-    value, ends = friction['transition'], friction['intervals'].get('transition')
+    value, ends = friction.transition, friction.intervals.get('transition')
     rows.append(NumberRow('transition', *_texts(value, ends, 'rad/s'), '',
                           'speed over which friction changes sign'))
-    if friction['inertia'] is None:
+    if friction.inertia is None:
         rows.append(NumberRow('inertia', '–', '', '', 'not found in the recordings'))
     else:
-        rows.append(_row(friction, 'inertia', f"of {friction['inertia_holds']}"))
+        rows.append(_row(friction, 'inertia', f'of {friction.inertia_holds}'))
     return rows
 
 
-def _row(friction: dict[str, Any], key: str, remark: str) -> NumberRow:
-    unit, gain = friction['unit'], friction['torque_per_current']
-    (name, own_unit), value = _NAMES[key], friction[key]
+def _row(friction: FrictionNumbers, key: str, remark: str) -> NumberRow:
+    unit, gain = friction.unit, friction.torque_per_current
+    (name, own_unit), value = _NAMES[key], getattr(friction, key)
     if value is None:
         return NumberRow(name, '–', '', '', remark)
-    ends = friction['intervals'].get(key)
+    ends = friction.intervals.get(key)
     in_torque = 'kg·m²' if key == 'inertia' else own_unit.replace('A', 'N·m', 1)
     own = in_torque if unit == 'N·m' else own_unit.replace('A', unit, 1)
     torque = ''
@@ -61,8 +64,8 @@ def _row(friction: dict[str, Any], key: str, remark: str) -> NumberRow:
     return NumberRow(name, *_texts(value, ends, own), torque, remark)
 
 
-def _breakaway_rows(friction: dict[str, Any], unit: str, gain: float | None) -> list[NumberRow]:
-    known = friction['breakaway']
+def _breakaway_rows(friction: FrictionNumbers, unit: str, gain: float | None) -> list[NumberRow]:
+    known = friction.breakaway
     if known is None:
         return [NumberRow('breakaway', '–', '', '',
                           'not known: identification measures it with current ramps')]
@@ -92,7 +95,7 @@ def _texts(value: float, ends: list[float] | None, unit: str) -> tuple[str, str]
     return f'{middle} {unit}', f'{low} to {high}'
 
 
-def number_lines(friction: dict[str, Any]) -> list[str]:
+def number_lines(friction: FrictionNumbers) -> list[str]:
     """Return the rows as aligned lines for a terminal."""
     rows = number_rows(friction)
     width = max(len(row.value) for row in rows)

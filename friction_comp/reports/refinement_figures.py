@@ -15,7 +15,7 @@ from friction_comp.reports.figures import COLOURS, new_figure, scatter, styled
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from friction_comp.refinement.refine import RefineResult
+    from friction_comp.refinement.result import RefineResult
 
 # Shortest and longest excerpt over time, s, and the number of reversals that it should contain.
 _SHORTEST, _LONGEST, _REVERSALS = 4.0, 60.0, 8
@@ -42,7 +42,7 @@ def excerpt(result: RefineResult) -> slice:
 @styled
 def time_figure(result: RefineResult) -> Figure:
     """Draw measured and predicted current over time, and the contribution of each effect."""
-    samples, model, unit = result.samples, result.model, result.report['unit']
+    samples, model, unit = result.samples, result.model, result.report.unit
     part = excerpt(result)
     time, measured = samples.time[part], samples.current[part]
     contributions = {'Eq. 6': np.asarray(model.sigmoid(np.asarray(samples.velocity)))[part]}
@@ -81,7 +81,7 @@ def friction_figure(result: RefineResult) -> Figure:
     axes.plot(speeds, result.model.sigmoid(speeds), color=COLOURS['blue'], label='after')
     low, high = np.percentile(friction, (0.5, 99.5))
     axes.set_ylim(low - 0.2 * (high - low), high + 0.2 * (high - low))
-    axes.set(xlabel='velocity (rad/s)', ylabel=f"friction ({result.report['unit']})")
+    axes.set(xlabel='velocity (rad/s)', ylabel=f'friction ({result.report.unit})')
     # Friction rises from lower left to upper right; finding the best place takes seconds.
     axes.legend(loc='upper left')
     return figure
@@ -105,7 +105,7 @@ def residual_figure(result: RefineResult, name: str, label: str) -> Figure:
         axes.set(title=title, xlabel=label)
     limit = float(np.percentile(np.abs(result.before[rows]), 99.5))
     both[0].set_ylim(-1.2 * limit, 1.2 * limit)
-    both[0].set_ylabel(f"measured − predicted ({result.report['unit']})")
+    both[0].set_ylabel(f'measured − predicted ({result.report.unit})')
     both[1].legend(loc='upper right')
     return figure
 
@@ -134,7 +134,7 @@ def spectrum_figure(result: RefineResult) -> Figure:
                                     (result.after, 'after', 'blue')):
         axes.plot(*largest_in_ranges(*spectrum(result, residual)), color=COLOURS[colour],
                   label=legend)
-    axes.set(xscale='log', xlabel='periods per turn', ylabel=f"amplitude ({result.report['unit']})")
+    axes.set(xscale='log', xlabel='periods per turn', ylabel=f'amplitude ({result.report.unit})')
     axes.set_ylim(bottom=0.0)
     axes.legend(loc='upper right')
     return figure

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from friction_comp.fleet.population import Population
+    from friction_comp.refinement.result import RefinementReport
     from friction_comp.refinement.whole_arm import ArmResult
 
 # Effects found in fewer than this share of a joint's recordings may be due to chance.
@@ -147,15 +148,15 @@ def arm_report(result: ArmResult, names: list[str], folders: dict[str, str]) -> 
     """
     page = Report('What the friction models of an arm lacked', f'Refined on {", ".join(names)}')
     reports = {name: joint_result.report for name, joint_result in result.results.items()}
-    unit = next(iter(reports.values()))['unit']
-    errors = [{'before': report['before']['held_out_rmse'],
-               'after': report['after']['held_out_rmse'], 'noise_floor': report['noise_floor']}
+    unit = next(iter(reports.values())).unit
+    errors = [{'before': report.before.held_out_rmse, 'after': report.after.held_out_rmse,
+               'noise_floor': report.noise_floor}
               for report in reports.values()]
     page.verdict(_joint_verdicts(reports))
     page.table(
         ['joint', f'before ({unit})', f'after ({unit})', f'noise ({unit})', 'verdict', 'found'],
-        [[Link(name, f'{folders[name]}/report.html'), *row.values(), report['verdict'],
-          effect_names(effect['name'] for effect in report['effects'])]
+        [[Link(name, f'{folders[name]}/report.html'), *row.values(), report.verdict,
+          effect_names(effect.name for effect in report.effects)]
          for (name, report), row in zip(reports.items(), errors)],
         'RMS of measured minus predicted on parts that were not fitted, by the initial model '
         'and by the refined one; each name links to the report on that joint.')
@@ -166,22 +167,22 @@ def arm_report(result: ArmResult, names: list[str], folders: dict[str, str]) -> 
     page.heading('What was found, joint by joint')
     for name, report in reports.items():
         page.heading(name, 3)
-        lines = [f"{effect['in_words']}; with it the error is "
-                 f"{number(effect['held_out_rmse'])} {unit}" for effect in report['effects']]
-        lines += [f'Limits the verdict: {line}' for line in report['reasons']
-                  if report['verdict'] != 'trust']
+        lines = [f'{effect.in_words}; with it the error is '
+                 f'{number(effect.held_out_rmse)} {unit}' for effect in report.effects]
+        lines += [f'Limits the verdict: {line}' for line in report.reasons
+                  if report.verdict != 'trust']
         page.bullets(lines or ['Nothing.'])
     _add_links(page, result, unit)
     return page
 
 
-def _joint_verdicts(reports: dict[str, dict[str, Any]]) -> str:
+def _joint_verdicts(reports: dict[str, RefinementReport]) -> str:
     """Return the verdicts on all joints as sentences."""
     kinds: dict[str, list[str]] = {}
     for name, report in reports.items():
-        kinds.setdefault(report['verdict'], []).append(name)
-    less = [100.0 * (1.0 - report['after']['held_out_rmse'] / report['before']['held_out_rmse'])
-            for report in reports.values() if report['before']['held_out_rmse'] > 0]
+        kinds.setdefault(report.verdict, []).append(name)
+    less = [100.0 * (1.0 - report.after.held_out_rmse / report.before.held_out_rmse)
+            for report in reports.values() if report.before.held_out_rmse > 0]
     listed = '; '.join(f'**{kind}**: {", ".join(kinds[kind])}' for kind in (
         'trust', 'trust in part', 'record again') if kind in kinds)
     change = f' The error on data not fitted is {min(less):.0f} to {max(less):.0f} % less than ' \

@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import Any, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,7 +28,7 @@ from friction_comp.reports.refinement_figures import (
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.refinement.refine import RefineResult
+    from friction_comp.refinement.result import FrictionNumbers, RefinementReport, RefineResult
 
 # Units of the effects' constants.
 _UNITS = {'velocity': 'rad/s', 'reference': 'rad/s', 'speed': 'rad/s', 'transition': 'rad/s',
@@ -42,21 +42,21 @@ def refinement_report(result: RefineResult, names: list[str], interactive: bool 
     Without `interactive` plots the page takes half the time, and a tenth of the space.
     """
     report = result.report
-    joint = f"joint {report['joint']}" if report['joint'] else 'the joint'
+    joint = f'joint {report.joint}' if report.joint else 'the joint'
     page = Report(f'What the friction model of {joint} lacked',
                   f'Refined on {", ".join(names)}', interactive)
-    before, after, unit = report['before'], report['after'], report['unit']
+    before, after, unit = report.before, report.after, report.unit
     first, _, rest = summary(report).partition('\n\n')
-    page.verdict(f"**Verdict: {report['verdict']}.** {first}")
-    add_numbers(page, report['friction'])
+    page.verdict(f'**Verdict: {report.verdict}.** {first}')
+    add_numbers(page, report.friction)
     page.numbers([
-        (quantity(before['held_out_rmse'], unit), 'error before, on data not fitted'),
-        (quantity(after['held_out_rmse'], unit), 'error after, on data not fitted'),
-        (quantity(after['elsewhere_motion_rmse'], unit), 'error to expect in other movements'),
-        (quantity(report['noise_floor'], unit), 'noise from sample to sample'),
-        (f"{number(100 * max(after['held_out_r2'], 0.0), 4)} %", 'of the current explained')])
-    page.bullets(report['reasons'], 'Why this verdict:')
-    page.bullets(report['record_again'], 'What to record:')
+        (quantity(before.held_out_rmse, unit), 'error before, on data not fitted'),
+        (quantity(after.held_out_rmse, unit), 'error after, on data not fitted'),
+        (quantity(after.elsewhere_motion_rmse, unit), 'error to expect in other movements'),
+        (quantity(report.noise_floor, unit), 'noise from sample to sample'),
+        (f'{number(100 * max(after.held_out_r2, 0.0), 4)} %', 'of the current explained')])
+    page.bullets(report.reasons, 'Why this verdict:')
+    page.bullets(report.record_again, 'What to record:')
     page.text(rest)
     page.figure(time_figure(result), 'Measured and predicted current in an excerpt from the middle '
                 'of the recording; each part was predicted by a fit to all others. Below: the '
@@ -67,15 +67,15 @@ def refinement_report(result: RefineResult, names: list[str], interactive: bool 
     page.table(['effect', 'parameter', 'before', 'after', 'unit', '95 % interval'],
                parameter_rows(result))
     page.bullets(
-        [f"{' and '.join(pair['between'])}: {number(pair['correlation'], 2)}"
-         for pair in report['correlations']],
+        [f"{' and '.join(pair.between)}: {number(pair.correlation, 2)}"
+         for pair in report.correlations],
         'Of these pairs of parameters, the recording determines the sum or the difference better '
         'than each alone (correlation over parts drawn at random):')
-    if report['effects']:
+    if report.effects:
         page.table(
             ['effect', f'held-out RMS error with it ({unit})', 'chosen in'],
-            [[effect['name'].replace('_', ' '), effect['held_out_rmse'],
-              f"{100 * effect['chosen']:.0f} % of the searches"] for effect in report['effects']],
+            [[effect.name.replace('_', ' '), effect.held_out_rmse,
+              f'{100 * effect.chosen:.0f} % of the searches'] for effect in report.effects],
             'The whole search is repeated on parts of the recording drawn at random. An effect is '
             'reported only if most of these searches choose it.')
     page.heading('Errors')
@@ -83,11 +83,11 @@ def refinement_report(result: RefineResult, names: list[str], interactive: bool 
         ['model', f'RMS, fitted ({unit})', f'RMS, held out ({unit})', f'worst part ({unit})',
          f'at standstill ({unit})', f'with standstill ({unit})', f'elsewhere ({unit})',
          f'largest, held out ({unit})', 'R², held out'],
-        [[row['model'].replace('_', ' '), *(row[key] for key in (
+        [[row.model.replace('_', ' '), *(getattr(row, key) for key in (
             'fit_rmse', 'held_out_rmse', 'worst_part_rmse', 'standstill_rmse', 'overall_rmse',
             'elsewhere_rmse', 'held_out_max', 'held_out_r2'))] for row in (before, after)])
-    page.text(f"Held out: {report['held_out']}. Of {report['samples']} samples "
-              f"{report['samples_in_motion']} are fitted: those in which the joint moves and the "
+    page.text(f'Held out: {report.held_out}. Of {report.samples} samples '
+              f'{report.samples_in_motion} are fitted: those in which the joint moves and the '
               'current signal is not clipped. While the joint sticks, the current does not show '
               'the friction of the model, so the error at standstill is given separately. '
               'Elsewhere: the error to expect where the model was not fitted, from the growth of '
@@ -96,7 +96,8 @@ def refinement_report(result: RefineResult, names: list[str], interactive: bool 
     page.heading('The residual, before and after')
     page.text('The residual is the measured minus the predicted current of data not fitted. The '
               'lines are its averages over ranges.')
-    named = {entry['variable'] for part in ('effects', 'unexplained') for entry in report[part]}
+    named = {effect.variable for effect in report.effects} | {
+        entry.variable for entry in report.unexplained}
     for name, label in (('velocity', 'velocity (rad/s)'), ('position', 'position (rad)'),
                         ('acceleration', 'acceleration (rad/s²)'), ('load', 'load (N·m)'),
                         ('time', 'time since the start (s)'),
@@ -125,7 +126,7 @@ def refinement_report(result: RefineResult, names: list[str], interactive: bool 
     return page
 
 
-def add_numbers(page: Report, friction: dict[str, Any]) -> None:
+def add_numbers(page: Report, friction: FrictionNumbers) -> None:
     """Add Coulomb and viscous friction and the like, and the model as one line."""
     rows = number_rows(friction)
     torque = any(row.torque for row in rows)
@@ -136,7 +137,7 @@ def add_numbers(page: Report, friction: dict[str, Any]) -> None:
          for row in rows],
         'Friction of the joint in sliding. Coulomb and viscous friction are the straight line '
         'through the friction at the speeds of the recording.')
-    page.text(f"`{friction['formula']}`")
+    page.text(f'`{friction.formula}`')
 
 
 def unbroken(text: str) -> str:
@@ -151,28 +152,28 @@ def effect_names(names: Iterable[str]) -> str:
                      for name, count in counts.items()) or 'nothing'
 
 
-def summary(report: dict[str, Any]) -> str:
+def summary(report: RefinementReport) -> str:
     """Return a summary of the report as paragraphs."""
-    before, after = report['before']['held_out_rmse'], report['after']['held_out_rmse']
-    unit = report['unit']
-    if report['verdict'] == 'record again':
+    before, after = report.before.held_out_rmse, report.after.held_out_rmse
+    unit = report.unit
+    if report.verdict == 'record again':
         lines = ['No friction model of these recordings can be trusted: see the reasons.']
-    elif not report['effects']:
+    elif not report.effects:
         lines = ['The model describes the drive as well as these recordings can tell: its error is '
                  f'{quantity(before, unit)} RMS, and no further effect lowers it on data that were '
                  'not fitted.']
     else:
         gain = 100.0 * (1.0 - after / before) if before > 0 else 0.0
-        effects = ''.join(f"- {effect['in_words']}\n" for effect in report['effects'])
+        effects = ''.join(f'- {effect.in_words}\n' for effect in report.effects)
         lines = [f'The error of the model was **{quantity(before, unit)}** RMS. With the effects '
                  f'found in the recordings it is **{quantity(after, unit)}**, {gain:.0f} % less, '
                  'on data that were not fitted.',
                  'What was found, the largest first:', effects]
-    if report['unexplained']:
-        names = ', '.join(entry['variable'] for entry in report['unexplained'])
+    if report.unexplained:
+        names = ', '.join(entry.variable for entry in report.unexplained)
         lines.append(f'The remaining error depends on **{names}** in a way that none of the known '
                      'effects describes.')
-    if report['ambiguous']:
+    if report.ambiguous:
         lines.append('Some findings have a second explanation that fits equally well; the last '
                      'section says which recording would decide between them.')
     return '\n\n'.join(lines)
@@ -180,13 +181,13 @@ def summary(report: dict[str, Any]) -> str:
 
 def parameter_rows(result: RefineResult) -> list[list[str]]:
     """Return a row for each fitted parameter: effect, name, before, after, unit, interval."""
-    unit, friction = result.report['unit'], result.report['friction']
+    unit, friction = result.report.unit, result.report.friction
     before, after = (line_of(replace(model, effects=[])) for model in (result.start, result.model))
     # The numbers of sliding friction may contain effects: then Eq. 6 has no interval of its own.
     rows = [['Eq. 6', name, number(before[key]), number(after[key]),
              own_unit.replace('A', unit, 1), 'unchanged' if before[key] == after[key] else
-             interval_text(friction['intervals'][key]) if key in friction['intervals']
-             and friction[key] == after[key] else '']
+             interval_text(friction.intervals[key]) if key in friction.intervals
+             and getattr(friction, key) == after[key] else '']
             for key, name, own_unit in (
                 ('offset', 'offset', 'A'), ('coulomb', 'Coulomb friction', 'A'),
                 ('viscous', 'viscous friction', 'A·s/rad'))]
@@ -195,16 +196,16 @@ def parameter_rows(result: RefineResult) -> list[list[str]]:
             for index, pair in enumerate(zip(old.coefficients, new.coefficients)):
                 label, own_unit = _name_and_unit(new.coefficient_names, index, unit)
                 rows.append([new.name, label, *map(number, pair), own_unit, ''])
-    for effect in result.report['effects']:
-        name, bounds = effect['name'], effect['intervals']
+    for effect in result.report.effects:
+        name, bounds = effect.name, effect.intervals
         coefficient_names = EFFECTS[name].coefficient_names if name in EFFECTS else ()
-        for key, value in effect['parameters'].items():
+        for key, value in effect.parameters.items():
             # A constant that was not searched has no interval, or one of zero width.
             if key != 'coefficients' and bounds.get(key) not in (None, [value, value]):
                 rows.append([name, key.replace('_', ' '), '', number(value), _UNITS.get(key, ''),
                              interval_text(bounds[key])])
         for index, (value, ends) in enumerate(zip(
-                effect['parameters'].get('coefficients', ()), bounds.get('coefficients', ()))):
+                effect.parameters.get('coefficients', ()), bounds.get('coefficients', ()))):
             label, own_unit = _name_and_unit(coefficient_names, index, unit)
             rows.append([name, label, '', number(value), own_unit, interval_text(ends)])
     return [[row[0].replace('_', ' '), *row[1:]] for row in rows]
@@ -226,13 +227,13 @@ def largest_ripple(result: RefineResult, k: np.ndarray, size: np.ndarray) -> str
     share = 0.5 * size[largest] ** 2 / mean_square
     reason = (f'an effect must remove at least {100 * LEAST_SHARE:.0f} %' if share < LEAST_SHARE
               else 'parts of the recording did not agree on it')
-    amplitude = quantity(float(size[largest]), result.report['unit'])
+    amplitude = quantity(float(size[largest]), result.report.unit)
     return (f'The largest remaining ripple has an amplitude of {amplitude} and '
             f'{number(float(k[largest]))} periods per turn: {100 * share:.2g} % of the squared '
             f'error. It is not reported as an effect: {reason}.')
 
 
-def interval_text(interval: list[float | None]) -> str:
+def interval_text(interval: Sequence[float | None]) -> str:
     """Return an interval as text."""
     low, high = interval
     if low is None or high is None:
@@ -258,12 +259,12 @@ def formula(model: FrictionModel, unit: str = 'A') -> str:
         f'i in {unit}, q in rad, v in rad/s, t in s, T in °C, τ_b in N·m'])
 
 
-def limitations(report: dict[str, Any]) -> list[str]:
+def limitations(report: RefinementReport) -> list[str]:
     """Return lines on what the recordings cannot determine."""
     return [
-        *(f"**{entry['variable']}**: {entry['note']} "
-          f"({100 * entry['strength']:.0f} % of the remaining variance)."
-          for entry in report['unexplained']),
-        *(f"**{' or '.join(dict.fromkeys(entry['between']))}**: {entry['why']}. To decide: "
-          f"{entry['experiment']}." for entry in report['ambiguous']),
-        *report['warnings']] or ['Nothing of note.']
+        *(f'**{entry.variable}**: {entry.note} '
+          f'({100 * entry.strength:.0f} % of the remaining variance).'
+          for entry in report.unexplained),
+        *(f"**{' or '.join(dict.fromkeys(question.between))}**: {question.why}. To decide: "
+          f'{question.experiment}.' for question in report.ambiguous),
+        *report.warnings] or ['Nothing of note.']

@@ -11,7 +11,7 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from friction_comp.evaluation.intervals import Interval, mean_interval
-from friction_comp.reports.evaluation_report import add_evaluation, verdicts
+from friction_comp.reports.evaluation_report import evaluation_report
 from friction_comp.reports.evaluation_words import with_interval
 from friction_comp.reports.figures import COLOURS, new_figure, styled, thin
 from friction_comp.reports.html import number, Report
@@ -39,15 +39,11 @@ def two_joints_report(evaluations: list[Evaluation], shown: dict[str, Samples],
 
     `shown` is a recording of the exercise on one time base, by joint name.
     """
-    page = Report('Two joints that reverse on the way',
-                  f'Exercise {exercise.name}: directions announced separately for each joint')
-    page.verdict(verdicts(evaluations))
-    page.figure(exercise_figure(shown), 'Positions shown to the person (dashed), positions of the '
-                'joints, and announced directions (shaded: blue positive, orange negative).')
-    for evaluation in evaluations:
-        page.heading(f'The {evaluation.joint}')
-        add_evaluation(page, evaluation, part=True)
-    return page
+    return evaluation_report(
+        evaluations, f'Two joints that reverse on the way: {exercise.stem}',
+        begin=lambda page: page.figure(
+            exercise_figure(shown), 'Positions shown to the person (dashed), positions of the '
+            'joints, and announced directions (shaded: blue positive, orange negative).'))
 
 
 @styled
@@ -118,25 +114,23 @@ def wear_report(evaluation: Evaluation, phases: dict[str, list[Repetition]],
     `session_phases`; `facts` contains messages of monitoring and refinement. The file `hidden`
     contains the effects that only the simulation was given.
     """
-    page = Report('A drive that changes, refined while it runs',
-                  'Monitor, refine, load on trial, judge: without a restart')
-    page.verdict(wear_words(phases, facts))
-    page.numbers([(f'{with_interval(mean_figure(part))} N·m',
-                   f'{name}: RMS torque, {len(part)} movements')
-                  for name, part in phases.items()])
-    page.figure(session_figure(evaluation, marks, samples),
-                'RMS torque of each movement by active model, and motor temperature. The dotted '
-                'lines mark the warning and the loading of the refined model.')
-    page.heading('Messages')
-    page.bullets((
-        f'monitoring: {facts["warning"]}', f'refinement: {facts["message"]}',
-        f'its verdict: {facts["verdict"]}', f'monitoring afterwards: {facts["afterwards"]}'))
-    page.text(f'The change is defined in `{hidden.name}`, which only the simulation reads. The '
-              'refined model is compared with the previous one for some minutes of movement; if '
-              'the previous one fits better, it is restored.')
-    page.heading('The whole session')
-    add_evaluation(page, evaluation, part=True)
-    return page
+    def begin(page: Report) -> None:
+        page.numbers([(f'{with_interval(mean_figure(part))} N·m',
+                       f'{name}: RMS torque, {len(part)} movements')
+                      for name, part in phases.items()])
+        page.figure(session_figure(evaluation, marks, samples),
+                    'RMS torque of each movement by active model, and motor temperature. The '
+                    'dotted lines mark the warning and the loading of the refined model.')
+        page.heading('Messages')
+        page.bullets((
+            f'monitoring: {facts["warning"]}', f'refinement: {facts["message"]}',
+            f'its verdict: {facts["verdict"]}', f'monitoring afterwards: {facts["afterwards"]}'))
+        page.text(f'The change is defined in `{hidden.name}`, which only the simulation reads. '
+                  'The refined model is compared with the previous one for some minutes of '
+                  'movement; if the previous one fits better, it is restored.')
+        page.heading('The whole session')
+    return evaluation_report([evaluation], 'A drive that changes, refined while it runs',
+                             wear_words(phases, facts), begin)
 
 
 @styled
@@ -199,8 +193,8 @@ def arm_scene_report(alone: Mapping[str, Samples], helped: Mapping[str, Samples]
                 'peak helped (N·m)', 'added to the model of the drive'],
                [[joint, peak['alone']['rms'], peak['helped']['rms'], peak['alone']['peak'],
                  peak['helped']['peak'],
-                 effect_names(effect['name']
-                              for effect in result.results[joint].report['effects'])]
+                 effect_names(effect.name
+                              for effect in result.results[joint].report.effects)]
                 for joint, peak in peaks.items()])
     fitted = result.report()['rigid_bodies']
     page.table(['link after joint', 'mass in the URDF (kg)', 'mass found (kg)'],

@@ -26,12 +26,14 @@ from std_msgs.msg import Float64MultiArray, Int8MultiArray
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.recordings.activity import compensator_activity
+from friction_comp.recordings.cdr import decode
+from friction_comp.recordings.scan import values_of
 from friction_comp.ros.dated_topics import stamp_of
 from friction_comp.ros.executor import StreamExecutor
 from friction_comp.ros.joint_io import command_unit
 from friction_comp.ros.ros_start import own_node
 from friction_comp.samples import Samples
-from friction_comp.topics import TORQUE_UNIT
+from friction_comp.topics import TOPICS, TORQUE_UNIT
 
 _QOS = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 # Real s between batches of messages: the page is drawn five times a second.
@@ -156,19 +158,18 @@ class LiveFeed:
             if not self._fixed:
                 self.joints = []
         self._due, self._received = stamp + _STEP, time.monotonic()
-        message = deserialize_message(cdr, JointState)
+        measured = {joint: values[0] for _, names, fields in decode(TOPICS['joint_states'], [cdr])
+                    for joint, values in values_of('joint_states', names, fields)[1].items()}
         if not self._fixed:
             # Several drivers may each publish some of the joints.
-            self.joints = list(dict.fromkeys((*self.joints, *message.name)))
-        measured = [_by_joint(message.name, values)
-                    for values in (message.position, message.velocity, message.effort)]
+            self.joints = list(dict.fromkeys((*self.joints, *measured)))
         reference = self._message('reference')
         others = [self._loads(), self._commands(), self._directions(),
                   _by_joint(reference.name, reference.velocity) if reference else {}]
         with self._lock:
-            for joint in set(self.joints) & set(message.name):
-                self._rows[joint].append((1e-9 * (stamp - self._first), *(
-                    signal.get(joint, math.nan) for signal in (*measured, *others))))
+            for joint in set(self.joints) & set(measured):
+                self._rows[joint].append((1e-9 * (stamp - self._first), *measured[joint], *(
+                    signal.get(joint, math.nan) for signal in others)))
 
     def _loads(self) -> dict[str, float]:
         messages = {joint: self._message(f'load of {joint}') for joint in self.joints}

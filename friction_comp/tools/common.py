@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Arguments, progress, and output written whole or not at all: shared by all tools.
+"""Arguments and progress, shared by all tools.
 
 Tools import their computations only after parsing the arguments, so that ``--help`` and invalid
 arguments are answered at once.
@@ -13,28 +13,21 @@ from argparse import Namespace
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 import itertools
-import json
 import math
-import os
 from pathlib import Path
 import re
 import shlex
-import shutil
 import sys
-import tempfile
-from typing import Any, NoReturn, TYPE_CHECKING, TypeVar
+from typing import NoReturn, TYPE_CHECKING, TypeVar
 
 from friction_comp.checks import check_number, check_whole_number
 from friction_comp.errors import InputError
-from friction_comp.files import check_file, check_folder, encodable, plain
+from friction_comp.files import check_file, check_folder
 
 if TYPE_CHECKING:
-    from friction_comp.reports.html import Report
+    pass
 
 T = TypeVar('T')
-# Version of the JSON that the tools write: increased when an entry is removed or changes its
-# meaning.
-REPORT_VERSION = 1
 
 
 class Arguments(argparse.ArgumentParser):
@@ -169,60 +162,11 @@ def keep_inputs(output: Path, *inputs: Path) -> None:
 
 
 @contextmanager
-def output_folder(path: Path) -> Iterator[Path]:
-    """Yield a folder for results, which are moved to `path` when the block succeeds.
-
-    Until then they are in a hidden folder inside, which is removed if the block raises. Files with
-    the same names in `path` are replaced, others are kept.
-    """
-    if path.exists() and not path.is_dir():
-        raise InputError(f'{path}: exists and is not a folder')
-    made = [folder for folder in (path, *path.parents) if not folder.exists()]
-    unfinished = None
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-        unfinished = Path(tempfile.mkdtemp(prefix='.unfinished.', dir=path))
-        yield unfinished
-        _move_content(unfinished, path)
-        made = []
-    except OSError as error:
-        name = error.filename if error.filename and unfinished is None else path
-        raise InputError(f'{name}: cannot be written: {error.strerror or error}') from None
-    finally:
-        if unfinished is not None:
-            shutil.rmtree(unfinished, ignore_errors=True)
-        # Without success, folders that were made are removed as well, the innermost first.
-        for folder in made:
-            with suppress(OSError):
-                folder.rmdir()
-
-
-def _move_content(unfinished: Path, path: Path) -> None:
-    sources = sorted(unfinished.rglob('*'))
-    for source in sources:
-        target = path / source.relative_to(unfinished)
-        kind = 'folder' if source.is_dir() else 'file'
-        if target.exists() and not (target.is_dir() if kind == 'folder' else target.is_file()):
-            raise InputError(f'{target}: exists and is no ordinary {kind}')
-    for source in sources:
-        target = path / source.relative_to(unfinished)
-        if source.is_dir():
-            target.mkdir(exist_ok=True)
-        else:
-            os.replace(source, target)
-
-
-@contextmanager
 def progress(description: str) -> Iterator[Callable[..., None]]:
     """Show a progress bar on standard error while the block runs, if that is a terminal.
 
     Yields ``report(share, description=None)`` for the share 0..1 that is done, None if unchanged.
-    If the environment variable FRICTION_COMP_PROGRESS is ``lines``, each report prints a line
-    ``progress SHARE DESCRIPTION`` for another program.
     """
-    if os.environ.get('FRICTION_COMP_PROGRESS') == 'lines':
-        yield _progress_lines(description)
-        return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -238,30 +182,3 @@ def progress(description: str) -> Iterator[Callable[..., None]]:
             bar.update(task, completed=completed, description=description)
 
         yield report
-
-
-def _progress_lines(first: str) -> Callable[..., None]:
-    word, done = first, 0.0
-
-    def report(share: float | None, description: str | None = None) -> None:
-        nonlocal word, done
-        word = description or word
-        done = done if share is None else min(max(float(share), 0.0), 1.0)
-        print(f'progress {done:.4f} {word}', file=sys.stderr, flush=True)
-    return report
-
-
-def write_report(folder: Path, content: dict[str, Any], page: Report, command: str) -> None:
-    """Write report.json and report.html, whose footer names the command."""
-    (folder / 'report.json').write_text(to_json(content), encoding='utf-8')
-    page.made_by(command)
-    page.save(folder / 'report.html')
-
-
-def to_json(content: dict[str, Any]) -> str:
-    """Return a report as JSON text, its schema version first: see msg_docs/reports.md.
-
-    Numpy values become plain ones, NaN and infinity null.
-    """
-    values = {'version': REPORT_VERSION, **plain(content, not_finite=None)}
-    return encodable(json.dumps(values, indent=2, ensure_ascii=False, allow_nan=False)) + '\n'

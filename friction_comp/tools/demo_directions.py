@@ -21,10 +21,11 @@ from friction_comp.exercise.reference_movement import ReferenceMovement
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.package_files import package_file
 from friction_comp.reports.direction_scenes import follow_report, intention_report
+from friction_comp.results import write_report
 from friction_comp.simulation.cheap_sensors import CheapForce, CheapMuscles
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.mit_drive import MitDrive, PERIOD
-from friction_comp.tools.common import progress, write_report
+from friction_comp.tools.common import progress
 
 STEP = 1e-3
 # s: the filters settle, and the sensor is calibrated; Hz: of the torque whose peak is compared.

@@ -24,7 +24,7 @@ from friction_comp.tools.common import progress
 if TYPE_CHECKING:
     from concurrent.futures import Future
 
-    from friction_comp.refinement.refine import RefineResult
+    from friction_comp.refinement.result import RefineResult
     from friction_comp.samples import Samples
     from friction_comp.tools.demo_system import DemoSystem
 
@@ -111,8 +111,8 @@ def _load_refined(system: DemoSystem, refining: Future[RefineResult]) -> RefineR
     result = refining.result()
     path = system.output / 'models' / f'{JOINT}_refined.yaml'
     replace(result.model, joint=JOINT).save(path)
-    effects = ', '.join(f"{effect['name']} ({effect['variable']})"
-                        for effect in result.report['effects']) or 'nothing'
+    effects = ', '.join(f'{effect.name} ({effect.variable})'
+                        for effect in result.report.effects) or 'nothing'
     before, after = residuals(result)
     system.log(f'refined: {effects}; error {1e3 * before:.1f} → {1e3 * after:.1f} mA')
     system.log(f'loads {path.relative_to(system.output.parent)} into the running compensator')
@@ -124,7 +124,7 @@ def _conclude(system: DemoSystem, trials: list[EvaluatedTrial], result: RefineRe
               model_file: Path) -> None:
     """Write the report and print its table."""
     before, after = residuals(result)
-    effects = result.report['effects']
+    effects = result.report.effects
     table = Table(title='Torque needed to move the joint')
     for index, name in enumerate(('', 'peak (N·m)', 'RMS (N·m)', 'error (mA)')):
         table.add_column(name, justify='right' if index else 'left')
@@ -136,10 +136,10 @@ def _conclude(system: DemoSystem, trials: list[EvaluatedTrial], result: RefineRe
                      'rms_torque': trial.rms_torque, 'stuck': trial.stuck,
                      'evaluation': trial.evaluation.as_dict()} for trial in trials],
          'residual': {'before': before, 'after': after, 'unit': 'A',
-                      'noise_floor': result.report['noise_floor']},
-         'effects': effects},
+                      'noise_floor': result.report.noise_floor},
+         'effects': result.report.content()['effects']},
         table,
-        *(f"effect found: {effect['name']} ({effect['variable']})  {effect.get('in_words', '')}"
+        *(f'effect found: {effect.name} ({effect.variable})  {effect.in_words}'
           for effect in effects))
 
 

@@ -19,8 +19,9 @@ from typing import Any, TYPE_CHECKING
 from rich.console import Console
 
 from friction_comp.errors import InputError
+from friction_comp.results import write_report
 from friction_comp.ros.tool_client import ToolClient
-from friction_comp.tools.common import progress, write_report
+from friction_comp.tools.common import progress
 from friction_comp.tools.processes import (
     IN_LOCKSTEP,
     Nodes,

@@ -12,8 +12,9 @@ from pathlib import Path
 
 from friction_comp.files import encodable
 from friction_comp.parallel import run_each
-from friction_comp.tools.common import Arguments, output_folder, progress, to_json, write_report
-from friction_comp.tools.recorded_drive import layout_of
+from friction_comp.results import output_folder, to_json, write_report
+from friction_comp.tools.common import Arguments, progress
+from friction_comp.tools.refine_arguments import layout_of
 
 # Bytes to read above which processes save more time than their start takes: 40 MB are read and
 # evaluated in a second; a process takes some seconds of processor time to start and 150 MB of

@@ -18,14 +18,8 @@ from typing import Any, TYPE_CHECKING
 
 from friction_comp import __version__
 from friction_comp.errors import InputError
-from friction_comp.tools.common import (
-    Arguments,
-    output_folder,
-    positive,
-    progress,
-    whole_number,
-    write_report,
-)
+from friction_comp.results import output_folder, write_report
+from friction_comp.tools.common import Arguments, positive, progress, whole_number
 
 if TYPE_CHECKING:
     from friction_comp.excitation.joint_limits import JointLimits

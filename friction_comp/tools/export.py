@@ -21,7 +21,7 @@ from friction_comp import __version__
 from friction_comp.errors import errors_name, InputError
 from friction_comp.files import plain, read_yaml, to_yaml, write_atomically
 from friction_comp.tools.common import Arguments, keep_inputs, positive, progress
-from friction_comp.tools.recorded_drive import layout_of, OF_TABLE
+from friction_comp.tools.refine_arguments import layout_of, OF_TABLE
 
 if TYPE_CHECKING:
     import numpy as np

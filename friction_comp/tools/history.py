@@ -10,7 +10,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from friction_comp.errors import InputError
-from friction_comp.tools.common import Arguments, output_folder, write_report
+from friction_comp.results import output_folder, write_report
+from friction_comp.tools.common import Arguments
 
 
 def main(argv: list[str] | None = None) -> int:

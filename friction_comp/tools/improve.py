@@ -17,17 +17,12 @@ from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
 from friction_comp.errors import InputError
-from friction_comp.tools.common import (
-    Arguments,
-    output_folder,
-    positive,
-    progress,
-    whole_number,
-    write_report,
-)
+from friction_comp.recorded_drive.given import drive_of, Given
+from friction_comp.recorded_drive.refine_recordings import showing_friction
+from friction_comp.results import output_folder, write_report
+from friction_comp.tools.common import Arguments, positive, progress, whole_number
 from friction_comp.tools.excite import add_limits, limits_of
 from friction_comp.tools.processes import IN_LOCKSTEP, Nodes, only_user, plant_parameters
-from friction_comp.tools.recorded_drive import drive_of, showing_friction
 from friction_comp.tools.ros_domain import private_domain
 
 if TYPE_CHECKING:
@@ -85,7 +80,8 @@ def main(argv: list[str] | None = None) -> int:
     model = FrictionModel.load(arguments.model, limits.joint) if arguments.model else None
     if model:
         model.check_joint(limits.joint, arguments.model)
-    drive = simulated.drive if simulated and not model else drive_of(arguments, model)
+    drive = simulated.drive if simulated and not model else drive_of(
+        Given(torque_constant=arguments.torque_constant, gear_ratio=arguments.gear_ratio), model)
     from friction_comp.excitation.improve import improve, Schedule
     from friction_comp.recordings import read_recording_with_info
 

@@ -17,7 +17,7 @@ from typing import Any, TYPE_CHECKING
 from friction_comp.errors import errors_name, InputError
 from friction_comp.files import write_atomically
 from friction_comp.tools.common import Arguments, keep_inputs, progress
-from friction_comp.tools.recorded_drive import layout_of
+from friction_comp.tools.refine_arguments import layout_of
 
 if TYPE_CHECKING:
     import numpy as np

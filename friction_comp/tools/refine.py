@@ -11,18 +11,11 @@ from pathlib import Path
 
 from friction_comp.columns import signal_with_unit
 from friction_comp.errors import InputError
-from friction_comp.tools.common import (
-    Arguments,
-    output_folder,
-    positive,
-    progress,
-    to_json,
-    write_report,
-)
-from friction_comp.tools.recorded_drive import (
+from friction_comp.tools.common import Arguments, positive, progress
+from friction_comp.tools.refine_arguments import (
     check_tables,
+    given_of,
     print_summary,
-    refine_recordings,
 )
 from friction_comp.units import in_own_units
 
@@ -91,30 +84,18 @@ def main(argv: list[str] | None = None) -> int:
         from friction_comp.tools.refine_arm import refine_whole_arm
 
         return refine_whole_arm(arguments)
-    names = [str(path) for path in arguments.recordings]
-    with progress('reading') as show:
-        result, history = refine_recordings(
-            arguments, arguments.recordings, arguments.joint, show)
-        show(0.9, 'writing')
-        from friction_comp.reports.html import units_of_axis
-        from friction_comp.reports.refinement_report import refinement_report
+    from friction_comp.recorded_drive.refine_recordings import is_linear, refine_to_folder
 
-        linear = 'position_unit' in result.model.notes
-        with units_of_axis(linear):
-            page = refinement_report(result, names)
-        result.report = in_own_units(result.report, linear)
-        with output_folder(arguments.output) as folder:
-            write_report(folder, result.report, page, arguments.command)
-            result.model.save(folder / 'model.yaml')
-            if history is not None:
-                history.save(folder / 'model.yaml')
+    with progress('reading') as show:
+        result = refine_to_folder(given_of(arguments), arguments.recordings, arguments.output,
+                                  arguments.command, show)
     if arguments.json:
-        print(to_json(result.report), end='')
+        print((arguments.output / 'report.json').read_text(encoding='utf-8'), end='')
         return 0
     text = io.StringIO()
     with redirect_stdout(text):
         print_summary(result.report)
-    print(in_own_units(text.getvalue(), linear), end='')
+    print(in_own_units(text.getvalue(), is_linear(result)), end='')
     print(arguments.output / 'report.html')
     return 0
 

@@ -9,15 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from friction_comp.errors import InputError
-from friction_comp.tools.common import output_folder, progress, write_report
-from friction_comp.tools.recorded_drive import (
-    drive_of,
-    folder_names,
-    layout_of,
-    print_summary,
-    showing_friction,
-    with_current_limit,
-)
+from friction_comp.recorded_drive.given import drive_of, with_current_limit
+from friction_comp.recorded_drive.refine_recordings import notes_on, showing_friction
+from friction_comp.results import output_folder, write_report
+from friction_comp.tools.common import progress
+from friction_comp.tools.refine_arguments import folder_names, given_of, print_summary
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
@@ -36,13 +32,13 @@ def refine_whole_arm(arguments: Namespace) -> int:
     if arguments.figures not in (None, 'A', 'N·m', 'Nm'):
         raise InputError(f'--unit: with --urdf effort is in A or N·m, not in {arguments.figures}')
     given = arguments.torque_constant is not None or arguments.gear_ratio is not None
-    models = _start_models(arguments)
+    models, known = _start_models(arguments), given_of(arguments)
     names = [str(path) for path in arguments.recordings]
     with progress('reading') as report:
         recordings = read_arm(
             arguments.recordings,
-            lambda name: drive_of(arguments, models.get(name)).torque_per_current,
-            lambda share: report(0.1 * share), layout_of(arguments))
+            lambda name: drive_of(known, models.get(name)).torque_per_current,
+            lambda share: report(0.1 * share), known.layout)
         if '' in recordings:
             raise InputError(f'{names[0]}: names no joint: give its name in the URDF with --joint')
         unknown = [name for name in models if name not in recordings]
@@ -51,12 +47,13 @@ def refine_whole_arm(arguments: Namespace) -> int:
                              f'{", ".join(map(repr, recordings))}')
         recorded = {name: [samples for samples, _ in parts]
                     for name, parts in showing_friction(recordings).items()}
+        from friction_comp.refinement import Origin
         from friction_comp.refinement.whole_arm import refine_arm
 
         drives, limits = {}, {}
         for name, parts in recorded.items():
             drives[name], limits[name] = with_current_limit(
-                arguments, drive_of(arguments, models.get(name)), parts)
+                known, drive_of(known, models.get(name)), parts)
         try:
             result = refine_arm(
                 recorded, arguments.urdf, drives, models, recorded if given else models,
@@ -64,18 +61,15 @@ def refine_whole_arm(arguments: Namespace) -> int:
                 lambda share, word: report(0.1 + 0.8 * share, word), not (
                     given or models or arguments.figures == 'A' or any(
                         info.effort_is_current for parts in recordings.values()
-                        for _, info in parts)))
+                        for _, info in parts)), {
+                    name: Origin(warnings=notes_on(recordings[name]), notes={
+                        'refined_from': names, 'urdf': str(arguments.urdf), **limits[name]})
+                    for name in recorded})
         except InputError as error:
             # Name the recording, unless a file is named already.
             named = str(error).startswith((str(arguments.urdf), names[0]))
             raise InputError(f'{"" if named else f"{names[0]}: "}{error}') from None
         report(0.9, 'writing')
-        for name, one in result.results.items():
-            one.report['warnings'].extend(
-                f'{info.path}: {note}' for _, info in recordings[name] for note in info.notes)
-            one.model.notes = {**one.model.notes, 'refined_from': names,
-                               'urdf': str(arguments.urdf), 'unit': one.report['unit'],
-                               **limits[name]}
         with output_folder(arguments.output) as folder:
             _write(folder, result, names, arguments)
     if arguments.json:
@@ -119,13 +113,13 @@ def _write(folder: Path, result: ArmResult, names: list[str], arguments: Namespa
                for name, own in zip(result.results, folder_names(result.results))}
     for name, one in result.results.items():
         folders[name].mkdir(exist_ok=True)
-        own = {**one.report, 'arm': arm} if joint else one.report
+        own = {**one.report.content(), 'arm': arm} if joint else one.report.content()
         write_report(folders[name], own, refinement_report(one, names), command)
         one.model.save(folders[name] / 'model.yaml')
     if joint:
         return
-    whole = {'unit': next(iter(result.results.values())).report['unit'], 'arm': arm,
-             'joints': {name: one.report for name, one in result.results.items()}}
+    whole = {'unit': next(iter(result.results.values())).report.unit, 'arm': arm,
+             'joints': {name: one.report.content() for name, one in result.results.items()}}
     write_report(folder, whole, arm_report(
         result, names, {name: own.name for name, own in folders.items()}), command)
     write_yaml(folder / 'model.yaml', arm_document(

@@ -8,7 +8,7 @@ from argparse import Namespace
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 import json
 import os
@@ -19,9 +19,11 @@ from typing import Any, TYPE_CHECKING
 from friction_comp.errors import InputError
 from friction_comp.files import encodable, plain, to_yaml
 from friction_comp.parallel import attempt, Failure, interrupts_deferred, run_each, Runner
-from friction_comp.tools.common import output_folder, progress, to_json, write_report
+from friction_comp.recorded_drive.refine_recordings import refine_recordings
+from friction_comp.results import output_folder, to_json, write_report
+from friction_comp.tools.common import progress
 from friction_comp.tools.earlier_run import DONE, earlier_result, fingerprint
-from friction_comp.tools.recorded_drive import folder_names, layout_of, refine_recordings
+from friction_comp.tools.refine_arguments import folder_names, given_of, layout_of
 
 if TYPE_CHECKING:
     from friction_comp.evaluation.sessions import Piece
@@ -158,8 +160,8 @@ def _refine_one(arguments: Namespace, with_page: bool, piece: Piece
                 ) -> tuple[dict[str, Any], dict[str, Any], dict[str, str]]:
     """Refine a joint of a recording; return its row of the page on all, its model and its files."""
     begin = time.monotonic()
-    result, _ = refine_recordings(arguments, [piece.path], piece.joint)
-    report, model = result.report, result.model.to_dict()
+    result, _ = refine_recordings(replace(given_of(arguments), joint=piece.joint), [piece.path])
+    report, model = result.report.content(), result.model.to_dict()
     files = {'report.json': to_json(report), 'model.yaml': to_yaml(model)}
     if with_page:
         from friction_comp.reports.refinement_report import refinement_report

@@ -5,15 +5,13 @@
 from __future__ import annotations
 
 from argparse import Namespace
+from dataclasses import replace
 
 from friction_comp.errors import errors_name, InputError
-from friction_comp.tools.common import output_folder, to_json, write_report
-from friction_comp.tools.recorded_drive import (
-    layout_of,
-    showing_friction,
-    unit_of,
-    with_current_limit,
-)
+from friction_comp.recorded_drive.given import drive_of, unit_of, with_current_limit
+from friction_comp.recorded_drive.refine_recordings import showing_friction
+from friction_comp.results import output_folder, to_json, write_report
+from friction_comp.tools.refine_arguments import given_of
 
 
 def refine_new_unit(arguments: Namespace) -> int:
@@ -22,7 +20,6 @@ def refine_new_unit(arguments: Namespace) -> int:
     from friction_comp.fleet.population import read_fleet
     from friction_comp.recordings.condense import read_condensed
     from friction_comp.reports.fleet_report import new_unit_report, new_unit_verdict
-    from friction_comp.tools.recorded_drive import drive_of
 
     found = read_fleet(arguments.fleet, arguments.joint)
     if len(found) > 1:
@@ -30,25 +27,27 @@ def refine_new_unit(arguments: Namespace) -> int:
                          f'{", ".join(one.joint for one in found)}: choose one with --joint')
     population = found[0]
     like = population.model
-    drive = drive_of(arguments, like)
+    given = given_of(arguments)
+    drive = drive_of(given, like)
     recordings = read_condensed(
         arguments.recordings, arguments.joint, drive.torque_constant, drive.gear_ratio,
-        layout=layout_of(arguments))
+        layout=given.layout)
     like.check_joint(recordings[0][1].joint, arguments.fleet)
     constants = arguments.torque_constant or arguments.gear_ratio
     # The effort of the fleet's recordings is in the unit of its file unless constants were given.
-    unit = unit_of(arguments, None, [info for _, info in recordings]) if (
+    unit = unit_of(given, None, [info for _, info in recordings]) if (
         drive.torque_per_current == 1.0 and not constants) else 'A'
     if unit != population.unit:
         raise InputError(f'{arguments.fleet}: is in {population.unit}, the recording in {unit}')
     usable, = showing_friction({arguments.joint or '': recordings}).values()
     recorded = [samples for samples, _ in usable]
-    drive, limit = with_current_limit(arguments, drive, recorded)
+    drive, limit = with_current_limit(given, drive, recorded)
     declared = bool(constants) or unit == 'N·m' or drive.torque_per_current != 1.0
     with errors_name(arguments.recordings[0]):
         new = fit_new_unit(recorded, population, drive, declared)
-    new.model.notes = {'fleet': str(arguments.fleet), 'unit': unit, **limit,
-                       'refined_from': [str(path) for path in arguments.recordings]}
+    model = replace(new.model, notes={
+        'fleet': str(arguments.fleet), 'unit': unit, **limit,
+        'refined_from': [str(path) for path in arguments.recordings]})
     content = {
         'joint': population.joint, 'unit': unit, 'units': len(population.units), 'out': new.out,
         'coefficients': [
@@ -61,7 +60,7 @@ def refine_new_unit(arguments: Namespace) -> int:
                           'with_population': new.error}}
     with output_folder(arguments.output) as folder:
         write_report(folder, content, new_unit_report(new, population), arguments.command)
-        new.model.save(folder / 'model.yaml')
+        model.save(folder / 'model.yaml')
     if arguments.json:
         print(to_json(content), end='')
     else:

@@ -10,8 +10,9 @@ from typing import Any, TYPE_CHECKING
 
 from friction_comp.columns import Column
 from friction_comp.errors import errors_name, InputError
-from friction_comp.tools.common import output_folder, to_json, write_report
-from friction_comp.tools.recorded_drive import drive_of, figures_unit
+from friction_comp.recorded_drive.given import drive_of, figures_unit
+from friction_comp.results import output_folder, to_json, write_report
+from friction_comp.tools.refine_arguments import given_of
 from friction_comp.units import in_own_units
 
 if TYPE_CHECKING:
@@ -41,21 +42,24 @@ def refine_table(arguments: Namespace, columns: tuple[Column, Column]) -> int:
         raise InputError(f'{path}: has no row below its header')
     speeds, torques = (column.factor * np.concatenate([block[column.name] for block in blocks])
                        for column in columns)
-    drive = drive_of(arguments, None)
+    told = given_of(arguments)
+    drive = drive_of(told, None)
     in_ampere = effort.dimension == 'current'
-    unit = figures_unit(arguments, in_ampere, velocity.dimension == 'length/time')
+    unit = figures_unit(told, in_ampere, velocity.dimension == 'length/time')
     with errors_name(path):
         fit = fit_steady_states(
             speeds, torques / (1.0 if in_ampere else drive.torque_per_current), drive)
     limit = arguments.current_limit or float(f'{np.max(np.abs(fit.currents)):.4g}')
-    fit.model.drive = replace(drive, current_limit=limit)
-    fit.model.joint = arguments.joint or velocity.joint or effort.joint
     linear = velocity.dimension == 'length/time'
-    fit.model.notes = {'refined_from': [str(path)], 'unit': unit,
-                       **({'position_unit': 'm'} if linear else {}),
-                       **({} if arguments.current_limit else {
-                           'current_limit': 'the largest current of the table, since no other '
-                                            'limit was given'})}
+    model = replace(
+        fit.model, drive=replace(drive, current_limit=limit),
+        joint=arguments.joint or velocity.joint or effort.joint,
+        notes={'refined_from': [str(path)], 'unit': unit,
+               **({'position_unit': 'm'} if linear else {}),
+               **({} if arguments.current_limit else {
+                   'current_limit': 'the largest current of the table, since no other limit was '
+                                    'given'})})
+    fit = replace(fit, model=model)
     report = in_own_units(_report(fit, unit), linear)
     with units_of_axis(linear):
         page = steady_state_report(report, fit.model, fit.speeds, fit.currents, [str(path)])

@@ -100,7 +100,7 @@ class _Reading:
 
 
 def _reading(arguments: Namespace) -> _Reading:
-    from friction_comp.tools.recorded_drive import layout_of
+    from friction_comp.tools.refine_arguments import layout_of
 
     return _Reading(layout_of(arguments), bool(
         arguments.model or arguments.torque_constant or arguments.gear_ratio))
@@ -108,8 +108,8 @@ def _reading(arguments: Namespace) -> _Reading:
 
 def _sums_of_one(reading: _Reading, item: _Summed) -> BlockSums:
     """Return the sums of a joint of a recording."""
+    from friction_comp.recorded_drive.refine_recordings import showing_friction
     from friction_comp.recordings.condense import read_condensed
-    from friction_comp.tools.recorded_drive import showing_friction
 
     drive = item.model.drive
     recordings = read_condensed([item.piece.path], item.piece.joint, drive.torque_constant,

@@ -13,7 +13,7 @@ from pathlib import Path
 from friction_comp.errors import errors_name, InputError
 from friction_comp.files import to_yaml, write_atomically
 from friction_comp.tools.common import Arguments, keep_inputs, progress
-from friction_comp.tools.recorded_drive import layout_of
+from friction_comp.tools.refine_arguments import layout_of
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -1,0 +1,114 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What is told of a recorded drive, and what follows from it: the drive, its limit and its unit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, TYPE_CHECKING
+
+from friction_comp import units
+from friction_comp.columns import Layout
+from friction_comp.drive import Drive
+from friction_comp.errors import InputError
+
+if TYPE_CHECKING:
+    from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.recordings import RecordingInfo
+    from friction_comp.samples import Samples
+
+# Length of the running median that tells a lasting current from a wrong sample, s.
+_LASTING = 0.05
+
+
+@dataclass(frozen=True)
+class Given:
+    """What is told of the recordings of a joint; all of it is optional."""
+
+    joint: str | None = None
+    model: Path | None = None  # to start from
+    torque_constant: float | None = None
+    gear_ratio: float | None = None
+    current_limit: float | None = None
+    figures: str | None = None  # unit of the figures in the report
+    layout: Layout = field(default_factory=Layout)  # of a table
+    of_table: dict[str, Any] = field(default_factory=dict)  # its arguments, for the model file
+    history: bool = False  # whether to fit the averages of earlier recordings as well
+
+
+def drive_of(given: Given, model: FrictionModel | None) -> Drive:
+    """Return the drive: that of the model with the constants given, else that of the constants.
+
+    Without any, current is what the recordings contain as effort.
+    """
+    constants: dict[str, Any] = {name: value for name, value in (
+        ('torque_constant', given.torque_constant), ('gear_ratio', given.gear_ratio))
+        if value is not None}
+    if model is not None:
+        return replace(model.drive, **constants)
+    if len(constants) == 1:
+        raise InputError('--torque-constant and --gear-ratio belong together: give 1 for the one '
+                         'that effort already contains')
+    return Drive(**{'torque_constant': 1.0, 'gear_ratio': 1.0, **constants})
+
+
+def with_current_limit(given: Given, drive: Drive, recorded: list[Samples]
+                       ) -> tuple[Drive, dict[str, str]]:
+    """Return the drive with its current limit, and a note on the origin of the limit.
+
+    If no limit is given, it is the largest current that lasted, which the drive has certainly
+    withstood: single wrong samples say nothing about it.
+    """
+    if given.current_limit:
+        return replace(drive, current_limit=given.current_limit), {}
+    largest = max(map(_largest_lasting_current, recorded), default=0.0)
+    if given.model or not largest > 0.0:
+        return drive, {}
+    return (replace(drive, current_limit=float(f'{largest:.4g}')),
+            {'current_limit': 'the largest current that lasted in the recordings, since no other '
+                              'limit was given'})
+
+
+def _largest_lasting_current(samples: Samples) -> float:
+    """Return the largest magnitude of the running median, A; 0 where no current is finite."""
+    import numpy as np
+    from scipy.ndimage import median_filter
+
+    size = np.abs(samples.current[np.isfinite(samples.current)])
+    if not size.size:
+        return 0.0
+    half = max(round(0.5 * _LASTING / max(samples.sample_time, 1e-6)), 1)
+    return float(median_filter(size, 2 * half + 1).max())
+
+
+def unit_of(given: Given, model: FrictionModel | None,
+            infos: Sequence[RecordingInfo] = ()) -> str:
+    """Return the unit of the fitted signal: A if the drive is known, else that of the effort.
+
+    If effort is a servo's voltage, ``--unit`` must name its unit, which is then
+    `given.figures`.
+    """
+    if model is not None and not (given.figures or given.torque_constant
+                                  or given.gear_ratio):
+        return str(model.notes.get('unit', 'A'))
+    if not given.figures and any(info.effort_is_raw for info in infos):
+        return 'counts'
+    return figures_unit(given, any(info.effort_is_current for info in infos),
+                        any(info.linear for info in infos))
+
+
+def figures_unit(given: Given, in_ampere: bool, linear: bool) -> str:
+    """Return the unit of the figures without a model.
+
+    `in_ampere` is whether efforts are currents, `linear` whether positions are lengths.
+    """
+    if given.figures:
+        return str(given.figures)
+    if given.torque_constant is not None or given.gear_ratio is not None or in_ampere:
+        return 'A'
+    text = given.layout.units.get('effort', 'N' if linear else 'N·m')
+    unit = units.unit_of('effort', text)
+    # Of a unit that is no torque, such as 0.1 %, only the factor before it was applied.
+    return text if unit is None else {'torque': 'N·m', 'force': 'N', 'current': 'A'}[unit.dimension]

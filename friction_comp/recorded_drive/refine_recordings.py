@@ -1,0 +1,148 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Refines a model on recordings of one joint, and writes what was found to a folder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import compress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from friction_comp.errors import errors_name, InputError
+from friction_comp.recorded_drive.given import drive_of, Given, unit_of, with_current_limit
+from friction_comp.results import output_folder, write_report
+from friction_comp.units import in_own_units
+
+if TYPE_CHECKING:
+    from friction_comp.recordings import RecordingInfo
+    from friction_comp.recordings.history import History
+    from friction_comp.refinement import RefineResult
+    from friction_comp.samples import Samples
+
+
+def refine_to_folder(given: Given, paths: Sequence[Path], output: Path, command: str,
+                     show: Callable[..., None]) -> RefineResult:
+    """Refine a model; write report.json, report.html with the command, and model.yaml."""
+    result, history = refine_recordings(given, paths, show)
+    show(0.9, 'writing')
+    from friction_comp.reports.html import units_of_axis
+    from friction_comp.reports.refinement_report import refinement_report
+
+    linear = is_linear(result)
+    with units_of_axis(linear):
+        page = refinement_report(result, list(map(str, paths)))
+    with output_folder(output) as folder:
+        write_report(folder, in_own_units(result.report.content(), linear), page, command)
+        result.model.save(folder / 'model.yaml')
+        if history is not None:
+            history.save(folder / 'model.yaml')
+    return result
+
+
+def is_linear(result: RefineResult) -> bool:
+    """Return whether the axis is linear: positions are in m and forces in N."""
+    return 'position_unit' in result.model.notes
+
+
+def refine_recordings(given: Given, paths: Sequence[Path],
+                      show: Callable[..., None] = lambda *_: None
+                      ) -> tuple[RefineResult, History | None]:
+    """Refine a model on recordings of one joint together.
+
+    `show` is called with the share 0..1 that is done and a description. With a history, the
+    model's history with the new recordings is returned as well, else None.
+    """
+    from friction_comp.recordings.condense import read_condensed
+    from friction_comp.recordings.history import History
+
+    joint, model = given.joint, None
+    if given.model:
+        from friction_comp.model.friction_model import FrictionModel
+
+        model = FrictionModel.load(given.model, joint)
+    drive = drive_of(given, model)
+    history = (History.beside(given.model, drive, model.joint)
+               if model and given.model and given.history else None)
+    recordings = read_condensed(
+        paths, joint, drive.torque_constant, drive.gear_ratio,
+        progress=lambda share: show(0.2 * share, 'reading'), layout=given.layout)
+    if model and given.model:
+        model.check_joint(recordings[0][1].joint, given.model)
+    unit = unit_of(given, model, [info for _, info in recordings])
+    usable, = showing_friction({joint or '': recordings}).values()
+    recorded = [samples for samples, _ in usable]
+    if idle := model is None and _idle(given, recorded):
+        unit = 'N·m'
+    drive, limit = with_current_limit(given, drive, recorded)
+    if history is not None:
+        for samples, info in usable:
+            history.add(samples, info)
+        recorded = history.samples()
+        _check_loads((one.name, one.samples) for one in history.recordings)
+    # Only now: importing the search takes longer than reading most recordings, and an unusable one
+    # is refused at once.
+    from friction_comp.refinement import Origin, refine
+
+    # Without its constants, a drive does not tell how much current a recorded load takes.
+    known = (model or given.torque_constant or given.gear_ratio
+             or unit in ('N·m', 'N') or idle)
+    origin = Origin(unit, bool(known), notes_on(recordings, idle), {
+        'refined_from': [str(path) for path in paths], **given.of_table, **limit,
+        **({'position_unit': 'm'} if any(info.linear for _, info in recordings) else {})})
+    with errors_name(f'{paths[0]}: {joint}' if joint else paths[0]):
+        result = refine(
+            recorded, model, drive, origin=origin,
+            progress=lambda share, name: show(0.2 + 0.7 * share, f'trying {name}'))
+    return result, history
+
+
+def notes_on(recordings: Iterable[tuple[Samples, RecordingInfo]], idle: bool = False) -> list[str]:
+    """Return the notes on recordings as warnings of a report; `idle` is that of the motor."""
+    return [f'{info.path}: {note}' for _, info in recordings for note in info.notes] + [
+        'the motor was idle: friction is what the load (torque sensor) overcame, in N·m'] * idle
+
+
+def _idle(given: Given, recorded: Sequence[Samples]) -> bool:
+    """Return whether the motor had no current and a load moved the joint.
+
+    The fit is then made in the load's unit, N·m, unless torque constant and gear ratio are given.
+    """
+    return (not given.torque_constant and not given.figures and all(
+        samples.load is not None and not samples.current.any() for samples in recorded))
+
+
+def showing_friction(recorded: Mapping[str, list[tuple[Samples, RecordingInfo]]]
+                     ) -> dict[str, list[tuple[Samples, RecordingInfo]]]:
+    """Return what of the joints' recordings shows friction; raises InputError if nothing does.
+
+    Unless the load of all joints was recorded in all recordings, it is what no compensation law
+    drove. Joints of an arm keep the same recordings, since they are fitted together.
+    """
+    from friction_comp.recordings.joint_samples import without_compensation
+
+    for parts in recorded.values():
+        _check_loads((info.path, samples) for samples, info in parts)
+    if all(samples.load is not None for parts in recorded.values() for samples, _ in parts):
+        return dict(recorded)
+    rest = {joint: [(without_compensation(samples, info), info) for samples, info in parts]
+            for joint, parts in recorded.items()}
+    kept = [all(len(samples) for samples, _ in parts) for parts in zip(*rest.values())]
+    if not any(kept):
+        path = next(iter(recorded.values()))[0][1].path
+        raise InputError(
+            f'{path}: a compensation law drove the motor, so the current shows its model and not '
+            'the friction. Record the load (topic interaction_wrench), or move the joint by its '
+            'motor without the compensator')
+    return {joint: list(compress(parts, kept)) for joint, parts in rest.items()}
+
+
+def _check_loads(recorded: Iterable[tuple[object, Samples]]) -> None:
+    """Raise InputError if the load was measured in some recordings (name, samples) only.
+
+    Fitted together they have no load, and what the person did would count as friction.
+    """
+    names = {samples.load is not None: name for name, samples in recorded}
+    if len(names) > 1:
+        raise InputError(f'{names[True]}: has a load (interaction_wrench), and {names[False]} has '
+                         'none: refine them separately')

@@ -1,0 +1,124 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the tools that read recordings share: arguments on tables and drives, and the summary."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from collections.abc import Iterable
+import re
+from typing import TYPE_CHECKING
+
+from friction_comp.checks import check_number
+from friction_comp.column_values import read_pairs
+from friction_comp.columns import Column, Layout, without_time
+from friction_comp.errors import InputError
+from friction_comp.recorded_drive.given import Given
+
+if TYPE_CHECKING:
+    from friction_comp.refinement import RefinementReport
+
+OF_TABLE = ('columns', 'unit', 'rate', 'stiffness', 'damping')
+"""Arguments that tell how the columns of a table are read."""
+
+
+def given_of(arguments: Namespace) -> Given:
+    """Return what the arguments tell of a drive and its recordings."""
+    return Given(
+        arguments.joint, arguments.model, arguments.torque_constant, arguments.gear_ratio,
+        arguments.current_limit, arguments.figures, layout_of(arguments),
+        {f'{name}_of_table': value for name in OF_TABLE if (value := getattr(arguments, name))},
+        arguments.history)
+
+
+def layout_of(arguments: Namespace) -> Layout:
+    """Return the layout of a table according to the arguments that describe it."""
+    columns = read_pairs(arguments.columns, '--columns') if arguments.columns else {}
+    units = read_pairs(arguments.unit, '--unit', 'SIGNAL=UNIT, for instance time=ms,position=deg'
+                       ) if arguments.unit else {}
+    if arguments.damping and not arguments.stiffness:
+        raise InputError('--damping goes with --stiffness, the other gain of the controller')
+    try:
+        return Layout(columns, units, arguments.rate, _gains(arguments.stiffness),
+                      _gains(arguments.damping), arguments.joint or '')
+    except InputError as error:
+        raise InputError(f'--columns or --unit: {error}') from None
+
+
+def _gains(text: str | None) -> tuple[float | str, ...]:
+    """Return the gains of an argument, each a number or the name of a column."""
+    def read(one: str) -> float | str:
+        try:
+            return check_number(float(one), 'a gain', least=0.0)
+        except ValueError:
+            return one
+    return tuple(read(one.strip()) for one in text.split(',')) if text else ()
+
+
+def check_tables(arguments: Namespace) -> tuple[Column, Column] | None:
+    """Raise InputError for tables that cannot be used, before anything slow is imported.
+
+    Returns the columns of velocity and effort if the only recording is a table of steady states.
+    """
+    from friction_comp.recordings.sources import find_recordings, open_scanner
+    from friction_comp.recordings.storage import unreadable_on_error
+    from friction_comp.recordings.table_files import is_table, open_table
+
+    layout = layout_of(arguments)
+    recordings = find_recordings(arguments.recordings)
+    if len(recordings) == 1 and is_table(recordings[0]):
+        with unreadable_on_error(recordings[0]):
+            means = without_time(open_table(recordings[0]).names, layout, str(recordings[0]))
+        if means:
+            return means
+    for index, path in enumerate(recordings):
+        if is_table(path):
+            open_scanner(path, layout=layout.of_recording(index, len(recordings)))
+    return None
+
+
+def folder_names(names: Iterable[str]) -> list[str]:
+    """Return a different name of a folder for each name of a joint or recording."""
+    folders: list[str] = []
+    for name in names:
+        folder = re.sub(r'[^\w.-]', '_', name).lstrip('.') or '_'
+        while folder in folders:
+            folder += '_'
+        folders.append(folder)
+    return folders
+
+
+def print_summary(report: RefinementReport) -> None:
+    """Print the report of a refinement in a few lines."""
+    from friction_comp.reports.friction_words import number_lines
+    from friction_comp.reports.html import number, quantity
+
+    unit, before, after = report.unit, report.before, report.after
+    print('friction in sliding, with 95 % intervals:')
+    for line in number_lines(report.friction):
+        print(f'  {line}')
+    print(report.friction.formula)
+    print(f'verdict: {report.verdict}')
+    for line in report.reasons:
+        print(f'  {line}')
+    for line in report.record_again:
+        print(f'  record: {line}')
+    print(f'before: {quantity(before.held_out_rmse, unit)} RMS on data not fitted '
+          f'({before.model})')
+    for effect in report.effects:
+        print(f'  + {effect.name} ({effect.variable}): {quantity(effect.held_out_rmse, unit)}   '
+              f'{effect.in_words} (chosen in {100 * effect.chosen:.0f} % of the searches)')
+    if not report.effects:
+        print('  no effect beyond the model shows in the recordings')
+    print(f'after:  {quantity(after.held_out_rmse, unit)} RMS on data not fitted; noise floor '
+          f'{quantity(report.noise_floor, unit)}')
+    print(f'        {quantity(after.worst_part_rmse, unit)} in the worst part; to expect '
+          f'elsewhere: {quantity(after.elsewhere_motion_rmse, unit)} in motion, '
+          f'{quantity(after.elsewhere_rmse, unit)} with standstill, where friction is whatever '
+          'holds the joint')
+    for entry in report.unexplained:
+        print(f'unexplained: {entry.variable} ({number(entry.strength)} of the remaining variance)')
+    for question in report.ambiguous:
+        print(f"ambiguous: {' or '.join(question.between)}: {question.why}")
+    for line in report.warnings:
+        print(f'note: {line}')
