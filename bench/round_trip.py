@@ -8,9 +8,9 @@ A driver publishes joint states at 1 kHz and takes the time until the current th
 the compensator and a bare node, which sends back the positions that it gets, take turns. The table
 has the ratios of median, 99th percentile, and processor time, each the median over the pairs, and
 the ratio of the times from a process's start to its first answer, and of the processor time that
-it took, which depends less on what else the machine does. The longest pause is the longest
-time between two answers in the SETTLING seconds after the first, while the compensator loads or
-compiles what it has begun with in plain Python.
+it took, which depends less on what else the machine does. The longest pause is the longest time
+between two answers in the SETTLING seconds after the first, in which whatever is done or loaded
+for the first time would show.
 """
 
 import argparse

@@ -27,13 +27,14 @@ class Faults:
     """Present faults of a node, and latched ones that remain until they are reset.
 
     May be used from several threads. A fault ends when it has not been reported for some time, so
-    that an intermittent fault counts as one.
+    that an intermittent fault counts as one. `latched` tells whether any fault is.
     """
 
     def __init__(self, logger: Any, clock: Callable[[], float] = time.monotonic) -> None:
         self._logger, self._clock = logger, clock
         self._faults: dict[str, _Fault] = {}
         self._latched: dict[str, str] = {}
+        self.latched = False
         self._lock = threading.RLock()
         self.count = 0
 
@@ -55,13 +56,14 @@ class Faults:
             if cause in self._latched:
                 return
             self._latched[cause] = text
+            self.latched = True
             self.count += 1
         self._log(ERROR, f'{text}; stays until ~/reset_faults is called')
 
     def reset(self) -> list[str]:
         """Clear latched faults and return their texts."""
         with self._lock:
-            texts, self._latched = list(self._latched.values()), {}
+            texts, self._latched, self.latched = list(self._latched.values()), {}, False
         for text in texts:
             self._logger.info(f'reset: {text}')
         return texts
@@ -82,11 +84,7 @@ class Faults:
         with self._lock:
             self._faults.clear()
             self._latched.clear()
-
-    @property
-    def latched(self) -> bool:
-        """Whether a fault is latched."""
-        return bool(self._latched)
+            self.latched = False
 
     @property
     def worst(self) -> tuple[bytes, str] | None:
