@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from test_prepare import swings
 
-from friction_comp.model.differentiation import differentiate
+from friction_comp.errors import InputError
+from friction_comp.model.differentiation import differentiate, prepared_signal, settings_of
 from friction_comp.samples import Samples
 
 SETTINGS = {'source': 'position', 'bandwidth': 20.0}
@@ -56,3 +57,40 @@ def test_samples_that_arrive_together_are_no_burst_of_acceleration():
     assert np.abs(late.acceleration).max() < 5.0 * np.abs(samples.acceleration).max()
     even = differentiate(samples, settings)
     assert even.acceleration[5:-5] == pytest.approx(samples.acceleration[5:-5], abs=0.02)
+
+
+def slow_signal(time):
+    return np.sin(2.0 * time) + 0.5 * np.cos(5.0 * time)
+
+
+@pytest.mark.parametrize('rest', [False, True])
+def test_a_value_that_is_held_is_interpolated_and_a_signal_at_rest_stays(rest):
+    time = np.arange(2000) * 1e-3
+    truth = np.where(rest & (time > 0.7) & (time < 1.3), slow_signal(0.7), slow_signal(time))
+    held = truth[np.arange(len(time)) // 20 * 20]
+    samples = Samples(time=time, position=time, current=0 * time, load=held)
+    found = prepared_signal(samples, held)
+    smooth = slice(0, 1980) if not rest else slice(0, 1250)
+    assert np.abs(found - truth)[smooth].max() < 0.1 * np.abs(held - truth)[smooth].max() + (
+        0.02 * rest)
+
+
+def test_a_measured_signal_is_freed_of_noise_and_lag_and_keeps_what_is_missing():
+    time = np.arange(4000) * 1e-3
+    late = slow_signal(time - 0.03) + np.random.default_rng(1).standard_normal(len(time))
+    late[1000:1010] = np.nan
+    samples = Samples(time=time, position=time, current=0 * time, load=late)
+    found = differentiate(samples, {**SETTINGS, 'signals': {'load': {
+        'bandwidth': 5.0, 'lag': 0.03}}}).load
+    assert np.isnan(found[1000:1010]).all()
+    assert np.isfinite(found).sum() == 3990
+    error = (found - slow_signal(time))[200:-200]
+    assert np.sqrt(np.nanmean(error ** 2)) < 0.15
+
+
+@pytest.mark.parametrize(('signals', 'words'), [
+    ({'torque': {}}, 'signals'), ({'load': {'bandwidth': -1.0}}, 'signals.load.bandwidth'),
+    ({'load': {'lag': 'long'}}, 'signals.load.lag'), ({'load': {'width': 1.0}}, 'signals.load')])
+def test_wrong_settings_of_a_signal_are_named(signals, words):
+    with pytest.raises(InputError, match=words):
+        settings_of({'signals': signals}, 'differentiation')

@@ -20,19 +20,27 @@ DEFAULT_SETTINGS = {'method': METHOD, 'source': 'position', 'bandwidth': 40.0}
 _ORDER = 2
 # Time steps that differ by a smaller share than this are uniform.
 _UNIFORM = 1e-3
+# Measured signals that a model may depend on, beside those of motion.
+MEASURED = ('load', 'temperature')
+# A run of equal values that is longer than this multiple of the usual one holds no new values.
+_HELD = 1.5
 _MOTION = ('position', 'velocity', 'acceleration', 'load', 'temperature', 'rigid_body', 'coupling')
 
 
 def settings_of(section: Any, name: str) -> dict[str, Any]:
     """Return the differentiation settings of a section of a model file, called `name` in errors."""
-    check_mapping(section, name, ('method', 'source', 'bandwidth', 'lag'))
+    check_mapping(section, name, ('method', 'source', 'bandwidth', 'lag', 'signals'))
     method = section.get('method', METHOD)
     if method != METHOD:
         raise InputError(f'{name}.method must be {METHOD!r}, not {method!r}')
-    if section.get('bandwidth') is not None:
-        check_number(section['bandwidth'], f'{name}.bandwidth', above=0.0)
-    if section.get('lag') is not None:
-        check_number(section['lag'], f'{name}.lag')
+    signals = check_mapping(section.get('signals') or {}, f'{name}.signals', MEASURED)
+    parts = {name: section, **{f'{name}.signals.{signal}': check_mapping(
+        own, f'{name}.signals.{signal}', ('bandwidth', 'lag')) for signal, own in signals.items()}}
+    for where, part in parts.items():
+        if part.get('bandwidth') is not None:
+            check_number(part['bandwidth'], f'{where}.bandwidth', above=0.0)
+        if part.get('lag') is not None:
+            check_number(part['lag'], f'{where}.lag')
     return dict(section)
 
 
@@ -46,9 +54,10 @@ def differentiate(samples: Samples, settings: dict[str, Any]) -> Samples:
     recording; position stays as recorded.
 
     Settings are ``source``, 'position' or 'velocity'; ``bandwidth``, Hz, the -3 dB point of one
-    pass, None without filter; and ``lag``, s by which torque follows the recorded current: motion,
-    load and temperature are then those of the time t + lag. Raises InputError if a setting is
-    unknown, or the velocity is needed and not recorded.
+    pass, None without filter; ``lag``, s by which torque follows the recorded current: motion,
+    load and temperature are then those of the time t + lag; and ``signals``, how each of `MEASURED`
+    is prepared before, see `prepared_signal`. Raises InputError if a setting is unknown, or the
+    velocity is needed and not recorded.
     """
     source, bandwidth = settings.get('source', 'position'), settings.get('bandwidth')
     if source not in ('position', 'velocity'):
@@ -73,9 +82,58 @@ def differentiate(samples: Samples, settings: dict[str, Any]) -> Samples:
             speed = _smooth(measured[part], samples.sample_time, bandwidth)
         velocity[part] = speed
         acceleration[part] = _derivative(speed, time)
+    measured_signals = {
+        name: prepared_signal(samples, getattr(samples, name), **own)
+        for name, own in (settings.get('signals') or {}).items()
+        if getattr(samples, name) is not None}
     return advance(samples.with_(
-        time=time_in_recording(samples), velocity=velocity, acceleration=acceleration),
-        settings.get('lag') or 0.0)
+        time=time_in_recording(samples), velocity=velocity, acceleration=acceleration,
+        **measured_signals), settings.get('lag') or 0.0)
+
+
+def prepared_signal(samples: Samples, values: np.ndarray, bandwidth: float | None = None,
+                    lag: float | None = None) -> np.ndarray:
+    """Return a measured signal as it was at the sensor, without noise above a bandwidth, (N,).
+
+    Noise of a signal lowers its coefficient in a fit, and other terms take the rest.
+
+    Parameters
+    ----------
+    samples : Samples
+        The time base.
+    values : ndarray
+        The signal, shape (N,). Where each value is held over several samples, those between are
+        interpolated. Values that are not finite stay as they are.
+    bandwidth : float, optional
+        Of the filter, as that of motion, Hz.
+    lag : float, optional
+        s by which the signal follows what it measures.
+    """
+    finite = np.isfinite(values)
+    result = np.array(values, dtype=float)
+    for part in samples.segments():
+        known = finite[part]
+        if np.count_nonzero(known) < 3:
+            continue
+        time = samples.time[part]
+        own = np.interp(time, time[known], result[part][known])
+        result[part] = _smooth(_between_held(time, own), samples.sample_time, bandwidth)
+    if lag:
+        result = shifted_in_time(result, samples, lag)
+    return np.where(finite, result, values)
+
+
+def _between_held(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return values, shape (N,), interpolated between those that were new."""
+    new = np.concatenate(([0], np.flatnonzero(np.diff(values)) + 1))
+    runs = np.diff(new)
+    usual = float(np.median(runs)) if len(runs) > 2 else 1.0
+    if usual < 2.0:
+        return values
+    # A signal that rests has equal values, each of them measured: the last is kept as well.
+    last = (new[1:] - round(usual))[runs > _HELD * usual]
+    knots = np.union1d(new, last)
+    return np.interp(time, time[knots], values[knots])
 
 
 def time_in_recording(samples: Samples) -> np.ndarray:

@@ -6,11 +6,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+import functools
 import math
 from typing import Any
 
 import numpy as np
-from scipy import optimize
 
 from friction_comp.drive import Drive
 from friction_comp.model.differentiation import shifted_in_time
@@ -28,15 +28,18 @@ from friction_comp.refinement.effect_columns import (
     Term,
 )
 from friction_comp.refinement.prepare import blocks_of_samples, prepare, Rows, with_settings
-from friction_comp.refinement.recorded_motion import candidate_settings, plain_columns
+from friction_comp.refinement.recorded_motion import (
+    best_lag,
+    candidate_settings,
+    choose_signals,
+    plain_columns,
+)
 from friction_comp.refinement.search import adjust_constants, Search
 from friction_comp.refinement.stability import Intervals, Stability
 from friction_comp.samples import Samples
 
 # Share of the top speed over which the friction of a plain drive changes sign.
 _PLAIN_TRANSITION = 0.1
-# Number of lags that are tried on each side, from half a sample to the longest.
-_LAGS = 16
 
 
 @dataclass(frozen=True)
@@ -248,55 +251,39 @@ def _lag_confidence(lagged: Fit, unlagged: Fit) -> float:
 def _other_settings(problem: Problem, fit: Fit) -> list[dict[str, Any]]:
     """Return other settings with which the terms of a fit, or a plain drive, predict better."""
     rows, others, settings = fit.rows, [], fit.settings
-    target = rows.averaged(rows.target)
+    target, step = rows.averaged(rows.target), rows.samples.sample_time
 
     def columns(other: Rows) -> np.ndarray:
         return np.column_stack([eq6_columns(other, *fit.table.transition),
                                 *(term.columns(other) for term in fit.terms)])
+
+    def error_of(matrix: np.ndarray, lag: float = 0.0) -> float:
+        shifted = shifted_in_time(matrix, rows.samples, lag) if lag else matrix
+        return held_out_error(rows.averaged(shifted), target, rows.block)
     samples = rows.samples.with_(load=None) if rows.load_coefficient else rows.samples
     plain = plain_columns(
         samples, [rows.coverage.transition, _PLAIN_TRANSITION * rows.coverage.speed])
     current_lag = settings.get('lag', 0.0)
     for matrix in [columns(rows)] if current_lag else [plain, columns(rows)]:
-        lag, gain = _best_lag(rows, matrix, target, fine=bool(current_lag))
+        lag, gain = best_lag(functools.partial(error_of, matrix), step, fine=bool(current_lag))
         if gain > (thresholds.EQUIVALENT if current_lag else 0.5 * (1.0 - thresholds.LAG_ERROR)):
             others.append({**settings, 'lag': current_lag + lag})
+    if not rows.load_coefficient:
+        def error_with(changed: dict[str, np.ndarray]) -> float:
+            changed = {name: shifted_in_time(values, problem.raw, current_lag)
+                       for name, values in changed.items()}
+            return error_of(columns(replace(rows, samples=rows.samples.with_(**changed))))
+        signals = choose_signals(problem.raw, settings.get('signals', {}), error_with, True)
+        if signals != settings.get('signals', {}):
+            others.append({**settings, 'signals': signals})
     errors: list[tuple[float, int, dict[str, Any]]] = []
     for choice in candidate_settings(problem.raw):
-        if current_lag:
-            choice['lag'] = current_lag
+        choice |= {name: settings[name] for name in ('lag', 'signals') if settings.get(name)}
         matrix = columns(with_settings(rows, problem.raw, choice))
         if np.isfinite(matrix).all():
-            error = held_out_error(rows.averaged(matrix), target, rows.block)
-            errors.append((error, len(errors), choice))
+            errors.append((error_of(matrix), len(errors), choice))
     least, _, choice = min(errors)
     now = [error for error, _, tried in errors if tried == settings]
     if choice != settings and (not now or least < thresholds.LOWER_ERROR ** 2 * now[0]):
         others.append(choice)
     return others
-
-
-def _best_lag(rows: Rows, matrix: np.ndarray, target: np.ndarray, fine: bool
-              ) -> tuple[float, float]:
-    """Return the lag with which columns predict best, s, and the share of the error it removes.
-
-    `matrix`, shape (N, P), holds the columns at all samples. With `fine`, only lags of up to two
-    samples are tried.
-    """
-    step = rows.samples.sample_time
-
-    def error(lag: float) -> float:
-        shifted = shifted_in_time(matrix, rows.samples, lag) if lag else matrix
-        return held_out_error(rows.averaged(shifted), target, rows.block)
-    sizes = (1.0, 2.0) if fine else np.geomspace(
-        0.5, max(thresholds.LONGEST_LAG / step, 1.0), _LAGS)
-    lags = np.array(sorted([0.0, *(side * size * step for size in sizes for side in (1, -1))]))
-    errors = [error(lag) for lag in lags]
-    index = int(np.argmin(errors))
-    # Between the neighbours of the best lag on the grid.
-    best = optimize.minimize_scalar(
-        error, bounds=(lags[max(index - 1, 0)], lags[min(index + 1, len(lags) - 1)]),
-        method='bounded', options={'xatol': 0.02 * step, 'maxiter': 12})
-    least, lag = min((errors[index], float(lags[index])), (float(best.fun), float(best.x)))
-    without_lag = errors[int(np.argmin(np.abs(lags)))]
-    return lag, 1.0 - least / without_lag

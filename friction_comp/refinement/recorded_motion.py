@@ -1,30 +1,41 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Computes velocity and acceleration of a recording, and selects the samples that show friction.
+"""Prepares the signals of a recording, and selects the samples that show friction.
 
-Both come from one zero-phase filter, whose source and bandwidth are chosen by how well a plain
-drive predicts blocks that were not fitted.
+Velocity and acceleration come from one zero-phase filter. Each measured signal, such as a load, has
+a filter and a lag of its own: noise that is left in it lowers its coefficient, and other terms take
+the rest. All are chosen by how well a plain drive predicts blocks that were not fitted.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 import math
 from typing import Any
 
 import numpy as np
+from scipy import optimize
 from scipy.ndimage import grey_opening, maximum_filter1d
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.arm.arm import moving_states
-from friction_comp.model.differentiation import differentiate, METHOD
+from friction_comp.model.differentiation import (
+    differentiate,
+    MEASURED,
+    METHOD,
+    prepared_signal,
+)
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.block_sums import held_out_error, sums_of
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms, top_speed
 
 _BANDWIDTHS = (5.0, 10.0, 20.0, 40.0, 80.0, 120.0, 200.0)
+# Of measured signals: a thermometer is slow.
+_SIGNAL_BANDWIDTHS = (0.03, 0.1, 0.3, 1.0, 2.5, 5.0, 7.0, 10.0, 15.0, *_BANDWIDTHS[2:])
+# Number of lags that are tried on each side, from half a sample to the longest.
+_LAGS = 16
 _EXCERPT = 150_000
 # Shares of the top speed over which friction may change sign.
 TRANSITIONS = (0.3, 0.1, 0.03, 0.01, 0.003)
@@ -153,15 +164,20 @@ def row_starts(samples: Samples, usable: np.ndarray, length: int) -> np.ndarray:
     return np.concatenate(starts) if starts else np.empty(0, dtype=int)
 
 
+def smooth_settings(samples: Samples) -> dict[str, Any]:
+    """Return the settings of the widest filter without an encoder's steps."""
+    choices = candidate_settings(samples)
+    return max((choice for choice in choices if (choice['bandwidth'] or np.inf) <= 20.0),
+               key=lambda choice: (choice['bandwidth'], choice['source']), default=choices[-1])
+
+
 def smooth_motion(samples: Samples, unusable: np.ndarray) -> tuple[Samples, np.ndarray]:
     """Return samples with a smooth velocity, and the indices of (some of) those in motion.
 
     Motion is detected from a smooth velocity, since without a filter an encoder's steps look like
     standstill and bursts.
     """
-    choices = candidate_settings(samples)
-    smooth = max((choice for choice in choices if (choice['bandwidth'] or np.inf) <= 20.0),
-                 key=lambda choice: (choice['bandwidth'], choice['source']), default=choices[-1])
+    smooth = smooth_settings(samples)
     moved = differentiate(samples, smooth)
     usable = in_motion(moved, unusable, standstill_speed(moved), smooth['bandwidth'])
     speed = np.abs(np.asarray(moved.velocity))
@@ -215,21 +231,29 @@ def choose_differentiation(samples: Samples, unusable: np.ndarray, joints: Seque
     if load:
         samples = samples.with_(current=samples.current - load * np.asarray(samples.load),
                                 load=None)
-    _, start = smooth_motion(samples, unusable)
+    smoothed, start = smooth_motion(samples, unusable)
     block = blocks_of(samples, start)
     errors: list[tuple[float, int, dict[str, Any]]] = []
-    for choice in candidate_settings(samples):
-        moved = differentiate(samples, choice)
+
+    def error_with(moved: Samples, settings: dict[str, Any]) -> float:
         top = float(np.percentile(np.abs(np.asarray(moved.velocity)[start]), 95))
         if not top > 0.0:
             # Without a filter, a coarse encoder stands still in nearly all samples.
-            continue
-        part, motion = moved.take(start), arm_motion(samples, joints, choice)
+            return math.inf
+        part, motion = moved.take(start), arm_motion(samples, joints, settings)
         columns = plain_columns(
             part, [share * top for share in TRANSITIONS],
             motion and tuple(signal[start] for signal in motion),
             joints.index(samples.joint) if joints else 0)
-        errors.append((held_out_error(columns, part.current, block), len(errors), choice))
+        return held_out_error(columns, part.current, block)
+    # The load first, since noise in motion may make up for its noise.
+    signals = choose_signals(samples, {}, lambda changed: error_with(
+        smoothed.with_(**changed), smooth_settings(samples)))
+    for choice in candidate_settings(samples):
+        if signals:
+            choice['signals'] = signals
+        moved = differentiate(samples, choice)
+        errors.append((error_with(moved, choice), len(errors), choice))
     least = min(error for error, *_ in errors)
     # A narrow filter blunts reversals, so the widest of equivalent ones is used. The less of the
     # current a plain drive explains, the less its error says about the bandwidth.
@@ -238,11 +262,73 @@ def choose_differentiation(samples: Samples, unusable: np.ndarray, joints: Seque
                 if error <= ((1.0 + thresholds.EQUIVALENT) ** 2 + 0.4 * unexplained) * least))[-1]
 
 
+def choose_signals(samples: Samples, settings: dict[str, Any],
+                   error: Callable[[dict[str, np.ndarray]], float], with_lag: bool = False
+                   ) -> dict[str, Any]:
+    """Return the settings of measured signals with which other blocks are predicted best.
+
+    `samples` are as recorded, `settings` the present ones of the signals, and `error` returns the
+    squared error with some signals replaced. Lags are chosen anew only `with_lag`.
+    """
+    chosen: dict[str, Any] = {}
+    for name in MEASURED:
+        values = getattr(samples, name)
+        if values is not None and np.ptp(values) > 0.0:
+            own = _choose_signal(samples, name, settings.get(name, {}), error, with_lag)
+            chosen |= {name: own} if own else {}
+    return chosen
+
+
+def _choose_signal(samples: Samples, name: str, present: dict[str, Any],
+                   error: Callable[[dict[str, np.ndarray]], float], with_lag: bool
+                   ) -> dict[str, Any]:
+    """Return the settings of one signal; empty where it is best as recorded, or has no effect."""
+    values = np.asarray(getattr(samples, name))
+
+    def error_with(bandwidth: float | None, lag: float) -> float:
+        return error({name: prepared_signal(samples, values, bandwidth, lag)})
+    now, lag = present.get('bandwidth'), present.get('lag', 0.0)
+    if with_lag:
+        change, gain = best_lag(lambda change: error_with(now, lag + change),
+                                samples.sample_time, fine=bool(lag))
+        if gain > (thresholds.EQUIVALENT if lag else 0.5 * (1.0 - thresholds.LAG_ERROR)):
+            lag += change
+    errors = [(error_with(value, lag), value or math.inf, value) for value in (
+        *(value for value in _SIGNAL_BANDWIDTHS if value <= 0.3 / samples.sample_time), None)]
+    least = min(error for error, *_ in errors)
+    if not max(error for error, *_ in errors) > least:
+        return {}
+    _, bandwidth = max((width, value) for error, width, value in errors
+                       if error <= (1.0 + thresholds.EQUIVALENT) ** 2 * least)
+    as_recorded = not lag and np.array_equal(prepared_signal(samples, values, bandwidth), values)
+    return {} if as_recorded else {'bandwidth': bandwidth, 'lag': lag}
+
+
+def best_lag(error: Callable[[float], float], step: float, fine: bool) -> tuple[float, float]:
+    """Return the lag of the least error, s, and the share of the error that it removes.
+
+    `step` is the time of a sample; with `fine`, only lags of up to two samples are tried.
+    """
+    sizes = (1.0, 2.0) if fine else np.geomspace(
+        0.5, max(thresholds.LONGEST_LAG / step, 1.0), _LAGS)
+    lags = np.array(sorted([0.0, *(side * size * step for size in sizes for side in (1, -1))]))
+    errors = [error(lag) for lag in lags]
+    index = int(np.argmin(errors))
+    # Between the neighbours of the best lag on the grid.
+    best = optimize.minimize_scalar(
+        error, bounds=(lags[max(index - 1, 0)], lags[min(index + 1, len(lags) - 1)]),
+        method='bounded', options={'xatol': 0.02 * step, 'maxiter': 12})
+    least, lag = min((errors[index], float(lags[index])), (float(best.fun), float(best.x)))
+    without_lag = errors[int(np.argmin(np.abs(lags)))]
+    return lag, 1.0 - least / without_lag
+
+
 def settings_for_arm(samples: Samples, settings: dict[str, Any]) -> dict[str, Any]:
     """Return settings for the motion of all joints, from position if velocity was not recorded."""
+    settings = {name: value for name, value in settings.items() if name != 'signals'}
     if samples.arm is not None and samples.arm.velocity is None:
         return {**settings, 'source': 'position'}
-    return dict(settings)
+    return settings
 
 
 def arm_motion(samples: Samples, joints: Sequence[str], settings: dict[str, Any]
