@@ -24,6 +24,7 @@ from friction_comp.results import output_folder, to_json, write_report
 from friction_comp.tools.common import progress
 from friction_comp.tools.earlier_run import DONE, earlier_result, fingerprint
 from friction_comp.tools.refine_arguments import folder_names, given_of, layout_of
+from friction_comp.tools.refined_fleet import fleet_of, RefinedPiece
 
 if TYPE_CHECKING:
     from friction_comp.evaluation.sessions import Piece
@@ -44,8 +45,7 @@ _REFINING = 0.9
 class _Batch:
     """What became of all pieces so far."""
 
-    rows: dict[int, dict[str, Any]] = field(default_factory=dict)
-    models: dict[int, dict[str, Any]] = field(default_factory=dict)
+    done: dict[int, RefinedPiece] = field(default_factory=dict)
     failed: list[str] = field(default_factory=list)
     earlier: int = 0
     interrupted: bool = False
@@ -72,24 +72,27 @@ def refine_each(arguments: Namespace) -> int:
         try:
             with _runner(arguments, len(pieces)) as run:
                 _refine_pieces(arguments, pieces, batch, run, show)
-                populations = _compare(arguments, pieces, batch, run, show)
+                populations = fleet_of(
+                    arguments, [batch.done[index] for index in sorted(batch.done)], run,
+                    lambda done, count: show(_REFINING + (1.0 - _REFINING) * done / count,
+                                             f'comparing: {done} of {count}'))
         except KeyboardInterrupt:
             batch.interrupted = True
-        if not batch.rows and not batch.interrupted:
+        if not batch.done and not batch.interrupted:
             raise InputError(batch.failed[0])
         content = {
-            'recordings': [batch.rows[index] for index in sorted(batch.rows)],
+            'recordings': [batch.done[index].row for index in sorted(batch.done)],
             'failed': sorted(batch.failed), 'taken_over': batch.earlier,
-            'not_done': len(pieces) + len(failures) - len(batch.rows) - len(batch.failed),
+            'not_done': len(pieces) + len(failures) - len(batch.done) - len(batch.failed),
             'out': {population.joint: population.out for population in populations},
             'seconds': time.monotonic() - begin}
-        if batch.rows:
+        if batch.done:
             _write_results(arguments, content, each_report(content, populations), populations)
     if arguments.json:
         print(to_json(content), end='')
     else:
         _print(content, populations)
-        if batch.rows:
+        if batch.done:
             print(arguments.output / 'report.html')
     return 130 if batch.interrupted else 0
 
@@ -110,14 +113,16 @@ def _runner(arguments: Namespace, count: int) -> Iterator[Runner]:
 def _refine_pieces(arguments: Namespace, pieces: Sequence[Piece], batch: _Batch, run: Runner,
                    show: Callable[..., None]) -> None:
     """Refine each piece and write its folder, except for those that an earlier run did."""
-    folders = _folders(pieces)
+    places = _places(pieces)
+    folders, units = _folders(pieces, places), [place[0] for place in places]
     keys = [fingerprint(arguments, piece) for piece in pieces]
     for index, (folder, key) in enumerate(zip(folders, keys)):
         found = earlier_result(arguments.output / folder, key)
         if found is not None:
-            batch.rows[index], batch.models[index] = found['row'], found['model']
-    batch.earlier = len(batch.rows)
-    waiting = [index for index in range(len(pieces)) if index not in batch.rows]
+            batch.done[index] = RefinedPiece(
+                pieces[index], units[index], found['row'], found['model'])
+    batch.earlier = len(batch.done)
+    waiting = [index for index in range(len(pieces)) if index not in batch.done]
     if not waiting:
         return
     # The names of all recordings need not go to each process with each recording.
@@ -127,7 +132,7 @@ def _refine_pieces(arguments: Namespace, pieces: Sequence[Piece], batch: _Batch,
         # One that cannot be used must not lose the others, even if it is the last to be done.
         work = partial(attempt, work)
     with closing(run(work, [pieces[index] for index in waiting])) as outcomes:
-        for done, (number, outcome) in enumerate(outcomes, len(batch.rows) + 1):
+        for done, (number, outcome) in enumerate(outcomes, len(batch.done) + 1):
             index = waiting[number]
             if isinstance(outcome, Failure):
                 batch.failed.append(outcome.reason)
@@ -139,21 +144,23 @@ def _refine_pieces(arguments: Namespace, pieces: Sequence[Piece], batch: _Batch,
                 # A folder that is written must also be in the page on all.
                 with interrupts_deferred():
                     _write(arguments.output / folders[index], {**files, DONE: known})
-                    batch.rows[index], batch.models[index] = row, model
+                    batch.done[index] = RefinedPiece(pieces[index], units[index], row, model)
             show(_REFINING * done / len(pieces), f'{done} of {len(pieces)}: {pieces[index]}')
 
 
-def _folders(pieces: Sequence[Piece]) -> list[str]:
+def _places(pieces: Sequence[Piece]) -> list[tuple[str, ...]]:
+    """Return the path of each piece below the folder that holds all; it begins with the unit."""
+    paths = [piece.path.absolute() for piece in pieces]
+    above = os.path.commonpath([path.parent for path in paths]) if paths else ''
+    return [path.relative_to(above).with_suffix('').parts for path in paths]
+
+
+def _folders(pieces: Sequence[Piece], places: Sequence[tuple[str, ...]]) -> list[str]:
     """Return a different folder name for each piece."""
-    if not pieces:
-        return []
-    names: list[str] = []
-    above = os.path.commonpath([piece.path.absolute().parent for piece in pieces])
     joints = Counter(piece.path for piece in pieces)
-    for piece in pieces:
-        name = '_'.join(piece.path.absolute().relative_to(above).with_suffix('').parts)
-        names.append(f'{name}_{piece.joint}' if joints[piece.path] > 1 else name)
-    return folder_names(names)
+    return folder_names(
+        '_'.join(place) + (f'_{piece.joint}' if joints[piece.path] > 1 else '')
+        for piece, place in zip(pieces, places))
 
 
 def _refine_one(arguments: Namespace, with_page: bool, piece: Piece
@@ -178,26 +185,6 @@ def _refine_one(arguments: Namespace, with_page: bool, piece: Piece
         'unexplained': [entry['variable'] for entry in report['unexplained']],
         'page': with_page, 'seconds': time.monotonic() - begin}
     return row, model, files
-
-
-def _compare(arguments: Namespace, pieces: Sequence[Piece], batch: _Batch, run: Runner,
-             show: Callable[..., None]) -> list[Population]:
-    """Return the population of each joint that enough units have."""
-    from friction_comp.tools.refined_fleet import fleet_of, RefinedPiece
-
-    refined = [RefinedPiece(piece, unit, batch.rows[index], batch.models[index])
-               for index, (piece, unit) in enumerate(zip(pieces, _units(pieces)))
-               if index in batch.rows]
-    return fleet_of(arguments, refined, run, lambda done, count: show(
-        _REFINING + (1.0 - _REFINING) * done / count, f'comparing: {done} of {count}'))
-
-
-def _units(pieces: Sequence[Piece]) -> list[str]:
-    """Return the unit of each piece: its entry of the folder that holds all recordings."""
-    if not pieces:
-        return []
-    above = os.path.commonpath([piece.path.absolute().parent for piece in pieces])
-    return [piece.path.absolute().relative_to(above).with_suffix('').parts[0] for piece in pieces]
 
 
 def _write_results(arguments: Namespace, content: dict[str, Any], page: Report,
