@@ -15,8 +15,9 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, TYPE_CHECKING
 
-from friction_comp.columns import Layout
 from friction_comp.parallel import attempt, Failure, Runner
+from friction_comp.recorded_drive.given import Given
+from friction_comp.tools.refine_arguments import given_of
 
 if TYPE_CHECKING:
     from friction_comp.evaluation.sessions import Piece
@@ -75,7 +76,7 @@ def fleet_of(arguments: Namespace, refined: Sequence[RefinedPiece], run: Runner,
         items += [_Summed(one.piece, model, common) for one, model in zip(group, models[key])]
         owners += [(key, one.unit, common) for one in group]
     sums: dict[int, BlockSums] = {}
-    work = partial(attempt, partial(_sums_of_one, _reading(arguments)))
+    work = partial(attempt, partial(_sums_of_one, given_of(arguments)))
     with closing(run(work, items)) as outcomes:
         for done, (index, outcome) in enumerate(outcomes, 1):
             if not isinstance(outcome, Failure):
@@ -91,29 +92,15 @@ def fleet_of(arguments: Namespace, refined: Sequence[RefinedPiece], run: Runner,
     return populations
 
 
-@dataclass(frozen=True)
-class _Reading:
-    """How recordings are read."""
-
-    layout: Layout
-    declared: bool
-
-
-def _reading(arguments: Namespace) -> _Reading:
-    from friction_comp.tools.refine_arguments import layout_of
-
-    return _Reading(layout_of(arguments), bool(
-        arguments.model or arguments.torque_constant or arguments.gear_ratio))
-
-
-def _sums_of_one(reading: _Reading, item: _Summed) -> BlockSums:
+def _sums_of_one(given: Given, item: _Summed) -> BlockSums:
     """Return the sums of a joint of a recording."""
     from friction_comp.recorded_drive.refine_recordings import showing_friction
     from friction_comp.recordings.condense import read_condensed
 
     drive = item.model.drive
     recordings = read_condensed([item.piece.path], item.piece.joint, drive.torque_constant,
-                                drive.gear_ratio, layout=reading.layout)
+                                drive.gear_ratio, layout=given.layout)
     usable, = showing_friction({item.piece.joint or '': recordings}).values()
-    declared = reading.declared or item.model.notes.get('unit') == 'N·m'
+    declared = bool(given.model or given.torque_constant or given.gear_ratio
+                    or item.model.notes.get('unit') == 'N·m')
     return item.common.sums([samples for samples, _ in usable], item.model, declared)
