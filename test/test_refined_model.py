@@ -110,6 +110,9 @@ def test_a_result_is_complete_when_it_is_made_and_leaves_the_given_model_as_it_i
     # It goes through a pipe from the process that made it.
     report, refined = pickle.loads(pickle.dumps((result.report, result.model)))
     assert report == result.report
+    # It reads like report.json, too.
+    assert dict(report) == report.content()
+    assert report['after']['held_out_rmse'] == report.after.held_out_rmse
     assert refined.to_dict() == result.model.to_dict()
 
 

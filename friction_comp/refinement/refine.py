@@ -38,7 +38,7 @@ _MOST_SAMPLES = 30_000
 @one_thread
 def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
            drive: Drive | None = None, progress: Callable[[float, str], None] | None = None,
-           origin: Origin | None = None) -> RefineResult:
+           unit: str = '', origin: Origin | None = None) -> RefineResult:
     """Find the effects that a model lacks.
 
     Parameters
@@ -51,8 +51,11 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
         The model's when omitted.
     progress : callable, optional
         Called with the share of the work done and the name of the step.
+    unit : str, optional
+        Of `Samples.current`, for the text of the report. The default is A if a drive or a model
+        gives the torque constant, otherwise N·m, the unit of effort.
     origin : Origin, optional
-        What is known of the recordings beside their samples.
+        What else is known of the recordings beside their samples.
 
     Returns
     -------
@@ -69,7 +72,7 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
     if declared is None:
         declared = drive is not None or model is not None
     drive = drive or (model.drive if model else Drive(1.0, 1.0))
-    origin = replace(origin, unit=origin.unit or ('A' if declared else 'N·m'))
+    origin = replace(origin, unit=unit or origin.unit or ('A' if declared else 'N·m'))
     problem = Problem(join(recorded), drive, declared, model)
     fit = find_best_fit(problem)
     report_progress(0.6, 'repeating the search on resampled parts')

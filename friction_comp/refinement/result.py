@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -127,8 +127,11 @@ class Verdict:
 
 
 @dataclass(frozen=True)
-class RefinementReport:
-    """The report of a refinement: msg_docs/reports.md explains each entry."""
+class RefinementReport(Mapping[str, Any]):
+    """The report of a refinement: msg_docs/reports.md explains each entry.
+
+    It reads like the mapping that report.json holds, too: ``report['after']['held_out_rmse']``.
+    """
 
     unit: str
     joint: str
@@ -161,6 +164,15 @@ class RefinementReport:
             if effect['holds_on_another_day'] is None:
                 del effect['holds_on_another_day']
         return content
+
+    def __getitem__(self, name: str) -> Any:
+        return self.content()[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.content())
+
+    def __len__(self) -> int:
+        return len(self.content())
 
 
 @dataclass(frozen=True)

@@ -131,7 +131,7 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
         samples = samples.with_(rigid_body=fit.torque(samples))
         drive = drives.get(name)
         try:
-            result = refine([samples], models.get(name), drive, report_joint, replace(
+            result = refine([samples], models.get(name), drive, report_joint, origin=replace(
                 (origins or {}).get(name, Origin()), declared=name in declared,
                 unit='N·m' if torques else 'A' if drive else ''))
         except InputError as error:
