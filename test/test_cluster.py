@@ -16,6 +16,11 @@ from simulated_recordings.drives import excitation_for, random_drive, record
 distributed = pytest.importorskip('distributed', reason='Dask is not installed')
 
 
+def write_recording(path):
+    write_samples(path, record(random_drive(3, ['gravity']), 4, excitation_for(
+        ['gravity'], duration=4.0, rate=60.0))[0].samples)
+
+
 @pytest.fixture(scope='module')
 def cluster():
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True,
@@ -36,10 +41,7 @@ def test_a_killed_worker_costs_nothing(cluster, tmp_path):
 
 @pytest.mark.slow
 def test_recordings_are_refined_on_the_cluster_as_here(cluster, tmp_path):
-    for name in ('one', 'two'):
-        write_samples(tmp_path / 'robots' / name / 'day', record(
-            random_drive(3, ['gravity']), 4, excitation_for(
-                ['gravity'], duration=6.0, rate=100.0))[0].samples)
+    write_recording(tmp_path / 'robots' / 'one_day')
     rows = {}
     for where, more in (('here', ['--jobs', '1']), ('there', [
             '--scheduler', cluster.scheduler_address])):
@@ -52,9 +54,9 @@ def test_recordings_are_refined_on_the_cluster_as_here(cluster, tmp_path):
     assert (tmp_path / 'there' / 'one_day' / 'model.yaml').is_file()
 
 
-def test_a_scheduler_that_does_not_answer_is_named(tmp_path, refuses):
-    write_samples(tmp_path / 'day', record(random_drive(3, ['gravity']), 4, excitation_for(
-        ['gravity'], duration=6.0, rate=100.0))[0].samples)
+def test_a_scheduler_that_does_not_answer_is_named(tmp_path, refuses, monkeypatch):
+    monkeypatch.setattr('friction_comp.cluster._PATIENCE', 0.2)
+    write_recording(tmp_path / 'day')
     refuses('no Dask scheduler answers', 'refine', tmp_path / 'day', '--each',
             '--scheduler', 'tcp://127.0.0.1:1')
     refuses('--scheduler goes with --each', 'refine', tmp_path / 'day',
