@@ -27,15 +27,7 @@ import time
 from bench_tools import processor_time, ROOT
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
-from ros_system import (
-    joint_state,
-    MODELS,
-    own_domain,
-    probe_node,
-    Process,
-    RELIABLE,
-    value_of,
-)
+from ros_system import joint_state, MODELS, own_domain, probe_node, Process, RELIABLE, value_of
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 

@@ -138,8 +138,7 @@ class Samples:
         for name in (*_SIGNALS, 'recording'):
             value = getattr(self, name)
             if value is not None and np.shape(value) != size:
-                raise InputError(
-                    f'samples.{name} has shape {np.shape(value)}, but time has {size}')
+                raise InputError(f'samples.{name} has shape {np.shape(value)}, but time has {size}')
         if self.arm is not None and len(self.arm.position) != size[0]:
             raise InputError(f'samples.arm has {len(self.arm.position)} samples, but time has '
                              f'{size[0]}')
@@ -291,8 +290,7 @@ class Samples:
         gains = layout.gains(names, 'data frame') if layout else ()
         wanted = {*(column.name for column in use.columns), *(
             gain for gain in gains if isinstance(gain, str))}
-        values = {name: to_numbers(np.asarray(frame[name]), name, 'data frame')
-                  for name in wanted}
+        values = {name: to_numbers(np.asarray(frame[name]), name, 'data frame') for name in wanted}
         signals: dict[str, Any] = {}
         for signal in ('time', 'position', 'effort', 'link_torque', 'velocity', *_OPTIONAL):
             column = use.of(signal, chosen)
@@ -311,8 +309,7 @@ class Samples:
             signals['effort'], note = computed
             found.append(note)
         if 'link_torque' in signals:
-            signals['effort'], note = gear_effort(
-                signals['effort'], signals.pop('link_torque'))
+            signals['effort'], note = gear_effort(signals['effort'], signals.pop('link_torque'))
             found.append(note)
         if notes is not None:
             notes.extend(found)

@@ -45,8 +45,7 @@ class Trajectory:
             time = np.array([float(point['time_from_start']['sec'])
                              + 1e-9 * float(point['time_from_start']['nanosec'])
                              for point in points])
-            states = [np.array([point[name] for point in points], dtype=float)
-                      for name in _STATES]
+            states = [np.array([point[name] for point in points], dtype=float) for name in _STATES]
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f'{path}: not a JointTrajectory with positions, velocities and '
                              f'accelerations at every point: {error}') from None

@@ -40,8 +40,7 @@ def follow(run, plant, alter=lambda run, sample: sample):
     """
     rows, state, command = [], plant.state, 0.0
     while not run.finished:
-        sample = alter(run, [
-            state.time, state.position[0], state.velocity[0], state.current[0]])
+        sample = alter(run, [state.time, state.position[0], state.velocity[0], state.current[0]])
         if sample is not None:
             command = run.update(*sample)
         rows.append((state.time, state.position[0], command))

@@ -101,8 +101,7 @@ def record_with_diagnostics(path, samples, changes, change=lambda message: None)
     types = STORE.types
     with RecordingWriter(path) as recording:
         said = 0
-        for topic, name, when, payload in Storage(draft).messages(
-                lambda *_: True):
+        for topic, name, when, payload in Storage(draft).messages(lambda *_: True):
             recording.write(topic, name, when, payload)
             second = when // 1_000_000_000
             active = [pair for since, pair in changes if second - 1 >= since]

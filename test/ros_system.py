@@ -157,8 +157,7 @@ class Probe(Node):
         return self.complete(ask(label), f'answer of {name}').success
 
     def state_of(self, node):
-        return self.call(
-            GetState, f'/{node}/get_state', GetState.Request()).current_state.label
+        return self.call(GetState, f'/{node}/get_state', GetState.Request()).current_state.label
 
     def status_of(self, node, condition=lambda status: True):
         """Wait for a diagnostic status of the node that meets the condition, and return it."""

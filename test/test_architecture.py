@@ -74,8 +74,7 @@ def test_every_room_is_in_the_table_and_in_the_drawing():
 def test_rooms_import_what_the_table_allows():
     table = declared()
     made = arrows()
-    strays = {f'{a} -> {b}': sorted(files) for (a, b), files in made.items()
-              if b not in table[a]}
+    strays = {f'{a} -> {b}': sorted(files) for (a, b), files in made.items() if b not in table[a]}
     assert strays == {}
 
 

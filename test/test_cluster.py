@@ -35,8 +35,7 @@ def test_a_killed_worker_costs_nothing(cluster, tmp_path):
         found = dict(work_on(work_that_ends_a_worker_once, items))
     assert (tmp_path / 'died').exists()
     assert found.pop(3) == Failure('3: not this one')
-    assert {index: outcome[0] for index, outcome in found.items()} == {
-        0: 0, 1: 1, 2: 2, 4: 4, 5: 5}
+    assert {index: outcome[0] for index, outcome in found.items()} == {0: 0, 1: 1, 2: 2, 4: 4, 5: 5}
 
 
 @pytest.mark.slow
@@ -46,8 +45,7 @@ def test_recordings_are_refined_on_the_cluster_as_here(cluster, tmp_path):
     for where, more in (('here', ['--jobs', '1']), ('there', [
             '--scheduler', cluster.scheduler_address])):
         out = tmp_path / where
-        assert run('refine', [str(tmp_path / 'robots'), '--each', '--output', str(out), *more]
-                   ) == 0
+        assert run('refine', [str(tmp_path / 'robots'), '--each', '--output', str(out), *more]) == 0
         rows[where] = [{name: value for name, value in row.items() if name != 'seconds'}
                        for row in json.loads((out / 'report.json').read_text())['recordings']]
     assert rows['here'] == rows['there']

@@ -101,8 +101,7 @@ def test_turns_are_continued_between_stretches_and_none_are_added(tmp_path, monk
     swing = np.pi + 0.6 * np.sin(1.1 * time) + 2.0 * np.pi * late
     position = (swing + np.pi) % (2.0 * np.pi) - np.pi if wrapped else swing
     table = np.column_stack((time + 100.0 * late, position, np.sign(np.cos(1.1 * time))))
-    np.savetxt(tmp_path / 'log.csv', table, '%.9f', ',', header='time,position,effort',
-               comments='')
+    np.savetxt(tmp_path / 'log.csv', table, '%.9f', ',', header='time,position,effort', comments='')
     whole, = read_recording(tmp_path / 'log.csv')
     for half in (late, ~late):
         assert np.ptp(whole.position[half] - swing[half]) < 1e-6

@@ -120,8 +120,7 @@ def test_weight_and_inertia_that_cancel_are_found_together():
     fits, scores = (swinging(np.random.default_rng(seed), 20.0) for seed in (20, 21))
     for fit, score, effects in zip(fits, scores, ({'gravity', 'inertia'}, {'inertia'})):
         result = refine([fit])
-        assert effects | {'other_joints'} <= {
-            effect.name for effect in result.report.effects}
+        assert effects | {'other_joints'} <= {effect.name for effect in result.report.effects}
         assert rms(score.current - result.model.predict(score)) < 0.5 * rms(
             score.current - result.start.predict(score))
 

@@ -237,8 +237,7 @@ def test_under_a_compensator_only_a_measured_load_tells_about_the_model():
     seen.topics['/current_command'].publishers[:] = [Endpoint('/compensator')]
     found = check_joint(seen, JOINT, MODEL)
     assert 'no load is measured' in found[0].what
-    seen.load[JOINT] = np.column_stack((seen.states.received, np.zeros(len(
-        seen.states.received))))
+    seen.load[JOINT] = np.column_stack((seen.states.received, np.zeros(len(seen.states.received))))
     assert {finding.level for finding in check_joint(seen, JOINT, MODEL)} == {'ok'}
 
 

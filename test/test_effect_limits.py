@@ -47,8 +47,7 @@ def test_each_effect_says_if_the_data_cannot_show_it(name, changes):
 def test_a_drift_over_time_is_not_applied_on_another_day():
     drift = EFFECTS['warm_up']({'time_constant': 30.0, 'transition': 0.02,
                                 'coefficients': [0.5, 0.0, 0.0]})
-    model = FrictionModel(drive=Drive(1.0, 1.0), sigmoid=Sigmoid(0.1, -0.1, 100.0),
-                          effects=[drift])
+    model = FrictionModel(drive=Drive(1.0, 1.0), sigmoid=Sigmoid(0.1, -0.1, 100.0), effects=[drift])
     samples = swings(10, duration=10.0)
     same, other = model.predict(samples, same_recording=True), model.predict(samples)
     assert np.max(np.abs(same)) > 0.4

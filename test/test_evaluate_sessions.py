@@ -39,8 +39,7 @@ def info_of(path='trial', activity=(), model=None, start=1.0):
         (since, Activity(0, 'active', law, name)) for since, law, name in activity])
 
 
-LAW, KINETIC = (
-    info_of(activity=[(0.0, law, 'a.yaml')]) for law in ('continuous', 'kinetic'))
+LAW, KINETIC = (info_of(activity=[(0.0, law, 'a.yaml')]) for law in ('continuous', 'kinetic'))
 
 
 def both(heights, seed=0):

@@ -29,12 +29,7 @@ from friction_comp.excitation.plan import (
     staircase,
     trajectory_of,
 )
-from friction_comp.excitation.separation import (
-    coverage_within,
-    pairs_in,
-    pairs_of,
-    separations,
-)
+from friction_comp.excitation.separation import coverage_within, pairs_in, pairs_of, separations
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
@@ -115,8 +110,7 @@ def test_separation_sees_what_cannot_be_told_apart():
                        coverage_within(short, 40.0)) == {pairs[0]: 0.0}
 
 
-@pytest.mark.slow
-@short_search()
+@short_search(0)
 def test_a_plan_keeps_to_the_effort_limit_or_is_refused(plan):
     model = FrictionModel(drive=Drive(0.1, 100.0, 4000), joint='elbow',
                           sigmoid=Sigmoid(0.2, -0.2, 400.0, viscous=0.5))

@@ -71,8 +71,7 @@ def population(model):
 
 
 def test_three_odd_units_of_forty_are_found_and_no_other(population):
-    assert population.out == {
-        'unit_04': ['coulomb'], 'unit_17': [ERROR], 'unit_31': ['inertia']}
+    assert population.out == {'unit_04': ['coulomb'], 'unit_17': [ERROR], 'unit_31': ['inertia']}
     verdict = fleet_verdict(population)
     assert verdict.startswith('**3 of 40 units are out**')
     assert 'unit_31: inertia' in verdict

@@ -12,12 +12,7 @@ import numpy as np
 import pytest
 
 from friction_comp.compensation.law import CompensationLaw, law_parameters
-from friction_comp.compensation.law_parameters import (
-    EARLY,
-    LEAST_CHANGING,
-    LOWERED,
-    START_TIME,
-)
+from friction_comp.compensation.law_parameters import EARLY, LEAST_CHANGING, LOWERED, START_TIME
 from friction_comp.drive import Drive
 from friction_comp.model.friction_model import Breakaway, FrictionModel, Presliding
 from friction_comp.model.sigmoid import Sigmoid

@@ -45,8 +45,7 @@ def folder(tmp_path_factory):
 def trials(room, count):
     for k in range(count):
         # A hundred a second are enough for what is not about their number.
-        write_samples(room / f't{k}', trial(
-            [1.0 + 0.1 * k] * 4, directions=[1, -1] * 2, step=1e-2))
+        write_samples(room / f't{k}', trial([1.0 + 0.1 * k] * 4, directions=[1, -1] * 2, step=1e-2))
     return room
 
 
@@ -92,8 +91,7 @@ def test_an_interrupted_run_is_continued_and_what_changed_is_done_again(tmp_path
     assert content['taken_over'] == 1
     assert [row['after'] for row in content['recordings']] == [
         row['after'] for row in before['recordings']]
-    changed = {path.parent.name for path, when in first.items()
-               if path.stat().st_mtime_ns != when}
+    changed = {path.parent.name for path, when in first.items() if path.stat().st_mtime_ns != when}
     assert changed == {'day_0'}
     for file in (room / 'day_1').iterdir():
         os.utime(file, (1e9, 1e9))

@@ -87,8 +87,7 @@ def test_an_arm_falls_where_friction_does_not_hold_it_and_one_joint_moves_the_ot
 
 def test_a_person_carries_the_weight_that_the_motors_do_not():
     firm = {'stiffness': 60.0, 'damping': 6.0, 'response_time': 0.04}
-    plant = MujocoPlant(ARM, ['turn', 'lift', 'bend'],
-                        [drive(n, human=firm) for n in (1, 2, 1)], 5)
+    plant = MujocoPlant(ARM, ['turn', 'lift', 'bend'], [drive(n, human=firm) for n in (1, 2, 1)], 5)
     for k in range(6000):
         shown = np.array([0.0, min(k / 4000.0, 1.0), 0.0])
         state = plant.step(np.zeros(3), shown, np.where(k < 4000, [0.0, 0.25, 0.0], 0.0))

@@ -12,14 +12,7 @@ import yaml
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
 from node_process import Process
-from ros_system import (
-    compensator,
-    FakeDriver,
-    Goals,
-    joint_state,
-    MODELS,
-    probe_node,
-)
+from ros_system import compensator, FakeDriver, Goals, joint_state, MODELS, probe_node
 from rosgraph_msgs.msg import Clock
 
 from friction_comp.compensation.law import CompensationLaw

@@ -15,11 +15,7 @@ from friction_comp.evaluation.compare import Comparison, effect_size
 from friction_comp.evaluation.intervals import mean_interval
 from friction_comp.evaluation.repetitions import Compensation
 from friction_comp.evaluation.sessions import evaluate_recordings
-from friction_comp.reports.evaluation_report import (
-    evaluation_figure,
-    evaluation_report,
-    scenes_of,
-)
+from friction_comp.reports.evaluation_report import evaluation_figure, evaluation_report, scenes_of
 from friction_comp.reports.figures import COLOURS, new_figure
 from friction_comp.reports.html import number, Report
 from friction_comp.reports.interactive import thin_extremes

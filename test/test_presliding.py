@@ -35,8 +35,7 @@ def identified(gear):
     start_joint(gear.parameters, state[0], random)
     measure(gear.parameters, state[0], random, step, out[0])
     for k in range(10 ** 6):
-        current = run.update(
-            k * step, float(out[0]['position']), None, float(out[0]['current']))
+        current = run.update(k * step, float(out[0]['position']), None, float(out[0]['current']))
         if run.finished:
             return run.result()
         joint_sample(gear.parameters, state[0], random, none, memory, step, current, 0.0, 0.0,

@@ -8,12 +8,7 @@ from recording_maker import DATA, needs_data
 
 from friction_comp.errors import InputError
 from friction_comp.package_files import package_file
-from friction_comp.recordings import (
-    find_recordings,
-    read_recording,
-    recorded_joints,
-    write_samples,
-)
+from friction_comp.recordings import find_recordings, read_recording, recorded_joints, write_samples
 from friction_comp.recordings.plausible import check_plausible
 from friction_comp.samples import Samples
 

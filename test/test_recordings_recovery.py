@@ -16,16 +16,7 @@ from hypothesis import given, settings, strategies as st
 from mcap.reader import make_reader
 import numpy as np
 import pytest
-from recording_maker import (
-    array,
-    BATCH,
-    joint_state,
-    KIND,
-    record,
-    states,
-    STORE,
-    write_states,
-)
+from recording_maker import array, BATCH, joint_state, KIND, record, states, STORE, write_states
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 import zstandard
 
@@ -381,8 +372,7 @@ def long_recording(tmp_path_factory):
             messages.append((time, '/joint_states', joint_state(time, ['a', 'b'], values, [],
                                                                 values)))
             if k % 2 == 0:
-                messages.append((time, '/reference', joint_state(
-                    time, ['a', 'b'], values, [], [])))
+                messages.append((time, '/reference', joint_state(time, ['a', 'b'], values, [], [])))
             if k % 50 == 0:
                 messages.append((time, '/direction', array(
                     'std_msgs/msg/Int8MultiArray', [0, k // 50 % 3 - 1])))

@@ -22,12 +22,7 @@ from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 import yaml
 
 from friction_comp.errors import InputError
-from friction_comp.recordings import (
-    cdr,
-    read_recording,
-    RecordingWriter,
-    write_samples,
-)
+from friction_comp.recordings import cdr, read_recording, RecordingWriter, write_samples
 from friction_comp.topics import TORQUE_UNIT
 
 

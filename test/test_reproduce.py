@@ -55,8 +55,7 @@ def test_whole_tool(tmp_path, monkeypatch):
         breakaway = found['breakaway']
         assert breakaway['cycles'] == 100
         for side, sign in (('positive', 1.0), ('negative', -1.0)):
-            assert sign * breakaway[f'{side}_mean'] == pytest.approx(
-                experiment.breakaway, rel=0.01)
+            assert sign * breakaway[f'{side}_mean'] == pytest.approx(experiment.breakaway, rel=0.01)
             assert breakaway[f'{side}_std'] == pytest.approx(experiment.breakaway_std, rel=0.2)
         assert len(found['sigmoid']) == 6
         assert len(found['speeds']) == len(found['currents']) == 2 * len(experiment.speeds)

@@ -47,8 +47,7 @@ def test_pushed_less_than_breakaway_the_joint_creeps_by_presliding_alone():
     push = np.full(int(1 / DT), 0.4)
     trace = simulate(joint, Controller(), arm.Chain(), 0, np.zeros(len(push)), open_loop=push)
     assert 0 < np.max(trace.q) < 3 * joint.slip
-    more = simulate(joint, Controller(), arm.Chain(), 0, np.zeros(len(push)),
-                    open_loop=1.5 * push)
+    more = simulate(joint, Controller(), arm.Chain(), 0, np.zeros(len(push)), open_loop=1.5 * push)
     assert np.max(more.q) > 50 * joint.slip
 
 

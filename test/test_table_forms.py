@@ -242,8 +242,7 @@ def test_a_bag_of_ros_1_is_read(tmp_path):
             stamp = 1_000_000_000 + round(1e9 * time[k])
             header = types['std_msgs/msg/Header'](k, types['builtin_interfaces/msg/Time'](
                 *divmod(stamp, 1_000_000_000)), '')
-            message = types[kind](header, ['elbow'], position[[k]], velocity[[k]],
-                                  np.array([3.0]))
+            message = types[kind](header, ['elbow'], position[[k]], velocity[[k]], np.array([3.0]))
             bag.write(connection, stamp, store.serialize_ros1(message, kind))
     samples, = read_recording(tmp_path / 'log.bag')
     assert samples.joint == 'elbow'

@@ -198,8 +198,7 @@ def test_one_constant_of_the_drive_is_not_enough(swinging, refuses):
 @pytest.mark.parametrize('tool, arguments', [
     ('export', ['--to', 'urdf', '--joint', 'knee']), ('history', ['--joint', 'knee']),
     ('excite', ['--joint', 'knee', '--position', -1, 1, '--velocity', 1, '--acceleration', 5])])
-def test_of_the_file_of_an_arm_the_joint_is_used_that_was_named(swinging, refuses, tool,
-                                                                arguments):
+def test_of_the_file_of_an_arm_the_joint_is_used_that_was_named(swinging, refuses, tool, arguments):
     write_yaml(swinging / 'arm.yaml', arm_document(
         {joint: FrictionModel.load(MODEL).to_dict() for joint in ('elbow', 'wrist')}))
     path = [swinging / 'arm.yaml'] if tool != 'excite' else ['--model', swinging / 'arm.yaml']

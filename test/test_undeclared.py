@@ -125,8 +125,7 @@ def test_actuation_lag_delays_the_torque():
     def speed_after(lag):
         extra = Undeclared.from_effects([{'name': 'actuation_lag', 'parameters': {'lag': lag}}])
         plant = Plant([plain_drive([]).model], undeclared=[extra])
-        return next(k for k in range(1000)
-                    if plant.step([1.5]).position[0] > 2e-3)
+        return next(k for k in range(1000) if plant.step([1.5]).position[0] > 2e-3)
 
     # A first-order lag reaches two thirds of the current, here breakaway, after one constant.
     assert 0.8 * 30 < speed_after(0.03) - speed_after(0.0) < 1.6 * 30
@@ -221,8 +220,7 @@ def test_recordings_repeat_for_a_seed_and_differ_between_seeds():
 
 
 def test_example_file_is_read():
-    extra = Undeclared.from_file(
-        Path(__file__).parents[1] / 'config' / 'undeclared_example.yaml')
+    extra = Undeclared.from_file(Path(__file__).parents[1] / 'config' / 'undeclared_example.yaml')
     assert len(extra.table) == 2
     assert extra.thermal[1] == 25.0
 

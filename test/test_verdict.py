@@ -211,8 +211,7 @@ def test_a_shaft_that_turns_many_times_has_only_effects_that_repeat_every_turn()
                + 0.05 * np.interp(time, np.arange(0.0, 61.0), rng.normal(size=61))
                + 0.02 * rng.normal(size=len(time)))
     report = refine([Samples(time=time, position=position, current=current)], drive=DRIVE).report
-    waves = [one.parameters['frequency'] for one in report.effects
-             if 'frequency' in one.parameters]
+    waves = [one.parameters['frequency'] for one in report.effects if 'frequency' in one.parameters]
     assert waves
     assert np.abs(np.array(waves) - np.round(waves)) == pytest.approx(0.0, abs=0.02)
     assert min(waves) > 0.9

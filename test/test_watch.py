@@ -111,8 +111,7 @@ def test_the_page_seeks_plays_and_changes_the_joint(feed):
     document = Document()
     live_page(feed)(document)
     update = document.session_callbacks[0].callback
-    slider, play = document.select_one({'type': Slider}), document.select_one(
-        {'type': Toggle})
+    slider, play = document.select_one({'type': Slider}), document.select_one({'type': Toggle})
     source = next(s for s in document.select({'type': ColumnDataSource}) if 'time' in s.data)
     overview = next(s for s in document.select({'type': ColumnDataSource}) if 'joint' in s.data)
     # The shoulder turns round: at rest there is no residual, in the table as in the plot.

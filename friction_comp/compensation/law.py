@@ -13,11 +13,7 @@ import numpy as np
 from friction_comp.compensation import law_kernel as kernel
 from friction_comp.compensation.effect_currents import EffectCurrents
 from friction_comp.compensation.law_fields import CONTINUOUS, NONE, PARAMETERS, STATE, zeros
-from friction_comp.compensation.law_parameters import (
-    law_parameters,
-    LAWS,
-    set_breakaway,
-)
+from friction_comp.compensation.law_parameters import law_parameters, LAWS, set_breakaway
 from friction_comp.errors import InputError
 from friction_comp.model.effects.base import Effect
 from friction_comp.model.friction_model import FrictionModel

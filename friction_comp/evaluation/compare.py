@@ -14,12 +14,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from friction_comp.evaluation.intervals import (
-    CONFIDENCE,
-    Interval,
-    mean_interval,
-    student_quantile,
-)
+from friction_comp.evaluation.intervals import CONFIDENCE, Interval, mean_interval, student_quantile
 from friction_comp.evaluation.repetitions import Compensation, FIGURES, Repetition
 from friction_comp.statistics import holm
 

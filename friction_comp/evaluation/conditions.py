@@ -21,13 +21,7 @@ from friction_comp.evaluation.ensemble import Ensemble
 from friction_comp.evaluation.intervals import mean_interval, share_interval
 from friction_comp.evaluation.movements import find_movements
 from friction_comp.evaluation.outcome import Condition, Evaluation
-from friction_comp.evaluation.repetitions import (
-    counted_torque,
-    FIGURES,
-    measure,
-    NAMES,
-    Repetition,
-)
+from friction_comp.evaluation.repetitions import counted_torque, FIGURES, measure, NAMES, Repetition
 from friction_comp.recordings import RecordingInfo
 from friction_comp.samples import Samples
 

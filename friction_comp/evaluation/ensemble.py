@@ -75,8 +75,7 @@ class Ensemble:
         known, total, squares = self._sums_at(name, points)
         with np.errstate(invalid='ignore', divide='ignore'):
             mean = np.where(known > 0, total / known, np.nan)
-            std = np.sqrt(np.maximum(squares - known * mean ** 2, 0.0)
-                          / np.maximum(known - 1, 1))
+            std = np.sqrt(np.maximum(squares - known * mean ** 2, 0.0) / np.maximum(known - 1, 1))
         return mean, np.where(known > 0, std, np.nan)
 
     def rms(self, name: str, points: np.ndarray) -> float:

@@ -291,8 +291,7 @@ def _curves(samples: Samples, movement: Movement, shown_time: float) -> dict[str
 
 def _is_restless(samples: Samples, movement: Movement) -> bool:
     """Return whether the joint oscillated right before the movement."""
-    part = _slice_between(
-        samples, max(movement.begin - EARLY, movement.rest_begin), movement.begin)
+    part = _slice_between(samples, max(movement.begin - EARLY, movement.rest_begin), movement.begin)
     travelled = np.abs(np.diff(samples.position[part])).sum()
     return bool(travelled > 2.0 * _START_SHARE * movement.travel)
 

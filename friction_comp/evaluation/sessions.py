@@ -16,11 +16,7 @@ from friction_comp.evaluation.conditions import Evaluation, MeasuredJoint, repet
 from friction_comp.evaluation.ensemble import LEAD
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.parallel import Failure, run_each, Runner
-from friction_comp.recordings import (
-    find_recordings,
-    recorded_joints,
-    stream_recording_with_info,
-)
+from friction_comp.recordings import find_recordings, recorded_joints, stream_recording_with_info
 from friction_comp.samples import Samples
 
 # Length of the stretches in which recordings are read, s; those shorter than two are read whole.

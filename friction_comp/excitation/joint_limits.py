@@ -40,8 +40,7 @@ class JointLimits:
 
     def slowed(self, share: float) -> JointLimits:
         """Return the limits with only a share of velocity and acceleration."""
-        return replace(self, velocity=share * self.velocity,
-                       acceleration=share * self.acceleration)
+        return replace(self, velocity=share * self.velocity, acceleration=share * self.acceleration)
 
 
 def from_yaml(path: str | Path, joints: Sequence[str] = ()) -> list[JointLimits]:
@@ -88,8 +87,7 @@ def from_urdf(path: str | Path, acceleration: float,
         raise InputError(f'{path}: not a usable URDF file: {error}') from None
     found = {str(one.get('name')): one for one in root.findall('joint')
              if one.get('type') == 'revolute'}
-    revolute = {name: one.find('limit') for name, one in found.items()
-                if one.find('mimic') is None}
+    revolute = {name: one.find('limit') for name, one in found.items() if one.find('mimic') is None}
     if not revolute:
         raise InputError(f'{path}: the URDF has no revolute joint')
     limits = []

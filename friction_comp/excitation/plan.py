@@ -108,8 +108,7 @@ def samples_of(moves: Sequence[Move], start: float, seconds: float, rate: float,
 
 def _ramp_distance(move: Move, share: np.ndarray) -> np.ndarray:
     """Return the distance covered in a share of the acceleration time, rad."""
-    return np.asarray(
-        move.speed * move.ramp * share ** 4 * (2.5 - 3.0 * share + share ** 2))
+    return np.asarray(move.speed * move.ramp * share ** 4 * (2.5 - 3.0 * share + share ** 2))
 
 
 @dataclass(frozen=True)

@@ -74,8 +74,7 @@ class CommonModel:
         return cls((model.sigmoid.steepness, model.sigmoid.shift), tuple(
             Term(type(effect), dict(effect.values)) for effect in model.effects))
 
-    def sums(self, recorded: Sequence[Samples], model: FrictionModel, declared: bool
-             ) -> BlockSums:
+    def sums(self, recorded: Sequence[Samples], model: FrictionModel, declared: bool) -> BlockSums:
         """Return the sums of recordings of a unit, differentiated as its own model was fitted.
 
         `declared` tells whether the torque constant and the gear ratio of its drive are known.

@@ -225,8 +225,7 @@ class Motion(ABC):
     def _controller(self, factor: float, speed: float) -> Controller:
         bandwidth = factor * stable_bandwidth(self.supervision.step, self.supervision.delay)
         # A single encoder count must not change the current by more than friction.
-        quiet = math.sqrt(
-            0.06 * min(self._push.values()) * self.acceleration / self._resolution)
+        quiet = math.sqrt(0.06 * min(self._push.values()) * self.acceleration / self._resolution)
         return Controller(
             self.acceleration, float(self._plausible_current(speed)),
             self._expected_current(1, speed), self._expected_current(-1, speed),

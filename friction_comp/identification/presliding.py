@@ -136,8 +136,7 @@ def combined_presliding(measured: list[tuple[bool, float]]) -> float:
     return float(np.mean([np.median(side) for side in sides if side])) if measured else 0.0
 
 
-def presliding_std(measured: list[tuple[bool, float]], distance: float,
-                   resolution: float) -> float:
+def presliding_std(measured: list[tuple[bool, float]], distance: float, resolution: float) -> float:
     """Return the standard deviation of presliding at one rest from `combined_presliding`, rad.
 
     It combines the scatter of the ramps, the encoder count within which a displacement begins and

@@ -11,11 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from friction_comp.identification.breakaway import (
-    breakaway_records,
-    BreakawayRecords,
-    SlideBegin,
-)
+from friction_comp.identification.breakaway import breakaway_records, BreakawayRecords, SlideBegin
 from friction_comp.identification.goal import IdentificationError
 from friction_comp.identification.presliding import (
     combined_presliding,

@@ -219,8 +219,7 @@ class IdentificationMotion(Motion):
         self.ramps.append(ramp)
         self._ramp_time += (self.sample.time - begin - self._ramp_time) / min(len(self.ramps), 8)
 
-    def _ramp(self, sign: int, stair: float
-              ) -> Generator[float, Sample, tuple[Ramp | None, float]]:
+    def _ramp(self, sign: int, stair: float) -> Generator[float, Sample, tuple[Ramp | None, float]]:
         """Raise the current to `stair`, A, and on by stairs of 1 % until the joint slides away.
 
         Return the ramp and the largest current that held; no ramp if none did.

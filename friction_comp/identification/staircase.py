@@ -43,8 +43,7 @@ class Held(NamedTuple):
     position: float
 
 
-def rests(time: Sequence[float], position: Sequence[float], sign: int,
-          resolution: float) -> bool:
+def rests(time: Sequence[float], position: Sequence[float], sign: int, resolution: float) -> bool:
     """Return whether a joint has come to rest, or nearly so, during a pause.
 
     Time in s and position in rad since the beginning of the pause; `sign` is the ramp's direction

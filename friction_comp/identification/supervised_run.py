@@ -113,8 +113,7 @@ class SupervisedRun:
                 f'{what} {abs(time - self._last):.2g} s; the limit is {LONGEST_GAP} s')
         low, high = self._motion.bounds()
         if not low <= position <= high:
-            raise IdentificationError(
-                f'the joint left its motion range of {high - low:.4g} rad')
+            raise IdentificationError(f'the joint left its motion range of {high - low:.4g} rad')
 
     def _estimate(self, now: float) -> None:
         """Update `remaining` and `progress` ten times per second of the joint's time."""

@@ -272,8 +272,7 @@ def _sigmoid(section: Any) -> Sigmoid:
     check_mapping(section, 'sigmoid', ('coefficients', 'velocity_unit'))
     if not isinstance(section.get('coefficients'), list):
         raise InputError('sigmoid.coefficients is missing or not a list')
-    return Sigmoid.from_coefficients(
-        section['coefficients'], section.get('velocity_unit', 'rad/s'))
+    return Sigmoid.from_coefficients(section['coefficients'], section.get('velocity_unit', 'rad/s'))
 
 
 def _breakaway(section: Any) -> Breakaway:
@@ -283,8 +282,7 @@ def _breakaway(section: Any) -> Breakaway:
         entry = check_mapping(section.get(side), f'breakaway.{side}', _OF_BREAKAWAY)
         for what in _OF_BREAKAWAY:
             if what == 'mean' or entry.get(what) is not None:
-                values[f'{side}_{what}'] = check_number(
-                    entry.get(what), f'breakaway.{side}.{what}')
+                values[f'{side}_{what}'] = check_number(entry.get(what), f'breakaway.{side}.{what}')
     return Breakaway(**values)
 
 

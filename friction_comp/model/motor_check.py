@@ -108,8 +108,7 @@ def _check_sigmoid(model: FrictionModel, motion: Samples) -> float:
 
 def _check_limit(model: FrictionModel, current: float, what: str) -> None:
     if current > model.drive.current_limit:
-        raise InputError(
-            f'{what} more than drive.current_limit of {model.drive.current_limit:g} A')
+        raise InputError(f'{what} more than drive.current_limit of {model.drive.current_limit:g} A')
 
 
 def _check_table(model: FrictionModel) -> None:
@@ -124,8 +123,7 @@ def _check_table(model: FrictionModel) -> None:
             f'sigmoid: it misses the lookup_table, which it was fitted to, by {miss:.3g} A')
 
 
-def _check_effect(model: FrictionModel, effect: Effect, motion: Samples,
-                  friction: float) -> float:
+def _check_effect(model: FrictionModel, effect: Effect, motion: Samples, friction: float) -> float:
     """Return the largest current that an effect adds to sliding friction, A."""
     for name, value in effect.values.items():
         if name == 'exponent' and value > _STEEPEST:

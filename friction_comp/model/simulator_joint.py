@@ -19,11 +19,7 @@ from friction_comp.errors import InputError
 from friction_comp.model.effects.base import Effect
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.recorded import LINE
-from friction_comp.model.sliding_friction import (
-    inertia_of,
-    line_of,
-    Sliding,
-)
+from friction_comp.model.sliding_friction import inertia_of, line_of, Sliding
 from friction_comp.samples import Samples
 
 LINKS = ('gravity', 'rigid_body', 'other_joints', 'load_torque')

@@ -257,8 +257,7 @@ def _clocks(seen: Observation) -> Iterator[Finding]:
     simulated = {node: bool(values['use_sim_time']) for node, values in seen.parameters.items()
                  if 'use_sim_time' in values}
     followers = sorted(node for node, value in simulated.items() if value)
-    real = sorted(node for node, value in simulated.items()
-                  if not value and 'compensator' in node)
+    real = sorted(node for node, value in simulated.items() if not value and 'compensator' in node)
     if followers and not seen.clock:
         yield Finding(PROBLEM, 'clocks', f'{", ".join(followers)} waits for /clock, which does not '
                       'tick', 'start what publishes it, or set use_sim_time:=false')
@@ -340,8 +339,7 @@ def _check_fit(seen: Observation, joint: str, model: FrictionModel, rows: np.nda
         return [Finding(NOTE, joint, 'too little motion to compare it with its model',
                         'run doctor again while it is moved')]
     loaded = np.isfinite(load).all()
-    commanded = any('compensator' in end.node
-                    for end in seen.topic('current_command').publishers)
+    commanded = any('compensator' in end.node for end in seen.topic('current_command').publishers)
     if commanded and not loaded:
         return [Finding(NOTE, joint, 'the compensator feeds the model itself forward and no load '
                         'is measured: the model cannot be checked',
@@ -368,8 +366,7 @@ def _check_fit(seen: Observation, joint: str, model: FrictionModel, rows: np.nda
     return [*findings, Finding(level, joint, residual.blind or verdict.text, do)]
 
 
-def _rows(states: StatesSeen, measured_load: np.ndarray | None, model: FrictionModel
-          ) -> np.ndarray:
+def _rows(states: StatesSeen, measured_load: np.ndarray | None, model: FrictionModel) -> np.ndarray:
     """Return the measurements of one joint as rows for `LiveResidual`, shape (N, 6)."""
     time = states.stamp if states.stamp.any() else states.received
     load = temperature = np.full(len(time), np.nan)

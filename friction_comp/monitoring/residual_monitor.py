@@ -36,8 +36,7 @@ _FEWEST_BESIDE = 5
 # its mean square.
 _LEVEL_SHARE = 0.6
 # Columns of the table of blocks.
-(_TIME, _POSITION, _VELOCITY, _ACCELERATION, _LOAD, _TEMPERATURE, _RESIDUAL,
- _PREDICTED) = range(8)
+(_TIME, _POSITION, _VELOCITY, _ACCELERATION, _LOAD, _TEMPERATURE, _RESIDUAL, _PREDICTED) = range(8)
 
 
 @dataclass(frozen=True)

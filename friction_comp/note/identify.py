@@ -13,12 +13,7 @@ import numpy as np
 
 from friction_comp.identification.breakaway import BreakawayRecords
 from friction_comp.identification.goal import IdentificationGoal
-from friction_comp.identification.run import (
-    CUT_COUNTS,
-    CUT_SPEED,
-    CUT_WINDOW,
-    IdentificationRun,
-)
+from friction_comp.identification.run import CUT_COUNTS, CUT_SPEED, CUT_WINDOW, IdentificationRun
 from friction_comp.identification.waveforms import ramp_current
 from friction_comp.note.published import RAMP_PERIOD
 from friction_comp.note.recorded_ramps import breakaway_currents
@@ -97,8 +92,7 @@ def _ramp_runs(joints: np.ndarray, random: np.ndarray, states: np.ndarray, outs:
             log[r, k, 0] = position
             log[r, k, 1] = out.current
             log[r, k, 2] = command
-            joint_sample(p, s, random[r], table, memory, sample_time, command, 0.0, 0.0, False,
-                         out)
+            joint_sample(p, s, random[r], table, memory, sample_time, command, 0.0, 0.0, False, out)
 
 
 def identify_breakaway(experiment: Experiment, cycles: int, seed: int) -> Ramps:

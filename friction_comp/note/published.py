@@ -46,8 +46,7 @@ class Experiment:
 
     def model(self) -> FrictionModel:
         """Return the model of the simulated joint: the drive as the note describes it."""
-        return FrictionModel.load(
-            package_file('config', f'armin_configuration_{self.number}.yaml'))
+        return FrictionModel.load(package_file('config', f'armin_configuration_{self.number}.yaml'))
 
     def movement(self, compensated: bool = True) -> ReferenceMovement:
         """Return one repetition of the reference movement, forth and back."""

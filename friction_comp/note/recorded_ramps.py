@@ -17,11 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from friction_comp.identification.breakaway import (
-    breakaway_records,
-    BreakawayRecords,
-    SlideBegin,
-)
+from friction_comp.identification.breakaway import breakaway_records, BreakawayRecords, SlideBegin
 
 # Speed in rad/s that creep does not reach, and s over which it is computed. The speed of creep is
 # ramp slope times k_t·n over the stiffness: a few mrad/s at most for a geared joint.

@@ -83,15 +83,13 @@ def _largest_lasting_current(samples: Samples) -> float:
     return float(median_filter(size, 2 * half + 1).max())
 
 
-def unit_of(given: Given, model: FrictionModel | None,
-            infos: Sequence[RecordingInfo] = ()) -> str:
+def unit_of(given: Given, model: FrictionModel | None, infos: Sequence[RecordingInfo] = ()) -> str:
     """Return the unit of the fitted signal: A if the drive is known, else that of the effort.
 
     If effort is a servo's voltage, ``--unit`` must name its unit, which is then
     `given.figures`.
     """
-    if model is not None and not (given.figures or given.torque_constant
-                                  or given.gear_ratio):
+    if model is not None and not (given.figures or given.torque_constant or given.gear_ratio):
         return str(model.notes.get('unit', 'A'))
     if not given.figures and any(info.effort_is_raw for info in infos):
         return 'counts'

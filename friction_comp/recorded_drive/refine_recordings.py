@@ -85,8 +85,7 @@ def refine_recordings(given: Given, paths: Sequence[Path],
     from friction_comp.refinement import Origin, refine
 
     # Without its constants, a drive does not tell how much current a recorded load takes.
-    known = (model or given.torque_constant or given.gear_ratio
-             or unit in ('N·m', 'N') or idle)
+    known = (model or given.torque_constant or given.gear_ratio or unit in ('N·m', 'N') or idle)
     origin = Origin(unit, bool(known), notes_on(recordings, idle), {
         'refined_from': [str(path) for path in paths], **given.of_table, **limit,
         **({'position_unit': 'm'} if any(info.linear for _, info in recordings) else {})})

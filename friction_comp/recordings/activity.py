@@ -87,5 +87,4 @@ def compensator_activity(status: Any, time: int = 0) -> Activity | None:
     values = {item.key: item.value for item in status.values}
     # One file per joint is reported as a list: remove its brackets and quotes.
     model = re.sub(r"""['"\[\]]""", '', values.get('model_files', ''))
-    return Activity(time, values.get('state', ''), values.get('law', ''), model,
-                    status.hardware_id)
+    return Activity(time, values.get('state', ''), values.get('law', ''), model, status.hardware_id)

@@ -166,6 +166,5 @@ def _extract_fields(block: np.ndarray, fields: dict[str, tuple[str, int, int]]
         values[name] = np.ascontiguousarray(block[:, start:stop]).view(code) if count else \
             np.empty((len(block), 0), dtype=code)
     if 'sec' in values:
-        values['stamp'] = (values['sec'][:, 0].astype(np.int64) * NANO
-                           + values['nanosec'][:, 0])
+        values['stamp'] = (values['sec'][:, 0].astype(np.int64) * NANO + values['nanosec'][:, 0])
     return values

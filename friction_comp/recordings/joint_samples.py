@@ -237,8 +237,7 @@ def _select_joint(scan: Scan, joint: str | None) -> tuple[Track, str, list[str],
     return track, joint, list(track.names) if key else [joint], track.values[key]
 
 
-def _in_order(stamp: np.ndarray, usable: np.ndarray,
-              notes: list[str]) -> tuple[np.ndarray, int]:
+def _in_order(stamp: np.ndarray, usable: np.ndarray, notes: list[str]) -> tuple[np.ndarray, int]:
     """Return the usable rows in time order without duplicate stamps, and how many were dropped."""
     rows = np.nonzero(usable)[0]
     times = stamp[rows]

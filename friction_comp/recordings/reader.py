@@ -168,8 +168,7 @@ def read_joints(path: AnyPath, joint: str | None = None, progress: Progress | No
         raise InputError(f'{path}: the joints {", ".join(scan.joints)} never have values together')
     joints = [samples.take(np.searchsorted(time, common))
               for (samples, _), time in zip(read, times)]
-    first.notes = list(dict.fromkeys(
-        [*notes, *(note for _, info in read for note in info.notes)]))
+    first.notes = list(dict.fromkeys([*notes, *(note for _, info in read for note in info.notes)]))
     return [samples.with_(time=joints[0].time) for samples in joints], first
 
 

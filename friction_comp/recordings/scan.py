@@ -162,8 +162,7 @@ class MessageScanner:
         """Yield a scan after each batch of joint states, and the rest at the end."""
         begin = 0
         with unreadable_on_error(self._storage.path):
-            for index, (topic, kind, receive, raw) in enumerate(
-                    self._storage.messages(_is_wanted)):
+            for index, (topic, kind, receive, raw) in enumerate(self._storage.messages(_is_wanted)):
                 if not index:
                     begin = receive
                 if kind == DIAGNOSTICS:
@@ -221,8 +220,7 @@ class _TopicReader:
         self.messages = []
         if parts:
             track = Track.concatenate(parts)
-            self._tracks.append(
-                track if len(parts) == 1 else track.take(np.argsort(track.order)))
+            self._tracks.append(track if len(parts) == 1 else track.take(np.argsort(track.order)))
 
     def take(self) -> Track | None:
         """Return the messages since the last call; None if there are none."""

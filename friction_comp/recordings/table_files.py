@@ -261,8 +261,7 @@ class Arrays:
 
     def blocks(self, wanted: Sequence[str], rows: int) -> Iterator[tuple[Columns, float]]:
         """Yield blocks of columns and the share of them that has been read."""
-        sizes = {name: len(self._columns[name]) for name in wanted
-                 if self._columns[name].ndim}
+        sizes = {name: len(self._columns[name]) for name in wanted if self._columns[name].ndim}
         size = max(sizes.values(), default=0)
         if set(sizes.values()) - {size}:
             raise InputError(f'{self._path}: its arrays differ in length: ' + ', '.join(
@@ -293,8 +292,7 @@ def _flat(items: Iterable[tuple[str, Any]]) -> Columns:
             columns.update(_flat((f'{name}.{field}', values[field].squeeze())
                                  for field in values.dtype.names))
             continue
-        if values.dtype == object and values.size == 1 and isinstance(
-                values.item(), np.ndarray):
+        if values.dtype == object and values.size == 1 and isinstance(values.item(), np.ndarray):
             values = values.item()
         if values.ndim == 2 and 1 in values.shape and max(values.shape) > 1:
             values = values.ravel()

@@ -77,8 +77,7 @@ class RecordingWriter:
                  split_duration: float = 0.0) -> None:
         self.path = Path(path)
         if compression not in _COMPRESSIONS:
-            raise InputError(
-                f'compression must be none, message or storage, not {compression!r}')
+            raise InputError(f'compression must be none, message or storage, not {compression!r}')
         if 0.0 < split_size < _MIN_SIZE:
             raise InputError(f'max_file_size: {1e-6 * split_size:g} MB is too small: '
                              f'{1e-6 * _MIN_SIZE:g} MB is the least, 0 writes a single file')
@@ -232,8 +231,7 @@ class RecordingWriter:
             raise InputError(f'{self.path}: cannot be written: {reason}{kept}') from None
 
     def _metadata(self, files: Sequence[_McapFile]) -> dict[str, Any]:
-        counts = {topic: sum(file.counts.get(topic, 0) for file in files)
-                  for topic in self._topics}
+        counts = {topic: sum(file.counts.get(topic, 0) for file in files) for topic in self._topics}
         compressed = self._compression == 'message'
         return {
             'version': _VERSION, 'storage_identifier': 'mcap',
@@ -276,8 +274,7 @@ class _McapFile:
 
     def declare(self, topic: str, kind: str, definition: str, qos: list[Qos]) -> None:
         if kind not in self._schemas:
-            self._schemas[kind] = self._writer.register_schema(
-                kind, 'ros2msg', definition.encode())
+            self._schemas[kind] = self._writer.register_schema(kind, 'ros2msg', definition.encode())
         self._channels[topic] = self._writer.register_channel(
             topic, 'cdr', self._schemas[kind], {'offered_qos_profiles': _yaml(qos).strip()})
         self.counts[topic] = 0

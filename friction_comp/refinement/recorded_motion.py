@@ -20,12 +20,7 @@ from scipy.ndimage import grey_opening, maximum_filter1d
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.arm.arm import moving_states
-from friction_comp.model.differentiation import (
-    differentiate,
-    MEASURED,
-    METHOD,
-    prepared_signal,
-)
+from friction_comp.model.differentiation import differentiate, MEASURED, METHOD, prepared_signal
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.block_sums import held_out_error, sums_of
 from friction_comp.samples import Samples

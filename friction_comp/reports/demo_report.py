@@ -15,12 +15,7 @@ from friction_comp.reports.figures import band, COLOURS, new_figure, styled
 from friction_comp.reports.html import number, Report
 from friction_comp.reports.moving_joint import moving_joint, MovingScene
 from friction_comp.reports.refinement_figures import residual_figure
-from friction_comp.reports.refinement_report import (
-    effect_names,
-    formula,
-    limitations,
-    model_words,
-)
+from friction_comp.reports.refinement_report import effect_names, formula, limitations, model_words
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -208,8 +208,7 @@ def p_value_text(p_value: float | None) -> str:
     """Return a p-value as text, a dash where there is none."""
     if p_value is None:
         return '–'
-    return ('p < 0.001' if p_value < 0.001 else f'p = {p_value:.2g}').replace(
-        ' ', '\u00a0')
+    return ('p < 0.001' if p_value < 0.001 else f'p = {p_value:.2g}').replace(' ', '\u00a0')
 
 
 def nonbreaking_label(evaluation: Evaluation, condition: Compensation) -> str:

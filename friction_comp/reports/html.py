@@ -206,8 +206,7 @@ class Report:
 
     def code(self, text: str) -> None:
         """Add a block of commands or file content."""
-        self._parts.append(
-            f'<pre tabindex="0"><code>{escape(text.strip(chr(10)))}</code></pre>')
+        self._parts.append(f'<pre tabindex="0"><code>{escape(text.strip(chr(10)))}</code></pre>')
 
     def html(self) -> str:
         """Return the page."""

@@ -85,8 +85,7 @@ def _draw_scenes(scenes: Sequence[MovingScene]) -> list[str]:
     end = min(float(scene.time[-1]) for scene in scenes)
     moments = np.linspace(begin, end, _FRAMES)
     largest = max(float(np.nanmax(np.abs(scene.torque))) for scene in scenes) or 1.0
-    middle = float(np.mean([0.5 * (np.nanmin(s.position) + np.nanmax(s.position))
-                            for s in scenes]))
+    middle = float(np.mean([0.5 * (np.nanmin(s.position) + np.nanmax(s.position)) for s in scenes]))
     return [_draw_scene(scene, moments, largest, middle) for scene in scenes]
 
 

@@ -61,8 +61,7 @@ class Sums:
         return np.array([self.sums[fold == index].sum(axis=0) for index in range(FOLDS)])
 
 
-def sums_of(chain: Chain, joints: list[Samples], settings: dict[str, Any],
-            most_rows: int) -> Sums:
+def sums_of(chain: Chain, joints: list[Samples], settings: dict[str, Any], most_rows: int) -> Sums:
     """Return the sums over recordings of all joints, in units of each current's variance.
 
     If there are more samples than `most_rows`, only every n-th is used.

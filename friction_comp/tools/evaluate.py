@@ -38,8 +38,7 @@ def main(argv: list[str] | None = None) -> int:
     from friction_comp.recordings.sources import size_of
 
     with progress('reading') as report:
-        pieces, failures = pieces_of(
-            arguments.recordings, arguments.joint, layout_of(arguments))
+        pieces, failures = pieces_of(arguments.recordings, arguments.joint, layout_of(arguments))
         shared = sum(size_of(piece.path) for piece in pieces) >= _MIN_SHARED
         jobs = arguments.jobs or (os.cpu_count() or 1 if shared else 1)
         evaluations = evaluate_pieces(
@@ -59,8 +58,7 @@ def main(argv: list[str] | None = None) -> int:
             [rows[0][0], *(row for part in rows for row in part[1:])])
         with output_folder(arguments.output) as folder:
             write_report(folder, content, evaluation_report(evaluations), arguments.command)
-            (folder / 'repetitions.csv').write_text(
-                encodable(table.getvalue()), encoding='utf-8')
+            (folder / 'repetitions.csv').write_text(encodable(table.getvalue()), encoding='utf-8')
     if arguments.json:
         print(to_json(content), end='')
         return 0

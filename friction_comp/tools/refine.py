@@ -12,11 +12,7 @@ from pathlib import Path
 from friction_comp.columns import signal_with_unit
 from friction_comp.errors import InputError
 from friction_comp.tools.common import Arguments, positive, progress
-from friction_comp.tools.refine_arguments import (
-    check_tables,
-    given_of,
-    print_summary,
-)
+from friction_comp.tools.refine_arguments import check_tables, given_of, print_summary
 from friction_comp.units import in_own_units
 
 

@@ -66,8 +66,7 @@ def refine_each(arguments: Namespace) -> int:
     begin = time.monotonic()
     populations: list[Population] = []
     with progress('reading') as show:
-        pieces, failures = pieces_of(
-            arguments.recordings, arguments.joint, layout_of(arguments))
+        pieces, failures = pieces_of(arguments.recordings, arguments.joint, layout_of(arguments))
         batch = _Batch(failed=[failure.reason for failure in failures])
         try:
             with _runner(arguments, len(pieces)) as run:
@@ -139,8 +138,7 @@ def _refine_pieces(arguments: Namespace, pieces: Sequence[Piece], batch: _Batch,
             else:
                 row, model, files = outcome
                 row = {'recording': str(pieces[index].path), 'folder': folders[index], **row}
-                known = json.dumps(plain(
-                    {'made_from': keys[index], 'row': row, 'model': model}))
+                known = json.dumps(plain({'made_from': keys[index], 'row': row, 'model': model}))
                 # A folder that is written must also be in the page on all.
                 with interrupts_deferred():
                     _write(arguments.output / folders[index], {**files, DONE: known})

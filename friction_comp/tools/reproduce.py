@@ -26,8 +26,7 @@ def main(argv: list[str] | None = None) -> int:
 
     with output_folder(arguments.output) as folder, progress('starting') as report:
         outcomes = run_experiments(arguments.cycles, arguments.seed, report)
-        configurations = {
-            str(outcome.experiment.number): outcome.as_dict() for outcome in outcomes}
+        configurations = {str(outcome.experiment.number): outcome.as_dict() for outcome in outcomes}
         (folder / 'results.json').write_text(
             to_json({'configurations': configurations}), encoding='utf-8')
         reproduction_report(outcomes).save(folder / 'report.html')

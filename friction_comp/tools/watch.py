@@ -35,8 +35,7 @@ _RATE = 100.0
 def main(argv: list[str] | None = None) -> int:
     """Serve the page until it is interrupted; returns 0."""
     given = list(sys.argv[1:] if argv is None else argv)
-    parser = Arguments('watch', __doc__, (
-        '', 'examples/elbow/with_direction.mcap.zstd'))
+    parser = Arguments('watch', __doc__, ('', 'examples/elbow/with_direction.mcap.zstd'))
     parser.add_argument('recording', metavar='RECORDING', type=Path, nargs='?',
                         help='recording to play; by default the running system is shown')
     parser.add_argument('--model', metavar='FILE', type=Path, nargs='+', default=[],
@@ -160,11 +159,7 @@ def recorded_model(info: RecordingInfo, joint: str, notes: list[str]) -> Frictio
 
 def recorded_feed(path: Path, joints: list[str], models: Sequence[FrictionModel]) -> RecordedFeed:
     """Read a recording for the page."""
-    from friction_comp.recordings import (
-        find_recording,
-        read_recording_with_info,
-        recorded_joints,
-    )
+    from friction_comp.recordings import find_recording, read_recording_with_info, recorded_joints
 
     with progress('reading') as report:
         path = find_recording(path)

@@ -62,8 +62,7 @@ def in_base(frame: np.ndarray, a: Vector) -> Vector:
 def turned(axis: Vector, angle: float, a: Vector) -> Vector:
     """Return a vector turned about a unit axis (Rodrigues)."""
     c, s = np.cos(angle), np.sin(angle)
-    return plus(plus(times(c, a), times(s, cross(axis, a))),
-                times(dot(axis, a) * (1.0 - c), axis))
+    return plus(plus(times(c, a), times(s, cross(axis, a))), times(dot(axis, a) * (1.0 - c), axis))
 
 
 @njit(cache=True)

@@ -67,8 +67,7 @@ class Hysteresis(Effect):
     """
 
     name = 'hysteresis'
-    coefficient_names = (
-        ('friction that reverses', 'A'), ('friction during the reversal', 'A'))
+    coefficient_names = (('friction that reverses', 'A'), ('friction during the reversal', 'A'))
     variable = 'history'
     # Presliding reverses over resolved steps, and well within the range; beyond these exponents it
     # reverses at once, or never.
