@@ -111,7 +111,8 @@ def test_separation_sees_what_cannot_be_told_apart():
 
 
 @short_search(0)
-def test_a_plan_keeps_to_the_effort_limit_or_is_refused(plan):
+def test_a_plan_keeps_to_the_effort_limit_or_is_refused(plan, monkeypatch):
+    monkeypatch.setattr('friction_comp.excitation.plan._POPULATION', 1)
     model = FrictionModel(drive=Drive(0.1, 100.0, 4000), joint='elbow',
                           sigmoid=Sigmoid(0.2, -0.2, 400.0, viscous=0.5))
     pairs = pairs_of(['stribeck', 'viscous_shape'])

@@ -229,9 +229,9 @@ def population_of(recordings: Sequence[tuple[str, BlockSums]], common: CommonMod
                   for parameter, p in zip(parameters, adjusted)]
     out = [any(parameter.units[k].out for parameter in parameters) for k in range(len(names))]
     prior = _prior(fits, index, np.array(out))
-    model = common.model(np.array(prior.mean), like)
-    model.notes = {'units': len(names) - sum(out), 'unit': unit, 'range_of_units': {
-        parameter.name: list(parameter.range) for parameter in parameters}}
+    model = replace(common.model(np.array(prior.mean), like), notes={
+        'units': len(names) - sum(out), 'unit': unit, 'range_of_units': {
+            parameter.name: list(parameter.range) for parameter in parameters}})
     return Population(like.joint, unit, names.tolist(), len(recordings), parameters, prior, model)
 
 

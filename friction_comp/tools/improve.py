@@ -12,9 +12,10 @@ from __future__ import annotations
 from argparse import Namespace
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, ExitStack
+from dataclasses import replace
 import os
 from pathlib import Path
-from typing import Any, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 from friction_comp.errors import InputError
 from friction_comp.recorded_drive.given import drive_of, Given
@@ -170,8 +171,8 @@ def _write(arguments: Namespace, names: list[str], improvement: Improvement) -> 
     from friction_comp.reports.excitation_report import improvement_report
     from friction_comp.reports.refinement_report import refinement_report
 
-    model: Any = improvement.result.model
-    model.notes = {**model.notes, 'refined_from': list(names), 'unit': 'A'}
+    model = improvement.result.model
+    model = replace(model, notes={**model.notes, 'refined_from': list(names), 'unit': 'A'})
     with output_folder(arguments.output) as folder:
         write_report(folder, improvement.report(), improvement_report(improvement, names),
                      arguments.command)
