@@ -61,7 +61,7 @@ class Taught:
 
 
 def teach(joints: Sequence[str], time: np.ndarray, position: np.ndarray,
-          speeds: Sequence[float] | None = None, announcement: float = 1.0) -> Taught:
+          speeds: Sequence[float] | None = None) -> Taught:
     """Return the exercise of a guided movement.
 
     Parameters
@@ -73,8 +73,6 @@ def teach(joints: Sequence[str], time: np.ndarray, position: np.ndarray,
         rad.
     speeds : sequence of float, optional
         Largest speed of each joint, rad/s: a faster movement is slowed down.
-    announcement : float
-        s by which movements from rest are announced ahead.
 
     Raises
     ------
@@ -110,7 +108,7 @@ def teach(joints: Sequence[str], time: np.ndarray, position: np.ndarray,
     steps.append({'hold': _FIRST_REST})
     document = {
         'format': FORMAT, 'version': VERSION, 'unit': 'deg', 'joints': list(joints),
-        'announcement': announcement, 'steps': steps}
+        'announcement': 1.0, 'steps': steps}
     begin = even[knots[0]]
     return Taught(document, _FIRST_REST + (even - begin) * slowed, path - path[knots[0]],
                   _FIRST_REST + (even[knots] - begin) * slowed, slowed)
