@@ -38,19 +38,19 @@ def wrist(seed, side, coulomb=0.5, viscous=0.2):
 
 
 def between(result):
-    """Return the report's entries of friction between joints."""
-    return [entry for entry in result.report['effects'] if entry['name'] == 'friction_between']
+    """Return the effects that are friction between joints."""
+    return [effect for effect in result.report.effects if effect.name == 'friction_between']
 
 
 @pytest.mark.parametrize('side', [1, -1])
 def test_friction_that_turns_with_two_joints_is_named_with_both(side):
     result = refine([wrist(2, side)])
     entry, = between(result)
-    coulomb, viscous = entry['parameters']['coefficients']
+    coulomb, viscous = entry.parameters['coefficients']
     assert coulomb == pytest.approx(0.5, rel=0.1)
     assert viscous == pytest.approx(0.2, rel=0.1)
-    assert 'roll and pitch' in entry['in_words']
-    assert [effect['name'] for effect in result.report['effects'][:1]] == ['friction_between']
+    assert 'roll and pitch' in entry.in_words
+    assert result.report.effects[0].name == 'friction_between'
     other = wrist(5, side)
     assert rms(other.current - result.model.predict(other)) < 2.5 * NOISE
     # The file says all of it.
