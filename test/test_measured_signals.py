@@ -35,13 +35,13 @@ def with_torque_sensor(seed, noise=0.0, lag=0.0, held=1):
 def test_noise_and_lag_of_a_torque_sensor_do_not_change_what_the_load_does(sensor):
     # As recorded, noise of 1 N·m makes it -0.18 A/(N·m), and an inertia takes the rest.
     result = refine([with_torque_sensor(2, **sensor)], drive=Drive(1.0, 1.0 / 0.3))
-    found = {effect['name']: effect for effect in result.report['effects']}
-    coefficient, = found['load_torque']['parameters']['coefficients']
+    found = {effect.name: effect for effect in result.report.effects}
+    coefficient, = found['load_torque'].parameters['coefficients']
     assert coefficient == pytest.approx(-0.30, abs=0.012)
     assert 'actuation_lag' not in found
-    inertia = found.get('inertia', {'parameters': {'coefficients': [0.0]}})
-    assert inertia['parameters']['coefficients'][0] < 0.002
-    own = result.report['differentiation']['signals']['load']
+    inertia = found['inertia'].parameters['coefficients'][0] if 'inertia' in found else 0.0
+    assert inertia < 0.002
+    own = result.report.differentiation['signals']['load']
     assert own['lag'] == pytest.approx(sensor.get('lag', 0.0), abs=0.003)
     # The model says how its load is prepared, so that it predicts another recording as well.
     other = with_torque_sensor(5, **sensor)

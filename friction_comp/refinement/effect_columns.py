@@ -10,7 +10,7 @@ their derivatives.
 from __future__ import annotations
 
 from collections.abc import Container, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 import functools
 from itertools import combinations
 import math
@@ -22,6 +22,7 @@ from friction_comp.model.arm.coupling import Group
 from friction_comp.model.effects import Effect, EFFECTS, ResidualView
 from friction_comp.refinement.block_sums import BlockSums
 from friction_comp.refinement.prepare import Rows
+from friction_comp.refinement.recorded_motion import TRANSITIONS
 
 # Number of columns of Eq. 6, and of those that are not derivatives; signs of their coefficients.
 EQ6_COLUMNS, EQ6_LINEAR, _EQ6_SIGNS = 5, 3, (0, 1, 1, 0, 0)
@@ -51,12 +52,17 @@ class Term:
             return self.group.columns(rows.joints, *rows.motion)
         return self.kind.matrix(rows.samples, self.constants)
 
+    @property
+    def choice(self) -> tuple[type[Effect], Group | None]:
+        """What it is, of which the constants or the width of a group are one choice."""
+        return self.kind, self.group and replace(self.group, width=0.0)
+
     def same_effect(self, other: Term, span: float) -> bool:
         """Return whether another term is the same effect with similar constants.
 
         `span` is the range of position, rad.
         """
-        if self.kind is not other.kind or self.group != other.group:
+        if self.choice != other.choice:
             return False
         if self.kind.max_count == 1:
             return True
@@ -274,7 +280,8 @@ class Table:
 
 def _signs_of(term: Term, count: int) -> list[int]:
     """Return the required sign of each of a term's coefficients, 0 where it is free."""
-    wanted = list(term.kind.signs[:count]) if term.group is None else []
+    wanted = list(term.kind.signs[:count]) if term.group is None else [
+        1 if term.group.kind == 'friction' else 0] * count
     return wanted + [0] * (count - len(wanted))
 
 
@@ -291,8 +298,17 @@ def proposals(table: Table, terms: Sequence[Term]) -> list[Term]:
         for constants in kind.propose(view)]
     if rows.joints:
         terms += [Term(EFFECTS['other_joints'], {}, group)
-                  for group in groups_for(rows.joints, rows.samples.joint)]
+                  for group in (*groups_for(rows.joints, rows.samples.joint),
+                                *friction_groups(rows))]
     return terms
+
+
+def friction_groups(rows: Rows) -> list[Group]:
+    """Return friction of the sum and the difference of a joint's velocity and its neighbours'."""
+    joint, index = rows.samples.joint, rows.joints.index(rows.samples.joint)
+    neighbours = rows.joints[max(0, index - 1):index + 2]
+    return [Group('friction', ((joint, 1), (name, side)), width=share * rows.coverage.speed)
+            for name in neighbours if name != joint for side in (1, -1) for share in TRANSITIONS]
 
 
 @functools.lru_cache(maxsize=8)

@@ -268,7 +268,8 @@ def friction_shows(fit: Fit) -> bool:
     """Return whether friction lowers the error on parts that were not fitted."""
     table = fit.table
     resisting = {1, 2, *(column for term in fit.terms
-                         if not term.group and term.kind.role == RESISTS
+                         if (term.group.kind == 'friction' if term.group
+                             else term.kind.role == RESISTS)
                          for column in table.columns_of[term])}
     columns = table.indices(fit.terms, derivatives=False)
     rest = [column for column in columns if column not in resisting]

@@ -139,7 +139,7 @@ def correlations_of(fit: Fit) -> list[Correlation]:
 def effects_of(problem: Problem, fit: Fit, unit: str) -> list[FoundEffect]:
     """Return the effects, those first that lower the error most.
 
-    All terms of other joints make one.
+    All terms of other joints' weight and inertia make one.
     """
     chosen, remaining = fit.terms[:fit.initial_count], fit.terms[fit.initial_count:]
     entries: list[FoundEffect] = []
@@ -151,8 +151,8 @@ def effects_of(problem: Problem, fit: Fit, unit: str) -> list[FoundEffect]:
             {}, None, f'Lag: the torque is {1e3 * lag:.3g} ms later than the current',
             f'i(t + {lag:.4g} s)'))
     while remaining:
-        candidates = [[term] for term in remaining if not term.group]
-        groups = [term for term in remaining if term.group]
+        groups = [term for term in remaining if term.group and term.group.kind != 'friction']
+        candidates = [[term] for term in remaining if term not in groups]
         if groups:
             candidates.append(groups)
         error, index = min((fit.rmse_with([*chosen, *terms]), index)
@@ -183,6 +183,18 @@ def _found_effect(fit: Fit, terms: Sequence[Term], error: float, unit: str) -> F
     term, table = terms[0], fit.table
     kind = term.kind
     chosen = min(fit.stability.chosen.get(term, 0.0) for term in terms)
+    columns, values = table.columns_of[term], table.coefficients(fit.terms)
+    own = [values[column] for column in columns]
+    bounds = [list(fit.intervals.coefficients[column]) for column in columns]
+    if term.group and term.group.kind == 'friction':
+        said = term.group.describe()
+        return FoundEffect(
+            'friction_between', kind.variable, error, chosen, {'coefficients': own},
+            {'coefficients': bounds}, True,
+            f'{said[0].upper()}{said[1:]}: {own[0]:.4g} {unit} of Coulomb and {own[1]:.4g} {unit} '
+            'per rad/s of viscous friction',
+            f'{own[0]:+.4g}·tanh(w/{term.group.width:.3g}) {own[1]:+.4g}·w, w = ' + ' '.join(
+                f'{"+" if side > 0 else "-"}v_{name}' for name, side in term.group.angles))
     if term.group:
         moved = {name for term in terms if term.group for name in term.group.all_joints}
         names = ', '.join(sorted(moved - {fit.rows.samples.joint}))
@@ -191,13 +203,10 @@ def _found_effect(fit: Fit, terms: Sequence[Term], error: float, unit: str) -> F
             {'coefficients': [1.0], 'terms': len(terms)}, {}, True,
             f'Weight and inertia of other links: {len(terms)} terms of the motion of {names}',
             f'{len(terms)} terms of {names}')
-    columns, values = table.columns_of[term], table.coefficients(fit.terms)
-    effect = kind({**term.constants,
-                   'coefficients': [values[column] for column in columns]})
+    effect = kind({**term.constants, 'coefficients': own})
     constants = {name: list(ends) for (owner, name), ends in fit.intervals.constants.items()
                  if owner == term}
     return FoundEffect(
         kind.name, kind.variable, error, chosen, effect.parameters,
-        {'coefficients': [list(fit.intervals.coefficients[column]) for column in columns],
-         **constants},
-        effect.holds_on_another_day, in_unit(effect.describe(), unit), effect.formula())
+        {'coefficients': bounds, **constants}, effect.holds_on_another_day,
+        in_unit(effect.describe(), unit), effect.formula())

@@ -128,7 +128,8 @@ class Search:
         Without that part, the group would have to represent both, and fail in other postures.
         """
         groups = [term.group for term in terms if term.group]
-        needed = {'gravity' if group.kind == 'weight' else 'inertia' for group in groups}
+        own = {'weight': 'gravity', 'kinetic': 'inertia'}
+        needed = {own[group.kind] for group in groups if group.kind in own}
         needed -= {term.kind.name for term in terms if not term.group}
         return [*terms, *(term for term in self.table.columns_of
                           if not term.group and term.kind.name in needed)]
@@ -151,9 +152,9 @@ class Search:
 
     def shortlist(self, terms: Sequence[Term]) -> list[Term]:
         """Return the candidates that reduce the fitted error most, one of each effect."""
-        counts = Counter(term.kind for term in terms)
+        counts = Counter(term.choice for term in terms)
         allowed = [term for term in self.candidates if term not in terms and (
-            term.group or counts[term.kind] < term.kind.max_count)]
+            counts[term.choice] < term.kind.max_count)]
         if not allowed:
             return []
         sums = np.tensordot(self._weights, self.table.sums.gram, 1)
@@ -164,7 +165,7 @@ class Search:
         for index in np.argsort(-reductions, kind='stable'):
             term = allowed[index]
             if reductions[index] > 0.0:
-                best.setdefault((term.kind, term.group), term)
+                best.setdefault(term.choice, term)
         return list(best.values())[:int(thresholds.SHORTLIST)]
 
     def forward(self, terms: Sequence[Term]) -> list[Term]:

@@ -4,6 +4,7 @@
 
 Each group of terms is the torque of one energy on the joint, by Lagrange's equations. A potential
 energy is a harmonic of a sum of angles, a kinetic energy such a harmonic times two velocities.
+Friction acts where a motor turns with the sum or the difference of two joints, as in a wrist.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import numpy as np
 from friction_comp.errors import InputError
 
 # Number of joints that each kind of group names besides those of its angles.
-_JOINTS = {'weight': 0, 'kinetic': 3}
+_JOINTS = {'weight': 0, 'kinetic': 3, 'friction': 0}
 
 
 @dataclass(frozen=True)
@@ -26,19 +27,25 @@ class Group:
     """Terms that belong together.
 
     A group of kind 'weight' consists of cosine and sine of a sum of angles; one of kind 'kinetic'
-    of the torque of a kinetic energy of two velocities, alone or times cosine and sine.
+    of the torque of a kinetic energy of two velocities, alone or times cosine and sine; one of kind
+    'friction' of Coulomb and viscous friction of the rate of the sum of two angles.
     """
 
     kind: str
     angles: tuple[tuple[str, int], ...] = ()    # joint and sign of each angle in the sum
     # Of kind 'kinetic': the joint on which the torque acts, and the two joints of the velocities.
     joints: tuple[str, ...] = ()
+    # Of kind 'friction': the velocity over which it changes sign, rad/s.
+    width: float = 0.0
 
     def columns(self, names: Sequence[str], q: np.ndarray, v: np.ndarray,
                 a: np.ndarray) -> np.ndarray:
         """Return the terms, shape (N, 1) or (N, 2), for motion of J named joints, (N, J)."""
         column = {name: k for k, name in enumerate(names)}
         factor, slope = np.ones(len(q)), np.zeros(len(q))
+        if self.kind == 'friction':
+            rate = sum((side * v[:, column[name]] for name, side in self.angles), np.zeros(len(v)))
+            return np.column_stack((np.tanh(rate / self.width), rate))
         if self.kind == 'kinetic':
             factor, slope = self._kinetic_factors(column, v, a)
         if not self.angles:
@@ -71,6 +78,10 @@ class Group:
         over = f' over the angle {total.removeprefix("+")}' * bool(total)
         if self.kind == 'weight':
             return f'weight{over}'
+        if self.kind == 'friction':
+            (own, _), (other, side) = self.angles
+            return (f'friction between {own} and {other}, which turns with the '
+                    f'{"sum" if side > 0 else "difference"} of their velocities')
         if self.joints[0] in self.joints[1:]:
             return f'inertia of {" with ".join(dict.fromkeys(self.joints[1:]))}{over}'
         return f'velocities of {" and ".join(dict.fromkeys(self.joints[-2:]))}{over}'
@@ -119,7 +130,8 @@ class Coupling:
         """Return the coupling as the plain values of a model file."""
         return {'groups': [
             {'kind': group.kind, 'angles': [[name, side] for name, side in group.angles],
-             'joints': list(group.joints), 'coefficients': list(coefficients)}
+             'joints': list(group.joints), 'coefficients': list(coefficients),
+             **({'width': group.width} if group.width else {})}
             for group, coefficients in zip(self.groups, self.coefficients)]}
 
     @classmethod
@@ -134,11 +146,15 @@ class Coupling:
                     raise ValueError('angles must be different joints, each with sign 1 or -1')
                 group = Group(
                     str(entry['kind']), angles,
-                    tuple(str(name) for name in entry['joints']))
+                    tuple(str(name) for name in entry['joints']),
+                    float(entry.get('width', 0.0)))
                 numbers = tuple(float(value) for value in entry['coefficients'])
                 wanted = 2 if group.angles else 1
                 if _JOINTS.get(group.kind) != len(group.joints) or len(numbers) != wanted:
                     raise ValueError(f'a group of kind {group.kind!r} is not complete')
+                if group.kind == 'friction' and not (
+                        len(group.angles) == 2 and 0.0 < group.width < math.inf):
+                    raise ValueError('friction needs the angles of two joints and a width above 0')
                 if not np.isfinite(numbers).all():
                     raise ValueError('coefficients must be finite')
                 groups.append(group)
