@@ -12,6 +12,7 @@ else), and stays zero while the fault lasts. Counts: tried, held, lost.
 
 import argparse
 from array import array
+from contextlib import ExitStack
 from functools import partial
 import os
 from pathlib import Path
@@ -69,8 +70,9 @@ def main():
 class Rig:
     """A driver by hand before a compensator, and an eye on the current."""
 
-    def __init__(self, probe, process, simulated):
-        self.probe, self.process = probe, process
+    def __init__(self, probe, process, simulated, source=None):
+        self.probe, self.process, self.source = probe, process, source
+        self.leader = probe.talk(JointState, 'reference', BEST_EFFORT) if source else None
         self.driver = FakeDriver(probe, ['elbow'], BEST_EFFORT)
         self.ticks = probe.talk(Clock, '/clock', RELIABLE) if simulated else None
         self.ahead = 0
@@ -85,11 +87,20 @@ class Rig:
         self.driver.states.publish(joint_state(stamp, names, position, velocity))
         self.probe.spin_for(0.002)
 
+    def lead(self, position=None):
+        """Send the state of a leader, who moves away by 0.1 rad/s."""
+        position = 0.1 * (time.monotonic() % 1000.0) if position is None else position
+        self.leader.publish(joint_state(time.time_ns(), ['elbow'], [position]))
+        self.send()
+
     def drive(self):
         """Stream states until the motor has a current."""
         end = time.monotonic() + 60.0
         while time.monotonic() < end:
-            self.driver.announce([1])
+            if self.leader is None:
+                self.driver.announce([1])
+            else:
+                self.lead()
             for _ in range(10):
                 self.send()
             if self.current > 0.05:
@@ -104,10 +115,15 @@ class Rig:
 
 def try_once(folder, make):
     """Return whether a fault was held, and after how many s the current was zero."""
-    with own_domain(), probe_node() as probe, Process(folder, 'compensator', {
+    with ExitStack() as stack:
+        stack.enter_context(own_domain())
+        probe = stack.enter_context(probe_node())
+        process = stack.enter_context(Process(folder, 'compensator', {
             'joints': ['elbow'], 'model_files': MODELS[:1], 'law': 'paper',
-            'joint_state_timeout': TIMEOUT, 'use_sim_time': make.simulated}) as process:
-        rig = Rig(probe, process, make.simulated)
+            'joint_state_timeout': TIMEOUT, 'use_sim_time': make.simulated}))
+        source = stack.enter_context(Process(folder / 'leader', 'direction', {
+            'joints': ['elbow'], 'source': 'reference'})) if make.led else None
+        rig = Rig(probe, process, make.simulated, source)
         rig.drive()
         # What was sent before the fault is answered before it.
         probe.spin_for(0.02)
@@ -135,10 +151,10 @@ class BrokeOffError(Exception):
 FAULTS = {}
 
 
-def fault(name, simulated=False, within=TIMEOUT + SLACK):
-    """Register a fault; the current must be zero `within` s."""
+def fault(name, simulated=False, within=TIMEOUT + SLACK, led=False):
+    """Register a fault; the current must be zero `within` s. Where `led`, d comes from a leader."""
     def register(function):
-        function.simulated, function.within = simulated, within
+        function.simulated, function.within, function.led = simulated, within, led
         FAULTS[name] = function
         return function
     return register
@@ -254,6 +270,29 @@ def _(rig):
     return rig.send
 
 
+
+
+# The node direction: silence of a leader is known after 0.25 s, that of a planner after 0.5 s.
+@fault('leader falls silent', within=0.25 + SLACK, led=True)
+def _(rig):
+    return rig.send
+
+
+@fault('leader is not a number', within=0.25 + SLACK, led=True)
+def _(rig):
+    return partial(rig.lead, float('nan'))
+
+
+@fault('leader stands still', within=0.25 + SLACK, led=True)
+def _(rig):
+    return partial(rig.lead, 0.1 * (time.monotonic() % 1000.0))
+
+
+for name, seconds in {'SIGTERM': TIMEOUT, 'SIGKILL': 0.5, 'SIGSTOP': 0.5}.items():
+    @fault(f'{name} to direction', within=seconds + SLACK, led=True)
+    def _(rig, name=name):
+        rig.source.send(getattr(signal, name))
+        return rig.lead
 
 
 for name in ('SIGTSTP', 'SIGTTIN', 'SIGTTOU'):

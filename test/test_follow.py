@@ -2,10 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """A follower under an MIT-mode controller, and a person whom sensors watch: the demo's loops."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+import yaml
 
-from friction_comp.compensation.law import CompensationLaw
+from friction_comp.compensation.law import CompensationLaw, LAWS
 from friction_comp.exercise.reference_movement import ReferenceMovement
 from friction_comp.simulation.mit_drive import MitDrive, POSITION_STEP, TIMEOUT
 from friction_comp.tools import demo_directions
@@ -46,6 +49,19 @@ def test_friction_of_the_desired_motion_is_fed_forward_however_the_joint_moves()
     assert after(20, -0.2, 0) == 0.0
     assert after(500, 2.5, 1) == 0.0
     assert after(500, 0.1, 1) == pytest.approx(0.9 * LEVEL, rel=0.03)
+
+
+def test_the_example_of_a_follower_sets_parameters_that_the_nodes_have():
+    root = Path(__file__).parents[1]
+    known, example = (yaml.safe_load((root / path).read_text(encoding='utf-8')) for path in (
+        'config/parameters.yaml', 'examples/mit_mode/arm_like.yaml'))
+    for node, content in example.items():
+        names = set(content['ros__parameters']) - {'joints', 'model_files'}
+        assert names <= set(known[node]['ros__parameters']), node
+    law = example['/**/compensator']['ros__parameters']['law']
+    # The law of followers, and the source of its direction.
+    assert LAWS[law] == LAWS['desired']
+    assert example['/**/direction']['ros__parameters']['source'] == 'reference'
 
 
 @pytest.mark.slow

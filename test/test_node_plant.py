@@ -340,3 +340,32 @@ def test_an_exercise_of_two_joints_announces_each_by_itself(tmp_path):
         assert announced == [tuple(script.at((s - stamps[0]) / 1e9)[2]) for s in stamps]
         assert {(1, 1), (-1, 1)} <= set(announced), 'the elbow turns round, the shoulder goes on'
         assert process.wait() == 0
+
+
+@pytest.mark.parametrize(('sensor', 'width', 'least'), [
+    ('force', 1, 3.0), ('muscle_raw', 20, 20.0)])
+def test_a_cheap_sensor_measures_the_person_and_fails_on_request(tmp_path, sensor, width, least):
+    with plant(tmp_path, sensor=sensor) as hand:
+        values = hand.probe.listen(Float64MultiArray, 'sensor')
+        references = hand.probe.talk(JointState, 'reference', RELIABLE)
+        hand.probe.matched(references)
+        hand.find()
+
+        def scatter(steps, place):
+            values.clear()
+            for _ in range(steps):
+                references.publish(joint_state(hand.stamps()[-1], ['elbow'], [place], [0.0]))
+                hand.step(0.0)
+            hand.probe.until(lambda: len(values) >= steps // 10 - 1, 'the sensor')
+            rows = np.array([message.data for message in values])
+            assert rows.shape[1] == width
+            return float(np.ptp(rows, axis=0).max()), rows
+        quiet, _ = scatter(100, 0.0)
+        # The person wants to be somewhere else: 2 N·m and more.
+        pushed, _ = scatter(200, 0.4)
+        assert pushed > least + 2.0 * quiet
+        assert 'must be none or flat' in hand.probe.set_parameter('plant', 'sensor_fault', 'mood')
+        assert hand.probe.set_parameter('plant', 'sensor_fault', 'flat') is None
+        scatter(20, 0.4)
+        _, rows = scatter(60, 0.4)
+        assert len(set(rows.reshape(-1, max(1, width // 10))[:, 0])) == 1

@@ -18,6 +18,7 @@ from std_msgs.msg import Float64MultiArray
 
 from friction_comp.control.joint_states import JointColumns
 from friction_comp.errors import InputError
+from friction_comp.nodes.sensor_port import SensorPort
 from friction_comp.ros.diagnostics import Diagnostics, OK, per_joint, Rate, WARN
 from friction_comp.ros.joint_io import command_interface, command_unit, RELIABLE, UNASKED, UNIT_OF
 from friction_comp.ros.node_main import run
@@ -87,6 +88,7 @@ class PlantNode(Node):
         self._declare_periods(sample_time)
 
         self._plant = self._make_plant(models, seed, undeclared, sample_time)
+        self._sensor = SensorPort(self, models, seed, sample_time)
         self._torque_per_current = np.array([m.drive.torque_per_current for m in models])
         self._sample = round(sample_time * NANO)
         self._samples = self._origin = self._commanded_at = self._bad_commands = 0
@@ -202,6 +204,8 @@ class PlantNode(Node):
     def _step(self) -> None:
         position, velocity = self._hold.at((self._stamp - self._origin) / NANO)
         active = None
+        if self._sensor.used:
+            position, velocity = self._sensor.felt(position, velocity, self._plant.state)
         if position is not None and velocity is not None:
             active = np.isfinite(position) & np.isfinite(velocity)
         self._plant.step(self._command, position, velocity, active)
