@@ -85,6 +85,24 @@ def test_a_joint_that_springs_back_while_its_help_decays_is_not_pushed_on():
     assert drive_along(law, push, direction=0, begin=1400)[300] < -0.5 * LEVEL
 
 
+def test_help_is_given_back_once_a_way_and_a_turn_is_where_the_joint_has_gone_back():
+    """Else a heavy joint that a stiff hand leads stops and goes for the whole of its way."""
+    law, time = CompensationLaw([small_model()]), 1e-3 * np.arange(4000)
+    slows = np.interp(time, [0.0, 0.2, 1.0, 1.1, 1.15, 1.3], [0.0, 0.3, 0.3, 0.01, 0.01, 0.3])
+    once = drive_along(law, 1e-3 * np.cumsum(slows[:2000]), direction=0)
+    assert once[1140] < 0.7 * LEVEL
+    end = 1e-3 * slows[:2000].sum()
+    slows = np.interp(time, [0.0, 0.1, 0.15, 0.3], [0.3, 0.01, 0.01, 0.3])
+    twice = drive_along(law, end + 1e-3 * np.cumsum(slows[:1000]), direction=0, begin=2000)
+    assert twice[50:].min() > 0.8 * LEVEL
+    # After a turn, a new way.
+    back = end + 1e-3 * slows[:1000].sum() - 1e-3 * np.cumsum(np.full(1000, 0.3))
+    assert drive_along(law, back, direction=0, begin=3000)[-1] == pytest.approx(
+        -0.9 * LEVEL, rel=1e-2)
+    stop = back[-1] - 1e-3 * np.cumsum(np.interp(time[:150], [0.0, 0.1], [0.3, 0.01]))
+    assert abs(drive_along(law, stop, direction=0, begin=4000)[-1]) < 0.7 * LEVEL
+
+
 def test_a_joint_at_rest_has_its_preload_within_a_sixth_of_a_second():
     """So that an announcement that comes with the push is of use."""
     law = CompensationLaw([small_model()])

@@ -22,6 +22,8 @@ from friction_comp.compensation.law_fields import DESIRED, FREE, HELD, LEADING, 
 
 TAKEN_TIME = 0.1
 """s in which trust falls from one to zero above the identified speeds."""
+AGAIN = 1.5
+"""Multiple of the speed below which help is given back, above which a joint has not turned."""
 PATIENCE = 0.3
 """s that a changed announcement must last at a joint that has not moved."""
 PACE_TIME, CHANGE_SHARE, CHANGE_SPEED = 0.05, 0.02, 0.003
@@ -51,7 +53,7 @@ def spend(s: State, target: float) -> None:
 
 
 @njit(cache=True)
-def follow(p: Parameters, s: State, aim: float) -> None:
+def follow(p: Parameters, s: State) -> None:
     """Drive the operator by the displacement of this sample, and detect rest.
 
     A long way saves for its turn; a vibration is too short to.
@@ -65,14 +67,8 @@ def follow(p: Parameters, s: State, aim: float) -> None:
     if s.mode != LEADING:
         before = s.z
         s.z = min(1.0, max(-1.0, before + displacement / p.distance))
-        # A joint that stops springs back, which is no push: pushed on by it, a gear that yields
-        # farther than R would swing for ever.
-        if abs(s.position - s.stop_position) > p.distance:
-            s.stopped = 0.0
         if s.slowing == 1 and s.heading * (s.z - before) > 0.0:
             s.z = before
-        elif s.z * s.stopped < 0.0 and s.z * aim <= 0.0:
-            s.z = 0.0
     if abs(s.position - s.still_position) > p.still_distance:
         s.still_position = s.position
         s.still_time = 0.0
@@ -91,30 +87,55 @@ def _slipped(p: Parameters, s: State, share: float) -> None:
 def _start_leading(p: Parameters, s: State, aim: float) -> None:
     """Begin to lead z from where it is."""
     s.mode, s.ramp, s.lead_position, s.still_time = LEADING, s.z, s.position, 0.0
-    s.stopped = 0.0
     # A joint yields twice as far from one preload to the other as from none.
     s.yields = p.slip * max(1.0, abs(aim - s.z))
 
 
 @njit(cache=True)
+def turn_round(p: Parameters, s: State) -> None:
+    """Note where a way ends: where the joint is R behind its farthest point, or rests.
+
+    A joint that stops springs back, and may go on: neither is a turn. Half of R is enough where
+    presliding is known and help was given back before: less is left to spring back.
+    """
+    if s.mode == LEADING or s.still_time > 2.0 * p.rest_time:
+        s.heading, s.farthest = 0.0, s.position
+    beyond = s.position - s.farthest
+    enough = p.turn_distance if s.slowed == 1 else p.distance
+    if beyond * s.heading > 0.0:
+        s.farthest = s.position
+    elif s.heading == 0.0 or abs(beyond) > enough:
+        # A way without help is a movement by a person, as one from rest is.
+        if s.way > p.moved_distance:
+            s.displaced, s.trusted = 0, s.trust
+        s.top = s.way = 0.0
+        s.slowed = 0
+        if abs(beyond) > enough:
+            s.heading, s.farthest = math.copysign(1.0, beyond), s.position
+
+
+@njit(cache=True)
 def slow_down(p: Parameters, s: State, aim: float) -> None:
-    """Give help back while the joint slows down below a share of this movement's top speed.
+    """Give help back while the joint slows down below a share of this way's top speed.
 
     The hand then breaks friction alone at the turn, not what still helps in the old direction, too.
-    Where the other direction is announced, z goes there before the joint does.
+    Where the other direction is announced, z goes there before the joint does. Once a way: a joint
+    that speeds up again was not about to turn, and would stop and go on again for ever.
     """
-    speed = abs(s.speed)
-    if s.speed * s.heading <= 0.0 or s.still_time >= p.rest_time:
-        s.heading, s.top, s.way = math.copysign(1.0, s.speed), 0.0, 0.0
+    speed = max(0.0, s.speed * s.heading)
     s.top = max(s.top, speed)
     left = (speed + p.lead_speed) / (p.turn_share * s.top + 1e-9)
     s.slowing = 0
-    if s.mode == FREE and left < 1.0:
+    if s.mode != FREE or s.heading == 0.0:
+        return
+    if s.slowed == 1 and left > AGAIN:
+        s.slowed = 2
+    if left < 1.0 and s.slowed < 2:
         s.slowing = 1
+        if s.heading * s.z > left:
+            s.slowed = 1
         if aim * s.heading < 0.0:
             left = 2.0 * left - 1.0
-        elif s.z * s.heading > 0.0:
-            s.stopped, s.stop_position = s.heading, s.position
         spend(s, s.heading * min(left, s.heading * s.z))
 
 
@@ -155,11 +176,10 @@ def lead(p: Parameters, s: State, aim: float) -> None:
             # Within the slip distance a joint that creeps has not left its position of rest.
             if abs(moved) > p.slip:
                 s.rest_position = s.position
-        s.since, s.displaced, s.trusted = 0.0, 0, s.trust
+        s.since = s.way = s.top = 0.0
+        s.slowed, s.displaced, s.trusted = 2, 0, s.trust
         if aim == 0.0:
             # Displacement keeps driving the operator, since a push may come at any time.
-            if s.z != 0.0 or s.still_time > 2.0 * p.rest_time:
-                s.stopped, s.stop_position = s.z, s.position
             s.z = approach(s.z, 0.0, s.step / p.lead_time)
             s.mode, s.ramp, s.rest_position = HELD, 0.0, s.position
         elif abs(aim - s.z) > 0.02 and (s.mode == FREE or aim != s.ramp):
@@ -170,7 +190,7 @@ def lead(p: Parameters, s: State, aim: float) -> None:
         s.mode = FREE
         s.since += s.step
         # A slip that was answered with less ends within a degree: who goes on is moved by a person.
-        if s.displaced == 0 and abs(s.position - s.rest_position) > p.moved_distance:
+        if s.displaced == 0 and s.way > p.moved_distance:
             s.displaced = 1
             s.trust = min(1.0, max(s.trust, s.trusted) + 1.0 - p.lowered)
 
@@ -342,6 +362,7 @@ def continuous_current(p: Parameters, s: State, direction: float, forward: float
         return min(limit, max(-limit, s.current))
     s.bump = 0.0
     heard = announced(p, s, direction)
+    turn = 0.0
     desired = p.law == DESIRED
     if desired:
         # Friction of the reference's motion: what the joint does is its controller's affair.
@@ -350,13 +371,18 @@ def continuous_current(p: Parameters, s: State, direction: float, forward: float
         aim = heard if p.gain > 0.0 else 0.0
         # A movement in its direction spends an announcement, so a joint cannot swing on it.
         turn = aim if math.isfinite(s.aim_position) else 0.0
-        follow(p, s, turn)
+        follow(p, s)
         lead(p, s, aim)
+        turn_round(p, s)
         slow_down(p, s, turn)
     speed = abs(s.speed)
     positive = s.z > 0.0
     level, start = amplitude(p, s, positive, speed, forward if positive else -backward)
     share = (1.0 if desired else while_steady(p, s, speed)) * faded(p, s, speed)
+    # Before the turn z against this way is a gear that springs back, not a push: one that yields
+    # farther than R would swing for ever.
+    if not desired and s.z * s.heading < 0.0 and s.z * turn <= 0.0:
+        share = 0.0
     friction = s.trust * share * level * s.z
     if in_doubt(p, s):
         s.friction = wanted = 0.0

@@ -35,6 +35,7 @@ class Parameters:
     least_trust: float
     least_changing: float   # share left to a joint that gains or loses speed
     distance: float         # R, rad
+    turn_distance: float    # behind the farthest point where help was given back, rad
     saving_distance: float  # way that pays for one reversal of z, rad
     turn_share: float       # of the top speed, below which help is given back
     backlash: float         # of the operator, rad
@@ -78,8 +79,6 @@ class State:
     lead_position: float    # where leading began, rad
     ramp: float             # z while it is led
     since: float            # s since leading, or the movement, began
-    stopped: float          # help that stopped last, and where, rad
-    stop_position: float
     pace: float             # averaged speed, rad/s
     slowest: float          # lowest and usual pace since the start, rad/s
     usual: float
@@ -95,7 +94,8 @@ class State:
     aim_position: float
     outward: float          # direction of the movement announced last, 0 once it is over
     end: float              # of that movement, rad
-    heading: float          # of this way; its top speed, rad/s, and length, rad
+    heading: float          # of this way; its farthest point, top speed, rad/s, and length, rad
+    farthest: float
     top: float
     way: float
     saved: float            # share of a reversal that the way has paid for
@@ -113,6 +113,7 @@ class State:
     displaced: int          # whether the joint has moved since its last rest
     changed: int            # whether the parameters have changed
     slowing: int            # whether help is being given back
+    slowed: int             # whether it was on this way: 1; and the joint went on: 2
     beyond: int             # whether the joint has been beyond the end of its movement
 
 
