@@ -217,10 +217,10 @@ def load_coefficient(samples: Samples, unusable: np.ndarray, drive: Drive) -> fl
 
 
 def choose_differentiation(samples: Samples, unusable: np.ndarray, joints: Sequence[str],
-                           load: float) -> dict[str, Any]:
+                           load: float, filtered: bool = True) -> dict[str, Any]:
     """Return the differentiation settings with which a plain drive predicts other blocks best.
 
-    `joints` and `load` are those of `Rows`.
+    `joints` and `load` are those of `Rows`; measured signals stay as recorded unless `filtered`.
     """
     samples, unusable = excerpt(samples, unusable)
     if load:
@@ -243,7 +243,7 @@ def choose_differentiation(samples: Samples, unusable: np.ndarray, joints: Seque
         return held_out_error(columns, part.current, block)
     # The load first, since noise in motion may make up for its noise.
     signals = choose_signals(samples, {}, lambda changed: error_with(
-        smoothed.with_(**changed), smooth_settings(samples)))
+        smoothed.with_(**changed), smooth_settings(samples))) if filtered else {}
     for choice in candidate_settings(samples):
         if signals:
             choice['signals'] = signals
