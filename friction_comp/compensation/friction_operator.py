@@ -96,12 +96,13 @@ def turn_round(p: Parameters, s: State) -> None:
     """Note where a way ends: where the joint is R behind its farthest point, or rests.
 
     A joint that stops springs back, and may go on: neither is a turn. Half of R is enough where
-    presliding is known and help was given back before: less is left to spring back.
+    presliding is known and help was given back before: less is left to spring back. Two R it must
+    be where presliding is unknown, and may be longer than R.
     """
     if s.mode == LEADING or s.still_time > 2.0 * p.rest_time:
         s.heading, s.farthest = 0.0, s.position
     beyond = s.position - s.farthest
-    enough = p.turn_distance if s.slowed == 1 else p.distance
+    enough = p.turn_distance if s.slowed == 1 else max(p.distance, p.turn_distance)
     if beyond * s.heading > 0.0:
         s.farthest = s.position
     elif s.heading == 0.0 or abs(beyond) > enough:

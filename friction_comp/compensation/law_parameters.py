@@ -178,7 +178,7 @@ def _set_distances(p: Any, model: FrictionModel) -> None:
             distance = max(distance, LONGER * reversal)
     distance += 2.0 * count
     p['resolution'], p['distance'] = count, distance
-    p['turn_distance'] = 0.5 * distance if knows_presliding(model) else distance
+    p['turn_distance'] = distance * (0.5 if knows_presliding(model) else 2.0)
     p['saving_distance'], p['turn_share'] = SAVING * distance, TURN_SHARE
     p['backlash'] = backlash * distance + count
     p['slip'] = slip + 4.0 * count
