@@ -140,6 +140,9 @@ class BegunLate:
         since = round(time * 1e9) - LATE * SAMPLE
         return self._movement.at(since / 1e9) if since >= 0 else (np.nan, np.nan, 0)
 
+    def end(self, direction):
+        return self._movement.end(direction)
+
 
 def plain_loop():
     models = [FrictionModel.load(path) for path in FILES]

@@ -73,8 +73,8 @@ def test_gaps_of_a_busy_machine_do_not_delay_the_verdict():
 
 def test_the_first_verdict_of_a_control_loop_waits_for_no_import():
     command = (
-        'import sys, friction_comp.control.compensation_loop as loop\n'
-        'check, before = loop.VelocityCheck(3.0, 5), set(sys.modules)\n'
+        'import sys, friction_comp.control.inputs as inputs\n'
+        'check, before = inputs.VelocityCheck(3.0, 5), set(sys.modules)\n'
         'faults = [check.take(1e-3 * k, 5e-4 * k, 35.0) for k in range(1000)]\n'
         'print(bool(faults[-1]), set(sys.modules) - before)')
     done = subprocess.run([sys.executable, '-c', command], capture_output=True, text=True,

@@ -57,16 +57,17 @@ def closed_loop(plant: Plant, law: CompensationLaw, movement: ReferenceMovement,
         'command', 'direction', 'reference_position', 'reference_velocity')}
     log['time'] = np.zeros(count)
     hold = ReferenceHold()
-    direction = np.zeros(plant.joints)
+    direction, end = np.zeros(plant.joints), np.full(plant.joints, np.nan)
     for k in range(count):
         state = plant.state
         if k % every == 0:
             position, velocity, d = movement.at(state.time)
             direction = np.full(plant.joints, float(d))
+            end = np.full(plant.joints, movement.end(d))
             hold.update(state.time, np.full(plant.joints, position),
                         np.full(plant.joints, velocity))
         command = law.update(state.time, state.position, state.velocity, direction,
-                             temperature=state.temperature)
+                             temperature=state.temperature, end=end)
         position, velocity = hold.at(state.time)
         log['time'][k] = state.time
         for name in SIGNALS:
