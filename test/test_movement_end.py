@@ -93,3 +93,6 @@ def test_the_laws_without_memory_lose_the_direction_beyond_the_end():
     assert start > 0.5 * LEVEL
     path.to(0.5, 1, 0.4)
     assert path.to(0.5, 1, 0.4) == 0.0
+    # They know no rest: the movement is over as soon as nothing is announced.
+    path.to(0.0, 0)
+    assert path.to(0.0, 1, 0.4) == start

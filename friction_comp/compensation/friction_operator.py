@@ -313,22 +313,6 @@ def in_doubt(p: Parameters, s: State) -> bool:
 
 
 @njit(cache=True)
-def within_movement(p: Parameters, s: State, direction: float, end: float) -> float:
-    """Return the direction, 0 for a joint that has been beyond the end of its movement.
-
-    The end in rad, NaN if it is not said, holds until another movement is announced, or the joint
-    rests while none is: an announcement ceases before its movement does.
-    """
-    if direction != 0.0 and not (direction == s.outward and end == s.end):
-        s.outward, s.end, s.beyond = direction, end, 0
-    elif direction == 0.0 and s.still_time >= p.rest_time:
-        s.outward, s.beyond = 0.0, 0
-    if s.outward * (s.position - s.end) > END_MARGIN:
-        s.beyond = 1
-    return 0.0 if s.beyond == 1 else direction
-
-
-@njit(cache=True)
 def soft_end(p: Parameters, s: State, current: float) -> float:
     """Return the current in A, reduced where it pushes out of the announced movement or the limits.
 

@@ -35,7 +35,7 @@ class Parameters:
     least_trust: float
     least_changing: float   # share left to a joint that gains or loses speed
     distance: float         # R, rad
-    turn_distance: float    # behind the farthest point where help was given back, rad
+    turn_distance: float    # behind the farthest point: there a joint has turned, rad
     saving_distance: float  # way that pays for one reversal of z, rad
     turn_share: float       # of the top speed, below which help is given back
     backlash: float         # of the operator, rad

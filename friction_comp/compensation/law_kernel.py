@@ -12,7 +12,7 @@ import math
 from numba import njit
 import numpy as np
 
-from friction_comp.compensation.friction_operator import continuous_current, within_movement
+from friction_comp.compensation.friction_operator import continuous_current, END_MARGIN
 from friction_comp.compensation.law_fields import CONTINUOUS, FREE, KINETIC, NONE, Parameters, State
 from friction_comp.low_pass import low_pass_weight
 from friction_comp.model.sigmoid import compiled_kinetic_current
@@ -140,6 +140,22 @@ def paper_current(p: Parameters, s: State, direction: float) -> float:
         elif direction < 0.0:
             s.breakaway = -p.gain * p.break_negative
     return s.kinetic + s.breakaway
+
+
+@njit(cache=True)
+def within_movement(p: Parameters, s: State, direction: float, end: float) -> float:
+    """Return the direction, 0 for a joint that has been beyond the end of its movement.
+
+    The end in rad, NaN if it is not said, holds until another movement is announced, or the joint
+    rests while none is: an announcement ceases before its movement does. Other laws know no rest.
+    """
+    if direction != 0.0 and not (direction == s.outward and end == s.end):
+        s.outward, s.end, s.beyond = direction, end, 0
+    elif direction == 0.0 and (p.law != CONTINUOUS or s.still_time >= p.rest_time):
+        s.outward, s.beyond = 0.0, 0
+    if s.outward * (s.position - s.end) > END_MARGIN:
+        s.beyond = 1
+    return 0.0 if s.beyond == 1 else direction
 
 
 @njit(cache=True)

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -169,10 +169,10 @@ class RefinementReport(Mapping[str, Any]):
         return self.content()[name]
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self.content())
+        return (one.name for one in fields(self))
 
     def __len__(self) -> int:
-        return len(self.content())
+        return len(fields(self))
 
 
 @dataclass(frozen=True)
