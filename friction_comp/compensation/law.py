@@ -100,6 +100,8 @@ class CompensationLaw:
         for j in range(self.joints):
             self._take_parameters(j)
         self._collect_never_applied()
+        # What is not said: the end of a movement, and the velocity.
+        self._endless, self._still = np.full(self.joints, math.nan), np.zeros(self.joints)
         self._carried = np.zeros(self.joints)
 
     @property
@@ -177,7 +179,7 @@ class CompensationLaw:
 
     def update(self, time: float, position: ArrayLike, velocity: ArrayLike | None,
                direction: ArrayLike, temperature: ArrayLike | None = None,
-               load: ArrayLike | None = None, end: ArrayLike = math.nan) -> np.ndarray:
+               load: ArrayLike | None = None, end: ArrayLike | None = None) -> np.ndarray:
         """Return the current for one sample.
 
         Parameters
@@ -193,7 +195,7 @@ class CompensationLaw:
         temperature, load : array_like, shape (J,), optional
             Degrees Celsius and N·m, for effects that need them.
         end : array_like, shape (J,), optional
-            Position at which the announced movement ends, rad; NaN if that is not said.
+            Position at which the announced movement ends, rad; None or NaN if that is not said.
 
         Returns
         -------
@@ -202,8 +204,9 @@ class CompensationLaw:
         """
         position = self._row(position, 'position')
         known = velocity is not None
-        velocity = self._row(0.0 if velocity is None else velocity, 'velocity')
-        direction, end = self._row(direction, 'direction'), self._row(end, 'end')
+        velocity = self._still if velocity is None else self._row(velocity, 'velocity')
+        direction = self._row(direction, 'direction')
+        end = self._endless if end is None else self._row(end, 'end')
         kernel.observe_bank(self._parameters, self._states, float(time), position, velocity,
                             known, self._usable)
         forward, backward, carried = np.zeros((3, self.joints))
