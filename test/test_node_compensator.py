@@ -5,14 +5,9 @@
 import math
 import time
 
+from node_process import Process
 import numpy as np
 import pytest
-from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import Temperature
-
-pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
-
-from node_process import Process
 from ros_system import (
     FakeDriver,
     joint_state,
@@ -24,11 +19,11 @@ from ros_system import (
     START,
     ZERO,
 )
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import Temperature
 
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.model.friction_model import FrictionModel
-
-pytestmark = pytest.mark.slow
 
 
 def movement(count=40):

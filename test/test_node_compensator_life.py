@@ -7,12 +7,9 @@ import subprocess
 import sys
 import time
 
+from node_process import environment, PATIENCE, Process
 import numpy as np
 import pytest
-
-pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
-
-from node_process import environment, PATIENCE, Process
 from ros_system import (
     BEST_EFFORT,
     compensator,
@@ -33,7 +30,6 @@ from std_srvs.srv import Trigger
 
 from friction_comp.control.compensation_loop import ALONE
 
-pytestmark = pytest.mark.slow
 # Where a library is half imported, and where an exception would be lost.
 INTERRUPTED = """
 import os, signal, sys

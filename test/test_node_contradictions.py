@@ -5,17 +5,12 @@
 from array import array
 import time
 
+from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
 import pytest
-
-pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
-
-from diagnostic_msgs.msg import DiagnosticArray
 from ros_system import joint_state, JOINTS, probe_node, RELIABLE, ZERO
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Int8MultiArray
-
-pytestmark = pytest.mark.slow
 
 
 @pytest.fixture

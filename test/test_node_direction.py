@@ -4,22 +4,17 @@
 
 import math
 
-import pytest
-
-pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
-
 from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import WrenchStamped
 from node_process import Process
 import numpy as np
+import pytest
 from ros_system import joint_state, own_domain, probe_node, RELIABLE
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
-
-pytestmark = pytest.mark.slow
 
 NANO = 1_000_000_000
 STEP = NANO // 100

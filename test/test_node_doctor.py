@@ -5,16 +5,10 @@
 import json
 import time
 
-import numpy as np
-import pytest
-
-pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
-
 from node_process import Process
+import numpy as np
 from ros_system import BEST_EFFORT, joint_state, own_domain, probe_node, RELIABLE
 from sensor_msgs.msg import JointState
-
-pytestmark = pytest.mark.slow
 
 
 def test_finds_the_sign_and_who_publishes(tmp_path):

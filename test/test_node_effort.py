@@ -5,15 +5,12 @@
 from pathlib import Path
 import time
 
+from node_process import Process
 import numpy as np
 import pytest
-import yaml
-
-pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
-
-from node_process import Process
 from ros_system import compensator, FakeDriver, Goals, joint_state, MODELS, probe_node
 from rosgraph_msgs.msg import Clock
+import yaml
 
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.drive import Drive
@@ -28,7 +25,6 @@ ROOT = Path(__file__).resolve().parents[1]
 ARMS = sorted((ROOT / 'examples' / 'torque_controlled').glob('*.yaml'))
 # For such arms, independently of the files: sample rate, and meaning of `effort`.
 SEMANTICS = {'franka_like': (1000, 'torque'), 'ur_like': (500, 'torque')}
-pytestmark = pytest.mark.slow
 
 
 def test_torques_are_the_currents_of_the_law_times_the_torque_constants(tmp_path):

@@ -19,10 +19,6 @@ from hypothesis.stateful import (
     run_state_machine_as_test,
 )
 import numpy as np
-import pytest
-
-pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
-
 from ros_system import joint_state, MODELS
 
 from friction_comp.compensation.law import CompensationLaw

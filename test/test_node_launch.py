@@ -13,7 +13,6 @@ import time
 
 import pytest
 
-pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 pytest.importorskip('launch_ros', reason='launch is not in this environment')
 
 from launch.actions import DeclareLaunchArgument
@@ -61,7 +60,6 @@ def prefix(tmp_path_factory):
     return prefix
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize('name', sorted(STARTS))
 def test_starts_its_nodes_and_ends_them_on_an_interrupt(prefix, tmp_path, name):
     script = tmp_path / 'run.py'

@@ -6,17 +6,12 @@ import json
 import subprocess
 import sys
 
-import pytest
-
-pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
-
 from node_process import ROOT
 from ros_system import own_domain, probe_node
 
 from friction_comp.monitoring.network import alone, loopback_fault
 from friction_comp.tools import doctor
 
-pytestmark = pytest.mark.slow
 # Less than a person would want to be told of.
 HASTY = """
 import friction_comp.ros.node_main as node_main

@@ -7,13 +7,10 @@ from contextlib import contextmanager
 from dataclasses import replace
 import time
 
-import numpy as np
-import pytest
-
-pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
-
 from geometry_msgs.msg import WrenchStamped
 from node_process import PATIENCE, Process
+import numpy as np
+import pytest
 from ros_system import joint_state, MODELS, probe_node, RELIABLE, value_of
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, Temperature
@@ -29,7 +26,6 @@ from friction_comp.stamps import nanoseconds
 from friction_comp.topics import TORQUE_UNIT
 
 JOINTS = ['elbow', 'shoulder']
-pytestmark = pytest.mark.slow
 
 
 class Commander:

@@ -7,14 +7,10 @@ import sys
 import threading
 from types import SimpleNamespace
 
-import numpy as np
-import pytest
-
-pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
-pytest.importorskip('friction_comp_interfaces', reason='the action type is not built')
-
 from friction_comp_interfaces.action import PlayTrajectory
 from node_process import Process
+import numpy as np
+import pytest
 from rclpy.task import Future
 from ros_system import joint_state, MODELS, probe_node, RELIABLE, value_of
 from sensor_msgs.msg import JointState
@@ -32,7 +28,6 @@ from friction_comp.ros.tool_client import message_of, ToolClient
 JOINT = 'elbow'
 LIMITS = JointLimits(JOINT, -0.5, 0.6, 1.0, 5.0)
 DRIVE = FrictionModel.load(MODELS[0]).drive
-pytestmark = pytest.mark.slow
 
 
 def motion():

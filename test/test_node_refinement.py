@@ -8,16 +8,12 @@ import shutil
 import signal
 from types import SimpleNamespace
 
-import numpy as np
-import pytest
-
-pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
-pytest.importorskip('friction_comp_interfaces', reason='the action type is not built')
-
 from action_msgs.msg import GoalStatus
 from friction_comp_interfaces.action import RefineModel
 from geometry_msgs.msg import WrenchStamped
 from node_process import Process, ROOT
+import numpy as np
+import pytest
 from rclpy.serialization import serialize_message
 from ros_system import Goals, joint_state, MODELS, own_domain, probe_node, RELIABLE
 from sensor_msgs.msg import JointState
@@ -34,7 +30,6 @@ from friction_comp.ros.live_feed import frame_of
 JOINT = 'elbow'
 STEP = 0.02
 MODEL = FrictionModel.load(MODELS[0])
-pytestmark = pytest.mark.slow
 
 
 def motion(seconds, ripple, seed=0):

@@ -5,20 +5,15 @@
 from pathlib import Path
 import signal
 
-import pytest
-
-pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
-
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from node_process import Process
+import pytest
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from ros_system import compensator, joint_state, JOINTS, MODELS, own_domain, probe_node, ZERO
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
-
-pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope='module')

@@ -5,13 +5,10 @@
 import itertools
 import time
 
-import numpy as np
-import pytest
-
-pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
-
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from node_process import Process
+import numpy as np
+import pytest
 from ros_system import joint_state, MODELS, probe_node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
@@ -20,7 +17,6 @@ from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.ros.live_feed import LiveFeed
 
-pytestmark = pytest.mark.slow
 MODEL = FrictionModel.load(MODELS[0])
 
 
