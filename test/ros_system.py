@@ -341,6 +341,7 @@ class FakeDriver:
 
     def restore(self):
         """Reset the node, which was started with `START`, whatever a test has done with it."""
+        self.probe.heard.get('/diagnostics', []).clear()
         if self.probe.state_of(self.node) == 'unconfigured':
             assert self.probe.transition(self.node, 'configure')
         now = self.probe.get_parameters_of(self.node, list(CHANGED))

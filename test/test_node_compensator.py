@@ -92,13 +92,6 @@ def test_lifecycle_and_zero_current_on_deactivation(driver):
     assert driver.ask([0.0, 0.0], ZERO)[0] > 0.05
 
 
-def test_a_transition_that_cannot_be_made_harms_nothing(driver):
-    assert not driver.probe.transition('compensator', 'configure')
-    assert not driver.probe.transition('compensator', 'no_such_transition')
-    assert driver.probe.state_of('compensator') == 'active'
-    assert len(driver.ask([0.0, 0.0], ZERO)) == 2
-
-
 def test_a_new_model_is_taken_over_while_running(driver, tmp_path):
     probe = driver.probe
     driver.announce([1, 1])
