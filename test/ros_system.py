@@ -23,6 +23,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
@@ -206,6 +207,13 @@ def joint_state(stamp_ns, names, position, velocity=None, effort=None):
     message.velocity = array('d', [0.0] * len(names) if velocity is None else velocity)
     message.effort = array('d', [0.0] * len(names) if effort is None else effort)
     message.header.stamp.sec, message.header.stamp.nanosec = divmod(int(stamp_ns), 10**9)
+    return message
+
+
+def tick(stamp_ns):
+    """Return a message of /clock."""
+    message = Clock()
+    message.clock.sec, message.clock.nanosec = divmod(stamp_ns, 10**9)
     return message
 
 

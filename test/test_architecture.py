@@ -5,13 +5,13 @@
 import ast
 from collections import Counter, defaultdict
 from graphlib import TopologicalSorter
-from pathlib import Path
 import re
 from xml.dom import minidom
 
+from helpers import ROOT
+
 from friction_comp.__main__ import NODES, TOOLS
 
-ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / 'friction_comp'
 PAGE = (ROOT / 'docs' / 'architecture.md').read_text(encoding='utf-8')
 MODULES = sorted(PACKAGE.rglob('*.py'))

@@ -2,15 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled code gives the currents of plain Python, and none is loaded while a motor is driven."""
 
-import os
-from pathlib import Path
-import subprocess
-import sys
 import textwrap
 
+from helpers import printed_by
 import pytest
-
-ROOT = Path(__file__).resolve().parent.parent
 
 LAW = """
     import numpy as np
@@ -33,22 +28,13 @@ LAW = """
 """
 
 
-def printed_by(code, **environment):
-    """Run code in a process of its own, in which nothing is loaded yet."""
-    done = subprocess.run(
-        [sys.executable, '-c', textwrap.dedent(code)], cwd=ROOT, text=True, capture_output=True,
-        check=False, timeout=300, env={**os.environ, **environment})
-    assert done.returncode == 0, done.stderr
-    return done.stdout.split()
-
-
 def test_every_law_runs_without_compilation():
     code = LAW + """
     print(*(repr(float(value)) for name in ('continuous', 'paper', 'kinetic')
             for value in currents(CompensationLaw(models, name)).ravel()))
     """
-    plain, compiled = ([float(word) for word in printed_by(code, NUMBA_DISABLE_JIT=off)]
-                       for off in '10')
+    plain, compiled = ([float(word) for word in printed_by(
+        textwrap.dedent(code), NUMBA_DISABLE_JIT=off).split()] for off in '10')
     # The last bit of an exponential.
     assert plain == pytest.approx(compiled, abs=1e-12)
     assert max(compiled) > 0.1
@@ -56,7 +42,7 @@ def test_every_law_runs_without_compilation():
 
 def test_no_model_loads_code_or_modules_while_a_motor_is_driven():
     """What a first call loads would stop the process while the motor keeps its last current."""
-    printed = printed_by("""
+    printed = printed_by(textwrap.dedent("""
     import gc, sys
     from dataclasses import replace
     from numba.core.dispatcher import Dispatcher
@@ -88,6 +74,6 @@ def test_no_model_loads_code_or_modules_while_a_motor_is_driven():
     law = CompensationLaw(arms)
     law.update(0.0, [0.1, 0.2], None, 1, temperature=[20.0, np.nan])
     print(len(before), *(loaded() - before))
-    """)
+    """)).split()
     assert int(printed[0]) > 100
     assert printed[1:] == []

@@ -5,12 +5,11 @@
 `make docs` draws its pictures and builds it without a warning.
 """
 
-import importlib.util
 import json
 from pathlib import Path
 import re
 
-from doc_pages import commands, ROOT
+from doc_pages import commands, ROOT, script
 import pytest
 import yaml
 
@@ -22,14 +21,6 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.simulation.undeclared import Undeclared
 
 DOCS = ROOT / 'docs'
-
-
-def script(name):
-    """Import a script of the documentation."""
-    spec = importlib.util.spec_from_file_location(name, DOCS / f'{name}.py')
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def test_every_effect_has_a_page_that_says_how_to_record_for_it(tmp_path, monkeypatch):

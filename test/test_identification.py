@@ -94,7 +94,8 @@ def test_lag_gravity_and_noise_are_tolerated():
     document = {'format': 'friction_comp_undeclared', 'version': 1, 'effects': [
         {'name': 'actuation_lag', 'parameters': {'lag': 0.005}},
         {'name': 'gravity', 'parameters': {'amplitude': 0.4, 'phase': 0.2}}]}
-    plant = Plant([model], seed=4, undeclared=[Undeclared.from_dict(document)])
+    plant = Plant([model], seed=4, undeclared=[Undeclared.from_dict(document)],
+                  sample_time=0.5 * STEP)
     run, _, positions = identify(model, IdentificationGoal(**QUICK), plant)
     result = run.result()
     assert np.max(np.abs(positions)) <= 0.5

@@ -28,6 +28,7 @@ from ros_system import (
     probe_node,
     RELIABLE,
     START,
+    tick,
     unasked,
     ZERO,
 )
@@ -245,11 +246,8 @@ def test_a_time_before_zero_on_the_clock_is_ignored(tmp_path):
                 tmp_path / 'two', 'recorder', {
                     'output': str(tmp_path / 'recording'), 'use_sim_time': True}) as second:
         ticks = probe.talk(Clock, '/clock')
-        tick = Clock()
-        tick.clock.sec = -5
-
         def answered(process):
-            ticks.publish(tick)
+            ticks.publish(tick(-5 * 10**9))
             return 'message on /clock was ignored' in process.text
 
         # What is sent before both ends have discovered each other is lost.

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node `direction` as a process: what it announces from each source, and what it doubts."""
 
+from contextlib import contextmanager
 import math
 
 from builtin_interfaces.msg import Duration
@@ -9,12 +10,14 @@ from geometry_msgs.msg import WrenchStamped
 from node_process import Process
 import numpy as np
 import pytest
-from ros_system import joint_state, own_domain, probe_node, RELIABLE
+from ros_system import joint_state, own_domain, probe_node, RELIABLE, tick
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from friction_comp.stamps import nanoseconds
 
 NANO = 1_000_000_000
 STEP = NANO // 100
@@ -42,12 +45,9 @@ class Bench:
         def answered():
             # Again, since the first may be lost while the endpoints find each other.
             self.states.publish(joint_state(self.now, JOINTS, [self.position[j] for j in JOINTS]))
-            message = Clock()
-            message.clock.sec, message.clock.nanosec = divmod(self.now, NANO)
-            self.clock.publish(message)
+            self.clock.publish(tick(self.now))
             self.probe.spin_for(0.002)
-            return self.said and self.said[-1].header.stamp.sec * NANO + (
-                self.said[-1].header.stamp.nanosec) >= self.now
+            return self.said and nanoseconds(self.said[-1].header.stamp) >= self.now
         self.probe.until(answered, 'an announcement')
         self.last = self.said[-1]
         self.said.clear()
@@ -59,17 +59,12 @@ class Bench:
         return found
 
 
+@contextmanager
 def bench(tmp_path, **parameters):
-    """Return context managers' stack with a running node."""
-    from contextlib import contextmanager
-
-    @contextmanager
-    def running():
-        with own_domain(), probe_node() as probe, Process(tmp_path, 'direction', {
-                'joints': JOINTS, 'use_sim_time': True, 'input_reliability': 'reliable',
-                **parameters}) as process:
-            yield Bench(probe, process)
-    return running()
+    with own_domain(), probe_node() as probe, Process(tmp_path, 'direction', {
+            'joints': JOINTS, 'use_sim_time': True, 'input_reliability': 'reliable',
+            **parameters}) as process:
+        yield Bench(probe, process)
 
 
 def plan(times, positions):

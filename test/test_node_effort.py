@@ -2,13 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Robots that take a torque at the joint instead of a motor current."""
 
-from pathlib import Path
 import time
 
-from node_process import Process
+from node_process import Process, ROOT
 import numpy as np
 import pytest
-from ros_system import compensator, FakeDriver, Goals, joint_state, MODELS, probe_node
+from ros_system import compensator, FakeDriver, Goals, joint_state, MODELS, probe_node, tick
 from rosgraph_msgs.msg import Clock
 import yaml
 
@@ -21,7 +20,6 @@ from friction_comp.ros.tool_client import message_of
 from friction_comp.simulation.joint import Plant
 from friction_comp.topics import TORQUE_UNIT
 
-ROOT = Path(__file__).resolve().parents[1]
 ARMS = sorted((ROOT / 'examples' / 'torque_controlled').glob('*.yaml'))
 # For such arms, independently of the files: sample rate, and meaning of `effort`.
 SEMANTICS = {'franka_like': (1000, 'torque'), 'ur_like': (500, 'torque')}
@@ -31,17 +29,19 @@ def test_torques_are_the_currents_of_the_law_times_the_torque_constants(tmp_path
     models = [FrictionModel.load(model) for model in MODELS[:2]]
     gains = np.array([model.drive.torque_per_current for model in models])
     law = CompensationLaw(models, 'continuous')
+    path = [2e-5 * max(k - 10, 0) ** 2 * np.array([1.0, -0.7]) for k in range(40)]
+    # Before the first state, since loading compiled code may take longer than a silence may last.
+    wanted = gains * [law.update(1e-3 * k, position, None, np.array([1.0, -1.0])).copy()
+                      for k, position in enumerate(path)]
     with compensator(tmp_path, law='continuous', command_interface='effort') as driver:
         driver.begin_anew()
         driver.announce([1, -1])
         base = time.time_ns()
-        for k in range(40):
-            position = 2e-5 * max(k - 10, 0) ** 2 * np.array([1.0, -0.7])
-            torque = driver.ask(position, [], base + round(1e6 * k))
-            current = law.update(1e-3 * k, position, None, np.array([1.0, -1.0]))
-            np.testing.assert_allclose(torque, current * gains, rtol=0.0, atol=1e-9)
+        torques = [driver.ask(position, [], base + round(1e6 * k))
+                   for k, position in enumerate(path)]
+        np.testing.assert_allclose(torques, wanted, rtol=0.0, atol=1e-9)
         assert {command_unit(message) for message in driver.commands} == {TORQUE_UNIT}
-    assert min(np.abs(torque)) > 0.2
+    assert min(np.abs(torques[-1])) > 0.2
 
 
 class TorqueController(FakeDriver):
@@ -86,9 +86,7 @@ class TorqueController(FakeDriver):
         state, before = self.plant.state, len(self.commands)
         self.count += 1
         stamp = 10**9 + round(1e9 * self.step * self.count)
-        tick = Clock()
-        tick.clock.sec, tick.clock.nanosec = divmod(stamp, 10**9)
-        self.clock.publish(tick)
+        self.clock.publish(tick(stamp))
         self.states.publish(joint_state(
             stamp, self.joints, [*state.position, *rest], [*state.velocity, *rest],
             [*(self.effort * state.current), *rest]))

@@ -4,13 +4,13 @@
 
 import importlib.util
 import os
-from pathlib import Path
 import shutil
 import signal
 import subprocess
 import sys
 import time
 
+from helpers import ROOT
 import pytest
 
 pytest.importorskip('launch_ros', reason='launch is not in this environment')
@@ -19,7 +19,6 @@ from launch.actions import DeclareLaunchArgument
 from launch_ros.actions import Node
 from ros_system import MODELS, own_domain, probe_node
 
-ROOT = Path(__file__).resolve().parents[1]
 FILES = sorted((ROOT / 'launch').glob('*.launch.py'))
 STARTS = {'compensation': {'compensator'}, 'identification': {'identification'},
           'simulation': {'plant', 'compensator', 'exercise'}}

@@ -11,7 +11,7 @@ from geometry_msgs.msg import WrenchStamped
 from node_process import PATIENCE, Process
 import numpy as np
 import pytest
-from ros_system import joint_state, MODELS, probe_node, RELIABLE, value_of
+from ros_system import joint_state, MODELS, probe_node, RELIABLE, tick, value_of
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Float64MultiArray, Int8MultiArray, MultiArrayDimension
@@ -222,9 +222,7 @@ class Ticks:
                     'a reference')
 
     def tick(self, stamp):
-        message = Clock()
-        message.clock.sec, message.clock.nanosec = divmod(stamp, 10**9)
-        self.clock.publish(message)
+        self.clock.publish(tick(stamp))
 
     def find_joints(self):
         """Tell where the joints are: the elbow at 2 rad, the shoulder at 1 rad."""

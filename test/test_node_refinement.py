@@ -285,15 +285,3 @@ def test_a_worse_model_is_unloaded_as_soon_as_the_compensator_answers():
     node._to_unload[JOINT] = MODELS[2], MODELS[1], 'it is worse'
     asyncio.run(RefinementNode._unload(node, JOINT))
     assert (len(asked), watch.file, node._to_unload) == (2, MODELS[0], {})
-
-
-def test_a_model_that_cannot_be_judged_is_not_to_be_refined():
-    watch = JointWatch(0.25, JOINT, MODELS[0])
-    watch.residual.take(rows_of(*motion(100.0, 0.0)) * [1, 1, 1, 2, 1, 1])
-    node = SimpleNamespace(
-        _rate=SimpleNamespace(per_second=lambda: 50.0, count=1), _job=None, _error='',
-        _past=SimpleNamespace(span=0.0, size=0), _last_result='', _last_refusal='',
-        _watches={JOINT: watch})
-    assert 'refine it' in RefinementNode._report(node)[1]
-    watch.residual.blind = 'the load of a person is not measured'
-    assert RefinementNode._report(node)[1] == 'watching'

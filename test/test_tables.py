@@ -4,8 +4,8 @@
 
 import gzip
 import json
-from pathlib import Path
 
+from helpers import ROOT
 import numpy as np
 import pytest
 
@@ -23,7 +23,6 @@ from friction_comp.recordings.tables import table_of, TableScanner, write_table
 
 SIGNALS = ('time', 'position', 'current', 'velocity', 'load', 'temperature', 'command', 'direction',
            'reference_position', 'reference_velocity')
-ROOT = Path(__file__).resolve().parent.parent
 
 
 def moving(count=2000, **changes):

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import threading
 
+from helpers import ROOT
 import numpy as np
 import pytest
 
@@ -25,7 +26,6 @@ from friction_comp.samples import Samples
 from friction_comp.tools import demo, evaluate, predict, refine, reproduce
 from friction_comp.tools.refine_arguments import folder_names
 
-ROOT = Path(__file__).resolve().parent.parent
 MODEL = ROOT / 'config' / 'armin_configuration_1.yaml'
 # Stands for an environment in which nothing of ROS 2 is installed.
 WITHOUT_ROS = """
