@@ -51,17 +51,9 @@ class TorqueController(FakeDriver):
     joint that it hears nothing for without torque.
     """
 
-    def __init__(self, probe, file, node, model):
-        document = yaml.safe_load(file.read_text(encoding='utf-8'))
-        controller = document['torque_controller']['ros__parameters']
-        assert controller['interface_name'] == 'effort'
-        super().__init__(probe, controller['joints'], node=node)
+    def __init__(self, probe, file, joints, node, model):
+        super().__init__(probe, joints, node=node)
         rate, holds = SEMANTICS[file.stem]
-        assert document['controller_manager']['ros__parameters']['update_rate'] == rate
-        # A few lost packets do not count as a timeout.
-        for each in ('compensator', 'identification'):
-            timeout = document[f'/**/{each}']['ros__parameters']['joint_state_timeout']
-            assert 10 <= rate * timeout <= 50
         self.step = 1.0 / rate
         self.gain = model.drive.torque_per_current
         self.effort = self.gain if holds == 'torque' else 1.0
@@ -101,31 +93,42 @@ class TorqueController(FakeDriver):
 
 
 def of_the_arm(file, tmp_path, drive, node):
-    """Write models of an arm's joints; return one, and arguments for a node with the arm's file."""
-    joints = yaml.safe_load(file.read_text(encoding='utf-8'))[
-        f'/**/{node}']['ros__parameters']['joints']
+    """Check an arm's file and write models of its joints.
+
+    Return the joints, one of the models, and arguments for a node with the file.
+    """
+    document = yaml.safe_load(file.read_text(encoding='utf-8'))
+    parameters = {name.strip('/*'): own['ros__parameters'] for name, own in document.items()}
+    controller, rate = parameters['torque_controller'], SEMANTICS[file.stem][0]
+    joints = controller['joints']
+    assert controller['interface_name'] == 'effort'
+    assert parameters['controller_manager']['update_rate'] == rate
+    # A few lost packets do not count as a timeout.
+    for each in ('compensator', 'identification'):
+        assert parameters[each]['joints'] == joints
+        assert 10 <= rate * parameters[each]['joint_state_timeout'] <= 50
     model = FrictionModel.load(MODELS[0])
     model.drive = drive or model.drive
-    for joint in joints:
-        model.joint = joint
-        model.save(tmp_path / f'{joint}.yaml')
-    return model, {f'{node}:model_files': [str(tmp_path / f'{joint}.yaml') for joint in joints],
+    files = [str(tmp_path / f'{joint}.yaml') for joint in joints]
+    for model.joint, path in zip(joints, files):
+        model.save(path)
+    return joints, model, {f'{node}:model_files': files,
                    # On a busy machine no state may be late, nor lost: each has one answer.
                    f'{node}:joint_state_timeout': 10.0, f'{node}:input_reliability': 'reliable',
                    }, ['--ros-args', '--params-file', str(file)]
 
 
-@pytest.mark.parametrize('file', ARMS, ids=lambda file: file.stem)
-def test_a_joint_of_an_arm_is_moved_by_its_torque_controller(file, tmp_path):
+def test_a_joint_of_an_arm_is_moved_by_its_torque_controller(tmp_path):
     """What `effort` holds and what is commanded agree, or the first ramp would end the goal."""
     from friction_comp_interfaces.action import PlayTrajectory
     from test_node_play import LIMITS
 
-    model, parameters, arguments = of_the_arm(file, tmp_path, None, 'identification')
+    file = next(file for file in ARMS if file.stem == 'ur_like')
+    joints, model, parameters, arguments = of_the_arm(file, tmp_path, None, 'identification')
     with probe_node() as probe, Process(
             tmp_path / 'run', 'identification', {
                 **parameters, 'identification:use_sim_time': True}, arguments=arguments):
-        arm = TorqueController(probe, file, 'identification', model)
+        arm = TorqueController(probe, file, joints, 'identification', model)
         plan = JointPlan(LIMITS, 0.0, (Move.within(0.05, 0.0, 0.2, 0.8, 4.0),), 0.7, {})
         message = message_of(trajectory_of([plan], 50.0))
         message.joint_names = [arm.joints[0]]
@@ -142,10 +145,8 @@ def test_a_joint_of_an_arm_is_moved_by_its_torque_controller(file, tmp_path):
 @pytest.mark.parametrize('file', ARMS, ids=lambda file: file.stem)
 def test_a_compensator_runs_with_the_parameters_of_an_arm(file, tmp_path):
     """The files of docs/torque_controlled_robots.md are files that ROS 2 can read."""
-    _, parameters, arguments = of_the_arm(
+    joints, _, parameters, arguments = of_the_arm(
         file, tmp_path, Drive(1.0, 1.0, current_limit=40.0), 'compensator')
-    joints = yaml.safe_load(file.read_text(encoding='utf-8'))[
-        'torque_controller']['ros__parameters']['joints']
     with probe_node() as probe, Process(
             tmp_path / 'run', 'compensator', parameters, arguments=arguments):
         driver = FakeDriver(probe, joints)

@@ -242,15 +242,21 @@ class Ticks:
         return [tuple(message.data) for message in self.directions[:count]]
 
 
-def test_the_exercise_follows_the_ticks(tmp_path):
-    movement = ReferenceMovement(
-        amplitude=0.2, speed=0.4, acceleration_time=0.1, standstill=0.3, announcement=0.1,
-        repetitions=1)
+MOVEMENT = {'amplitude': 0.2, 'speed': 0.4, 'acceleration_time': 0.1, 'standstill': 0.3,
+            'announcement': 0.1, 'repetitions': 1}
+EXAMPLE = package_file('config', 'exercises', 'two_joints.yaml')
+
+
+@pytest.mark.parametrize(('parameters', 'source', 'step', 'announced'), [
+    (MOVEMENT, ReferenceMovement(**MOVEMENT), 10_000_000, {(1, 1), (-1, -1)}),
+    # The elbow turns round, the shoulder goes on.
+    ({'exercise_file': str(EXAMPLE)}, load_exercise(EXAMPLE).of(JOINTS), 50_000_000,
+     {(1, 1), (-1, 1)})], ids=['movement', 'script'])
+def test_an_exercise_follows_the_ticks_and_announces_each_joint(
+        parameters, source, step, announced, tmp_path):
     with probe_node() as probe, Process(tmp_path, 'exercise', {
-            'joints': JOINTS, 'clock': 'ticks',
-            'when_done': 'exit', 'input_reliability': 'reliable', 'amplitude': 0.2, 'speed': 0.4,
-            'acceleration_time': 0.1, 'standstill': 0.3, 'announcement': 0.1,
-            'repetitions': 1}) as process:
+            'joints': JOINTS, 'clock': 'ticks', 'when_done': 'exit',
+            'input_reliability': 'reliable', **parameters}) as process:
         ticks = Ticks(probe)
         assert not ticks.references[-1].name
         # Nor does it begin at a later tick before it knows where they are.
@@ -259,17 +265,17 @@ def test_the_exercise_follows_the_ticks(tmp_path):
         probe.spin_for(0.3)
         assert all(nanoseconds(m.header.stamp) == ticks.begin for m in ticks.references)
         ticks.find_joints()
-        count = round(movement.duration * 100) + 1
-        stamps = [ticks.begin + (k + 1) * 10_000_000 for k in range(count)]
-        for stamp in stamps:
-            got = ticks.reference(stamp)
-            position, velocity, _ = movement.at((stamp - stamps[0]) / 1e9)
+        # After the last of these the node ends, and answers no more.
+        wanted, times = [], step * np.arange(round(1e9 * source.duration / step) + 1) / 1e9
+        for time_ in times:
+            got = ticks.reference(ticks.begin + step + round(1e9 * time_))
+            position, velocity, direction = (np.broadcast_to(v, 2) for v in source.at(time_))
             assert list(got.name) == JOINTS
-            np.testing.assert_allclose(got.position, [2.0 + position, 1.0 + position], atol=1e-12)
-            np.testing.assert_allclose(got.velocity, [velocity, velocity], atol=1e-12)
-        wanted = [2 * (movement.at((stamp - stamps[0]) / 1e9)[2],) for stamp in stamps]
-        assert ticks.announced(count) == wanted
-        assert {1, -1} <= {row[1] for row in wanted}
+            np.testing.assert_allclose(got.position, [2.0, 1.0] + position, atol=1e-12)
+            np.testing.assert_allclose(got.velocity, velocity, atol=1e-12)
+            wanted.append(tuple(direction))
+        assert ticks.announced(len(times)) == wanted
+        assert announced <= set(wanted)
         assert process.wait() == 0
 
 
@@ -312,28 +318,6 @@ def test_the_exercise_names_the_joint_it_waits_for_and_takes_it_from_any_driver(
         probe.until(lambda: tell('elbow', 'shoulder') or any(m.name for m in references),
                     'the movement')
         assert list(references[-1].name) == JOINTS
-
-
-def test_an_exercise_of_two_joints_announces_each_by_itself(tmp_path):
-    example = package_file('config', 'exercises', 'two_joints.yaml')
-    script = load_exercise(example).of(JOINTS)
-    with probe_node() as probe, Process(tmp_path, 'exercise', {
-            'joints': JOINTS, 'exercise_file': str(example), 'clock': 'ticks',
-            'when_done': 'exit', 'input_reliability': 'reliable'}) as process:
-        ticks = Ticks(probe)
-        ticks.find_joints()
-        # After the last of these the node ends, and answers no more.
-        stamps = [ticks.begin + (k + 1) * 50_000_000
-                  for k in range(round(script.duration * 20) + 1)]
-        for stamp in stamps:
-            got = ticks.reference(stamp)
-            position, velocity, _ = script.at((stamp - stamps[0]) / 1e9)
-            np.testing.assert_allclose(got.position, [2.0, 1.0] + position, atol=1e-12)
-            np.testing.assert_allclose(got.velocity, velocity, atol=1e-12)
-        announced = ticks.announced(len(stamps))
-        assert announced == [tuple(script.at((s - stamps[0]) / 1e9)[2]) for s in stamps]
-        assert {(1, 1), (-1, 1)} <= set(announced), 'the elbow turns round, the shoulder goes on'
-        assert process.wait() == 0
 
 
 @pytest.mark.parametrize(('sensor', 'width', 'least'), [
