@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from recording_maker import DATA, needs_data, record_with_diagnostics
 from scipy.signal import butter, sosfiltfilt
+from table_maker import write
 from test_prepare import swings
 
 from friction_comp.drive import Drive
@@ -167,9 +168,8 @@ def test_a_load_takes_the_current_that_it_takes_where_the_drive_is_unknown(tmp_p
     """Of a table of current and load, without k_t and n: no coefficient is assumed."""
     samples = swings(3)
     load = 5.0 * np.sin(0.37 * samples.time) + 2.0 * np.sin(1.1 * samples.time)
-    np.savetxt(tmp_path / 'run.csv', np.column_stack((
-        samples.time, samples.position, samples.velocity, samples.current - 0.1 * load, load)),
-        delimiter=',', comments='', header='time,position,velocity,current,load')
+    write(tmp_path / 'run.csv', time=samples.time, position=samples.position,
+          velocity=samples.velocity, current=samples.current - 0.1 * load, load=load)
     assert run_refine([str(tmp_path / 'run.csv'), '--output', str(tmp_path / 'out')]) == 0
     report = json.loads((tmp_path / 'out' / 'report.json').read_text())
     assert report['unit'] == 'A'

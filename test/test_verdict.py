@@ -243,8 +243,3 @@ def test_small_sums_take_one_thread_and_leave_the_others_as_they_were():
     printed = printed_by(code, OMP_NUM_THREADS='2', OPENBLAS_NUM_THREADS='2')
     assert printed.split() == ['2', '1', '2']
     assert one_thread(len)([1, 2]) == 2
-
-
-def test_the_command_line_sets_the_number_of_threads_before_numpy_is_imported():
-    code = "import friction_comp.__main__, sys; print('numpy' in sys.modules)"
-    assert printed_by(code) == 'False\n'

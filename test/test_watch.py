@@ -14,6 +14,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from table_maker import write
 
 pytest.importorskip('bokeh', reason='Bokeh is an extra: pip install friction_comp[watch]')
 
@@ -140,8 +141,7 @@ def test_the_page_seeks_plays_and_changes_the_joint(feed):
 
 def test_a_joint_without_a_name_is_shown_too(tmp_path):
     time = np.arange(0.0, 12.0, 0.005)
-    np.savetxt(tmp_path / 'plain.csv', np.column_stack((time, np.sin(time), np.cos(time))),
-               '%.6f', ',', header='time,position,effort', comments='')
+    write(tmp_path / 'plain.csv', time=time, position=np.sin(time), effort=np.cos(time))
     document = Document()
     live_page(watch.recorded_feed(tmp_path / 'plain.csv', [], []))(document)
     source = next(s for s in document.select({'type': ColumnDataSource}) if 'time' in s.data)
