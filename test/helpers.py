@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 import subprocess
 import sys
+import textwrap
 from types import SimpleNamespace
 
 import numpy as np
@@ -41,8 +42,8 @@ def sines(time, waves):
 def printed_by(code, **environment):
     """Return what code prints in a process of its own, in which nothing is loaded yet."""
     done = subprocess.run(
-        [sys.executable, '-c', code], cwd=ROOT, text=True, capture_output=True, check=False,
-        timeout=300, env={**os.environ, **environment})
+        [sys.executable, '-c', textwrap.dedent(code)], cwd=ROOT, text=True, capture_output=True,
+        check=False, timeout=300, env={**os.environ, **environment})
     assert done.returncode == 0, done.stderr
     return done.stdout
 

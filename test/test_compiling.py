@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled code gives the currents of plain Python, and none is loaded while a motor is driven."""
 
-import textwrap
-
 from helpers import printed_by
 import pytest
 
@@ -16,7 +14,7 @@ LAW = """
     models = [FrictionModel.load(path) for path in files]
     draw = np.random.default_rng(5)
     speeds = np.array([1.0, 2.0, 3.0])
-    noise = draw.normal(0.0, 1e-4, (900, 3))
+    noise = draw.normal(0.0, 1e-4, (600, 3))
     noise[450, 1] = np.nan
     noise[510, 2] = 0.3
     directions = draw.integers(-1, 2, (10, 3)).astype(float)
@@ -24,7 +22,7 @@ LAW = """
     def currents(law):
         return np.array([law.update(
             1e-3 * k, np.sin(2e-3 * k * speeds) + noise[k], None if k % 200 > 150 else speeds,
-            directions[k // 90]) for k in range(900)])
+            directions[k // 60]) for k in range(600)])
 """
 
 
@@ -34,7 +32,7 @@ def test_every_law_runs_without_compilation():
             for value in currents(CompensationLaw(models, name)).ravel()))
     """
     plain, compiled = ([float(word) for word in printed_by(
-        textwrap.dedent(code), NUMBA_DISABLE_JIT=off).split()] for off in '10')
+        code, NUMBA_DISABLE_JIT=off).split()] for off in '10')
     # The last bit of an exponential.
     assert plain == pytest.approx(compiled, abs=1e-12)
     assert max(compiled) > 0.1
@@ -42,7 +40,7 @@ def test_every_law_runs_without_compilation():
 
 def test_no_model_loads_code_or_modules_while_a_motor_is_driven():
     """What a first call loads would stop the process while the motor keeps its last current."""
-    printed = printed_by(textwrap.dedent("""
+    printed = printed_by("""
     import gc, sys
     from dataclasses import replace
     from numba.core.dispatcher import Dispatcher
@@ -74,6 +72,6 @@ def test_no_model_loads_code_or_modules_while_a_motor_is_driven():
     law = CompensationLaw(arms)
     law.update(0.0, [0.1, 0.2], None, 1, temperature=[20.0, np.nan])
     print(len(before), *(loaded() - before))
-    """)).split()
+    """).split()
     assert int(printed[0]) > 100
     assert printed[1:] == []
