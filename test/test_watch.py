@@ -8,7 +8,7 @@ import re
 import socket
 import subprocess
 import sys
-import time
+from types import SimpleNamespace
 from urllib.request import urlopen
 from xml.etree import ElementTree
 
@@ -108,7 +108,10 @@ def test_one_model_shown_of_several_is_said():
     assert len(notes) == 1
 
 
-def test_the_page_seeks_plays_and_changes_the_joint(feed):
+def test_the_page_seeks_plays_and_changes_the_joint(feed, monkeypatch):
+    clock = [0.0]
+    monkeypatch.setattr('friction_comp.reports.live_page.time', SimpleNamespace(
+        monotonic=lambda: clock[0]))
     document = Document()
     live_page(feed)(document)
     update = document.session_callbacks[0].callback
@@ -129,11 +132,10 @@ def test_the_page_seeks_plays_and_changes_the_joint(feed):
     update()
     assert not np.array_equal(before, source.data['position'])
     play.active = True
-    time.sleep(0.3)
+    clock[0] = 0.3
     update()
-    assert slider.value > 11.2
-    slider.value = feed.duration - 0.01
-    time.sleep(0.05)
+    assert slider.value == pytest.approx(11.3)
+    clock[0] = 2.0
     update()
     assert slider.value == feed.duration
     assert not play.active, 'it stops at the end'
