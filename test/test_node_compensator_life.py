@@ -257,7 +257,7 @@ def test_a_time_before_zero_on_the_clock_is_ignored(tmp_path):
 
 
 @pytest.mark.parametrize('number', [
-    signal.SIGTERM, signal.SIGTRAP, signal.SIGRTMIN + 1])
+    signal.SIGTERM, signal.SIGHUP, signal.SIGTRAP, signal.SIGRTMIN + 1])
 def test_other_signals_leave_zero_current_too(tmp_path, number):
     with compensator(tmp_path, [1, 1]) as driver:
         driver.process.send(number)

@@ -46,6 +46,8 @@ ODD_EFFECT = 'format: friction_comp_undeclared\nversion: 1\neffects: [{name: gho
     ('compensator', {'joints': ['a', 'a'], 'model_files': MODELS[:2]}, (), 'joints'),
     ('compensator', {**ONE, 'model_files': MODELS[:2]}, (), 'model_files'),
     ('compensator', ONE, ('--ros-args', '--params-file', 'none.yaml', '--'), 'none.yaml'),
+    ('compensator', {**ONE, 'law': 'magic'}, (), 'law'),
+    ('compensator', {**ONE, 'breakaway_gain': 3.0}, (), 'breakaway_gain'),
     ('compensator', {**ONE, 'command_interface': 'voltage'}, (),
      'command_interface: must be current or effort'),
     ('identification', {**ONE, 'model_files': ['broken.yaml']}, (), 'broken.yaml'),
