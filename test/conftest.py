@@ -4,6 +4,7 @@
 
 import functools
 import gc
+from importlib.util import find_spec
 import os
 import signal
 import sys
@@ -37,6 +38,17 @@ settings.register_profile('search', _SETTINGS, max_examples=500)
 settings.load_profile('shared')
 
 
+# The tests of nodes need ROS 2 and the package's own interfaces.
+ROS_2 = all(map(find_spec, ('rclpy', 'friction_comp_interfaces')))
+collect_ignore_glob = [] if ROS_2 else ['test_node_*.py']
+
+
+def pytest_terminal_summary(terminalreporter):
+    """Say what was left out."""
+    if not ROS_2:
+        terminalreporter.write_line('ROS 2 is not in this environment: without test_node_*.py')
+
+
 def pytest_collection_modifyitems(items):
     """Mark the tests of nodes, which `make check` leaves out, and start long files first.
 
@@ -46,7 +58,7 @@ def pytest_collection_modifyitems(items):
     for item in items:
         if item.path.stem.startswith('test_node_'):
             item.add_marker(pytest.mark.processes)
-        if item.get_closest_marker('slow'):
+        if any(map(item.get_closest_marker, ('slow', 'processes'))):
             long.add(item.path)
     items.sort(key=lambda item: item.path not in long)
 

@@ -2,13 +2,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads the documentation's pages and the code blocks in them."""
 
-from pathlib import Path
+import importlib.util
 import re
 
-ROOT = Path(__file__).resolve().parent.parent
+from helpers import ROOT
+
 PAGES = [path for path in (
     ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').glob('*.md')),
     *sorted((ROOT / 'msg_docs').glob('*.md'))) if path.exists()]
+
+
+def script(name):
+    """Import a script of the documentation."""
+    spec = importlib.util.spec_from_file_location(name, ROOT / 'docs' / f'{name}.py')
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def blocks(language, pages=PAGES):

@@ -3,6 +3,11 @@
 """What tests of several rooms share: the note's drives, loops that drive them, short searches."""
 
 from contextlib import contextmanager
+import os
+from pathlib import Path
+import subprocess
+import sys
+import textwrap
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +16,7 @@ import pytest
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.package_files import package_file
 
+ROOT = Path(__file__).resolve().parent.parent
 # Of the current ramps on the note's drives, A/s
 SLOPES = {1: 0.05, 2: 0.06, 3: 0.12}
 
@@ -20,6 +26,26 @@ def note_model(number=1, **simulation):
     model = FrictionModel.load(package_file('config', f'armin_configuration_{number}.yaml'))
     model.simulation.update(simulation)
     return model
+
+
+def sines(time, waves):
+    """Return position, velocity and acceleration of a sum of sines.
+
+    Each is given by its amplitude in rad, its frequency in rad/s and its phase.
+    """
+    size, rate, phase = np.array(list(waves)).T
+    angle = rate * time[:, None] + phase
+    return ((size * np.sin(angle)).sum(axis=1), (size * rate * np.cos(angle)).sum(axis=1),
+            -(size * rate ** 2 * np.sin(angle)).sum(axis=1))
+
+
+def printed_by(code, **environment):
+    """Return what code prints in a process of its own, in which nothing is loaded yet."""
+    done = subprocess.run(
+        [sys.executable, '-c', textwrap.dedent(code)], cwd=ROOT, text=True, capture_output=True,
+        check=False, timeout=300, env={**os.environ, **environment})
+    assert done.returncode == 0, done.stderr
+    return done.stdout
 
 
 def drive_along(law, places, direction=1, begin=0, velocity=None):

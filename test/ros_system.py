@@ -23,6 +23,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
@@ -209,6 +210,13 @@ def joint_state(stamp_ns, names, position, velocity=None, effort=None):
     return message
 
 
+def tick(stamp_ns):
+    """Return a message of /clock."""
+    message = Clock()
+    message.clock.sec, message.clock.nanosec = divmod(stamp_ns, 10**9)
+    return message
+
+
 class Goals:
     """An action client that waits with patience, and keeps the feedback of its last goal."""
 
@@ -341,6 +349,7 @@ class FakeDriver:
 
     def restore(self):
         """Reset the node, which was started with `START`, whatever a test has done with it."""
+        self.probe.heard.get('/diagnostics', []).clear()
         if self.probe.state_of(self.node) == 'unconfigured':
             assert self.probe.transition(self.node, 'configure')
         now = self.probe.get_parameters_of(self.node, list(CHANGED))

@@ -11,7 +11,8 @@ def swing(count=2000, step=0.001):
     return time, 0.4 * np.sin(2.0 * time), 0.8 * np.cos(2.0 * time)
 
 
-def write(path, **columns):
-    np.savetxt(path, np.column_stack(list(columns.values())), delimiter=',', comments='',
-               header=','.join(columns), fmt='%.12g')
+def write(path, separator=',', **columns):
+    """Write a table of columns by name; return its path."""
+    np.savetxt(path, np.column_stack(list(columns.values())), '%.16g', separator,
+               header=separator.join(columns), comments='')
     return path

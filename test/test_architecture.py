@@ -4,14 +4,15 @@
 
 import ast
 from collections import Counter, defaultdict
+import functools
 from graphlib import TopologicalSorter
-from pathlib import Path
 import re
 from xml.dom import minidom
 
+from helpers import ROOT
+
 from friction_comp.__main__ import NODES, TOOLS
 
-ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / 'friction_comp'
 PAGE = (ROOT / 'docs' / 'architecture.md').read_text(encoding='utf-8')
 MODULES = sorted(PACKAGE.rglob('*.py'))
@@ -33,9 +34,16 @@ def room_of(path):
     return parts[0] if len(parts) > 1 else 'ground'
 
 
+@functools.cache
+def imports_of(path):
+    """Return the statements of a file that import: for its types, and inside functions, too."""
+    return [node for node in ast.walk(ast.parse(path.read_text(encoding='utf-8')))
+            if isinstance(node, (ast.Import, ast.ImportFrom))]
+
+
 def imported_modules(path):
-    """Give the package's modules that a file imports: for its types, and inside functions, too."""
-    for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+    """Give the package's modules that a file imports."""
+    for node in imports_of(path):
         if isinstance(node, ast.ImportFrom) and (node.module or '').startswith('friction_comp.'):
             yield node.module
         elif isinstance(node, ast.ImportFrom) and node.module == 'friction_comp':
@@ -104,11 +112,10 @@ def test_procedures_do_not_know_each_other():
 
 def test_only_nodes_and_ros_import_ros_2():
     def packages(path):
-        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
-            if isinstance(node, ast.ImportFrom):
-                yield (node.module or '').split('.')[0]
-            elif isinstance(node, ast.Import):
-                yield from (alias.name.split('.')[0] for alias in node.names)
+        for node in imports_of(path):
+            named = [node.module or ''] if isinstance(node, ast.ImportFrom) else [
+                alias.name for alias in node.names]
+            yield from (name.split('.')[0] for name in named)
 
     ros = re.compile(r'rclpy|ament_\w+|launch\w*|rosidl_\w+|\w+_(msgs|srvs|interfaces)')
     assert [str(path) for path in MODULES if room_of(path) not in ('nodes', 'ros')

@@ -2,15 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled code gives the currents of plain Python, and none is loaded while a motor is driven."""
 
-import os
-from pathlib import Path
-import subprocess
-import sys
-import textwrap
-
+from helpers import printed_by
 import pytest
-
-ROOT = Path(__file__).resolve().parent.parent
 
 LAW = """
     import numpy as np
@@ -21,7 +14,7 @@ LAW = """
     models = [FrictionModel.load(path) for path in files]
     draw = np.random.default_rng(5)
     speeds = np.array([1.0, 2.0, 3.0])
-    noise = draw.normal(0.0, 1e-4, (900, 3))
+    noise = draw.normal(0.0, 1e-4, (600, 3))
     noise[450, 1] = np.nan
     noise[510, 2] = 0.3
     directions = draw.integers(-1, 2, (10, 3)).astype(float)
@@ -29,17 +22,8 @@ LAW = """
     def currents(law):
         return np.array([law.update(
             1e-3 * k, np.sin(2e-3 * k * speeds) + noise[k], None if k % 200 > 150 else speeds,
-            directions[k // 90]) for k in range(900)])
+            directions[k // 60]) for k in range(600)])
 """
-
-
-def printed_by(code, **environment):
-    """Run code in a process of its own, in which nothing is loaded yet."""
-    done = subprocess.run(
-        [sys.executable, '-c', textwrap.dedent(code)], cwd=ROOT, text=True, capture_output=True,
-        check=False, timeout=300, env={**os.environ, **environment})
-    assert done.returncode == 0, done.stderr
-    return done.stdout.split()
 
 
 def test_every_law_runs_without_compilation():
@@ -47,8 +31,8 @@ def test_every_law_runs_without_compilation():
     print(*(repr(float(value)) for name in ('continuous', 'paper', 'kinetic')
             for value in currents(CompensationLaw(models, name)).ravel()))
     """
-    plain, compiled = ([float(word) for word in printed_by(code, NUMBA_DISABLE_JIT=off)]
-                       for off in '10')
+    plain, compiled = ([float(word) for word in printed_by(
+        code, NUMBA_DISABLE_JIT=off).split()] for off in '10')
     # The last bit of an exponential.
     assert plain == pytest.approx(compiled, abs=1e-12)
     assert max(compiled) > 0.1
@@ -88,6 +72,6 @@ def test_no_model_loads_code_or_modules_while_a_motor_is_driven():
     law = CompensationLaw(arms)
     law.update(0.0, [0.1, 0.2], None, 1, temperature=[20.0, np.nan])
     print(len(before), *(loaded() - before))
-    """)
+    """).split()
     assert int(printed[0]) > 100
     assert printed[1:] == []

@@ -6,6 +6,7 @@ import re
 
 import numpy as np
 import pytest
+from table_maker import write
 
 from friction_comp.drive import Drive
 from friction_comp.recordings import condense, read_recording, write_samples
@@ -100,8 +101,8 @@ def test_turns_are_continued_between_stretches_and_none_are_added(tmp_path, monk
     late = time > 30.0
     swing = np.pi + 0.6 * np.sin(1.1 * time) + 2.0 * np.pi * late
     position = (swing + np.pi) % (2.0 * np.pi) - np.pi if wrapped else swing
-    table = np.column_stack((time + 100.0 * late, position, np.sign(np.cos(1.1 * time))))
-    np.savetxt(tmp_path / 'log.csv', table, '%.9f', ',', header='time,position,effort', comments='')
+    write(tmp_path / 'log.csv', time=time + 100.0 * late, position=position,
+          effort=np.sign(np.cos(1.1 * time)))
     whole, = read_recording(tmp_path / 'log.csv')
     for half in (late, ~late):
         assert np.ptp(whole.position[half] - swing[half]) < 1e-6

@@ -1,18 +1,21 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Drive, samples, sigmoid and statistics."""
+"""Drive, samples, sigmoid, statistics, and the checks of numbers from outside."""
+
+import math
 
 from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 
+from friction_comp.checks import check_number, check_whole_number
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
 from friction_comp.statistics import evenly_spread, holm, top_speed
 
-# Eq. 11 with the rows of configurations 2 and 3 in the order its own text asks for; test_readme.py
+# Eq. 11 with the rows of configurations 2 and 3 in the order its own text asks for; test_docs.py
 # says that they are swapped.
 EQUATION_11 = {
     1: (0.1101, 1.2456, 0.1359, 1.1671, 1.4959, 0.0008),
@@ -124,3 +127,36 @@ def test_holm_adjusts_each_p_value_for_the_tests_that_are_left():
     np.testing.assert_allclose(holm([0.01, 0.04, 0.03, 0.005]), [0.03, 0.06, 0.06, 0.02])
     assert holm([0.6, 0.9]).tolist() == [1.0, 1.0]
     assert holm([]).size == 0
+
+
+@given(st.floats(), st.floats(-10, 10), st.floats(0, 20))
+def test_a_number_is_taken_exactly_when_it_is_finite_and_within_bounds(value, least, width):
+    if math.isfinite(value) and least <= value <= least + width:
+        assert check_number(value, 'x', least=least, most=least + width) == value
+    else:
+        with pytest.raises(InputError, match='^x must be a finite number from '):
+            check_number(value, 'x', least=least, most=least + width)
+
+
+@pytest.mark.parametrize('value', [True, None, '1', math.nan, math.inf, 0.0, [1.0], 1j])
+def test_numbers_that_are_not_positive_are_refused(value):
+    with pytest.raises(InputError, match='^limit must be a positive finite number, not '):
+        check_number(value, 'limit', above=0.0)
+
+
+def test_numbers_of_numpy_are_numbers():
+    assert type(check_number(np.float32(0.5), 'x')) is float
+    assert type(check_whole_number(np.int8(3), 'x', least=1, most=3)) is int
+
+
+@pytest.mark.parametrize('value', [0, 1.0, True, '1', 100_001])
+def test_numbers_that_are_not_whole_or_in_range_are_refused(value):
+    with pytest.raises(InputError, match='^n must be a whole number from 1 to 100000, not '):
+        check_whole_number(value, 'n', least=1, most=100_000)
+
+
+def test_the_smallest_step_is_the_encoders_and_zero_without_motion():
+    for position, step in (([0.0, 0.0, 0.2, 0.1, 0.1], 0.1), ([0.0] * 4, 0.0), ([], 0.0)):
+        nothing = np.zeros(len(position))
+        samples = Samples(time=nothing, position=np.array(position), current=nothing)
+        assert samples.position_step == pytest.approx(step)

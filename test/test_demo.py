@@ -10,7 +10,7 @@ import subprocess
 import sys
 import time
 
-from node_process import fork_nodes_of_tools, shorten_scenes
+from node_process import fork_nodes_of_tools, ROOT, shorten_scenes
 import pytest
 from report_pages import assert_documented
 import yaml
@@ -23,8 +23,6 @@ from friction_comp.tools.processes import Nodes, only_user, ros_arguments
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
 from friction_comp.tools.demo_system import clear_results
-
-ROOT = Path(__file__).resolve().parent.parent
 
 
 def test_parameters_are_written_as_yaml_reads_them():

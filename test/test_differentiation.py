@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Velocity and acceleration from recorded positions with regular and irregular stamps."""
 
+from helpers import sines
 import numpy as np
 import pytest
 from test_prepare import swings
@@ -14,13 +15,7 @@ SETTINGS = {'source': 'position', 'bandwidth': 20.0}
 
 
 def moved(time):
-    """Return position, velocity and acceleration of two sines."""
-    terms = ((0.8, 2.0, 0.3), (0.2, 7.0, 1.1))
-    return tuple(sum(a * w ** k * wave(w * time + p, k) for a, w, p in terms) for k in range(3))
-
-
-def wave(angle, order):
-    return (np.sin, np.cos, lambda x: -np.sin(x))[order](angle)
+    return sines(time, ((0.8, 2.0, 0.3), (0.2, 7.0, 1.1)))
 
 
 @pytest.mark.parametrize('late', [True, False])

@@ -1,33 +1,30 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The documentation: a page for each effect, and YAML that loads.
+"""The documentation: its commands, links, figures and YAML are valid; each effect has a page.
 
 `make docs` draws its pictures and builds it without a warning.
 """
 
-import importlib.util
+import json
 from pathlib import Path
 import re
 
+from doc_pages import commands, ROOT, script
 import pytest
 import yaml
 
+from friction_comp import __version__
+from friction_comp.__main__ import NODES, TOOLS
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.effects.definitions import VARIABLES
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.simulation.undeclared import Undeclared
 
-DOCS = Path(__file__).resolve().parent.parent / 'docs'
-
-
-@pytest.fixture(scope='module')
-def pages():
-    spec = importlib.util.spec_from_file_location('effect_pages', DOCS / 'effect_pages.py')
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+DOCS = ROOT / 'docs'
 
 
-def test_every_effect_has_a_page_that_says_how_to_record_for_it(pages, tmp_path, monkeypatch):
+def test_every_effect_has_a_page_that_says_how_to_record_for_it(tmp_path, monkeypatch):
+    pages = script('effect_pages')
     monkeypatch.setattr(pages.Figure, 'savefig', lambda _, path, **__: Path(path).touch())
     assert set(pages.RECORD) == set(VARIABLES)
     pages.write_pages(tmp_path)
@@ -44,9 +41,7 @@ def test_every_effect_has_a_page_that_says_how_to_record_for_it(pages, tmp_path,
 
 
 def test_the_page_on_the_notes_errors_agrees_with_its_numbers():
-    spec = importlib.util.spec_from_file_location('note_figures', DOCS / 'note_figures.py')
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    module = script('note_figures')
     page = (DOCS / 'note_errors.md').read_text(encoding='utf-8')
     told = re.findall(r'^\| (configuration .+) \|$', page, re.MULTILINE)
     assert told == [' | '.join(cells) for cells in module.tables()]
@@ -66,9 +61,78 @@ def test_the_yaml_of_the_own_robot_loads():
 
 
 def test_prose_fits_into_a_window_of_120_columns():
-    root = DOCS.parent
-    for path in (*root.glob('*.md'), *root.glob('*/*.md')):
+    for path in (*ROOT.glob('*.md'), *ROOT.glob('*/*.md')):
         blocks = re.split(r'^ *```.*$', path.read_text(encoding='utf-8'), flags=re.MULTILINE)
         for line in '\n'.join(blocks[::2]).splitlines():
             # Rows of tables and alternative texts of pictures cannot be wrapped.
             assert len(line) <= 120 or re.match(r'\s*(\||!\[)', line), f'{path.name}: {line}'
+
+
+README = (ROOT / 'README.md').read_text(encoding='utf-8')
+COMMANDS = [line for line, _ in commands([ROOT / 'README.md', *(
+    ROOT / 'docs' / f'{name}.md' for name in ('nodes', 'tools'))])]
+
+
+def started(line):
+    found = re.search(r'(?:-m|ros2 run) friction_comp (\w+)', line)
+    return found and found[1]
+
+
+def test_every_node_and_tool_has_a_line_to_run_it():
+    names = {started(line) for line in COMMANDS} - {None}
+    assert names == set(NODES) | set(TOOLS)
+
+
+def test_lines_are_in_the_order_in_which_they_run():
+    """What a line reads is there or made by a line above it, its joints are those of the plant."""
+    made, joints = set(), []
+    for line in COMMANDS:
+        for path in re.findall(r'(?:examples|config|output)/[\w./]+', line):
+            assert (ROOT / path).exists() or f'--output {path}' in line or any(
+                path.startswith(folder) for folder in made), line
+        made.update(re.findall(r'--output (\S+)', line))
+        named = re.search(r"joints:=\"\['(.*?)'\]\"", line)
+        if named and started(line) == 'plant':
+            joints = named[1].split("', '")
+        elif named:
+            assert set(named[1].split("', '")) <= set(joints), line
+        for path in re.findall(r"'(config/\w+\.yaml)'", line):
+            # Otherwise the first message of the compensator is a warning.
+            assert FrictionModel.load(ROOT / path).joint == ''
+
+
+def test_files_that_are_linked_or_read_are_there():
+    for target in re.findall(r'\]\((?!http)([^)#]+)\)', README):
+        assert (ROOT / target).exists(), target
+    for option, path in re.findall(r'(\S+) (config/\w+\.yaml)', README):
+        if option == '--undeclared':
+            Undeclared.from_file(ROOT / path)
+        else:
+            FrictionModel.load(ROOT / path)
+
+
+@pytest.mark.parametrize('name', ['demo', 'reproduce'])
+def test_quoted_tables_are_what_is_stored_of_their_command(name):
+    quote = script('quote_figures')
+    numbers = json.loads((ROOT / 'docs' / 'figures' / f'{name}.json').read_text(encoding='utf-8'))
+    text = quote.PAGES[name].read_text(encoding='utf-8')
+    assert quote.quoted(text, name) == quote.KINDS[name][1](numbers)
+    # The command stands beside the table.
+    assert f'`{numbers["command"]}' in text.partition(f'<!-- {name} -->')[0][-700:]
+    if name == 'demo':
+        assert f'<desc>{quote.demo_words(numbers)}</desc>' in quote.PICTURE.read_text(
+            encoding='utf-8')
+
+
+@pytest.mark.parametrize(('number', 'plateau', 'breakaway'), [(2, 0.16, 0.138), (3, 0.36, 0.336)])
+def test_plateaus_are_near_breakaway_since_two_rows_of_the_note_are_swapped(
+        number, plateau, breakaway):
+    model = FrictionModel.load(ROOT / 'config' / f'armin_configuration_{number}.yaml')
+    assert model.sigmoid.upper == pytest.approx(plateau, abs=0.006)
+    assert model.breakaway.positive_mean == pytest.approx(breakaway, abs=5e-4)
+    assert abs(model.sigmoid.upper / breakaway - 1.0) < 0.2
+
+
+def test_changelog_has_this_version():
+    text = (ROOT / 'CHANGELOG.rst').read_text(encoding='utf-8')
+    assert re.search(rf'^{re.escape(__version__)} \(\d{{4}}-\d\d-\d\d\)\n-+$', text, re.MULTILINE)

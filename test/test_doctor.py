@@ -5,9 +5,9 @@
 from argparse import Namespace
 from dataclasses import replace
 import json
-from pathlib import Path
 import re
 
+from helpers import ROOT
 import numpy as np
 import pytest
 
@@ -30,7 +30,6 @@ from friction_comp.topics import TOPICS
 
 MODEL = FrictionModel.load(package_file('config', 'armin_configuration_1.yaml'))
 JOINT = 'elbow'
-ROOT = Path(__file__).resolve().parent.parent
 
 
 def states(share=1.0):

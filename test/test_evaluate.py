@@ -228,12 +228,6 @@ def test_the_tool_from_recordings_to_report(tmp_path, capsys):
         'repetitions.csv', 'report.html', 'report.json']
 
 
-def test_the_tool_refuses_a_recording_without_movement(tmp_path, refuses):
-    samples = trial([1.0] * 2)
-    write_samples(tmp_path / 'still', samples.with_(reference_velocity=np.zeros(len(samples))))
-    refuses('no movement', 'evaluate', tmp_path / 'still')
-
-
 def stuck_trial(set_out=None):
     """Make a trial of two movements in which the joint stands still, or sets out too late.
 

@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 from helpers import note_model
 import numpy as np
 import pytest
+from table_maker import write
 import yaml
 
 from friction_comp.__main__ import run
@@ -192,10 +193,8 @@ def test_a_joint_of_mujoco_is_found_again_and_follows_its_recording(tmp_path):
         mujoco.mj_step(plant, data)
     noise = np.random.default_rng(3).standard_normal((2, len(rows)))
     time, position, effort = np.array(rows).T
-    table = tmp_path / 'log.csv'
-    np.savetxt(table, np.column_stack((
-        time, position + 2e-5 * noise[0], effort + 0.03 * noise[1])),
-        header='time,position,effort', comments='', delimiter=',', fmt='%.9g')
+    table = write(tmp_path / 'log.csv', time=time, position=position + 2e-5 * noise[0],
+                  effort=effort + 0.03 * noise[1])
     assert run('refine', [str(table), '--output', str(tmp_path / 'refined')]) == 0
     path = tmp_path / 'joint.xml'
     model = tmp_path / 'refined' / 'model.yaml'
@@ -210,10 +209,6 @@ def test_a_joint_of_mujoco_is_found_again_and_follows_its_recording(tmp_path):
     samples = differentiate(read_recording(table)[0], DEFAULT_SETTINGS)
     wrong = play(replace(joint, coulomb=2.0 * joint.coulomb), samples, samples.current)
     assert wrong.share > 0.05
-
-
-def test_bad_input_is_named(refuses):
-    refuses('no.yaml', 'export', 'no.yaml', '--to', 'urdf')
 
 
 @pytest.mark.parametrize('form, option, value', [

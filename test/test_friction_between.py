@@ -4,6 +4,7 @@
 
 from dataclasses import replace
 
+from helpers import sines
 import numpy as np
 import pytest
 
@@ -20,14 +21,9 @@ NOISE = 0.02
 def wrist(seed, side, coulomb=0.5, viscous=0.2):
     """Return the roll joint: 0.3 A Coulomb and 0.1 viscous alone, the rest of v_roll ± v_pitch."""
     rng, time = np.random.default_rng(seed), np.arange(0.0, 40.0, 0.01)
-    position, velocity, acceleration = np.zeros((3, len(time), 2))
-    for joint in range(2):
-        for frequency in np.geomspace(0.1, 1.0, 5):
-            rate, phase = 2 * np.pi * frequency * rng.uniform(0.8, 1.2), rng.uniform(0.0, 6.28)
-            size = 0.15 / frequency
-            position[:, joint] += size * np.sin(rate * time + phase)
-            velocity[:, joint] += size * rate * np.cos(rate * time + phase)
-            acceleration[:, joint] -= size * rate ** 2 * np.sin(rate * time + phase)
+    position, velocity, acceleration = np.transpose([sines(time, (
+        (0.15 / frequency, 2 * np.pi * frequency * rng.uniform(0.8, 1.2), rng.uniform(0.0, 6.28))
+        for frequency in np.geomspace(0.1, 1.0, 5))) for _ in NAMES], (1, 2, 0))
     own = velocity[:, 1]
     both = own + side * velocity[:, 0]
     current = (0.3 * np.tanh(own / 0.02) + 0.1 * own + 0.03 * acceleration[:, 1]

@@ -4,6 +4,7 @@
 
 from dataclasses import replace
 
+from helpers import sines
 import numpy as np
 import pytest
 
@@ -24,10 +25,7 @@ PLAIN = FrictionModel(Drive(1.0, 1.0), Sigmoid(0.54, -0.46, 40.0, viscous=0.15))
 def recording(seed=1, extra=lambda v, q: 0.0, step=0.005, seconds=40.0):
     """Give a joint with sudden friction that follows a sum of sines."""
     time = np.arange(0.0, seconds, step)
-    q, v, a = (sum(f(k) for k in ((0.9, 0.31), (0.5, 0.83))) for f in (
-        lambda k: k[0] * np.sin(2 * np.pi * k[1] * time),
-        lambda k: k[0] * 2 * np.pi * k[1] * np.cos(2 * np.pi * k[1] * time),
-        lambda k: -k[0] * (2 * np.pi * k[1]) ** 2 * np.sin(2 * np.pi * k[1] * time)))
+    q, v, a = sines(time, ((0.9, 2 * np.pi * 0.31, 0.0), (0.5, 2 * np.pi * 0.83, 0.0)))
     torque = (TRUTH['offset'] + TRUTH['coulomb'] * np.sign(v) + TRUTH['viscous'] * v
               + TRUTH['inertia'] * a + extra(v, q))
     noise = np.random.default_rng(seed).standard_normal((2, len(time)))

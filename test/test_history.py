@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from report_pages import assert_documented
+from table_maker import write
 
 from friction_comp.__main__ import run
 from friction_comp.drive import Drive
@@ -112,9 +113,8 @@ def test_months_of_recordings_give_one_model_and_one_page(tmp_path, capsys):
     before = tmp_path / 'model.yaml'
     for k, start in enumerate((JANUARY, MARCH)):
         samples = recording(1.0 - 0.2 * k, seed=k)
-        table = np.column_stack((samples.time + start, samples.position, samples.current))
-        np.savetxt(tmp_path / f'{k}.csv', table, '%.7f', ',', header='time,position,effort',
-                   comments='')
+        write(tmp_path / f'{k}.csv', time=samples.time + start, position=samples.position,
+              effort=samples.current)
         after = tmp_path / f'next_{k}' / 'model.yaml'
         assert run('refine', [str(tmp_path / f'{k}.csv'), '--unit', 'effort=A', '--model',
                               str(before), '--history', '--output', str(after.parent)]) == 0

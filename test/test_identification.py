@@ -36,8 +36,13 @@ def identify(model, goal, plant=None, **changes):
 
 @pytest.fixture(scope='module')
 def quick():
-    model = note_model(1)
-    return model, *identify(model, IdentificationGoal(**QUICK))
+    """Return a drive, its run, and time, progress, remaining time and phase at each sample."""
+    model, marks = note_model(1), []
+
+    def note(run, sample):
+        marks.append((sample[0], run.progress, run.remaining, run.phase))
+        return sample
+    return model, identify(model, IdentificationGoal(**QUICK), alter=note)[0], marks
 
 
 @pytest.mark.slow
@@ -89,7 +94,8 @@ def test_lag_gravity_and_noise_are_tolerated():
     document = {'format': 'friction_comp_undeclared', 'version': 1, 'effects': [
         {'name': 'actuation_lag', 'parameters': {'lag': 0.005}},
         {'name': 'gravity', 'parameters': {'amplitude': 0.4, 'phase': 0.2}}]}
-    plant = Plant([model], seed=4, undeclared=[Undeclared.from_dict(document)])
+    plant = Plant([model], seed=4, undeclared=[Undeclared.from_dict(document)],
+                  sample_time=0.5 * STEP)
     run, _, positions = identify(model, IdentificationGoal(**QUICK), plant)
     result = run.result()
     assert np.max(np.abs(positions)) <= 0.5
@@ -100,7 +106,7 @@ def test_lag_gravity_and_noise_are_tolerated():
 
 
 def test_result_holds_table_fit_breakaway_and_model(quick, tmp_path):
-    model, run, _, _ = quick
+    model, run, _ = quick
     result = run.result()
     assert run.phase == 'done'
     assert (run.progress, run.remaining) == (1.0, 0.0)
@@ -119,22 +125,14 @@ def test_result_holds_table_fit_breakaway_and_model(quick, tmp_path):
     np.testing.assert_allclose(loaded.sigmoid(result.speeds), result.sigmoid(result.speeds))
 
 
-def test_progress_never_falls_and_the_estimate_is_fair():
-    model, marks = note_model(1), []
-
-    def note(run, sample):
-        marks.append((sample[0], run.progress, run.remaining, run.phase))
-        return sample
-
-    run, _, _ = identify(model, IdentificationGoal(**QUICK), alter=note)
-    times, progress, remaining, phases = zip(*marks)
+def test_progress_never_falls_and_the_estimate_is_fair(quick):
+    times, progress, remaining, phases = zip(*quick[-1])
     assert np.all(np.diff(progress) >= 0.0)
     half = np.searchsorted(progress, 0.5)
     assert remaining[half] == pytest.approx(times[-1] - times[half], rel=0.4)
     order = list(dict.fromkeys(phases))
     assert order[:2] == ['standstill', 'push']
     assert {'travel', 'velocity', 'breakaway'} <= set(order)
-    assert run.phase == 'done'
 
 
 def test_missed_and_repeated_samples_are_tolerated():

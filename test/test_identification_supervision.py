@@ -77,7 +77,6 @@ def frozen(after):
 
 
 @pytest.mark.parametrize(('alter', 'words'), [
-    (scaled(10.0, 3), 'another unit'), (scaled(-1.0, 3), 'wrong sign'),
     (scaled(0.0, 3), 'not measured'), (scaled(0.0084, 3), 'not measured'),
     (scaled(math.nan, 3), 'not measured'),
     (scaled(57.3, 2), 'velocity'), (scaled(-1.0, 2), 'sign')])
@@ -192,10 +191,9 @@ def test_a_rotor_that_trembles_by_many_counts_is_at_rest():
     assert result.breakaway.positive_mean == pytest.approx(0.0995, rel=0.1)
 
 
-@pytest.mark.parametrize('noise', [0.001, 0.02])
-@pytest.mark.parametrize('factor', [
-    side * factor for side in (1, -1)
-    for factor in (0.01, 0.4, 3.0, 100.0, 10_000.0)] + [-1.0])
+@pytest.mark.parametrize('factor, noise', [
+    *((side * factor, 0.02) for side in (1, -1) for factor in (0.01, 0.4, 3.0, 100.0, 10_000.0)),
+    (-1.0, 0.02), (0.4, 0.001), (-3.0, 0.001)])
 def test_the_first_push_reveals_any_factor_and_sign_of_effort(factor, noise):
     """Noise is scaled as well; the velocity may not be measured at all."""
     random, farthest = np.random.default_rng(5), [0.0]
@@ -299,7 +297,7 @@ def test_a_controller_that_rattles_is_no_wrong_unit():
         look_at_rattle(0.2)
 
 
-@pytest.mark.parametrize('samples', [2, 4, 6])
+@pytest.mark.parametrize('samples', [2, 6])
 def test_a_drive_that_is_slow_but_in_time_is_identified_with_lower_gains(samples):
     """At 250 Hz the current comes 8 to 24 ms after the command."""
     result = Bench(late=samples).finish()

@@ -61,7 +61,7 @@ def test_breakaway_is_what_was_set():
 def test_breakaway_scatters_from_start_to_start_as_set():
     gears = plain_gears(draws=1)
     gears['scatter'], gears['renewal'] = 0.04, 0.02
-    found = breakaway_currents(gears, EVEN, repetitions=30) / level(gears)[:, None]
+    found = breakaway_currents(gears, EVEN, repetitions=16) / level(gears)[:, None]
     assert np.std(found, axis=1) == pytest.approx(0.04, rel=0.5)
 
 

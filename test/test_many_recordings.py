@@ -12,7 +12,7 @@ import subprocess
 import sys
 import time
 
-from node_process import environment
+from node_process import environment, ROOT
 import numpy as np
 import pytest
 from report_pages import assert_documented
@@ -25,8 +25,6 @@ from friction_comp.evaluation.sessions import evaluate_pieces, pieces_of
 from friction_comp.parallel import attempt, Failure, run_each
 from friction_comp.recordings import write_samples
 from simulated_recordings.drives import excitation_for, random_drive, record
-
-ROOT = Path(__file__).resolve().parent.parent
 
 
 @pytest.fixture(scope='module')

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What noise, lag and a slow rate of a load sensor do to the coefficient of the load."""
 
+from helpers import sines
 import numpy as np
 import pytest
 
@@ -14,13 +15,10 @@ from friction_comp.statistics import rms
 def with_torque_sensor(seed, noise=0.0, lag=0.0, held=1):
     """Return a joint whose sensor carries a link: 0.8 A Coulomb, 0.3 viscous, -0.30 A/(N·m)."""
     rng, time = np.random.default_rng(seed), np.arange(0.0, 40.0, 0.004)
-    load, position, velocity = np.zeros((3, len(time)))
-    for frequency in np.geomspace(0.15, 2.0, 7):
-        rate, phase = 2 * np.pi * frequency * rng.uniform(0.9, 1.1), rng.uniform(0.0, 6.28)
-        size = 0.35 / frequency ** 1.3
-        position += size * np.sin(rate * time + phase)
-        velocity += size * rate * np.cos(rate * time + phase)
-        load += 0.1 * size * rate ** 2 * np.sin(rate * time + phase)
+    position, velocity, acceleration = sines(time, (
+        (0.35 / frequency ** 1.3, 2 * np.pi * frequency * rng.uniform(0.9, 1.1),
+         rng.uniform(0.0, 6.28)) for frequency in np.geomspace(0.15, 2.0, 7)))
+    load = -0.1 * acceleration
     for frequency in rng.uniform(0.1, 3.0, 6):
         load += 0.5 * np.sin(2 * np.pi * frequency * time + rng.uniform(0.0, 6.28))
     current = 0.8 * np.tanh(velocity / 0.02) + 0.3 * velocity - 0.30 * load

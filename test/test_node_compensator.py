@@ -5,14 +5,9 @@
 import math
 import time
 
+from node_process import Process
 import numpy as np
 import pytest
-from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import Temperature
-
-pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
-
-from node_process import Process
 from ros_system import (
     FakeDriver,
     joint_state,
@@ -22,13 +17,14 @@ from ros_system import (
     probe_node,
     RELIABLE,
     START,
+    tick,
     ZERO,
 )
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import Temperature
 
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.model.friction_model import FrictionModel
-
-pytestmark = pytest.mark.slow
 
 
 def movement(count=40):
@@ -44,18 +40,17 @@ def test_answers_every_state_with_the_current_of_the_law(driver, law):
     probe = driver.probe
     assert probe.set_parameter('compensator', 'law', law) is None
     expected = CompensationLaw([FrictionModel.load(path) for path in MODELS[:2]], law)
-    base = time.time_ns()
     times, position, velocity = movement()
+    # Before the first state, since loading compiled code may take longer than a silence may last.
+    wanted = [expected.update(t, x, v, np.array([1.0, -1.0])).copy()
+              for t, x, v in zip(times, position, velocity)]
+    base = time.time_ns()
     driver.announce([1, -1])
-    largest = 0.0
-    for t, x, v in zip(times, position, velocity):
-        stamp = base + round(t * 1e9)
-        command = driver.ask(x, v, stamp)
-        wanted = expected.update(t, x, v, np.array([1.0, -1.0]))
-        np.testing.assert_allclose(command, wanted, rtol=0, atol=1e-12)
-        largest = max(largest, *np.abs(command))
+    commands = [driver.ask(x, v, base + round(t * 1e9))
+                for t, x, v in zip(times, position, velocity)]
+    np.testing.assert_allclose(commands, wanted, rtol=0, atol=1e-12)
     assert len(driver.answers) == len(times)
-    assert (largest == 0.0) == (law == 'none')
+    assert np.any(commands) == (law != 'none')
 
 
 def test_a_state_sent_again_is_answered_again_but_one_that_crossed_is_not(driver):
@@ -95,13 +90,6 @@ def test_lifecycle_and_zero_current_on_deactivation(driver):
     driver.begin_anew()
     driver.announce([1, 1])
     assert driver.ask([0.0, 0.0], ZERO)[0] > 0.05
-
-
-def test_a_transition_that_cannot_be_made_harms_nothing(driver):
-    assert not driver.probe.transition('compensator', 'configure')
-    assert not driver.probe.transition('compensator', 'no_such_transition')
-    assert driver.probe.state_of('compensator') == 'active'
-    assert len(driver.ask([0.0, 0.0], ZERO)) == 2
 
 
 def test_a_new_model_is_taken_over_while_running(driver, tmp_path):
@@ -156,12 +144,13 @@ def test_effects_whose_signal_is_missing_are_named_with_the_reason(tmp_path):
     files = [str(tmp_path / 'warm.yaml'), MODELS[1]]
     models = [FrictionModel.load(path) for path in files]
     expected, base = CompensationLaw(models, 'kinetic'), 10_000_000_000
+    # Loads what is compiled: later, that might take longer than a silence may last.
+    CompensationLaw(models, 'kinetic').update(0.0, ZERO, ZERO, np.zeros(2))
 
-    def tick(second):
+    def at(second):
+        """Set the clock; return the stamp."""
         stamp = base + round(second * 1e9)
-        message = Clock()
-        message.clock.sec, message.clock.nanosec = divmod(stamp, 1_000_000_000)
-        clock.publish(message)
+        clock.publish(tick(stamp))
         return stamp
 
     def measure(second, degrees):
@@ -177,7 +166,7 @@ def test_effects_whose_signal_is_missing_are_named_with_the_reason(tmp_path):
         for _ in range(20):
             for _ in range(20):
                 t, count = second + 0.001 * count, count + 1
-                command = driver.ask([0.5 * t, -0.5 * t], [0.5, -0.5], tick(t))
+                command = driver.ask([0.5 * t, -0.5 * t], [0.5, -0.5], at(t))
                 wanted = expected.update(
                     round(t * 1e9) * 1e-9, [0.5 * t, -0.5 * t], [0.5, -0.5], np.zeros(2),
                     temperature=[degrees, np.nan])
@@ -194,9 +183,9 @@ def test_effects_whose_signal_is_missing_are_named_with_the_reason(tmp_path):
         thermometer = probe.talk(Temperature, 'motor_temperature', RELIABLE)
         for publisher in (clock, thermometer):
             probe.matched(publisher)
-        driver.find(lambda: tick(-1.0))
+        driver.find(lambda: at(-1.0))
         driver.begin_anew()
-        driver.ask(ZERO, [0.5, -0.5], tick(0.0))
+        driver.ask(ZERO, [0.5, -0.5], at(0.0))
         expected.update(0.0, ZERO, [0.5, -0.5], np.zeros(2), temperature=[np.nan, np.nan])
         never = {'temperature': True, 'no motor_temperature received': True,
                  'load is not measured here': True}
@@ -209,7 +198,7 @@ def test_effects_whose_signal_is_missing_are_named_with_the_reason(tmp_path):
         expected.reset()
         for _ in range(10):
             # By default a node subscribes to /clock with best effort.
-            tick(61.0)
+            at(61.0)
             probe.spin_for(0.02)
         move(61.0, np.nan, {'last motor_temperature is 6': True, 'load_friction': True})
         measure(61.9, 15.0)

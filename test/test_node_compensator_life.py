@@ -1,18 +1,22 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The compensator over DDS: start, end, and faults."""
+"""The compensator over DDS: start and end, faults, and what contradicts or cannot be met."""
 
+from array import array
+from pathlib import Path
 import signal
 import subprocess
 import sys
 import time
 
+from diagnostic_msgs.msg import DiagnosticArray
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from node_process import environment, PATIENCE, Process
 import numpy as np
 import pytest
-
-pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
-
-from node_process import environment, PATIENCE, Process
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from ros_system import (
     BEST_EFFORT,
     compensator,
@@ -24,16 +28,17 @@ from ros_system import (
     probe_node,
     RELIABLE,
     START,
+    tick,
     unasked,
     ZERO,
 )
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float64MultiArray, Int8MultiArray
 from std_srvs.srv import Trigger
 
 from friction_comp.control.compensation_loop import ALONE
 
-pytestmark = pytest.mark.slow
 # Where a library is half imported, and where an exception would be lost.
 INTERRUPTED = """
 import os, signal, sys
@@ -138,6 +143,117 @@ def test_another_commander_is_a_fault_that_stays_until_it_is_reset(driver):
     assert 'may command' in reset().message
     driver.find(direction=[1, 1])
     assert driver.process.text.count('stays until') == 1
+
+
+def test_two_publishers_of_one_joint_are_named(driver):
+    """Each of them has a driver's stamps; neither says a position that cannot be."""
+    with probe_node() as other:
+        rival = other.talk(JointState, 'joint_states', RELIABLE)
+        other.matched(rival)
+        told = []
+
+        def named():
+            """Both publish, until the compensator has found out who they are."""
+            rival.publish(joint_state(time.time_ns(), JOINTS, [0.3, 0.3]))
+            driver.announce([1, 1])
+            told.append(driver.ask(ZERO, ZERO))
+            return any(status.message.count('/probe_') == 2
+                       and 'elbow, shoulder come from several publishers' in status.message
+                       for message in diagnostics for status in message.status)
+        diagnostics = driver.probe.listen(DiagnosticArray, '/diagnostics')
+        driver.probe.until(named, 'the names of both')
+        assert told[-1] == ZERO
+    # A single publisher is accepted after a second.
+    driver.probe.until(lambda: driver.announce([1, 1]) or driver.ask(ZERO, ZERO)[0] > 0.05,
+                       'a current')
+
+
+def test_planners_that_contradict_each_other_give_no_direction(driver):
+    assert driver.probe.set_parameter('compensator', 'direction_timeout', 0.4) is None
+    currents = []
+    with probe_node() as other:
+        rival = other.talk(Int8MultiArray, 'direction', RELIABLE)
+        other.matched(rival)
+
+        def ignored():
+            """Both announce, until neither has had a current for a while, and it is said why."""
+            for publisher, value in ((driver.directions, 1), (rival, -1)):
+                publisher.publish(Int8MultiArray(data=array('b', [value, value])))
+                driver.probe.spin_for(0.05)
+                currents.append(driver.ask(ZERO, ZERO)[0])
+            return len(currents) > 10 and np.abs(currents[-10:]).max() < 0.01 and any(
+                all(words in status.message for words in (
+                    'elbow', 'contradict each other', '/probe_'))
+                for message in diagnostics for status in message.status)
+        diagnostics = driver.probe.listen(DiagnosticArray, '/diagnostics')
+        driver.probe.until(ignored, 'zero current')
+    # A single publisher is accepted when the conflict is over.
+    driver.probe.until(lambda: driver.announce([1, 1]) or driver.ask(ZERO, ZERO)[0] > 0.05,
+                       'a current')
+
+
+def test_requests_that_cannot_be_met_are_refused_while_the_motor_is_driven(driver):
+    driver.announce([1, 1])
+    before = driver.ask(ZERO)
+    assert min(before) > 0.05
+    for number in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE,
+                   Transition.TRANSITION_CLEANUP, 250):
+        request = ChangeState.Request(transition=Transition(id=number))
+        assert not driver.probe.call(
+            ChangeState, '/compensator/change_state', request).success
+        driver.announce([1, 1])
+        assert driver.ask(ZERO) == before
+    unknown = [Parameter(name='law', value=ParameterValue(type=77))]
+    answer = driver.probe.call(SetParameters, '/compensator/set_parameters',
+                               SetParameters.Request(parameters=unknown))
+    assert not answer.results[0].successful
+    assert '77' in answer.results[0].reason
+    answer = driver.probe.call(
+        SetParametersAtomically, '/compensator/set_parameters_atomically',
+        SetParametersAtomically.Request(parameters=unknown))
+    assert not answer.result.successful
+    # Bytes that are no joint state, and one whose name is no text.
+    for data in (b'\x00\x01\x00\x00\x01', bytes.fromhex(
+            '00010000000000000000000001000000000000000100000002000000ff000000')):
+        driver.states.publish(data)
+    driver.announce([1, 1])
+    assert driver.ask(ZERO) == before
+    assert driver.process.running
+    assert 'was refused' in driver.process.text
+
+
+@pytest.mark.parametrize('number', [signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU])
+def test_a_stopped_node_leaves_zero_current_and_forgets_what_it_missed(driver, number):
+    driver.find(direction=[1, 1])
+    status = Path(f'/proc/{driver.process._process.pid}/status')
+    driver.process.send(number)
+    driver.probe.until(lambda: 'T (stopped)' in status.read_text(), 'a stopped process')
+    driver.probe.until(lambda: list(driver.commands[-1].data) == ZERO, 'zero current')
+    # Without a stamp, a joint state counts from when it is read.
+    driver.announce([1, 1])
+    for _ in range(20):
+        driver.states.publish(joint_state(0, JOINTS, ZERO))
+    said, count = driver.process.text.count('begins anew'), len(driver.commands)
+    driver.process.send(signal.SIGCONT)
+    driver.probe.until(lambda: driver.process.text.count('begins anew') > said, 'the node')
+    driver.probe.spin_for(0.5)
+    assert not any(any(command.data) for command in driver.commands[count:])
+
+
+def test_a_time_before_zero_on_the_clock_is_ignored(tmp_path):
+    with own_domain(), probe_node() as probe, Process(tmp_path / 'one', 'compensator', {
+            'joints': JOINTS, 'model_files': MODELS[:2], 'use_sim_time': True}) as first, Process(
+                tmp_path / 'two', 'recorder', {
+                    'output': str(tmp_path / 'recording'), 'use_sim_time': True}) as second:
+        ticks = probe.talk(Clock, '/clock')
+        def answered(process):
+            ticks.publish(tick(-5 * 10**9))
+            return 'message on /clock was ignored' in process.text
+
+        # What is sent before both ends have discovered each other is lost.
+        for process in (first, second):
+            probe.until(lambda process=process: answered(process), 'the word')
+            assert process.running
 
 
 @pytest.mark.parametrize('number', [

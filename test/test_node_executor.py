@@ -4,11 +4,8 @@
 
 import time
 
-import pytest
-
-pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
-
 from node_process import PATIENCE
+import pytest
 import rclpy
 from rclpy.context import Context
 from rclpy.node import Node

@@ -7,15 +7,11 @@ import signal
 import time
 from types import SimpleNamespace
 
-import numpy as np
-import pytest
-
-pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
-pytest.importorskip('friction_comp_interfaces', reason='the action type is not built')
-
 from action_msgs.msg import GoalStatus
 from friction_comp_interfaces.action import IdentifyFriction
 from node_process import Process
+import numpy as np
+import pytest
 from ros_system import BEST_EFFORT, FakeDriver, Goals, joint_state, MODELS, probe_node
 from std_msgs.msg import Float64MultiArray
 
@@ -27,7 +23,6 @@ from friction_comp.nodes.identification import IdentificationNode
 JOINT = 'elbow'
 GOAL = {'joint': JOINT, 'speeds': [0.8, 1.4], 'motion_range': 0.8, 'ramp_slope': 0.2,
         'ramp_period': 2.0, 'breakaway_cycles': 2}
-pytestmark = pytest.mark.slow
 
 
 def goals_of(probe):

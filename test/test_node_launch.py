@@ -4,23 +4,21 @@
 
 import importlib.util
 import os
-from pathlib import Path
 import shutil
 import signal
 import subprocess
 import sys
 import time
 
+from helpers import ROOT
 import pytest
 
-pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 pytest.importorskip('launch_ros', reason='launch is not in this environment')
 
 from launch.actions import DeclareLaunchArgument
 from launch_ros.actions import Node
 from ros_system import MODELS, own_domain, probe_node
 
-ROOT = Path(__file__).resolve().parents[1]
 FILES = sorted((ROOT / 'launch').glob('*.launch.py'))
 STARTS = {'compensation': {'compensator'}, 'identification': {'identification'},
           'simulation': {'plant', 'compensator', 'exercise'}}
@@ -61,7 +59,6 @@ def prefix(tmp_path_factory):
     return prefix
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize('name', sorted(STARTS))
 def test_starts_its_nodes_and_ends_them_on_an_interrupt(prefix, tmp_path, name):
     script = tmp_path / 'run.py'

@@ -8,16 +8,12 @@ import shutil
 import signal
 from types import SimpleNamespace
 
-import numpy as np
-import pytest
-
-pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
-pytest.importorskip('friction_comp_interfaces', reason='the action type is not built')
-
 from action_msgs.msg import GoalStatus
 from friction_comp_interfaces.action import RefineModel
 from geometry_msgs.msg import WrenchStamped
 from node_process import Process, ROOT
+import numpy as np
+import pytest
 from rclpy.serialization import serialize_message
 from ros_system import Goals, joint_state, MODELS, own_domain, probe_node, RELIABLE
 from sensor_msgs.msg import JointState
@@ -34,7 +30,6 @@ from friction_comp.ros.live_feed import frame_of
 JOINT = 'elbow'
 STEP = 0.02
 MODEL = FrictionModel.load(MODELS[0])
-pytestmark = pytest.mark.slow
 
 
 def motion(seconds, ripple, seed=0):
@@ -290,15 +285,3 @@ def test_a_worse_model_is_unloaded_as_soon_as_the_compensator_answers():
     node._to_unload[JOINT] = MODELS[2], MODELS[1], 'it is worse'
     asyncio.run(RefinementNode._unload(node, JOINT))
     assert (len(asked), watch.file, node._to_unload) == (2, MODELS[0], {})
-
-
-def test_a_model_that_cannot_be_judged_is_not_to_be_refined():
-    watch = JointWatch(0.25, JOINT, MODELS[0])
-    watch.residual.take(rows_of(*motion(100.0, 0.0)) * [1, 1, 1, 2, 1, 1])
-    node = SimpleNamespace(
-        _rate=SimpleNamespace(per_second=lambda: 50.0, count=1), _job=None, _error='',
-        _past=SimpleNamespace(span=0.0, size=0), _last_result='', _last_refusal='',
-        _watches={JOINT: watch})
-    assert 'refine it' in RefinementNode._report(node)[1]
-    watch.residual.blind = 'the load of a person is not measured'
-    assert RefinementNode._report(node)[1] == 'watching'

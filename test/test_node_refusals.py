@@ -7,11 +7,8 @@ import signal
 import threading
 import time
 
-import pytest
-
-pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
-
 from node_process import Process, ROOT, ros_arguments
+import pytest
 from rcl_interfaces.srv import SetParameters
 import rclpy
 from rclpy.lifecycle import TransitionCallbackReturn
@@ -30,8 +27,6 @@ from friction_comp.nodes.identification import IdentificationNode
 from friction_comp.nodes.plant import PlantNode
 from friction_comp.nodes.recorder import RecorderNode
 from friction_comp.nodes.refinement import RefinementNode
-
-pytestmark = pytest.mark.slow
 
 ONE = {'joints': ['elbow'], 'model_files': MODELS[:1]}
 BROKEN_MODEL = 'format: friction_comp_model\nversion: 1\njoint: [\n'

@@ -8,8 +8,6 @@ from pathlib import Path
 from xml.dom import minidom
 from xml.etree import ElementTree
 
-import pytest
-
 POLICY = Path(__file__).resolve().parents[1] / 'sros2' / 'friction_comp.policy.xml'
 # Rights that a node uses at times only: in a simulation, during a goal, in lockstep.
 AT_TIMES = {*(('direction', 'subscribe', topic) for topic in ('/trajectory', '/reference')),
@@ -95,10 +93,7 @@ def test_only_few_nodes_may_command_a_current_or_announce_a_direction():
         'operator', 'call')
 
 
-@pytest.mark.slow
 def test_the_nodes_use_what_they_may_and_nothing_else(tmp_path):
-    pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
-    pytest.importorskip('friction_comp_interfaces', reason='the action type is not built')
     from node_process import Process
     from ros_system import MODELS, own_domain, probe_node
 

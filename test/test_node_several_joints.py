@@ -9,12 +9,9 @@ import random
 import signal
 import time
 
+from node_process import Process
 import numpy as np
 import pytest
-
-pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
-
-from node_process import Process
 from ros_system import CONFIG, MODELS, own_domain, probe_node, value_of
 from rosbags.highlevel import AnyReader
 
@@ -45,7 +42,6 @@ STEPS = LATE + TICK * (-(-DURATION_NS // (TICK * SAMPLE)) + 1)
 TOPICS = {'joint_states', 'current_command', 'direction', 'direction_stamped', 'reference',
           'interaction_wrench', 'motor_temperature', 'diagnostics'}
 LAW = 'continuous'
-pytestmark = pytest.mark.slow
 
 
 def hold_up(processes):

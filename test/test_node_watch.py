@@ -1,26 +1,27 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The live page receives data of running joints over DDS, and releases them."""
+"""The live page and the doctor over DDS, and a node that finds no other."""
 
 import itertools
+import json
+import subprocess
+import sys
 import time
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from node_process import Process, ROOT
 import numpy as np
 import pytest
-
-pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
-
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from node_process import Process
-from ros_system import joint_state, MODELS, probe_node
+from ros_system import BEST_EFFORT, joint_state, MODELS, own_domain, probe_node, RELIABLE
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.monitoring.network import alone, loopback_fault
 from friction_comp.ros.live_feed import LiveFeed
+from friction_comp.tools import doctor
 
-pytestmark = pytest.mark.slow
 MODEL = FrictionModel.load(MODELS[0])
 
 
@@ -125,3 +126,58 @@ def test_commands_are_shown_at_the_joints_of_the_compensator():
 def test_models_and_joints_must_be_as_many():
     with pytest.raises(InputError, match='one file per joint'):
         LiveFeed(['elbow', 'shoulder'], [MODEL], [])
+
+
+def test_finds_the_sign_and_who_publishes(tmp_path):
+    with own_domain(), probe_node() as probe, Process(
+            tmp_path, 'doctor', remappings={'__ns': '/arm'},
+            arguments=('--seconds', '4', '--json')) as doctor:
+        publisher = probe.talk(JointState, 'arm/joint_states', BEST_EFFORT)
+        probe.listen(JointState, 'arm/joint_states', RELIABLE)
+        while doctor.running:
+            now = time.time_ns()
+            t = now * 1e-9 % 1000.0
+            publisher.publish(joint_state(
+                now, ['elbow'], [np.sin(2.0 * t)], [-2.0 * np.cos(2.0 * t)], [0.0]))
+            probe.spin_for(0.004)
+        assert doctor.wait() == 1
+        findings = json.loads(doctor.text)['findings']
+    problems = [f"{one['about']}: {one['what']}" for one in findings if one['level'] == 'problem']
+    assert any('elbow: velocity is -1 times the rate' in line for line in problems), problems
+    assert any('QoS' in line and 'best effort' in line for line in problems), problems
+    assert all(one['do'] for one in findings if one['level'] == 'problem')
+
+
+# Less than a person would want to be told of.
+HASTY = """
+import friction_comp.ros.node_main as node_main
+node_main.PATIENCE = 0.3
+from friction_comp.__main__ import run
+raise SystemExit(run('exercise', ['--ros-args', '-p', 'joints:=[elbow]']))
+"""
+
+
+def test_a_node_without_peers_says_so_and_names_those_found_later():
+    with own_domain():
+        with subprocess.Popen([sys.executable, '-c', HASTY], cwd=ROOT, text=True,
+                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as process:
+            lines = iter(process.stdout.readline, '')
+            told = next(line for line in lines if 'no other node' in line)
+            assert 'ROS_DOMAIN_ID' in told
+            with probe_node() as probe:
+                assert probe.get_name() in next(line for line in lines if 'found' in line)
+            process.terminate()
+        assert process.returncode == 0
+
+
+def test_a_machine_without_loopback_is_named(monkeypatch, capsys):
+    assert loopback_fault() == ''
+    # An address that is not this machine's, as its own is not without the interface.
+    fault = loopback_fault('192.0.2.1')
+    assert 'ip link set lo up' in fault
+    monkeypatch.setattr('friction_comp.monitoring.network.loopback_fault', lambda: fault)
+    assert fault in alone(10.0)
+    assert doctor.main(['--installed', '--json']) == 1
+    finding, = (one for one in json.loads(capsys.readouterr().out)['findings']
+                if one['about'] == 'network')
+    assert finding['do'] == 'ip link set lo up'

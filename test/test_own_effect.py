@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """An effect that exists only in this file is found, stored, predicted, fed back and shown."""
 
+from helpers import sines
 import numpy as np
 import pytest
 
@@ -65,12 +66,9 @@ def recording(seed, duration=60.0, step=0.01):
     """A joint under a sum of sines; what drives it is friction, and what gets tighter."""
     rng = np.random.default_rng(seed)
     time = np.arange(0.0, duration, step)
-    position, velocity = np.zeros_like(time), np.zeros_like(time)
-    for frequency in (0.11, 0.23, 0.37, 0.71):
-        size, phase = 0.3 / (1.0 + 2.0 * frequency), rng.uniform(0.0, 2.0 * np.pi)
-        omega = 2.0 * np.pi * frequency
-        position += size * np.sin(omega * time + phase)
-        velocity += size * omega * np.cos(omega * time + phase)
+    position, velocity, _ = sines(time, (
+        (0.3 / (1.0 + 2.0 * frequency), 2.0 * np.pi * frequency, rng.uniform(0.0, 2.0 * np.pi))
+        for frequency in (0.11, 0.23, 0.37, 0.71)))
     current = (0.1 * np.tanh(velocity / 0.02) + 0.05 * velocity
                + GAIN * velocity * np.exp(position / REFERENCE))
     return Samples(time=time, position=position, velocity=velocity,

@@ -13,6 +13,7 @@ import sys
 from types import ModuleType
 from xml.etree import ElementTree
 
+from helpers import ROOT
 import pytest
 import yaml
 
@@ -21,7 +22,6 @@ from friction_comp import __main__ as entry
 from friction_comp.errors import InputError
 from friction_comp.package_files import add_environment_to_ament_path, package_file
 
-ROOT = Path(__file__).resolve().parent.parent
 NAMES = {**entry.NODES, **entry.TOOLS}
 MODULES = sorted((ROOT / 'friction_comp').rglob('*.py'))
 LAUNCH_FILES = sorted((ROOT / 'launch').glob('*.launch.py'))

@@ -3,11 +3,11 @@
 """Pages are readable without training, animations match the recording, and scripts are optional."""
 
 from dataclasses import replace
-import importlib.util
-from pathlib import Path
 import re
 from xml.dom import minidom
 
+from doc_pages import script
+from helpers import ROOT
 import numpy as np
 import pytest
 
@@ -22,13 +22,17 @@ from friction_comp.reports.interactive import thin_extremes
 from friction_comp.reports.moving_joint import moving_joint, MovingScene, still_joint
 
 LIVE_PAGES = True
-ROOT = Path(__file__).resolve().parent.parent
 
 
 @pytest.fixture(scope='module')
 def evaluation():
     found, = evaluate_recordings([ROOT / 'examples' / 'elbow'])
     return found
+
+
+@pytest.fixture(scope='module')
+def page(evaluation):
+    return evaluation_report([evaluation]).html()
 
 
 def test_peaks_survive_thinning():
@@ -59,9 +63,8 @@ def test_a_minute_at_a_kilohertz_is_a_page_of_three_megabytes():
     assert 'the lowest and highest of each of 1000 stretches are drawn' in text
 
 
-def test_a_page_says_the_same_without_script_and_without_bokeh(evaluation, monkeypatch):
+def test_a_page_says_the_same_without_script_and_without_bokeh(evaluation, page, monkeypatch):
     pytest.importorskip('bokeh')
-    page = evaluation_report([evaluation]).html()
     assert 'Bokeh' in page
     assert not re.search(r'<(script|link)[^>]*(src|href)=', page)
     monkeypatch.setattr('friction_comp.reports.html.bokeh_is_installed', lambda: False)
@@ -73,8 +76,7 @@ def test_a_page_says_the_same_without_script_and_without_bokeh(evaluation, monke
         assert len(re.findall(r'<figure', body)) == 2
 
 
-def test_the_first_screen_has_no_technical_terms(evaluation):
-    page = evaluation_report([evaluation]).html()
+def test_the_first_screen_has_no_technical_terms(page):
     first = re.sub(r'<[^>]+>', ' ', page[page.index('<div class="verdict"'):page.index(
         '>In detail</h2>')])
     assert 'When the robot knows the direction, the person needs' in first
@@ -105,13 +107,13 @@ def test_the_joint_moves_as_it_was_recorded(evaluation):
         assert f'peak {scene.peak:.2f} N·m' in drawing
 
 
-def test_headline_comparison_picture_and_tables_show_the_same_torques_and_colours(evaluation):
+def test_headline_comparison_picture_and_tables_show_the_same_torques_and_colours(
+        evaluation, page):
     pair = evaluation.pair()
     headline = evaluation.compared('peak_torque')
     compared = next(c for c in evaluation.comparisons if c.figure == 'peak_torque'
                     and (c.first, c.second) == pair)
     assert headline == pytest.approx((compared.mean_first, compared.mean_second))
-    page = evaluation_report([evaluation]).html()
     assert page.count(f'{number(headline[0])} N·m') >= 2
     scenes = scenes_of(evaluation)
     for scene, condition in zip(scenes, pair):
@@ -137,12 +139,9 @@ def test_a_torque_that_is_not_measured_has_no_arrow():
 
 
 def test_the_picture_of_the_readme_is_drawn_from_the_examples():
-    spec = importlib.util.spec_from_file_location('moving', ROOT / 'docs' / 'moving_picture.py')
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
     stored = (ROOT / 'docs' / 'moving.svg').read_text(encoding='utf-8')
     numbers = [np.array(re.findall(r'-?\d+\.\d+', text), dtype=float)
-               for text in (stored, module.picture())]
+               for text in (stored, script('moving_picture').picture())]
     np.testing.assert_allclose(numbers[1], numbers[0], atol=0.2)
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 from helpers import note_model
 import numpy as np
 import pytest
+from table_maker import write
 
 from friction_comp.__main__ import run
 from friction_comp.drive import Drive
@@ -67,8 +68,7 @@ def test_what_gives_no_torque_is_refused():
 def test_a_plan_of_time_and_position_gives_the_torque(tmp_path, capsys):
     time, q, v, a = motion()
     MODEL.save(tmp_path / 'model.yaml')
-    np.savetxt(tmp_path / 'plan.csv', np.column_stack((1e3 * time, np.degrees(q))), fmt='%.9f',
-               header='time [ms],position [deg]', comments='', delimiter=',')
+    write(tmp_path / 'plan.csv', **{'time [ms]': 1e3 * time, 'position [deg]': np.degrees(q)})
     out = tmp_path / 'torque.csv'
     assert run('predict', [str(tmp_path / 'plan.csv'), '--model', str(tmp_path / 'model.yaml'),
                            '--output', str(out)]) == 0
@@ -89,8 +89,8 @@ def test_a_plan_of_an_arm_gives_the_torque_of_each_joint(tmp_path):
         {model.joint: model.to_dict() for model in (MODEL, other)}))
     time, q, *_ = motion()
     _, q2, v2, _ = motion(phase=1.0)
-    np.savetxt(tmp_path / 'plan.csv', np.column_stack((time, q, q2)), fmt='%.9f', delimiter=',',
-               header='time,elbow.position,wrist.position', comments='')
+    write(tmp_path / 'plan.csv', **{
+        'time': time, 'elbow.position': q, 'wrist.position': q2})
     out = tmp_path / 'torque.csv'
     assert run('predict', [str(tmp_path / 'plan.csv'), '--model', str(tmp_path / 'arm.yaml'),
                            '--output', str(out)]) == 0

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """From recordings to rows of a fit: motion, blocks of time, lag, limits and load."""
 
+from helpers import sines
 from hypothesis import given, strategies as st
 import numpy as np
 import pytest
@@ -29,12 +30,8 @@ def swings(seed, duration=40.0, step=0.01):
     """Return samples of a joint that swings, with a plain drive's current."""
     rng = np.random.default_rng(seed)
     time = np.arange(0.0, duration, step)
-    q, v, a = (np.zeros_like(time) for _ in range(3))
-    for frequency in (0.09, 0.23, 0.41):
-        omega, phase = 2.0 * np.pi * frequency, rng.uniform(0.0, 2.0 * np.pi)
-        q += 0.4 * np.sin(omega * time + phase)
-        v += 0.4 * omega * np.cos(omega * time + phase)
-        a -= 0.4 * omega ** 2 * np.sin(omega * time + phase)
+    q, v, a = sines(time, ((0.4, 2.0 * np.pi * frequency, rng.uniform(0.0, 2.0 * np.pi))
+                           for frequency in (0.09, 0.23, 0.41)))
     current = 0.5 * np.tanh(v / 0.01) + 0.2 * v + 0.02 * rng.standard_normal(time.size)
     return Samples(time=time, position=q, velocity=v, acceleration=a, current=current)
 

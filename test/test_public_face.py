@@ -3,28 +3,19 @@
 """What ``import friction_comp`` offers, and that it and ``--help`` are fast."""
 
 import ast
-import os
 from pathlib import Path
 import subprocess
 import sys
 
+from helpers import printed_by, ROOT
 import pytest
 
 import friction_comp
 from friction_comp.__main__ import NODES, TOOLS
 
-ROOT = Path(__file__).resolve().parent.parent
 # All modules are imported, those that need Bokeh, too.
 LIVE_PAGES = True
 SLOW = ('numba', 'scipy', 'matplotlib', 'rosbags', 'rclpy', 'rich')
-
-
-def run(code, **environment):
-    done = subprocess.run(
-        [sys.executable, '-c', code], cwd=ROOT, capture_output=True, text=True, check=False,
-        env={**os.environ, **environment})
-    assert done.returncode == 0, done.stderr
-    return done.stdout
 
 
 def test_every_public_name_is_what_it_says():
@@ -47,7 +38,8 @@ def test_type_checkers_see_the_same_names_from_the_same_places():
 
 
 def test_import_of_the_package_loads_nothing_slow():
-    loaded = run('import sys, friction_comp; print(*sys.modules)').split()
+    """Nor NumPy: the command line sets the number of its threads first."""
+    loaded = printed_by('import sys, friction_comp.__main__; print(*sys.modules)').split()
     assert not {'numpy', *SLOW} & set(loaded)
 
 
@@ -66,7 +58,7 @@ for name in {[*TOOLS]}:
         main([name, '--no-such-argument'])
 print(*sys.modules)
 """
-    assert not set(SLOW) & set(run(code).split())
+    assert not set(SLOW) & set(printed_by(code).split())
 
 
 def test_bash_completes_names_and_options(tmp_path):
@@ -102,4 +94,4 @@ from friction_comp.reports.figures import new_figure, to_svg
 to_svg(new_figure()[0])
 print(len(recorder.buffer), matplotlib.rcParams == before)
 """
-    assert run(code, NUMBA_CACHE_DIR=str(tmp_path)) == '0 True\n'
+    assert printed_by(code, NUMBA_CACHE_DIR=str(tmp_path)) == '0 True\n'

@@ -4,12 +4,9 @@
 
 import errno
 import os
-from pathlib import Path
 import random
 import shutil
 import sqlite3
-import subprocess
-import sys
 import time
 
 from hypothesis import given, settings, strategies as st
@@ -31,7 +28,6 @@ from friction_comp.recordings import (
     stream_recording_with_info,
 )
 
-ROOT = Path(__file__).resolve().parent.parent
 BATCHES = 30
 
 
@@ -104,52 +100,6 @@ def test_one_flipped_bit_costs_its_chunk_and_is_reported(whole, tmp_path):
     assert len(samples) == BATCH * (BATCHES - 1)
     assert '1 damaged chunks left out (checksum)' in info.notes
     assert '20 of 600 messages are missing' in info.notes
-
-
-WRITER = """
-import sys
-sys.path[:0] = [{root!r}, {tests!r}]
-from recording_maker import BATCH, write_states
-from friction_comp.recordings import RecordingWriter
-if len(sys.argv) > 2:
-    import resource
-    limit = int(sys.argv[2])
-    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
-with RecordingWriter(sys.argv[1]) as recording:
-    for k in range(0, 10 ** 7, BATCH):
-        write_states(recording, range(k, k + BATCH))
-        print(k + BATCH, flush=True)
-"""
-
-
-def start_writer(folder, *arguments):
-    code = WRITER.format(root=str(ROOT), tests=str(ROOT / 'test'))
-    return subprocess.Popen([sys.executable, '-c', code, str(folder), *map(str, arguments)],
-                            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-
-
-@pytest.mark.slow
-def test_a_killed_writer_leaves_all_it_had_flushed(tmp_path):
-    writer = start_writer(tmp_path / 'r')
-    for _ in range(100):
-        flushed = int(writer.stdout.readline())
-    writer.kill()
-    writer.communicate()
-    samples, = read_recording(tmp_path / 'r')
-    assert len(samples) >= flushed
-    np.testing.assert_array_equal(samples.current, np.arange(float(len(samples))))
-
-
-def test_a_full_disk_costs_nothing_that_was_written(tmp_path):
-    writer = start_writer(tmp_path / 'r', 100_000)
-    output, error = writer.communicate(timeout=300)
-    assert writer.returncode == 1
-    assert 'cannot be written: File too large; what was written before can be read' in error
-    flushed = int(output.split()[-1])
-    (samples, info), = read_recording_with_info(tmp_path / 'r')
-    assert len(samples) == flushed > 100
-    # It is truncated to its last complete block, so everything in it can be read.
-    assert f'it was not finished: {flushed} messages recovered' in info.notes
 
 
 def test_a_sync_that_fails_while_the_recording_ends_is_reported(tmp_path, monkeypatch):

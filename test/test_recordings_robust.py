@@ -7,11 +7,9 @@ import numpy as np
 import pytest
 from recording_maker import (
     array,
-    DATA,
     header,
     joint_state,
     make_samples,
-    needs_data,
     record,
     states,
     STORE,
@@ -234,16 +232,3 @@ def test_writer_makes_what_rosbag2_reads(tmp_path):
         _, stamp, raw = next(reader.messages([connection]))
         assert STORE.deserialize_cdr(raw, connection.msgtype).name == ['elbow']
         assert stamp == 1_000_000_000
-
-
-@needs_data
-@pytest.mark.parametrize(('name', 'joint', 'count', 'step', 'velocity'), [
-    ('ur10e_joint1', 'shoulder_pan_joint', 2427, 0.01, True),
-    ('emps', 'carriage', 24841, 0.001, False),
-    ('kinova_gen3_joint7', 'joint_7', 31812, 0.001, True),
-])
-def test_measured_recordings(name, joint, count, step, velocity):
-    samples, = read_recording(DATA / name / 'fit')
-    assert (samples.joint, len(samples)) == (joint, count)
-    assert samples.sample_time == pytest.approx(step, rel=1e-3)
-    assert (samples.velocity is not None) == velocity

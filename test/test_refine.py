@@ -6,14 +6,14 @@ from contextlib import redirect_stdout
 import csv
 from dataclasses import replace
 import json
-from pathlib import Path
 import re
 
-from helpers import note_model
+from helpers import note_model, ROOT
 import numpy as np
 import pytest
 from recording_maker import DATA, needs_data, record_with_diagnostics
 from scipy.signal import butter, sosfiltfilt
+from table_maker import write
 from test_prepare import swings
 
 from friction_comp.drive import Drive
@@ -32,7 +32,6 @@ from friction_comp.tools.refine import main as run_refine
 from simulated_recordings.drives import excitation_for, random_drive, record
 
 LIVE_PAGES = True
-ROOT = Path(__file__).resolve().parents[1]
 RATE = 125.0  # Hz
 
 
@@ -169,9 +168,8 @@ def test_a_load_takes_the_current_that_it_takes_where_the_drive_is_unknown(tmp_p
     """Of a table of current and load, without k_t and n: no coefficient is assumed."""
     samples = swings(3)
     load = 5.0 * np.sin(0.37 * samples.time) + 2.0 * np.sin(1.1 * samples.time)
-    np.savetxt(tmp_path / 'run.csv', np.column_stack((
-        samples.time, samples.position, samples.velocity, samples.current - 0.1 * load, load)),
-        delimiter=',', comments='', header='time,position,velocity,current,load')
+    write(tmp_path / 'run.csv', time=samples.time, position=samples.position,
+          velocity=samples.velocity, current=samples.current - 0.1 * load, load=load)
     assert run_refine([str(tmp_path / 'run.csv'), '--output', str(tmp_path / 'out')]) == 0
     report = json.loads((tmp_path / 'out' / 'report.json').read_text())
     assert report['unit'] == 'A'
@@ -232,13 +230,12 @@ def test_a_position_that_is_no_number_is_not_predicted_as_zero():
         note_model(1).predict(samples.with_(position=position))
 
 
-@pytest.mark.parametrize('name', ['without_direction', 'with_direction'])
-def test_the_effects_hidden_in_each_example_are_found(name):
+def test_the_effects_hidden_in_an_example_alone_are_found():
     # No effect alone explains much: the weight shows only once the ripple is known.
     model = note_model(1)
     samples = read_recording(
-        ROOT / 'examples' / 'elbow' / f'{name}.mcap.zstd', None, model.drive.torque_constant,
-        model.drive.gear_ratio)
+        ROOT / 'examples' / 'elbow' / 'without_direction.mcap.zstd', None,
+        model.drive.torque_constant, model.drive.gear_ratio)
     report = refine(samples, model).report
     found = {effect.name: effect for effect in report.effects}
     assert found.keys() >= {'friction_ripple', 'inertia'}

@@ -4,26 +4,24 @@
 
 import gzip
 import json
-from pathlib import Path
 
+from helpers import ROOT
 import numpy as np
 import pytest
+from table_maker import write
 
 from friction_comp import InputError, Layout, read_recording, Samples
 from friction_comp.__main__ import main
-from friction_comp.column_values import read_pairs
-from friction_comp.columns import assign
 from friction_comp.recordings import (
     read_recording_with_info,
     recorded_joints,
     stream_recording_with_info,
     write_samples,
 )
-from friction_comp.recordings.tables import table_of, TableScanner, write_table
+from friction_comp.recordings.tables import TableScanner, write_table
 
 SIGNALS = ('time', 'position', 'current', 'velocity', 'load', 'temperature', 'command', 'direction',
            'reference_position', 'reference_velocity')
-ROOT = Path(__file__).resolve().parent.parent
 
 
 def moving(count=2000, **changes):
@@ -40,11 +38,9 @@ def moving(count=2000, **changes):
 
 
 def write_csv(path, samples, separator=',', names='t q dq tau', factors=(1.0, 1.0, 1.0, 1.0)):
-    columns = [factor * values for factor, values in zip(factors, (
-        samples.time, samples.position, samples.velocity, samples.current))]
-    np.savetxt(path, np.column_stack(columns), delimiter=separator, comments='', fmt='%.12g',
-               header=separator.join(names.split()))
-    return path
+    values = samples.time, samples.position, samples.velocity, samples.current
+    return write(path, separator, **{name: factor * own for name, factor, own in zip(
+        names.split(), factors, values)})
 
 
 def assert_alike(found, wanted, signals=('time', 'position', 'velocity', 'current')):
@@ -299,13 +295,6 @@ def test_predict_takes_a_table_and_gives_a_row_for_each(tmp_path, capsys):
                  '--output', str(tmp_path / 'current.csv')]) == 0
     assert 'columns guessed' in capsys.readouterr().out
     assert len((tmp_path / 'current.csv').read_text().splitlines()) == 2001
-
-
-def test_columns_written_by_the_package_are_recognised():
-    use = assign(list(table_of([moving()])), None, 'table')
-    assert use.joints == ['elbow']
-    assert not use.notes
-    assert read_pairs('time=t, effort=tau_2', '--columns') == {'time': 't', 'effort': 'tau_2'}
 
 
 def test_the_notebook_runs_from_top_to_bottom(tmp_path, monkeypatch, capsys):

@@ -2,10 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the verdict says of recordings on which a small error hides that something is wrong."""
 
-import subprocess
-import sys
 from types import SimpleNamespace
 
+from helpers import printed_by
 import numpy as np
 import pytest
 from test_prepare import swings
@@ -241,14 +240,6 @@ def test_small_sums_take_one_thread_and_leave_the_others_as_they_were():
     code = ("import numpy, friction_comp.parallel as p, threadpoolctl as t\n"
             "n = lambda: max(i['num_threads'] for i in t.threadpool_info())\n"
             "print(n(), p.one_thread(n)(), n())")
-    done = subprocess.run(
-        [sys.executable, '-c', code], capture_output=True, text=True, check=True,
-        env={'PATH': '', 'OPENBLAS_NUM_THREADS': '2'})
-    assert done.stdout.split() == ['2', '1', '2']
+    printed = printed_by(code, OMP_NUM_THREADS='2', OPENBLAS_NUM_THREADS='2')
+    assert printed.split() == ['2', '1', '2']
     assert one_thread(len)([1, 2]) == 2
-
-
-def test_the_command_line_sets_the_number_of_threads_before_numpy_is_imported():
-    code = "import friction_comp.__main__, sys; print('numpy' in sys.modules)"
-    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == 'False'

@@ -8,12 +8,13 @@ import re
 import socket
 import subprocess
 import sys
-import time
+from types import SimpleNamespace
 from urllib.request import urlopen
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from table_maker import write
 
 pytest.importorskip('bokeh', reason='Bokeh is an extra: pip install friction_comp[watch]')
 
@@ -107,7 +108,10 @@ def test_one_model_shown_of_several_is_said():
     assert len(notes) == 1
 
 
-def test_the_page_seeks_plays_and_changes_the_joint(feed):
+def test_the_page_seeks_plays_and_changes_the_joint(feed, monkeypatch):
+    clock = [0.0]
+    monkeypatch.setattr('friction_comp.reports.live_page.time', SimpleNamespace(
+        monotonic=lambda: clock[0]))
     document = Document()
     live_page(feed)(document)
     update = document.session_callbacks[0].callback
@@ -128,11 +132,10 @@ def test_the_page_seeks_plays_and_changes_the_joint(feed):
     update()
     assert not np.array_equal(before, source.data['position'])
     play.active = True
-    time.sleep(0.3)
+    clock[0] = 0.3
     update()
-    assert slider.value > 11.2
-    slider.value = feed.duration - 0.01
-    time.sleep(0.05)
+    assert slider.value == pytest.approx(11.3)
+    clock[0] = 2.0
     update()
     assert slider.value == feed.duration
     assert not play.active, 'it stops at the end'
@@ -140,8 +143,7 @@ def test_the_page_seeks_plays_and_changes_the_joint(feed):
 
 def test_a_joint_without_a_name_is_shown_too(tmp_path):
     time = np.arange(0.0, 12.0, 0.005)
-    np.savetxt(tmp_path / 'plain.csv', np.column_stack((time, np.sin(time), np.cos(time))),
-               '%.6f', ',', header='time,position,effort', comments='')
+    write(tmp_path / 'plain.csv', time=time, position=np.sin(time), effort=np.cos(time))
     document = Document()
     live_page(watch.recorded_feed(tmp_path / 'plain.csv', [], []))(document)
     source = next(s for s in document.select({'type': ColumnDataSource}) if 'time' in s.data)
