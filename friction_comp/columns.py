@@ -166,12 +166,17 @@ class Assignment:
         return next((column for name in (joint, '') for column in self.columns
                      if column.signal == signal and column.joint == name), None)
 
+    def signal_in(self, table: Mapping[str, np.ndarray], signal: str, joint: str
+                  ) -> np.ndarray | None:
+        """Return a joint's signal in SI units from the columns of a table, or None."""
+        column = self.of(signal, joint)
+        return None if column is None else column.factor * table[column.name]
+
     def controller_effort(self, values: Mapping[str, np.ndarray], time: np.ndarray, joint: str,
                           gains: Sequence[Any]) -> tuple[np.ndarray, str] | None:
         """Return a joint's effort and a note by `controller_effort`; None without a target."""
         target, position, velocity, rate = (
-            None if (column := self.of(signal, joint)) is None
-            else column.factor * values[column.name] for signal in (
+            self.signal_in(values, signal, joint) for signal in (
                 'reference_position', 'position', 'velocity', 'reference_velocity'))
         if target is None or position is None:
             return None

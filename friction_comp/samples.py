@@ -291,13 +291,13 @@ class Samples:
         wanted = {*(column.name for column in use.columns), *(
             gain for gain in gains if isinstance(gain, str))}
         values = {name: to_numbers(np.asarray(frame[name]), name, 'data frame') for name in wanted}
-        signals: dict[str, Any] = {}
-        for signal in ('time', 'position', 'effort', 'link_torque', 'velocity', *_OPTIONAL):
-            column = use.of(signal, chosen)
-            if column is not None:
-                signals[signal] = column.factor * values[column.name]
-                if signal == 'command' and column.dimension != 'current':
-                    signals[signal] /= torque_constant * gear_ratio
+        signals: dict[str, Any] = {
+            signal: own for signal in (
+                'time', 'position', 'effort', 'link_torque', 'velocity', *_OPTIONAL)
+            if (own := use.signal_in(values, signal, chosen)) is not None}
+        command = use.of('command', chosen)
+        if command is not None and command.dimension != 'current':
+            signals['command'] /= torque_constant * gear_ratio
         if layout and layout.rate:
             signals['time'] = np.arange(len(signals['position'])) / layout.rate
         found: list[str] = []

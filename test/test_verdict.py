@@ -160,10 +160,10 @@ def test_joints_that_move_as_one_are_said_also_where_the_links_are_known():
     assert report.verdict == 'record again'
 
 
-def staircase(seed):
+def staircase(seed, count):
     """Return a joint at twelve constant speeds, up and down, and sums of sines of the same joint.
 
-    Coulomb friction is 0.57, viscous 0.52, inertia 0.12.
+    Coulomb friction is 0.57, viscous 0.52, inertia 0.12. The velocity is noisy, or in whole counts.
     """
     rng = np.random.default_rng(seed)
     speeds = np.linspace(0.1, 1.2, 12)
@@ -174,17 +174,21 @@ def staircase(seed):
 
     def samples(v):
         current = 0.57 * np.tanh(v / 0.02) + 0.52 * v + 0.12 * np.gradient(v, time)
-        return Samples(time=time, position=np.cumsum(v) * 0.005, velocity=v + 0.01 * rng.normal(
-            size=len(v)), current=current + 0.03 * rng.normal(size=len(v)))
+        measured = count * np.round(v / count) if count else v + 0.01 * rng.normal(size=len(v))
+        return Samples(time=time, position=np.cumsum(v) * 0.005, velocity=measured,
+                       current=current + 0.03 * rng.normal(size=len(v)))
     return samples(velocity), samples(sines)
 
 
-def test_the_error_elsewhere_of_a_staircase_is_that_of_another_motion():
-    fitted, other = staircase(1)
+@pytest.mark.parametrize('count', [0.0, 0.024])
+def test_the_error_elsewhere_of_a_staircase_is_that_of_another_motion(count):
+    fitted, other = staircase(1, count)
     result = refine([fitted], drive=DRIVE)
     moving = np.abs(other.velocity) > 0.05
     true = rms((other.current - result.model.predict(other))[moving])
     assert 0.67 < result.report.after.elsewhere_motion_rmse / true < 3.0
+    assert ('counted' in codes(result.report)) == bool(count)
+    assert result.report.friction.coulomb == pytest.approx(0.57, abs=0.01)
 
 
 def test_thirds_of_load_and_temperature_are_left_out_where_they_were_recorded():

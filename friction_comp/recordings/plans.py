@@ -51,18 +51,14 @@ def read_plan(path: Path, layout: Layout | None = None) -> dict[str, Samples] | 
     with unreadable_on_error(path):
         blocks = [columns for columns, _ in table.blocks(wanted, _ROWS)]
     values = {name: np.concatenate([block[name] for block in blocks]) for name in wanted}
-
-    def read(signal: str, joint: str) -> np.ndarray | None:
-        column = use.of(signal, joint)
-        return None if column is None else column.factor * values[column.name]
-
-    time = read('time', '')
+    time = use.signal_in(values, 'time', '')
     joints = {}
     for name in use.joints:
         try:
             joints[name] = Samples.from_arrays(
-                time, read('position', name), current=np.zeros(len(values[wanted[0]])),
-                velocity=read('velocity', name), joint=name)
+                time, use.signal_in(values, 'position', name),
+                current=np.zeros(len(values[wanted[0]])),
+                velocity=use.signal_in(values, 'velocity', name), joint=name)
         except InputError as error:
             raise InputError(f'{path}: {error}') from None
     length = {len(samples) for samples in joints.values()}

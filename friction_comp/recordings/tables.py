@@ -122,10 +122,9 @@ class TableScanner:
         missing = np.full(len(stamp), np.nan)
 
         def read(signal: str, name: str) -> np.ndarray | None:
-            column = use.of(signal, name)
-            if column is None and signal == 'effort' and self._gains:
+            if signal == 'effort' and self._gains and use.of(signal, name) is None:
                 return self._controller_effort(columns, time, name)
-            return None if column is None else column.factor * columns[column.name]
+            return use.signal_in(columns, signal, name)
 
         def stack(name: str, *signals: str) -> np.ndarray:
             parts = [read(signal, name) for signal in signals]

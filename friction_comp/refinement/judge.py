@@ -40,6 +40,8 @@ from friction_comp.samples import Samples
 from friction_comp.signal_checks import velocity_fault, velocity_ratios
 from friction_comp.statistics import rms, robust_std
 
+STEPS = 'steps of the velocity'
+"""Stands among variables for the error that `report.error_by_steps` returns."""
 _ORDER = (AGAIN, IN_PART, TRUST)
 # Every so many samples show whether joints move as one.
 _EVERY = 10
@@ -76,6 +78,9 @@ _FINDINGS = {
         IN_PART, 'A third of the {variable} range that was not fitted is predicted with '
         '{growth:.2g} times the error: the model is only supported where it was fitted.',
         'record more values of {variable}, in another order'),
+    'counted': (
+        IN_PART, 'The steps of the velocity are coarse: motion at changing speed is predicted with '
+        '{growth:.2g} times the error.', 'a velocity with finer steps'),
     'unexplained': (IN_PART, 'The remaining error depends on {variable}: {note}.', ''),
     'ambiguous': (IN_PART, '{variables}: {why}.', '{experiment}'),
     'other_joints': (
@@ -318,7 +323,8 @@ def findings(fit: Fit, raw: Samples, after: Errors, growth: dict[str, float],
         yield finding('above_noise', error=held_out, times=held_out / noise)
     yield from findings_on_model(fit)
     if largest > thresholds.GROWTH:
-        yield finding('extrapolates', variable=variable, growth=largest)
+        yield finding('counted' if variable == STEPS else 'extrapolates', variable=variable,
+                      growth=largest)
     for entry in dependences:
         if entry.strength > thresholds.UNEXPLAINED:
             yield finding('unexplained', variable=entry.variable, note=entry.note)

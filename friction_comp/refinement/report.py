@@ -25,6 +25,7 @@ from friction_comp.refinement.judge import (
     findings,
     in_unit,
     noise_floor,
+    STEPS,
     verdict_of,
 )
 from friction_comp.refinement.prepare import Rows
@@ -36,7 +37,8 @@ from friction_comp.refinement.result import (
     RefinementReport,
 )
 from friction_comp.refinement.stability import LeftOutThirds, Parameter
-from friction_comp.statistics import rms
+from friction_comp.samples import Samples
+from friction_comp.statistics import rms, smallest_step
 
 # Number of ranges of a variable in which samples at a limit are counted.
 _RANGES = 15
@@ -62,8 +64,11 @@ def report_of(problem: Problem, fit: Fit, start: Predicted, refined: Predicted, 
         base += ', the measured load taken as it is'
     name = ' + '.join(['the given model' if given else 'sigmoid of Eq. 6',
                        *(effect.name for effect in effects)])
-    errors = errors_of(rows, refined, name, max(1.0, *growth.values()))
-    verdict = verdict_of(findings(fit, raw, errors, growth, noise, dependences, open_questions),
+    tested = dict(growth)
+    if 'acceleration' not in growth:
+        tested[STEPS] = error_by_steps(raw, refined, rows.usable)
+    errors = errors_of(rows, refined, name, max(1.0, *tested.values()))
+    verdict = verdict_of(findings(fit, raw, errors, tested, noise, dependences, open_questions),
                          unit)
     return RefinementReport(
         unit=unit, joint=model.joint, samples=len(raw), samples_in_motion=int(rows.usable.sum()),
@@ -80,6 +85,21 @@ def report_of(problem: Problem, fit: Fit, start: Predicted, refined: Predicted, 
         stopped_because='no further effect predicts parts that were not fitted better by more '
                         'than chance would',
         **{**vars(verdict), 'warnings': [*verdict.warnings, *origin.warnings]})
+
+
+def error_by_steps(raw: Samples, refined: Predicted, usable: np.ndarray) -> float:
+    """Return the error by the steps of the recorded velocity, over that on parts not fitted.
+
+    At constant speeds, a velocity in whole counts does not change, and its steps do not show. The
+    rate of any other velocity jumps by them, as it does if the recorded one is moved at random by
+    up to half a step.
+    """
+    if raw.velocity is None:
+        return 0.0
+    moved = smallest_step(raw.velocity) * (np.random.default_rng(0).random(len(raw)) - 0.5)
+    change = refined.model.predict(raw.with_(velocity=raw.velocity + moved)
+                                   ) - refined.model.predict(raw)
+    return rms(change[usable]) / max(rms(refined.held_out[usable]), 1e-300)
 
 
 def clipping_dependence(rows: Rows) -> list[Dependence]:

@@ -193,7 +193,10 @@ class LeftOutThirds:
                      'acceleration': np.abs(np.asarray(averages.acceleration)),
                      'load': averages.load, 'temperature': averages.temperature}
         partitions = {name: _thirds(values) for name, values in variables.items()
-                      if values is not None and np.ptp(values) > 0.0}
+                      if values is not None}
+        # Where nearly all values are equal, as accelerations by a velocity in whole register
+        # counts, all are in one third, and nothing would be left to fit.
+        partitions = {name: part for name, part in partitions.items() if np.ptp(part // 2) > 0}
         partitions[_PARTS] = 2 * rows.block
         if rows.joints:
             partitions['posture'] = 2 * np.unique(rows.region, return_inverse=True)[1]

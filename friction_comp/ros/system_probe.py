@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 import math
 import time
@@ -21,6 +21,8 @@ from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
 from friction_comp.errors import InputError
 from friction_comp.monitoring.observation import Endpoint, Observation, StatesSeen, TopicSeen
+from friction_comp.recordings.cdr import decode
+from friction_comp.recordings.scan import values_of
 from friction_comp.ros.joint_io import command_unit
 from friction_comp.ros.tool_client import ToolClient
 from friction_comp.topics import TOPICS, TORQUE_UNIT
@@ -52,7 +54,7 @@ def observe(seconds: float, arguments: list[str],
         for topic, kind in _KINDS.items():
             ros.node.create_subscription(
                 kind, topic, lambda message, topic=topic: messages[topic].append(
-                    (time.time(), message)), _QOS)
+                    (time.time(), message)), _QOS, raw=topic == 'joint_states')
         for step in range(_STEPS):
             progress(0.8 * step / _STEPS, 'listening')
             ros.wait(seconds / _STEPS)
@@ -85,7 +87,7 @@ def _observation(node: Any, seconds: float, messages: dict[str, list[tuple[float
             for name, types in node.get_topic_names_and_types()
             if {*TOPICS.values()} & set(types)},
         names={name: node.resolve_topic_name(name) for name in TOPICS},
-        states=_to_arrays(messages['joint_states']),
+        states=_states_of(messages['joint_states']),
         commands=np.array([list(command.data) for _, command in commands]),
         commanded=np.array([received for received, _ in commands]),
         command_unit='N·m' if commands and command_unit(commands[-1][1]) == TORQUE_UNIT else 'A',
@@ -104,23 +106,22 @@ def _endpoints(infos: Any) -> list[Endpoint]:
         for info in infos if info.node_name != NAME]
 
 
-def _to_arrays(messages: Any) -> Any:
-    """Return joint states as arrays; None if there are none."""
+def _states_of(messages: Sequence[tuple[float, bytes]]) -> StatesSeen | None:
+    """Return serialised joint states as arrays; None if there are none."""
     if not messages:
         return None
-    joints = list(dict.fromkeys(name for _, message in messages for name in message.name))
-    index_of = {joint: index for index, joint in enumerate(joints)}
-    table = np.full((3, len(messages), len(joints)), math.nan)
-    named = np.zeros(table.shape[1:], dtype=bool)
-    stamps = np.empty(len(messages))
-    for row, (_, message) in enumerate(messages):
-        stamps[row] = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
-        columns = [index_of[name] for name in message.name]
-        named[row, columns] = True
-        for which, values in enumerate((message.position, message.velocity, message.effort)):
-            if len(values) == len(columns):
-                table[which, row, columns] = values
-    twice = [joint for joint in joints
-             if any(message.name.count(joint) > 1 for _, message in messages)]
+    # By length and layout of the message: joints are listed in the order they were received.
+    parts = sorted(decode(TOPICS['joint_states'], [cdr for _, cdr in messages]),
+                   key=lambda part: part[0][0])
+    joints = list(dict.fromkeys(name for _, names, _ in parts for name in names))
+    table = np.full((len(messages), len(joints), 3), math.nan)
+    named, stamps = np.zeros(table.shape[:2], dtype=bool), np.zeros(len(messages))
+    for index, names, fields in parts:
+        stamps[index] = 1e-9 * fields['stamp']
+        for joint, values in values_of('joint_states', names, fields)[1].items():
+            if joint:
+                table[index, joints.index(joint)] = values
+                named[index, joints.index(joint)] = True
+    twice = [joint for joint in joints if any(names.count(joint) > 1 for _, names, _ in parts)]
     return StatesSeen(joints, np.array([received for received, _ in messages]), stamps,
-                      table[0], table[1], table[2], twice, named)
+                      table[..., 0], table[..., 1], table[..., 2], twice, named)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import argparse
 from argparse import Namespace
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 import itertools
 import math
@@ -18,14 +18,15 @@ from pathlib import Path
 import re
 import shlex
 import sys
-from typing import NoReturn, TYPE_CHECKING, TypeVar
+from typing import Any, NoReturn, TYPE_CHECKING, TypeVar
 
 from friction_comp.checks import check_number, check_whole_number
 from friction_comp.errors import InputError
-from friction_comp.files import check_file, check_folder
+from friction_comp.files import check_file, check_folder, encodable
+from friction_comp.results import output_folder, Page, to_json, write_report
 
 if TYPE_CHECKING:
-    pass
+    from friction_comp.model.friction_model import FrictionModel
 
 T = TypeVar('T')
 
@@ -159,6 +160,31 @@ def keep_inputs(output: Path, *inputs: Path) -> None:
     """Raise InputError if a file to be written is one that is read."""
     if output.exists() and any(one.exists() and output.samefile(one) for one in inputs):
         raise InputError(f'{output}: is the input itself')
+
+
+def write_results(arguments: Namespace, content: dict[str, Any], page: Page,
+                  model: FrictionModel | None = None, files: Mapping[str, str] | None = None
+                  ) -> None:
+    """Write report.json, report.html, model.yaml and texts by file name to --output, all or none.
+
+    Raises InputError if one cannot be written.
+    """
+    with output_folder(arguments.output) as folder:
+        write_report(folder, content, page, arguments.command)
+        if model is not None:
+            model.save(folder / 'model.yaml')
+        for name, text in (files or {}).items():
+            (folder / name).write_text(encodable(text), encoding='utf-8')
+
+
+def print_results(arguments: Namespace, content: dict[str, Any], lines: Iterable[str],
+                  made: str = 'report.html') -> int:
+    """Print lines and the path of the file that was made, or with --json the report; return 0."""
+    if getattr(arguments, 'json', False):
+        print(to_json(content), end='')
+    else:
+        print(*lines, arguments.output / made, sep='\n')
+    return 0
 
 
 @contextmanager

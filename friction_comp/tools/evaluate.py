@@ -10,10 +10,8 @@ import io
 import os
 from pathlib import Path
 
-from friction_comp.files import encodable
 from friction_comp.parallel import run_each
-from friction_comp.results import output_folder, to_json, write_report
-from friction_comp.tools.common import Arguments, progress
+from friction_comp.tools.common import Arguments, print_results, progress, write_results
 from friction_comp.tools.refine_arguments import layout_of
 
 # Bytes to read above which processes save more time than their start takes: 40 MB are read and
@@ -56,21 +54,13 @@ def main(argv: list[str] | None = None) -> int:
         rows = [evaluation.table() for evaluation in evaluations]
         csv.writer(table, lineterminator='\n').writerows(
             [rows[0][0], *(row for part in rows for row in part[1:])])
-        with output_folder(arguments.output) as folder:
-            write_report(folder, content, evaluation_report(evaluations), arguments.command)
-            (folder / 'repetitions.csv').write_text(encodable(table.getvalue()), encoding='utf-8')
-    if arguments.json:
-        print(to_json(content), end='')
-        return 0
+        write_results(arguments, content, evaluation_report(evaluations),
+                      files={'repetitions.csv': table.getvalue()})
+    lines = []
     for evaluation in evaluations:
-        if len(evaluations) > 1:
-            print(f'{evaluation.joint}:')
-        for condition in evaluation.conditions:
-            print(condition_line(condition))
-        print(summary(evaluation).replace('**', '').replace('`', ''))
-    for note in evaluations[0].notes:
-        if note.startswith('left out: '):
-            print(note)
-    print(arguments.output / 'report.html')
-    return 0
+        lines += [f'{evaluation.joint}:'] * (len(evaluations) > 1)
+        lines += [*map(condition_line, evaluation.conditions),
+                  summary(evaluation).replace('**', '').replace('`', '')]
+    lines += [note for note in evaluations[0].notes if note.startswith('left out: ')]
+    return print_results(arguments, content, lines)
 

@@ -18,8 +18,14 @@ from typing import Any, TYPE_CHECKING
 
 from friction_comp import __version__
 from friction_comp.errors import InputError
-from friction_comp.results import output_folder, write_report
-from friction_comp.tools.common import Arguments, positive, progress, whole_number
+from friction_comp.tools.common import (
+    Arguments,
+    positive,
+    print_results,
+    progress,
+    whole_number,
+    write_results,
+)
 
 if TYPE_CHECKING:
     from friction_comp.excitation.joint_limits import JointLimits
@@ -88,18 +94,17 @@ def main(argv: list[str] | None = None) -> int:
                               'fourier': other['random Fourier series'][pair]}
                              for pair, share in plan.separation.items()]}
                    for plan, other in zip(plans, others)]}
-    with output_folder(arguments.output) as folder:
-        write_report(folder, content, excitation_report(plans, others), arguments.command)
-        (folder / 'trajectory.yaml').write_text(
-            trajectory_of(plans, arguments.rate).to_yaml(
-                f'Planned by friction_comp {__version__}; {checked}'), encoding='utf-8')
+    write_results(arguments, content, excitation_report(plans, others), files={
+        'trajectory.yaml': trajectory_of(plans, arguments.rate).to_yaml(
+            f'Planned by friction_comp {__version__}; {checked}')})
+    lines = []
     for plan in plans:
         pair, share = min(plan.separation.items(), key=lambda entry: entry[1])
-        print(f'{plan.limits.joint}: {len(plan.moves)} moves; hardest to tell apart: '
-              f'{" and ".join(pair)}, {100 * share:.2g} % of the one is its own')
-    print(f'{checked}; begins and ends at rest in the middle of each range')
-    print(arguments.output / 'trajectory.yaml')
-    return 0
+        lines.append(f'{plan.limits.joint}: {len(plan.moves)} moves; hardest to tell apart: '
+                     f'{" and ".join(pair)}, {100 * share:.2g} % of the one is its own')
+    return print_results(arguments, content, [
+        *lines, f'{checked}; begins and ends at rest in the middle of each range'],
+        'trajectory.yaml')
 
 
 def add_limits(parser: Arguments) -> None:

@@ -247,13 +247,9 @@ def recorded_motion(arguments: Namespace, model: FrictionModel
         measured = model.measured(samples)
         motion = differentiate(model.with_arm(samples), model.differentiation or DEFAULT_SETTINGS)
         for effect in model.effects:
-            if effect.name in LINKS and effect.name != 'load_torque':
+            # Of the load, `measured` adds what the effect holds.
+            if effect.name in LINKS and (effect.name != 'load_torque' or samples.load is not None):
                 measured = measured - effect.current(motion)
-        if samples.load is not None:
-            # What `measured` adds of the load, or the effect holds.
-            for effect in model.effects:
-                if effect.name == 'load_torque':
-                    measured = measured - effect.current(motion)
     except InputError as error:
         if named:
             raise

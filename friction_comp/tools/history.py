@@ -10,8 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from friction_comp.errors import InputError
-from friction_comp.results import output_folder, write_report
-from friction_comp.tools.common import Arguments
+from friction_comp.tools.common import Arguments, print_results, write_results
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -47,11 +46,8 @@ def main(argv: list[str] | None = None) -> int:
     content = {'model': str(arguments.model), 'unit': unit,
                'recordings': [vars(one) for one in recorded],
                'notes': [{'day': day, 'text': text} for day, text in history.notes]}
-    with output_folder(arguments.output) as folder:
-        write_report(folder, content, history_report(
-            str(arguments.model), recorded, history.notes, unit), arguments.command)
-    for one in recorded:
-        print(f"{one.day}  {100 * one.level:5.1f} % of the model's friction, error "
-              f'{quantity(one.error, unit)}  {one.name}')
-    print(arguments.output / 'report.html')
-    return 0
+    write_results(arguments, content, history_report(
+        str(arguments.model), recorded, history.notes, unit))
+    return print_results(arguments, content, [
+        f"{one.day}  {100 * one.level:5.1f} % of the model's friction, error "
+        f'{quantity(one.error, unit)}  {one.name}' for one in recorded])

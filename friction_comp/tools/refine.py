@@ -5,14 +5,12 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from contextlib import redirect_stdout
-import io
 from pathlib import Path
 
 from friction_comp.columns import signal_with_unit
 from friction_comp.errors import InputError
-from friction_comp.tools.common import Arguments, positive, progress
-from friction_comp.tools.refine_arguments import check_tables, given_of, print_summary
+from friction_comp.tools.common import Arguments, positive, print_results, progress
+from friction_comp.tools.refine_arguments import check_tables, given_of, summary_lines
 from friction_comp.units import in_own_units
 
 
@@ -85,15 +83,9 @@ def main(argv: list[str] | None = None) -> int:
     with progress('reading') as show:
         result = refine_to_folder(given_of(arguments), arguments.recordings, arguments.output,
                                   arguments.command, show)
-    if arguments.json:
-        print((arguments.output / 'report.json').read_text(encoding='utf-8'), end='')
-        return 0
-    text = io.StringIO()
-    with redirect_stdout(text):
-        print_summary(result.report)
-    print(in_own_units(text.getvalue(), is_linear(result)), end='')
-    print(arguments.output / 'report.html')
-    return 0
+    content, lines = result.report.content(), summary_lines(result.report)
+    linear = is_linear(result)
+    return print_results(arguments, in_own_units(content, linear), in_own_units(lines, linear))
 
 
 def _check_together(arguments: Namespace) -> None:

@@ -90,35 +90,33 @@ def folder_names(names: Iterable[str]) -> list[str]:
 
 def print_summary(report: RefinementReport) -> None:
     """Print the report of a refinement in a few lines."""
+    print(*summary_lines(report), sep='\n')
+
+
+def summary_lines(report: RefinementReport) -> list[str]:
+    """Return the report of a refinement in a few lines."""
     from friction_comp.reports.friction_words import number_lines
     from friction_comp.reports.html import number, quantity
 
     unit, before, after = report.unit, report.before, report.after
-    print('friction in sliding, with 95 % intervals:')
-    for line in number_lines(report.friction):
-        print(f'  {line}')
-    print(report.friction.formula)
-    print(f'verdict: {report.verdict}')
-    for line in report.reasons:
-        print(f'  {line}')
-    for line in report.record_again:
-        print(f'  record: {line}')
-    print(f'before: {quantity(before.held_out_rmse, unit)} RMS on data not fitted '
-          f'({before.model})')
-    for effect in report.effects:
-        print(f'  + {effect.name} ({effect.variable}): {quantity(effect.held_out_rmse, unit)}   '
-              f'{effect.in_words} (chosen in {100 * effect.chosen:.0f} % of the searches)')
-    if not report.effects:
-        print('  no effect beyond the model shows in the recordings')
-    print(f'after:  {quantity(after.held_out_rmse, unit)} RMS on data not fitted; noise floor '
-          f'{quantity(report.noise_floor, unit)}')
-    print(f'        {quantity(after.worst_part_rmse, unit)} in the worst part; to expect '
-          f'elsewhere: {quantity(after.elsewhere_motion_rmse, unit)} in motion, '
-          f'{quantity(after.elsewhere_rmse, unit)} with standstill, where friction is whatever '
-          'holds the joint')
-    for entry in report.unexplained:
-        print(f'unexplained: {entry.variable} ({number(entry.strength)} of the remaining variance)')
-    for question in report.ambiguous:
-        print(f"ambiguous: {' or '.join(question.between)}: {question.why}")
-    for line in report.warnings:
-        print(f'note: {line}')
+    lines = ['friction in sliding, with 95 % intervals:',
+             *(f'  {line}' for line in number_lines(report.friction)), report.friction.formula,
+             f'verdict: {report.verdict}', *(f'  {line}' for line in report.reasons),
+             *(f'  record: {line}' for line in report.record_again),
+             f'before: {quantity(before.held_out_rmse, unit)} RMS on data not fitted '
+             f'({before.model})']
+    lines += [f'  + {effect.name} ({effect.variable}): {quantity(effect.held_out_rmse, unit)}   '
+              f'{effect.in_words} (chosen in {100 * effect.chosen:.0f} % of the searches)'
+              for effect in report.effects] or [
+                  '  no effect beyond the model shows in the recordings']
+    lines += [f'after:  {quantity(after.held_out_rmse, unit)} RMS on data not fitted; noise floor '
+              f'{quantity(report.noise_floor, unit)}',
+              f'        {quantity(after.worst_part_rmse, unit)} in the worst part; to expect '
+              f'elsewhere: {quantity(after.elsewhere_motion_rmse, unit)} in motion, '
+              f'{quantity(after.elsewhere_rmse, unit)} with standstill, where friction is whatever '
+              'holds the joint']
+    return [*lines, *(
+        f'unexplained: {entry.variable} ({number(entry.strength)} of the remaining variance)'
+        for entry in report.unexplained), *(
+        f"ambiguous: {' or '.join(question.between)}: {question.why}"
+        for question in report.ambiguous), *(f'note: {line}' for line in report.warnings)]

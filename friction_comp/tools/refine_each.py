@@ -10,19 +10,20 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
+import hashlib
 import json
 import os
 from pathlib import Path
 import time
 from typing import Any, TYPE_CHECKING
 
+from friction_comp import __version__
 from friction_comp.errors import InputError
 from friction_comp.files import encodable, plain, to_yaml
 from friction_comp.parallel import attempt, Failure, interrupts_deferred, run_each, Runner
 from friction_comp.recorded_drive.refine_recordings import refine_recordings
-from friction_comp.results import output_folder, to_json, write_report
-from friction_comp.tools.common import progress
-from friction_comp.tools.earlier_run import DONE, earlier_result, fingerprint
+from friction_comp.results import output_folder, to_json
+from friction_comp.tools.common import progress, write_results
 from friction_comp.tools.refine_arguments import folder_names, given_of, layout_of
 from friction_comp.tools.refined_fleet import fleet_of, RefinedPiece
 
@@ -37,6 +38,10 @@ MIN_SHARED = 8
 # Most recordings that get a page each besides the page on all. A page takes longer than refining,
 # and nobody reads a hundred; refine makes that of any one.
 MOST_PAGES = 20
+# Written last into the folder of a recording.
+_DONE = 'resume.json'
+# Arguments that do not change the result of a recording.
+_NEUTRAL = ('recordings', 'joint', 'output', 'jobs', 'json', 'command', 'scheduler')
 # Share of the progress bar for refining; the rest is comparing.
 _REFINING = 0.9
 
@@ -114,9 +119,9 @@ def _refine_pieces(arguments: Namespace, pieces: Sequence[Piece], batch: _Batch,
     """Refine each piece and write its folder, except for those that an earlier run did."""
     places = _places(pieces)
     folders, units = _folders(pieces, places), [place[0] for place in places]
-    keys = [fingerprint(arguments, piece) for piece in pieces]
+    keys = [_fingerprint(arguments, piece) for piece in pieces]
     for index, (folder, key) in enumerate(zip(folders, keys)):
-        found = earlier_result(arguments.output / folder, key)
+        found = _earlier_result(arguments.output / folder, key)
         if found is not None:
             batch.done[index] = RefinedPiece(
                 pieces[index], units[index], found['row'], found['model'])
@@ -141,7 +146,7 @@ def _refine_pieces(arguments: Namespace, pieces: Sequence[Piece], batch: _Batch,
                 known = json.dumps(plain({'made_from': keys[index], 'row': row, 'model': model}))
                 # A folder that is written must also be in the page on all.
                 with interrupts_deferred():
-                    _write(arguments.output / folders[index], {**files, DONE: known})
+                    _write(arguments.output / folders[index], {**files, _DONE: known})
                     batch.done[index] = RefinedPiece(pieces[index], units[index], row, model)
             show(_REFINING * done / len(pieces), f'{done} of {len(pieces)}: {pieces[index]}')
 
@@ -185,17 +190,39 @@ def _refine_one(arguments: Namespace, with_page: bool, piece: Piece
     return row, model, files
 
 
+def _fingerprint(arguments: Namespace, piece: Piece) -> str:
+    """Return a text that changes with the recording's files, the model and the arguments."""
+    files = sorted(piece.path.rglob('*')) if piece.path.is_dir() else [piece.path]
+    states = [(str(file.relative_to(piece.path)), state.st_size, state.st_mtime_ns)
+              for file in files if file.is_file() for state in [file.stat()]]
+    options = sorted((name, str(value)) for name, value in vars(arguments).items()
+                     if name not in _NEUTRAL and not callable(value))
+    model = arguments.model.read_bytes() if arguments.model else b''
+    content = repr((__version__, str(piece.path.absolute()), piece.joint, states, options))
+    return hashlib.sha256(content.encode('utf-8', 'backslashreplace') + model).hexdigest()
+
+
+def _earlier_result(folder: Path, made_from: str) -> dict[str, Any] | None:
+    """Return what `_DONE` in a recording's folder holds if it has this fingerprint, else None."""
+    try:
+        found = json.loads((folder / _DONE).read_text(encoding='utf-8'))
+    except (OSError, ValueError):
+        return None
+    usable = isinstance(found, dict) and found.get('made_from') == made_from
+    return found if usable and (folder / 'report.json').is_file() else None
+
+
 def _write_results(arguments: Namespace, content: dict[str, Any], page: Report,
                    populations: Sequence[Population]) -> None:
-    with output_folder(arguments.output) as folder:
-        write_report(folder, content, page, arguments.command)
-        if populations:
-            from friction_comp.fleet.population import fleet_json
+    files: dict[str, str] = {}
+    if populations:
+        from friction_comp.fleet.population import fleet_json
 
-            (folder / 'fleet.json').write_text(encodable(fleet_json(populations)), 'utf-8')
-            for name, population in zip(
-                    folder_names(f'population_{one.joint}' for one in populations), populations):
-                population.model.save(folder / f'{name}.yaml')
+        names = folder_names(f'population_{one.joint}' for one in populations)
+        files = {'fleet.json': fleet_json(populations), **{
+            f'{name}.yaml': to_yaml(one.model.to_dict())
+            for name, one in zip(names, populations)}}
+    write_results(arguments, content, page, files=files)
 
 
 def _write(path: Path, files: dict[str, str]) -> None:

@@ -10,7 +10,7 @@ from dataclasses import replace
 from friction_comp.errors import errors_name, InputError
 from friction_comp.recorded_drive.given import drive_of, unit_of, with_current_limit
 from friction_comp.recorded_drive.refine_recordings import showing_friction
-from friction_comp.results import output_folder, to_json, write_report
+from friction_comp.tools.common import print_results, write_results
 from friction_comp.tools.refine_arguments import given_of
 
 
@@ -58,12 +58,5 @@ def refine_new_unit(arguments: Namespace) -> int:
                 new.names, new.values, new.errors, population.prior.mean, new.told, new.p)],
         'held_out_rmse': {'population': new.population_error, 'recording_alone': new.alone_error,
                           'with_population': new.error}}
-    with output_folder(arguments.output) as folder:
-        write_report(folder, content, new_unit_report(new, population), arguments.command)
-        model.save(folder / 'model.yaml')
-    if arguments.json:
-        print(to_json(content), end='')
-    else:
-        print(new_unit_verdict(new, population).replace('**', ''))
-        print(arguments.output / 'report.html')
-    return 0
+    write_results(arguments, content, new_unit_report(new, population), model)
+    return print_results(arguments, content, [new_unit_verdict(new, population).replace('**', '')])

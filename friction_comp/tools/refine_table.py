@@ -11,7 +11,7 @@ from typing import Any, TYPE_CHECKING
 from friction_comp.columns import Column
 from friction_comp.errors import errors_name, InputError
 from friction_comp.recorded_drive.given import drive_of, figures_unit
-from friction_comp.results import output_folder, to_json, write_report
+from friction_comp.tools.common import print_results, write_results
 from friction_comp.tools.refine_arguments import given_of
 from friction_comp.units import in_own_units
 
@@ -63,20 +63,12 @@ def refine_table(arguments: Namespace, columns: tuple[Column, Column]) -> int:
     report = in_own_units(_report(fit, unit), linear)
     with units_of_axis(linear):
         page = steady_state_report(report, fit.model, fit.speeds, fit.currents, [str(path)])
-    with output_folder(arguments.output) as folder:
-        write_report(folder, report, page, arguments.command)
-        fit.model.save(folder / 'model.yaml')
-    if arguments.json:
-        print(to_json(report), end='')
-        return 0
-    print('friction at constant speeds, with 95 % intervals:')
-    for name, value, interval in value_rows(report):
-        print(in_own_units(f'  {name:<28}{value}  ({interval})', linear))
-    print(f"verdict: {report['verdict']}")
-    for line in (*report['reasons'], *report['warnings']):
-        print(f'  {line}')
-    print(arguments.output / 'report.html')
-    return 0
+    write_results(arguments, report, page, fit.model)
+    rows = [f'  {name:<28}{value}  ({interval})' for name, value, interval in value_rows(report)]
+    return print_results(arguments, report, [
+        'friction at constant speeds, with 95 % intervals:', *in_own_units(rows, linear),
+        f"verdict: {report['verdict']}",
+        *(f'  {line}' for line in (*report['reasons'], *report['warnings']))])
 
 
 def _report(fit: SteadyStates, unit: str) -> dict[str, Any]:
