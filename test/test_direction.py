@@ -257,8 +257,8 @@ def test_a_contraction_that_holds_the_arm_after_a_movement_does_not_hide_the_nex
     for seed in range(2):
         said, _ = forearm(
             seed, (5.0, 1.0, 1.0, False), (0.2, 50.0, 2.0, False), (0.6, 50.0, 2.0, True),
-            (4.0, 30.0, 2.0, False), (0.5, 1.0, 1.0, True), (3.0, 1.0, 1.0, False),
-            (0.5, 30.0, 2.0, False))
+            (4.0, 30.0, 2.0, False), (0.5, 10.0, 1.0, True), (3.0, 1.0, 1.0, False),
+            (0.5, 15.0, 2.0, False))
         assert 1 in said[1000:1060]
         assert 1 in said[-100:-60]
 

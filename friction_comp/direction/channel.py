@@ -111,7 +111,7 @@ class Channel:
             return f'{self.name}: silent'
         if not self._finite:
             return f'{self.name}: not finite'
-        # A strong muscle reaches the ends for a moment, again and again; a broken channel stays there.
+        # A strong muscle reaches the ends for moments only; a broken channel stays there.
         if self._saturated and (self._smooth or self._run >= max(4, _STAYS * self._rate)):
             return f'{self.name}: saturated at {self._recent[-1]:g}'
         if self._run > max(_FLAT * self._longest, _FLAT_TIME * self._rate):
