@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Onsets in public recordings of forearm muscles: found, missed, of the other muscle, without cause.
+"""Onsets in public recordings of forearm muscles: found, missed, late, without cause.
 
 The folder is a copy of the repository aljazfrancic/myo-readings-dataset: bracelets of eight
 channels, 200 samples per second, 8 bit; five seconds of rest and five of a wrist's flexion or
