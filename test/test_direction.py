@@ -218,6 +218,56 @@ def test_a_faulty_channel_announces_nothing_and_is_told(kind, fault):
         assert said[-1].direction == 0
 
 
+def forearm(seed, *stretches, rate=200):
+    """Return what is announced of two muscles of a forearm, 8 bit, every sample, and the source.
+
+    A stretch is seconds, scatter of flexor and extensor, and whether the joint moves. The
+    calibration begins after half a second.
+    """
+    random, said = np.random.default_rng(seed), []
+    source = SensedDirection('muscle_raw', (-128.5, 127.5))
+    position = time = 0.0
+    for seconds, flexor, extensor, moves in stretches:
+        for _ in range(round(seconds * rate)):
+            time += 1.0 / rate
+            position += 0.5 / rate * moves
+            source.motion.add(time, position)
+            values = np.clip(np.rint(random.normal(size=2) * (flexor, extensor)), -128, 127)
+            source.add(time, values[None])
+            if len(said) == round(0.5 * rate):
+                source.begin_calibration()
+            elif len(said) == round(3.6 * rate):
+                source.end_calibration()
+            said.append(source.at(time).direction)
+    return said, source
+
+
+@pytest.mark.parametrize('rate, strength', [(200, 12.0), (200, 100.0), (1000, 60.0)])
+def test_a_muscle_is_announced_within_a_tenth_of_a_second_however_strong_and_at_any_rate(
+        rate, strength):
+    for seed in range(2):
+        said, _ = forearm(seed, (5.0, 1.0, 1.0, False), (0.5, strength, 2.0, False), rate=rate)
+        assert not any(said[:5 * rate])
+        assert said.index(1) <= 5.1 * rate
+        # A strong muscle reaches the ends of the converter, which is no fault.
+        assert {*said[said.index(1):]} == {1}
+
+
+def test_a_contraction_that_holds_the_arm_after_a_movement_does_not_hide_the_next():
+    for seed in range(2):
+        said, _ = forearm(
+            seed, (5.0, 1.0, 1.0, False), (0.2, 50.0, 2.0, False), (0.6, 50.0, 2.0, True),
+            (4.0, 30.0, 2.0, False), (0.5, 10.0, 1.0, True), (3.0, 1.0, 1.0, False),
+            (0.5, 15.0, 2.0, False))
+        assert 1 in said[1000:1060]
+        assert 1 in said[-100:-60]
+
+
+def test_a_calibration_while_a_muscle_is_active_is_refused():
+    with pytest.raises(InputError, match='flexor: the muscle was active'):
+        forearm(0, (2.0, 1.0, 1.0, False), (0.4, 40.0, 1.0, False), (2.0, 1.0, 1.0, False))
+
+
 # Plans.
 
 def planned(plan, time, position=None):

@@ -17,6 +17,8 @@ from friction_comp.errors import InputError
 
 # Share of the range at either end within which a value counts as saturated.
 _RAIL = 0.005
+# s at an end after which a raw signal is saturated.
+_STAYS = 0.01
 # Samples without a new one after which a channel is silent, and the least such time, s.
 _MISSED, _SILENCE = 5.0, 0.1
 # Equal values in a row: so many times the longest run of the calibration, and at least so long, s.
@@ -109,7 +111,8 @@ class Channel:
             return f'{self.name}: silent'
         if not self._finite:
             return f'{self.name}: not finite'
-        if self._saturated:
+        # A strong muscle reaches the ends for moments only; a broken channel stays there.
+        if self._saturated and (self._smooth or self._run >= max(4, _STAYS * self._rate)):
             return f'{self.name}: saturated at {self._recent[-1]:g}'
         if self._run > max(_FLAT * self._longest, _FLAT_TIME * self._rate):
             return f'{self.name}: flat at {self._recent[-1]:g}'

@@ -80,4 +80,5 @@ def _waves(count: int, frequency: float) -> np.ndarray:
     """Return an orthonormal basis of a frequency, in cycles per sample, and its harmonics."""
     phase = 2.0 * np.pi * frequency * np.arange(count)
     return np.asarray(np.linalg.qr(np.column_stack(
-        [wave(k * phase) for k in _HARMONICS for wave in (np.sin, np.cos)]))[0])
+        [wave(k * phase) for k in _HARMONICS if k * frequency < 0.5 for wave in (np.sin, np.cos)]
+    ))[0])

@@ -115,8 +115,10 @@ class OnsetTest:
         +1 or -1 while the signal is above or below the level at rest, else 0.
     """
 
-    def __init__(self, rest: Rest, per_hour: float = FALSE_ALARMS) -> None:
+    def __init__(self, rest: Rest, per_hour: float = FALSE_ALARMS,
+                 proportional: bool = False) -> None:
         self.rest, self.level, self.alarm = rest, rest.level, 0
+        self._proportional = proportional
         # Two sides; the level and the scatter follow the signal, so that they have errors, too.
         self.limit = alarm_limit(2.0 * 3600.0 * rest.rate / per_hour, rest.memory)
         self._variance = rest.scatter**2
@@ -127,7 +129,12 @@ class OnsetTest:
     @property
     def scatter(self) -> float:
         """Standard deviation at rest; never below that of the calibration."""
-        return math.sqrt(self._variance)
+        return math.sqrt(self._variance) * self._gain
+
+    @property
+    def _gain(self) -> float:
+        """Scatter at the present level over that at the level of the calibration."""
+        return max(1.0, self.level / self.rest.level) if self._proportional else 1.0
 
     def add(self, value: float) -> int:
         """Add a sample and return the alarm."""
@@ -138,6 +145,9 @@ class OnsetTest:
         down = min(most, max(0.0, down - z - ALLOWANCE))
         self._sums = [up, down]
         self.alarm = 1 if up > self.limit else -1 if down > self.limit else 0
+        if self.alarm:
+            # What came before an alarm belongs to it.
+            self._waiting.clear()
         return self.alarm
 
     def follow(self, value: float) -> None:
@@ -148,7 +158,7 @@ class OnsetTest:
         step = 1.0 / self.rest.rate
         deviation = self._waiting.popleft() - self.level
         self.level += deviation * min(1.0, step / _LEVEL_TIME)
-        change = deviation**2 - self._variance
+        change = (deviation / self._gain)**2 - self._variance
         weight = min(1.0, step / (_GROWS if change > 0.0 else _SHRINKS))
         self._variance = max(self.rest.scatter**2, self._variance + weight * change)
 

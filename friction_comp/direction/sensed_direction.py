@@ -37,6 +37,9 @@ _QUIET = 2.0
 # Excess, in units of the scatter, and its variation within 0.3 s as a share of it, beyond and below
 # which an envelope is that of hum. That of a muscle varies by a fifth.
 _HIGH, _STEADY = 10.0, 0.03
+# Scatter of a muscle at rest as a multiple of its level: 0.4 to 1.5 on people's forearms, and above
+# where a contraction falls into the calibration.
+_ACTIVE = 2.0
 # Blocks over which the strength of a muscle is averaged.
 _AVERAGED = 4
 
@@ -111,9 +114,14 @@ class SensedDirection:
                     raise InputError(f'{channel.name}: hums: check the reference electrode')
             # The filter's beginning is no rest.
             rests = [Rest.of(own[10:], levels[0].block_rate) for own in found]
+            for channel, rest in zip(self._channels, rests):
+                if rest.scatter > _ACTIVE * rest.level:
+                    raise InputError(f'{channel.name}: the muscle was active during the '
+                                     'calibration, which needs a person at rest')
         else:
             rests = [Rest.of(own, rate) for own in values.T]
-        self._levels, self._tests = levels, [OnsetTest(rest) for rest in rests]
+        self._levels, self._tests = levels, [
+            OnsetTest(rest, proportional=self.kind != 'force') for rest in rests]
         self._recent: deque[list[float]] = deque(maxlen=max(
             _AVERAGED, round(REARM * rests[0].rate)))
         self._fault = ''
