@@ -26,10 +26,7 @@ LAWS = ('kinetic', 'paper', 'continuous')
 class Damped(Experiment):
     """An experiment whose simulated joint has another presliding damping.
 
-    Attributes
-    ----------
-    share : float or None
-        Of critical damping; None keeps what the model file has.
+    `share`: float or None; of critical damping; None keeps what the model file has.
     """
 
     share: float | None = None

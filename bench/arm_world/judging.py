@@ -23,16 +23,9 @@ STANDING = 0.04  # of the speed that 95 % of the samples to fit are below
 def judge(seed):
     """Refine the case of a seed and say how well it does.
 
-    Parameters
-    ----------
-    seed : int
-
-    Returns
-    -------
-    dict
-        Errors `start`, `refined` and `held_out` as multiples of the noise,
-        `noise` in N·m, `seconds` of processor time that refinement took; `failed` instead of what
-        refinement says where it ended with an error.
+    Returns a dict: errors `start`, `refined` and `held_out` as multiples of the noise, `noise` in
+    N·m, `seconds` of processor time that refinement took; `failed` instead of what refinement says
+    where it ended with an error.
     """
     drawn = case(seed)
 

@@ -62,16 +62,8 @@ _ARMIN = {
 def draw_gears(kind, draws, seed):
     """Return random gears of a kind.
 
-    Parameters
-    ----------
-    kind : str
-        One of `KINDS`: one of the note's drives with friction of any kind, or a friction in a
-        servo drive of any family.
-    draws, seed : int
-
-    Returns
-    -------
-    ndarray of GEAR, shape (draws,)
+    `kind`: one of `KINDS`: one of the note's drives with friction of any kind, or a friction in a
+    servo drive of any family. Returns GEAR of shape (draws,).
     """
     random = np.random.default_rng([seed, KINDS.index(kind)])
     gears = np.zeros(draws, dtype=GEAR)

@@ -151,16 +151,8 @@ def measure_all(gears, states, sample_time):
 class Plant:
     """A bank of joints with their persons.
 
-    Parameters
-    ----------
-    gears : ndarray of GEAR, shape (J,)
-    persons : ndarray of PERSON, shape (J,)
-    seed : int
-        Of noise and scatter.
-    sample_time : float
-        s.
-    steps : int
-        Steps of integration a sample.
+    `gears`: ndarray of GEAR, shape (J,). `persons`: ndarray of PERSON, shape (J,). `seed`: of
+    noise and scatter. `sample_time`: s. `steps`: steps of integration a sample.
     """
 
     def __init__(self, gears, persons, seed, sample_time=1e-3, steps=20):

@@ -51,19 +51,10 @@ class Bank:
 def make_bank(world, kinds, draws, seed, repetitions=24, without=()):
     """Draw gears of several kinds and find their true models.
 
-    Parameters
-    ----------
-    world : module
-    kinds : sequence of str
-        Of the world's ``KINDS`` or ``REFINED``.
-    draws : int
-        Gears of each kind.
-    seed : int
-        Even: for tuning; odd: kept for judging.
-    repetitions : int
-        Slow ramps a gear.
-    without : sequence of str
-        Properties that are taken from every gear: set to zero, before its model is found.
+    `kinds`: sequence of str; of the world's ``KINDS`` or ``REFINED``. `draws`: gears of each kind.
+    `seed`: even: for tuning; odd: kept for judging. `repetitions`: slow ramps a gear. `without`:
+    sequence of str; properties that are taken from every gear: set to zero, before its model is
+    found.
     """
     names, gears, documents = [], [], []
     for kind in kinds:
@@ -83,18 +74,10 @@ def make_bank(world, kinds, draws, seed, repetitions=24, without=()):
 class Joints:
     """Every gear of a bank under every combination of conditions.
 
-    Parameters
-    ----------
-    bank : Bank
-    conditions : dict of str to sequence
-        ``factor`` scales the model's friction, ``breakaway_factor`` its breakaway current where
-        that is another; what else there is belongs to the experiment.
-
-    Attributes
-    ----------
-    gear : ndarray of int, shape (J,)
-        Index into the bank.
-    gears, models : as in the bank, one a joint
+    `conditions`: dict of str to sequence; ``factor`` scales the model's friction,
+    ``breakaway_factor`` its breakaway current where that is another; what else there is belongs to
+    the experiment. `gear`: ndarray of int, shape (J,); index into the bank. `gears`, `models`: as
+    in the bank, one a joint.
     """
 
     def __init__(self, bank, **conditions):

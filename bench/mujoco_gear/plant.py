@@ -59,16 +59,9 @@ def _model(gears, step):
 class Plant:
     """A bank of joints with their persons; the same shape as `independent_gear.plant.Plant`.
 
-    Parameters
-    ----------
-    gears : ndarray of GEAR, shape (J,)
-    persons : ndarray of PERSON, shape (J,)
-    seed : int
-        Of noise, and of where each joint rests at first.
-    sample_time : float
-        s.
-    steps : int
-        Of the engine, a sample.
+    `gears`: ndarray of GEAR, shape (J,). `persons`: ndarray of PERSON, shape (J,). `seed`: of
+    noise, and of where each joint rests at first. `sample_time`: s. `steps`: of the engine, a
+    sample.
     """
 
     def __init__(self, gears, persons, seed, sample_time=1e-3, steps=5):

@@ -71,23 +71,13 @@ def _command(joint, controller, wanted, measured, speed, errors, open_loop):
 def run(joint, controller, chain, number, reference, open_loop, load, heat, others):
     """Simulate by semi-implicit Euler steps of DT.
 
-    Parameters
-    ----------
-    joint, controller, chain
-        Constants; a chain without links is no chain.
-    number : int
-        Which joint of the chain this is; the others keep to their references.
-    reference : ndarray, shape (N, 3)
-        Wanted position, velocity and acceleration.
-    open_loop, load, heat : ndarray, shape (N,)
-        Current in A beside the controller's, torque in N.m from outside, K above the reference.
-    others : ndarray, shape (3, N, J)
-        Position, velocity and acceleration of all joints of the chain.
-
-    Returns
-    -------
-    ndarray, shape (N, 5)
-        Position, velocity, acceleration, recorded current, load.
+    `joint`, `controller`, `chain`: constants; a chain without links is no chain. `number`: which
+    joint of the chain this is; the others keep to their references. `reference`: ndarray, shape
+    (N, 3); wanted position, velocity and acceleration. `open_loop`, `load`, `heat`: ndarray, shape
+    (N,); current in A beside the controller's, torque in N.m from outside, K above the reference.
+    `others`: ndarray, shape (3, N, J); position, velocity and acceleration of all joints of the
+    chain. Returns position, velocity, acceleration, recorded
+    current and load, shape (N, 5).
     """
     size = len(reference)
     out = np.empty((size, 5))
