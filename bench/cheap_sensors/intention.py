@@ -54,7 +54,8 @@ class Watched:
 def intention(bank, kinds, law='continuous'):
     """Return, for each gear, the share of friction's part of the peak that is removed.
 
-    Returns arrays of shape (G,) by name, for 'announced', 'd = 0' and each kind of sensor; NaN where friction has no part in the peak.
+    Returns arrays of shape (G,) by name, for 'announced', 'd = 0' and each kind of sensor; NaN
+    where friction has no part in the peak.
     """
     joints = Joints(bank, repetition=[0, 1], side=[1.0, -1.0])
     persons, side = _movements(joints), joints['side']
