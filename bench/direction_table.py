@@ -10,7 +10,6 @@ it. The whole takes about twenty minutes of processor time.
 """
 
 import argparse
-import importlib
 import time
 
 from cheap_sensors.attempts import attempts, co_contractions, hours_at_rest
@@ -22,6 +21,7 @@ import numpy as np
 
 from friction_comp.direction.sensed_direction import KINDS
 from law_judge.bank import make_bank
+from world import gear as world
 
 
 def main():
@@ -63,7 +63,6 @@ def rest_rows(options):
 
 
 def intention_rows(options):
-    world = importlib.import_module('independent_gear.world')
     bank = make_bank(world, world.KINDS, options.draws, options.seed)
     removed = intention(bank, KINDS)
     for name, share in removed.items():
@@ -77,7 +76,6 @@ def intention_rows(options):
 
 
 def follow_rows(options):
-    world = importlib.import_module('independent_gear.world')
     bank = follower_bank(world, options.draws, options.seed)
     found = {way: follow(bank, way) for way in WAYS}
     bare, rival = found['without'], found[WAYS[3]]
@@ -100,7 +98,6 @@ def follow_rows(options):
 
 
 def ends_rows(options):
-    world = importlib.import_module('independent_gear.world')
     bank = make_bank(world, world.KINDS, 2, options.seed)
     for told in ('end', 'direction', 'nothing'):
         way = beyond_ends(bank, told=told)

@@ -32,6 +32,7 @@ from law_judge.bank import make_bank
 from law_judge.identification import identification, identified_bank
 from law_judge.peak import peak
 from law_judge.quiet import flicker, knock, quiet
+from law_judge.refined import REFINED
 from law_judge.release import release
 from law_judge.reversal import reversal
 from law_judge.to_and_fro import leader, reaches, to_and_fro
@@ -40,9 +41,9 @@ from law_judge.untouched import lost, untouched, weight
 FLOORS = {f.__name__: f for f in (
     release, untouched, lost, weight, knock, flicker, quiet, peak, reversal, to_and_fro,
     reaches, leader, bad_samples, identification)}
-# Folder, kinds, and gears of each.
-WORLDS = {'gear': ('independent_gear', 'KINDS', 2), 'mujoco': ('mujoco_gear', 'KINDS', 4),
-          'refined': ('independent_gear', 'REFINED', 1), 'chain': ('maxwell_chain', 'KINDS', 4)}
+# Module, kinds where not all of its own, and gears of each.
+WORLDS = {'gear': ('world.gear', None, 2), 'mujoco': ('world.mujoco_gear', None, 4),
+          'refined': ('world.gear', REFINED, 1), 'chain': ('world.maxwell_chain', None, 4)}
 
 
 def main():
@@ -124,10 +125,9 @@ def bank_of(name, models, seed, draws=None, kinds=None, without=()):
     """Return a world's gears with their models, made once a process, and what was refused."""
     key = name, models
     if key not in _banks:
-        folder, which, few = WORLDS[name]
-        world = importlib.import_module(f'{folder}.world')
-        bank = make_bank(world, kinds or getattr(world, which), draws or few, seed,
-                         without=without)
+        module, which, few = WORLDS[name]
+        world = importlib.import_module(module)
+        bank = make_bank(world, kinds or which or world.KINDS, draws or few, seed, without=without)
         _banks[key] = identified_bank(bank) if models == 'identified' else (bank, [])
     return _banks[key]
 

@@ -8,12 +8,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from second_world import arm, motion, oracle
+from second_world import oracle
 from second_world.cases import make
-from second_world.drive import Controller, DT, energy_balance, simulate
 from second_world.families import draw, FAMILIES
-from second_world.joint import Joint, new_state, resistance
 from second_world.judging import said_right
+from world import arm, motion
+from world.drive import Controller, DT, energy_balance, simulate
+from world.joint import Joint, new_state, resistance
 
 
 def reference(kind, seconds=4.0):

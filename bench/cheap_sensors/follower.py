@@ -9,7 +9,7 @@ from friction_comp.direction.desired_motion import DesiredMotion
 from friction_comp.simulation.mit_drive import MitDrive, PERIOD, POSITION_STEP
 from law_judge.bank import Bank, Joints
 from law_judge.model import true_models
-from law_judge.person import nobody
+from world.person import nobody
 
 SPEEDS = (0.01, 0.02, 0.05, 0.1, 0.2)
 FIRST, RAMP, REST = 1.0, 6.0, 2.0

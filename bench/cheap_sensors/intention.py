@@ -14,7 +14,7 @@ from cheap_sensors.attempts import rest_torque, Sensors
 from law_judge.bank import Joints
 from law_judge.loop import make_law, NONE, run
 from law_judge.peak import _movements, BAND, LEAST, START
-from law_judge.person import person_torque
+from world.person import person_torque
 
 _CHUNK = 10
 

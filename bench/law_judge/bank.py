@@ -9,6 +9,7 @@ import math
 import numpy as np
 
 from law_judge.model import scaled, STD, true_models
+from law_judge.refined import draw_refined
 
 
 @dataclass
@@ -51,7 +52,7 @@ class Bank:
 def make_bank(world, kinds, draws, seed, repetitions=24, without=()):
     """Draw gears of several kinds and find their true models.
 
-    `kinds`: sequence of str; of the world's ``KINDS`` or ``REFINED``. `draws`: gears of each kind.
+    `kinds`: sequence of str; of the world's ``KINDS`` or of `REFINED`. `draws`: gears of each kind.
     `seed`: even: for tuning; odd: kept for judging. `repetitions`: slow ramps a gear. `without`:
     sequence of str; properties that are taken from every gear: set to zero, before its model is
     found.
@@ -64,7 +65,7 @@ def make_bank(world, kinds, draws, seed, repetitions=24, without=()):
                 drawn[name] = 0
             found = true_models(world, drawn, seed, repetitions)
         else:
-            drawn, found = world.draw_refined(kind, draws, seed, repetitions)
+            drawn, found = draw_refined(kind, draws, seed, repetitions)
         names += [kind] * draws
         gears.append(drawn)
         documents += found

@@ -13,8 +13,8 @@ from scipy.signal import butter, sosfiltfilt
 
 from law_judge.bank import Joints
 from law_judge.loop import make_law, NONE, run, YARDSTICKS
-from law_judge.persons import ABLE, draw_persons
 from law_judge.rows import beside, DEGREE, Row
+from world.persons import ABLE, draw_persons
 
 START = 1.5
 # When the direction is announced, s; the floors of the median and of the worst tenth, %.

@@ -7,8 +7,8 @@ from scipy.signal import butter, sosfiltfilt
 
 from law_judge.bank import Joints
 from law_judge.loop import make_law, NONE, run, YARDSTICKS
-from law_judge.persons import firm_hands
 from law_judge.rows import beside, DEGREE, Row
+from world.persons import firm_hands
 
 START, CRUISE, AFTER = 1.5, 1.0, 1.0
 BAND = 20.0

@@ -13,9 +13,9 @@ from scipy.signal import butter, sosfiltfilt
 
 from law_judge.bank import Joints
 from law_judge.loop import make_law, NONE, run, YARDSTICKS
-from law_judge.person import MOST_PLACES
-from law_judge.persons import firm_hands
 from law_judge.rows import beside, DEGREE, Row
+from world.person import MOST_PLACES
+from world.persons import firm_hands
 
 FREQUENCIES = (0.2, 0.3, 0.6, 1.0, 1.2)
 AMPLITUDES = 10.0 * DEGREE, 15.0 * DEGREE

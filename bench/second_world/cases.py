@@ -10,11 +10,11 @@ import zlib
 import numpy as np
 
 from second_world import oracle
-from second_world.arm import Chain
-from second_world.drive import Controller, DT, simulate
-from second_world.joint import Joint
-from second_world.motion import KINDS
-from second_world.sensing import record, Sensors
+from world.arm import Chain
+from world.drive import Controller, DT, simulate
+from world.joint import Joint
+from world.motion import KINDS
+from world.sensing import record, Sensors
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from second_world.arm import Chain
 from second_world.cases import generator, Hidden
-from second_world.drive import Controller
 from second_world.single_effects import (
     asymmetry,
     base,
@@ -35,6 +33,8 @@ from second_world.single_effects import (
     warm_up,
     with_,
 )
+from world.arm import Chain
+from world.drive import Controller
 
 
 def other_joints(rng, case):

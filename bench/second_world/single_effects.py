@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 
 from second_world.cases import Case, Hidden
-from second_world.drive import Controller
-from second_world.joint import Joint
-from second_world.sensing import Sensors
+from world.drive import Controller
+from world.joint import Joint
+from world.sensing import Sensors
 
 _STEPS = (0.0005, 0.001, 0.001, 0.002, 0.004, 0.005, 0.008, 0.01, 0.01, 0.013, 0.02)
 _DYNAMIC = ('multi_sine', 'joystick', 'production')

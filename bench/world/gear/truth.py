@@ -5,10 +5,10 @@
 from numba import njit
 import numpy as np
 
-from independent_gear.friction import motor_friction
-from independent_gear.plant import Plant
-from independent_gear.state import CLAMP, STATE
-from law_judge.person import nobody
+from world.gear.friction import motor_friction
+from world.gear.plant import Plant
+from world.gear.state import CLAMP, STATE
+from world.person import nobody
 
 SLOW = 1e-7  # rad/s: neither damping nor viscous friction takes anything
 GONE = 0.95

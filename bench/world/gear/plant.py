@@ -12,9 +12,9 @@ import math
 from numba import njit
 import numpy as np
 
-from independent_gear.friction import clamped, motor_friction, turned
-from independent_gear.state import CLAMP, DIFFERENCE, FILTERED, LONGEST_COMMAND_DELAY, STATE
-from law_judge.person import person_torque, remember
+from world.gear.friction import clamped, motor_friction, turned
+from world.gear.state import CLAMP, DIFFERENCE, FILTERED, LONGEST_COMMAND_DELAY, STATE
+from world.person import person_torque, remember
 
 STILL = 2e-3  # rad/s below which a joint counts as resting
 REST = 0.2  # s of rest after which a start finds other breakaway friction

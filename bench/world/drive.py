@@ -9,8 +9,8 @@ from typing import NamedTuple
 from numba import njit
 import numpy as np
 
-from second_world.arm import torque
-from second_world.joint import carried, new_state, resistance
+from world.arm import torque
+from world.joint import carried, new_state, resistance
 
 DT = 0.25e-3
 PER_TICK = 4

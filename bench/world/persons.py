@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from law_judge.person import PERSON
+from world.person import PERSON
 
 SOFT, FIRM, ABLE, LEANING = range(4)
 FIRMER = 30.0

@@ -30,7 +30,7 @@ import math
 
 import numpy as np
 
-from independent_gear.state import (
+from world.gear.state import (
     BOUC_WEN,
     CLAMP,
     DAHL,
@@ -41,7 +41,7 @@ from independent_gear.state import (
     LUGRE,
     MAXWELL_SLIP,
 )
-from law_judge.persons import log_uniform
+from world.persons import log_uniform
 
 DEGREE = math.pi / 180.0
 ARMIN = ('armin_1', 'armin_2', 'armin_3')

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from second_world.drive import DT
+from world.drive import DT
 
 
 def _time(seconds):

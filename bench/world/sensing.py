@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from friction_comp import Samples
-from second_world.drive import DT
+from world.drive import DT
 
 AMBIENT = 22.0  # degrees Celsius
 
