@@ -10,8 +10,6 @@ and of another, and `held-out` what refinement itself says. --seeds is a half-op
 looked at once. Needs Pinocchio.
 """
 
-from __future__ import annotations
-
 import argparse
 
 from bench_tools import processes

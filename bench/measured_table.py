@@ -8,8 +8,6 @@ takes the error as the sets' README says. Sets that are not there are skipped wi
     python3 bench/measured_table.py [--data ../shared/data] [--sets emps ...] [--output DIR]
 """
 
-from __future__ import annotations
-
 import argparse
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass

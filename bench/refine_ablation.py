@@ -17,8 +17,6 @@ error     geometric mean of the error on recordings that were not fitted, over t
 worse     cases whose error is more than a tenth above that with all rules; and below it
 """
 
-from __future__ import annotations
-
 import argparse
 from concurrent.futures import as_completed
 import importlib

@@ -8,8 +8,6 @@
 Even seeds are the tuning half, odd ones the kept half: change nothing by what the kept half says.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections import Counter
 from concurrent.futures import as_completed

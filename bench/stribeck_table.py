@@ -9,8 +9,6 @@ five ways at a top speed of 0.3 to 3 rad/s. No thermometer is recorded. The last
 held-out errors over the noise: of the refined model, and of Coulomb and viscous friction alone.
 """
 
-from __future__ import annotations
-
 import argparse
 
 from bench_tools import processes

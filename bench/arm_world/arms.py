@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Random chains of links with friction in their joints; Pinocchio computes their dynamics."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

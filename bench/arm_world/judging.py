@@ -7,8 +7,6 @@ that can be had. They are taken where the joint moves, since friction at rest de
 a recording tells, and over both scores, of the same amplitude and of another.
 """
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

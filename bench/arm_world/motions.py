@@ -7,8 +7,6 @@ recordings of a case share with `draw`, and `move` draws one recording. The four
 in which torques are given instead, is in `swing`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

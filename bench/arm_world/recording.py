@@ -6,8 +6,6 @@ Numbers are drawn in a fixed order, so that a seed always gives the same case: w
 belongs at the end.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

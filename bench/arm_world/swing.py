@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Arms of two or three joints that swing about the posture in which they hang, by given torques."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

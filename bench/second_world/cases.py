@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A case: a joint with hidden effects, how it is moved and recorded, and what may be said."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 import zlib
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Random drives, one family for each kind of case, drawn by seed."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -7,8 +7,6 @@ noise of current alone; `reachable_floor` that of the true model with true const
 differentiate what was recorded itself, with the best of several bandwidths.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.signal import butter, filtfilt
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A plain drive drawn at random, and one function for each effect that can be hidden in it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A planar chain of links in the vertical plane, by Newton and Euler."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from numba import njit

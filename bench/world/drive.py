@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A joint in the loop: a controller at 1 kHz, a person, current that saturates and comes late."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from numba import njit

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """From what happened to what a driver would have recorded."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
