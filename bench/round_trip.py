@@ -15,15 +15,14 @@ for the first time would show.
 
 import argparse
 from array import array
-import os
 from pathlib import Path
 import subprocess
 import sys
 import tempfile
 import time
 
-from bench_tools import processor_time, ROOT
-from node_process import ros_arguments
+from bench_tools import processor_time
+from node_process import environment, ros_arguments
 import numpy as np
 from ros_system import BEST_EFFORT, MODELS, own_domain, probe_node
 from sensor_msgs.msg import JointState
@@ -53,11 +52,6 @@ node.create_subscription(JointState, 'joint_states', on_states, QoSProfile(
     depth=10, reliability=ReliabilityPolicy.BEST_EFFORT))
 rclpy.spin(node)
 """
-
-
-def environment():
-    return dict(os.environ, PYTHONPATH=os.pathsep.join(
-        [str(ROOT), *filter(None, [os.environ.get('PYTHONPATH')])]))
 
 
 def start(kind, joints, folder):

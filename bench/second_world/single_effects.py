@@ -217,3 +217,9 @@ def rest(rng, case):
     return with_(case, hidden_effect('rest', 'history', rest=0.0),
                  motions=pick(rng, ('joystick', 'production')),
                  rest=case.joint.coulomb * rng.uniform(0.8, 1.6), rest_time=rng.uniform(0.3, 1.0))
+
+
+SINGLE = {f.__name__: f for f in (
+    stribeck, asymmetry, viscous_shape, gravity, spring, cogging, ripple, harmonic_family, bump,
+    load, torque_constant, load_friction, load_friction_unsensed, temperature, warm_up, presliding,
+    lag, rest)}
