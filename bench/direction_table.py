@@ -5,13 +5,13 @@
     python3 bench/direction_table.py [--rows attempts rest intention follow ends taught]
                                      [--seed S] [--draws N] [--hours H]
 
-Even seeds are for tuning on, odd seeds are kept for judging. Each row has the simplest rival beside
-it. The whole takes about twenty minutes of processor time.
+--draws are gears of each kind, --hours are of rest. Even seeds are for tuning on, odd seeds are
+kept for judging. Each row has the simplest rival beside it. The whole takes about twenty minutes of processor time.
 """
 
-import argparse
 import time
 
+from bench_tools import table_parser
 from cheap_sensors.attempts import attempts, co_contractions, hours_at_rest
 from cheap_sensors.ends import beyond_ends
 from cheap_sensors.follower import follow, follower_bank, WAYS
@@ -25,11 +25,8 @@ from world import gear as world
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
+    parser = table_parser(__doc__, seed=0, draws=1, hours=3.0)
     parser.add_argument('--rows', nargs='+', default=list(ROWS), choices=ROWS)
-    parser.add_argument('--seed', type=int, default=0)
-    parser.add_argument('--draws', type=int, default=1, help='gears of each kind')
-    parser.add_argument('--hours', type=float, default=3.0, help='of rest')
     options = parser.parse_args()
     print(f'seed {options.seed} ({"tuning" if options.seed % 2 == 0 else "kept"} half)')
     for name in options.rows:

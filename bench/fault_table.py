@@ -10,7 +10,6 @@ compensator's joint_state_timeout, and 60 ms for two processes on a machine that
 else), and stays zero while the fault lasts. Counts: tried, held, lost.
 """
 
-import argparse
 from array import array
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -22,7 +21,7 @@ import tempfile
 import time
 from typing import NamedTuple
 
-from bench_tools import ROOT
+from bench_tools import ROOT, table_parser
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import Parameter as ParameterMessage, ParameterValue
@@ -47,8 +46,7 @@ SLACK = 0.06
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
-    parser.add_argument('--times', type=int, default=3)
+    parser = table_parser(__doc__, times=3)
     parser.add_argument('--only', default='')
     arguments = parser.parse_args()
     table = []

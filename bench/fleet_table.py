@@ -10,12 +10,12 @@ Odd seeds are reported; even ones were looked at while the comparison was made.
     python3 bench/fleet_table.py --new-units 10 --seeds 5 --fleet output/fleet_5
 """
 
-import argparse
 from dataclasses import replace
 import json
 from pathlib import Path
 import tempfile
 
+from bench_tools import table_parser
 from many_recordings import timed
 import numpy as np
 
@@ -169,11 +169,9 @@ def without_prior(population):
 
 def main():
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--units', type=int, default=40)
+    parser = table_parser(__doc__, units=40, jobs=2)
     parser.add_argument('--seeds', type=int, nargs='+', default=[5])
     parser.add_argument('--faults', nargs='*', default=[], choices=list(FAULTS))
-    parser.add_argument('--jobs', type=int, default=2)
     parser.add_argument('--keep', type=Path, help='folder in which the fleets stay')
     parser.add_argument('--false-alarms', type=int, metavar='FLEETS')
     parser.add_argument('--new-units', type=int)

@@ -24,7 +24,7 @@ import importlib.util
 import sys
 import time
 
-from bench_tools import processes
+from bench_tools import processes, table_parser
 
 from friction_comp.compensation import law_parameters
 from law_judge.bad_samples import bad_samples
@@ -62,7 +62,7 @@ def main():
 
 
 def parse():
-    parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
+    parser = table_parser(__doc__, seed=0, workers=2)
     parser.add_argument('--worlds', nargs='+', default=list(WORLDS), choices=WORLDS)
     parser.add_argument('--models', nargs='+', default=['true'], choices=('true', 'identified'))
     parser.add_argument('--laws', nargs='+', default=['continuous'],
@@ -74,8 +74,6 @@ def parse():
                         help="fields of the world's gears that are set to zero")
     parser.add_argument('--draws', type=int, help='gears of each kind')
     parser.add_argument('--kinds', nargs='+')
-    parser.add_argument('--seed', type=int, default=0)
-    parser.add_argument('--workers', type=int, default=2)
     parser.add_argument('--detail', action='store_true', help='what is behind each figure')
     options = parser.parse_args()
     if 'mujoco' in options.worlds and importlib.util.find_spec('mujoco') is None:

@@ -20,7 +20,7 @@ import sys
 import tempfile
 import time
 
-import bench_tools  # noqa: F401
+from bench_tools import table_parser
 from node_process import environment
 
 from friction_comp.errors import InputError
@@ -119,10 +119,7 @@ def damage(file, room):
 
 def main():
     """Run all and print a table."""
-    parser = argparse.ArgumentParser(description=__doc__,
-                                     formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--seconds', type=float, default=60.0)
-    parser.add_argument('--joints', type=int, default=7)
+    parser = table_parser(__doc__, seconds=60.0, joints=7)
     parser.add_argument('--publish', nargs=2, type=float, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.publish:

@@ -2,9 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The gears of bench/world/gear obey physics, so that they can judge the law."""
 
+import ast
 from dataclasses import replace
 import functools
 import importlib
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -261,3 +263,16 @@ def test_the_initial_presliding_curve_has_the_drawn_distance():
     gears['link_coulomb'] = 0.0
     for gear in gears[gears['friction'] == FRICTIONS['lugre']]:
         assert presliding(gear)[0] == pytest.approx(gear['presliding'], rel=0.02)
+
+
+def test_the_world_knows_nothing_of_the_package_but_its_samples_and_of_no_judge():
+    """Its point is to be independent of what it judges."""
+    for path in sorted(Path(world.__file__).parents[1].rglob('*.py')):
+        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else [
+                f'{node.module}.{alias.name}' for alias in node.names
+                ] if isinstance(node, ast.ImportFrom) else []
+            for name in names:
+                assert name.split('.')[0] not in {
+                    'friction_comp', 'law_judge', 'second_world', 'simulated_recordings',
+                    } or name == 'friction_comp.Samples', f'{path.name}: {name}'
