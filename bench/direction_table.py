@@ -6,7 +6,8 @@
                                      [--seed S] [--draws N] [--hours H]
 
 --draws are gears of each kind, --hours are of rest. Even seeds are for tuning on, odd seeds are
-kept for judging. Each row has the simplest rival beside it. The whole takes about twenty minutes of processor time.
+kept for judging. Each row has the simplest rival beside it. The whole takes
+about twenty minutes of processor time.
 """
 
 import time
