@@ -10,11 +10,8 @@ and of another, and `held-out` what refinement itself says. --seeds is a half-op
 looked at once. Needs Pinocchio.
 """
 
-from __future__ import annotations
 
-import argparse
-
-from bench_tools import processes
+from bench_tools import processes, table_parser
 import numpy as np
 
 TOO_FAR = 3.0  # times the held-out error, of an error on score
@@ -70,11 +67,9 @@ def print_summary(results):
 
 def main():
     """Judge seeds and sum them up."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = table_parser(__doc__, jobs=1)
     parser.add_argument('--seeds', type=int, nargs=2, default=(0, 24), metavar=('FROM', 'TO'),
                         help='the first, and the one after the last')
-    parser.add_argument('--jobs', type=int, default=1)
     arguments = parser.parse_args()
     print('seed motion      joint/of noise N·m    start  refined held-out   '
           'time    verdict        effects')

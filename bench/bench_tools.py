@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What several benchmarks need. Importing it lets them import the package beside this folder."""
 
+import argparse
 from concurrent.futures import ProcessPoolExecutor
 import multiprocessing
 import os
@@ -9,7 +10,7 @@ from pathlib import Path
 import sys
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / 'test')]
+sys.path[:0] = [str(ROOT), str(ROOT / 'harness')]
 
 
 def processes(number, **options):
@@ -27,3 +28,12 @@ def processor_time(pid):
     """Return the processor time that a process has used, s."""
     fields = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+
+
+def table_parser(doc, **numbers):
+    """Return a parser that shows a table's docstring; numbers are options with their defaults."""
+    parser = argparse.ArgumentParser(
+        description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
+    for name, default in numbers.items():
+        parser.add_argument(f'--{name.replace("_", "-")}', type=type(default), default=default)
+    return parser

@@ -5,14 +5,14 @@
     python3 bench/direction_table.py [--rows attempts rest intention follow ends taught]
                                      [--seed S] [--draws N] [--hours H]
 
-Even seeds are for tuning on, odd seeds are kept for judging. Each row has the simplest rival beside
-it. The whole takes about twenty minutes of processor time.
+--draws are gears of each kind, --hours are of rest. Even seeds are for tuning on, odd seeds are
+kept for judging. Each row has the simplest rival beside it. The whole takes
+about twenty minutes of processor time.
 """
 
-import argparse
-import importlib
 import time
 
+from bench_tools import table_parser
 from cheap_sensors.attempts import attempts, co_contractions, hours_at_rest
 from cheap_sensors.ends import beyond_ends
 from cheap_sensors.follower import follow, follower_bank, WAYS
@@ -22,14 +22,12 @@ import numpy as np
 
 from friction_comp.direction.sensed_direction import KINDS
 from law_judge.bank import make_bank
+from world import gear as world
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
+    parser = table_parser(__doc__, seed=0, draws=1, hours=3.0)
     parser.add_argument('--rows', nargs='+', default=list(ROWS), choices=ROWS)
-    parser.add_argument('--seed', type=int, default=0)
-    parser.add_argument('--draws', type=int, default=1, help='gears of each kind')
-    parser.add_argument('--hours', type=float, default=3.0, help='of rest')
     options = parser.parse_args()
     print(f'seed {options.seed} ({"tuning" if options.seed % 2 == 0 else "kept"} half)')
     for name in options.rows:
@@ -63,7 +61,6 @@ def rest_rows(options):
 
 
 def intention_rows(options):
-    world = importlib.import_module('independent_gear.world')
     bank = make_bank(world, world.KINDS, options.draws, options.seed)
     removed = intention(bank, KINDS)
     for name, share in removed.items():
@@ -77,7 +74,6 @@ def intention_rows(options):
 
 
 def follow_rows(options):
-    world = importlib.import_module('independent_gear.world')
     bank = follower_bank(world, options.draws, options.seed)
     found = {way: follow(bank, way) for way in WAYS}
     bare, rival = found['without'], found[WAYS[3]]
@@ -100,7 +96,6 @@ def follow_rows(options):
 
 
 def ends_rows(options):
-    world = importlib.import_module('independent_gear.world')
     bank = make_bank(world, world.KINDS, 2, options.seed)
     for told in ('end', 'direction', 'nothing'):
         way = beyond_ends(bank, told=told)

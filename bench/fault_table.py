@@ -10,8 +10,8 @@ compensator's joint_state_timeout, and 60 ms for two processes on a machine that
 else), and stays zero while the fault lasts. Counts: tried, held, lost.
 """
 
-import argparse
 from array import array
+from collections.abc import Callable
 from contextlib import ExitStack
 from functools import partial
 import os
@@ -19,8 +19,9 @@ from pathlib import Path
 import signal
 import tempfile
 import time
+from typing import NamedTuple
 
-from bench_tools import ROOT
+from bench_tools import ROOT, table_parser
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import Parameter as ParameterMessage, ParameterValue
@@ -45,23 +46,20 @@ SLACK = 0.06
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
-    parser.add_argument('--times', type=int, default=3)
+    parser = table_parser(__doc__, times=3)
     parser.add_argument('--only', default='')
     arguments = parser.parse_args()
     table = []
     print('fault                                      tried  held  lost   zero after, ms (largest)')
     with tempfile.TemporaryDirectory() as folder:
-        for name, make in FAULTS.items():
-            if arguments.only not in name:
-                continue
-            rows = [try_once(Path(folder) / f'{len(table)}_{k}', make)
+        for fault in (one for one in FAULTS if arguments.only in one.name):
+            rows = [try_once(Path(folder) / f'{len(table)}_{k}', fault)
                     for k in range(arguments.times)]
             delays = [delay for held, delay in rows if held]
             held = len(delays)
             table.append((len(rows), held, len(rows) - held))
             longest = f'{1e3 * max(delays):8.0f}' if delays else '       -'
-            print(f'{name:42s} {len(rows):5d} {held:5d} {len(rows) - held:5d} {longest}',
+            print(f'{fault.name:42s} {len(rows):5d} {held:5d} {len(rows) - held:5d} {longest}',
                   flush=True)
     total = [sum(row[k] for row in table) for k in range(3)]
     print(f'{"all":42s} {total[0]:5d} {total[1]:5d} {total[2]:5d}')
@@ -107,27 +105,34 @@ class Rig:
                 return
         raise AssertionError(f'no current: {self.process.text}')
 
+    def ask(self, kind, service, request):
+        """Call a service of the compensator while there is a current."""
+        client = self.probe.create_client(kind, f'/compensator/{service}')
+        self.probe.until(client.service_is_ready, 'the service', 10.0)
+        self.drive()
+        client.call_async(request)
+
     @property
     def current(self):
         commands = self.driver.commands
         return abs(commands[-1].data[0]) if commands else 0.0
 
 
-def try_once(folder, make):
+def try_once(folder, fault):
     """Return whether a fault was held, and after how many s the current was zero."""
     with ExitStack() as stack:
         stack.enter_context(own_domain())
         probe = stack.enter_context(probe_node())
         process = stack.enter_context(Process(folder, 'compensator', {
             'joints': ['elbow'], 'model_files': MODELS[:1], 'law': 'paper',
-            'joint_state_timeout': TIMEOUT, 'use_sim_time': make.simulated}))
+            'joint_state_timeout': TIMEOUT, 'use_sim_time': fault.simulated}))
         source = stack.enter_context(Process(folder / 'leader', 'direction', {
-            'joints': ['elbow'], 'source': 'reference'})) if make.led else None
-        rig = Rig(probe, process, make.simulated, source)
+            'joints': ['elbow'], 'source': 'reference'})) if fault.led else None
+        rig = Rig(probe, process, fault.simulated, source)
         rig.drive()
         # What was sent before the fault is answered before it.
         probe.spin_for(0.02)
-        go_on = make(rig)
+        go_on = fault.begin(rig)
         begin = time.monotonic()
         delay = None
         while time.monotonic() - begin < 1.0:
@@ -139,100 +144,47 @@ def try_once(folder, make):
                 delay = delay if delay is not None else time.monotonic() - begin
             elif delay is not None:
                 return False, 0.0
-        return delay is not None and delay <= make.within, delay or 0.0
+        return delay is not None and delay <= fault.within, delay or 0.0
 
 
 class BrokeOffError(Exception):
     """The current ended where it should have gone on."""
 
 
-# The faults: each is called once, and returns what is done again and again while it lasts.
+# What begins a fault; each returns what is done again and again while the fault lasts.
 
-FAULTS = {}
-
-
-def fault(name, simulated=False, within=TIMEOUT + SLACK, led=False):
-    """Register a fault; the current must be zero `within` s. Where `led`, d comes from a leader."""
-    def register(function):
-        function.simulated, function.within, function.led = simulated, within, led
-        FAULTS[name] = function
-        return function
-    return register
-
-
-def listening(rig):
+def silence(rig):
     return lambda: rig.probe.spin_for(0.002)
 
 
-fault('driver falls silent')(listening)
+def sending(**state):
+    return lambda rig: partial(rig.send, **state)
 
 
-@fault('stamp repeated for good')
-def _(rig):
-    stamp = time.time_ns()
-    rig.send(stamp)
-    return lambda: rig.send(stamp)
+def with_changed(name, value):
+    """Change an attribute of the rig."""
+    def begin(rig):
+        setattr(rig, name, value)
+        return rig.send
+    return begin
 
 
-@fault('stamps run 10 s ahead')
-def _(rig):
-    rig.ahead = 10 * 10**9
-    return rig.send
+def with_rival(kind, topic, message):
+    """Let another publisher contradict the first."""
+    def begin(rig):
+        rival = rig.probe.create_publisher(kind, topic, BEST_EFFORT)
+        rig.probe.until(rival.get_subscription_count, 'a second publisher')
+
+        def both():
+            rig.driver.announce([1])
+            rig.send()
+            rival.publish(message())
+            rig.send()
+        return both
+    return begin
 
 
-@fault('stamps lag by 10 s')
-def _(rig):
-    rig.ahead = -10 * 10**9
-    return rig.send
-
-
-@fault('/clock stops under use_sim_time', simulated=True)
-def _(rig):
-    rig.stopped_clock = True
-    return rig.send
-
-
-fault('/clock and states stop', simulated=True)(lambda rig: listening(rig))
-
-for name, state in {
-        'position not a number': {'position': [float('nan')]},
-        'velocity infinite': {'velocity': [float('inf')]},
-        'position of 1e300 rad': {'position': [1e300]},
-        'joint named twice': {'names': ['elbow', 'elbow'], 'position': [0.0, 0.1],
-                              'velocity': [0.0, 0.0]},
-        'arrays of different lengths': {'position': [0.0, 0.0]},
-        'joint no more in the states': {'names': ['wrist']}}.items():
-    fault(name)(lambda rig, state=state: partial(rig.send, **state))
-
-
-# The next three are seen from what comes over a while, so that no true signal is taken for one.
-@fault('two publishers of the joint', within=0.3)
-def _(rig):
-    rival = rig.probe.create_publisher(JointState, 'joint_states', BEST_EFFORT)
-    rig.probe.until(lambda: rival.get_subscription_count(), 'a second publisher')
-
-    def both():
-        rig.driver.announce([1])
-        rig.send()
-        rival.publish(joint_state(time.time_ns(), ['elbow'], [0.3]))
-    return both
-
-
-@fault('two planners, one +1 and one -1', within=0.3)
-def _(rig):
-    rival = rig.probe.create_publisher(Int8MultiArray, 'direction', BEST_EFFORT)
-    rig.probe.until(lambda: rival.get_subscription_count(), 'a second planner')
-
-    def both():
-        rig.driver.announce([1])
-        rig.send()
-        rival.publish(Int8MultiArray(data=array('b', [-1])))
-        rig.send()
-    return both
-
-
-@fault('velocity in deg/s', within=0.7)
-def _(rig):
+def in_degrees(rig):
     begin = time.monotonic()
 
     def move():
@@ -241,8 +193,7 @@ def _(rig):
     return move
 
 
-@fault('another commander', within=0.5)
-def _(rig):
+def with_commander(rig):
     # Alone for long enough that the other is a newcomer.
     end = time.monotonic() + 3.5
     while time.monotonic() < end:
@@ -252,52 +203,16 @@ def _(rig):
     return rig.send
 
 
-for name in ('SIGINT', 'SIGTERM', 'SIGHUP', 'SIGQUIT', 'SIGABRT', 'SIGUSR1', 'SIGUSR2',
-             'SIGALRM'):
-    @fault(f'{name} to the compensator')
-    def _(rig, name=name):
-        rig.process.send(getattr(signal, name))
-        return rig.send
+def signalled(name, process='process', then='send'):
+    def begin(rig):
+        getattr(rig, process).send(getattr(signal, name))
+        return getattr(rig, then)
+    return begin
 
 
-@fault('deactivated', within=0.5)
-def _(rig):
-    request = ChangeState.Request()
-    request.transition.label = 'deactivate'
-    client = rig.probe.create_client(ChangeState, '/compensator/change_state')
-    rig.probe.until(client.service_is_ready, 'the service', 10.0)
-    client.call_async(request)
-    return rig.send
-
-
-
-
-# The node direction: silence of a leader is known after 0.25 s, that of a planner after 0.5 s.
-@fault('leader falls silent', within=0.25 + SLACK, led=True)
-def _(rig):
-    return rig.send
-
-
-@fault('leader is not a number', within=0.25 + SLACK, led=True)
-def _(rig):
-    return partial(rig.lead, float('nan'))
-
-
-@fault('leader stands still', within=0.25 + SLACK, led=True)
-def _(rig):
-    return partial(rig.lead, 0.1 * (time.monotonic() % 1000.0))
-
-
-for name, seconds in {'SIGTERM': TIMEOUT, 'SIGKILL': 0.5, 'SIGSTOP': 0.5}.items():
-    @fault(f'{name} to direction', within=seconds + SLACK, led=True)
-    def _(rig, name=name):
-        rig.source.send(getattr(signal, name))
-        return rig.lead
-
-
-for name in ('SIGTSTP', 'SIGTTIN', 'SIGTTOU'):
-    @fault(f'{name}, then SIGCONT and what waited')
-    def _(rig, name=name):
+def paused(name):
+    """Stop the compensator, and continue it when much has come."""
+    def begin(rig):
         rig.process.send(getattr(signal, name))
         begin, continued = time.monotonic(), []
 
@@ -310,58 +225,58 @@ for name in ('SIGTSTP', 'SIGTTIN', 'SIGTTOU'):
                 rig.send(stamp=0)
             rig.probe.spin_for(0.002)
         return wait
+    return begin
 
 
-for name, number in {'configure': 1, 'cleanup': 2, 'activate': 3}.items():
-    @fault(f'{name} while active', within=1.0)
-    def _(rig, number=number):
-        client = rig.probe.create_client(ChangeState, '/compensator/change_state')
-        rig.probe.until(client.service_is_ready, 'the service', 10.0)
-        rig.drive()
-        client.call_async(ChangeState.Request(transition=Transition(id=number)))
+def deactivated(rig):
+    request = ChangeState.Request()
+    request.transition.label = 'deactivate'
+    rig.ask(ChangeState, 'change_state', request)
+    return rig.send
+
+
+def leader_still(rig):
+    return partial(rig.lead, 0.1 * (time.monotonic() % 1000.0))
+
+
+# Where the current must not break off: the old model goes on, and so does the loop.
+
+def asked(number):
+    def begin(rig):
+        rig.ask(ChangeState, 'change_state',
+                ChangeState.Request(transition=Transition(id=number)))
         return goes_on(rig)
+    return begin
 
 
-@fault('parameter of unknown type', within=1.0)
-def _(rig):
-    client = rig.probe.create_client(SetParameters, '/compensator/set_parameters')
-    rig.probe.until(client.service_is_ready, 'the service', 10.0)
-    rig.drive()
-    client.call_async(SetParameters.Request(parameters=[ParameterMessage(
-        name='law', value=ParameterValue(type=77))]))
-    return goes_on(rig)
+def with_parameter(name, value):
+    """Set a parameter to what a function gives."""
+    def begin(rig):
+        rig.ask(SetParameters, 'set_parameters', SetParameters.Request(
+            parameters=[ParameterMessage(name=name, value=value())]))
+        return goes_on(rig)
+    return begin
 
 
-@fault('/clock before zero', simulated=True, within=1.0)
-def _(rig):
+def with_model(write):
+    """Name a model file that a function writes to a path."""
+    def value():
+        path = Path(tempfile.mkdtemp()) / 'model.yaml'
+        write(path)
+        return Parameter('x', value=[str(path)]).get_parameter_value()
+    return with_parameter('model_files', value)
+
+
+def with_notes(count):
+    notes = ''.join(f'  n{k}: ' + 80 * 'x' + '\n' for k in range(count))
+    return with_model(lambda path: path.write_text(MODEL + 'notes:\n' + notes))
+
+
+def clock_before_zero(rig):
     tick = Clock()
     tick.clock.sec = -5
     rig.ticks.publish(tick)
     return goes_on(rig)
-
-
-MODEL = (ROOT / 'config' / 'armin_configuration_1.yaml').read_text(encoding='utf-8')
-NOTE = '  n{}: ' + 80 * 'x' + '\n'
-for name, write in {
-        'model file is a pipe': os.mkfifo,
-        'model file of 1.8 MB': lambda path: path.write_text(
-            MODEL + 'notes:\n' + ''.join(map(NOTE.format, range(20_000)))),
-        'model file of 0.9 MB': lambda path: path.write_text(
-            MODEL + 'notes:\n' + ''.join(map(NOTE.format, range(10_000)))),
-        'model with 99.5 A of breakaway': lambda path: path.write_text(
-            MODEL.replace('mean: 0.0995', 'mean: 99.5'))}.items():
-    # Here the current must not break off: the old model goes on, and so does the loop.
-    @fault(name, within=1.0)
-    def _(rig, write=write):
-        path = Path(tempfile.mkdtemp()) / 'model.yaml'
-        write(path)
-        client = rig.probe.create_client(SetParameters, '/compensator/set_parameters')
-        rig.probe.until(client.service_is_ready, 'the service', 10.0)
-        rig.drive()
-        client.call_async(SetParameters.Request(parameters=[ParameterMessage(
-            name='model_files',
-            value=Parameter('x', value=[str(path)]).get_parameter_value())]))
-        return goes_on(rig)
 
 
 def goes_on(rig):
@@ -383,6 +298,62 @@ def goes_on(rig):
         if calm > 20 and rig.current < 0.05:
             raise BrokeOffError
     return step
+
+
+class Fault(NamedTuple):
+    """A fault: the current must be zero `within` s. Where `led`, d comes from a leader."""
+
+    name: str
+    begin: Callable
+    within: float = TIMEOUT + SLACK
+    simulated: bool = False
+    led: bool = False
+
+
+MODEL = (ROOT / 'config' / 'armin_configuration_1.yaml').read_text(encoding='utf-8')
+ENDING = ('SIGINT', 'SIGTERM', 'SIGHUP', 'SIGQUIT', 'SIGABRT', 'SIGUSR1', 'SIGUSR2', 'SIGALRM')
+# The node direction knows the silence of a leader after 0.25 s, that of a planner after 0.5 s.
+LED = 0.25 + SLACK
+FAULTS = (
+    Fault('driver falls silent', silence),
+    Fault('stamp repeated for good', lambda rig: partial(rig.send, time.time_ns())),
+    Fault('stamps run 10 s ahead', with_changed('ahead', 10 * 10**9)),
+    Fault('stamps lag by 10 s', with_changed('ahead', -10 * 10**9)),
+    Fault('/clock stops under use_sim_time', with_changed('stopped_clock', True), simulated=True),
+    Fault('/clock and states stop', silence, simulated=True),
+    Fault('position not a number', sending(position=[float('nan')])),
+    Fault('velocity infinite', sending(velocity=[float('inf')])),
+    Fault('position of 1e300 rad', sending(position=[1e300])),
+    Fault('joint named twice', sending(
+        names=['elbow', 'elbow'], position=[0.0, 0.1], velocity=[0.0, 0.0])),
+    Fault('arrays of different lengths', sending(position=[0.0, 0.0])),
+    Fault('joint no more in the states', sending(names=['wrist'])),
+    # The next three are seen from what comes over a while, so that no true signal is taken for one.
+    Fault('two publishers of the joint', with_rival(
+        JointState, 'joint_states', lambda: joint_state(time.time_ns(), ['elbow'], [0.3])), 0.3),
+    Fault('two planners, one +1 and one -1', with_rival(
+        Int8MultiArray, 'direction', lambda: Int8MultiArray(data=array('b', [-1]))), 0.3),
+    Fault('velocity in deg/s', in_degrees, 0.7),
+    Fault('another commander', with_commander, 0.5),
+    *(Fault(f'{name} to the compensator', signalled(name)) for name in ENDING),
+    Fault('deactivated', deactivated, 0.5),
+    Fault('leader falls silent', lambda rig: rig.send, LED, led=True),
+    Fault('leader is not a number', lambda rig: partial(rig.lead, float('nan')), LED, led=True),
+    Fault('leader stands still', leader_still, LED, led=True),
+    *(Fault(f'{name} to direction', signalled(name, 'source', 'lead'), within + SLACK, led=True)
+      for name, within in {'SIGTERM': TIMEOUT, 'SIGKILL': 0.5, 'SIGSTOP': 0.5}.items()),
+    *(Fault(f'{name}, then SIGCONT and what waited', paused(name))
+      for name in ('SIGTSTP', 'SIGTTIN', 'SIGTTOU')),
+    *(Fault(f'{name} while active', asked(number), 1.0)
+      for name, number in {'configure': 1, 'cleanup': 2, 'activate': 3}.items()),
+    Fault('parameter of unknown type', with_parameter('law', lambda: ParameterValue(type=77)), 1.0),
+    Fault('/clock before zero', clock_before_zero, 1.0, simulated=True),
+    Fault('model file is a pipe', with_model(os.mkfifo), 1.0),
+    Fault('model file of 1.8 MB', with_notes(20_000), 1.0),
+    Fault('model file of 0.9 MB', with_notes(10_000), 1.0),
+    Fault('model with 99.5 A of breakaway', with_model(
+        lambda path: path.write_text(MODEL.replace('mean: 0.0995', 'mean: 99.5'))), 1.0),
+)
 
 
 if __name__ == '__main__':

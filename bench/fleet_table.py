@@ -8,15 +8,14 @@ Odd seeds are reported; even ones were looked at while the comparison was made.
     python3 bench/fleet_table.py --units 40 --seeds 7 9
     python3 bench/fleet_table.py --false-alarms 400
     python3 bench/fleet_table.py --new-units 10 --seeds 5 --fleet output/fleet_5
-    python3 bench/fleet_table.py --times --units 12 --seeds 5 --jobs 1 2 4
 """
 
-import argparse
+from dataclasses import replace
 import json
 from pathlib import Path
-import shutil
 import tempfile
 
+from bench_tools import table_parser
 from many_recordings import timed
 import numpy as np
 
@@ -40,7 +39,7 @@ def fleets(arguments):
         folder = (arguments.keep or Path(tempfile.mkdtemp())) / f'fleet_{seed}'
         odd = write_fleet(folder / 'units', seed, arguments.units, arguments.faults)
         spent, cpu, peak = timed(['refine', folder / 'units', '--each', '--jobs',
-                                  arguments.jobs[-1], '--output', folder / 'out'])
+                                  arguments.jobs, '--output', folder / 'out'])
         content = json.loads((folder / 'out' / 'report.json').read_text())
         found = {name: what for out in content['out'].values() for name, what in out.items()}
         # The simplest thing: the median of each reported parameter, three standard deviations.
@@ -164,53 +163,24 @@ def rms(model, samples):
 
 def without_prior(population):
     """Return the population with a prior that tells nothing."""
-    from dataclasses import replace
     prior = replace(population.prior, deviation=[1e6] * len(population.prior.mean))
     return replace(population, prior=prior)
 
 
-def times(arguments):
-    """Print times of a fleet with several numbers of processes, and of another checkout's."""
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        write_fleet(folder / 'units', arguments.seeds[0], arguments.units)
-        for jobs in arguments.jobs:
-            spent, cpu, _ = timed(['refine', folder / 'units', '--each', '--jobs', jobs,
-                                   '--output', folder / f'out_{jobs}'])
-            print(f'{arguments.units} recordings, {jobs} processes: {spent:.0f} s, {cpu:.0f} s of '
-                  'processor time', flush=True)
-            shutil.rmtree(folder / f'out_{jobs}')
-        if arguments.other:
-            import bench_tools
-            import many_recordings
-            many_recordings.ROOT = bench_tools.ROOT = arguments.other
-            for jobs in arguments.jobs:
-                spent, cpu, _ = timed(['refine', folder / 'units', '--each', '--jobs', jobs,
-                                       '--output', folder / f'other_{jobs}'])
-                print(f'{arguments.other.name}, {jobs} processes: {spent:.0f} s, {cpu:.0f} s of '
-                      'processor time', flush=True)
-
-
 def main():
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--units', type=int, default=40)
+    parser = table_parser(__doc__, units=40, jobs=2)
     parser.add_argument('--seeds', type=int, nargs='+', default=[5])
     parser.add_argument('--faults', nargs='*', default=[], choices=list(FAULTS))
-    parser.add_argument('--jobs', type=int, nargs='+', default=[2])
     parser.add_argument('--keep', type=Path, help='folder in which the fleets stay')
     parser.add_argument('--false-alarms', type=int, metavar='FLEETS')
     parser.add_argument('--new-units', type=int)
     parser.add_argument('--fleet', type=Path, help='fleet that --keep kept')
-    parser.add_argument('--times', action='store_true')
-    parser.add_argument('--other', type=Path, help='another checkout to time as well')
     arguments = parser.parse_args()
     if arguments.false_alarms:
         false_alarms(arguments.false_alarms)
     elif arguments.new_units:
         new_units(arguments)
-    elif arguments.times:
-        times(arguments)
     else:
         fleets(arguments)
 

@@ -12,9 +12,8 @@ Even seeds and odd ones are reported apart.
     python bench/improve_table.py [--first 100] [--drives 10] [--seconds 30] [--jobs 1]
 """
 
-import argparse
 
-from bench_tools import processes
+from bench_tools import processes, table_parser
 import numpy as np
 
 from friction_comp.excitation.improve import improve, prediction_error, Schedule
@@ -67,11 +66,7 @@ def judged(pair, seed, motion, seconds):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--first', type=int, default=100)
-    parser.add_argument('--drives', type=int, default=10)
-    parser.add_argument('--seconds', type=float, default=30.0)
-    parser.add_argument('--jobs', type=int, default=1)
+    parser = table_parser(__doc__, first=100, drives=10, seconds=30.0, jobs=1)
     arguments = parser.parse_args()
     seeds = range(arguments.first, arguments.first + arguments.drives)
     print('pair, motion, half: right, trusted, of; median s; error elsewhere', flush=True)

@@ -11,13 +11,12 @@ it is. A rule that changes no column earns nothing. What compiled code contains 
 it is compiled, in a process of its own and with a cache of its own, which takes some seconds more.
 """
 
-import argparse
 import importlib
 import math
 import os
 import tempfile
 
-from bench_tools import processes
+from bench_tools import processes, table_parser
 from law_table import bank_of, FLOORS, WORLDS
 
 PARAMETERS = 'friction_comp.compensation.law_parameters.'
@@ -60,15 +59,13 @@ COLUMNS = {
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
+    parser = table_parser(__doc__, seed=0, workers=2)
     parser.add_argument('--rules', nargs='+', default=list(RULES), choices=RULES, metavar='NAME')
     parser.add_argument('--worlds', nargs='+', default=list(WORLDS), choices=WORLDS)
     parser.add_argument('--floors', nargs='+', choices=FLOORS, default=[
         name for name in FLOORS if name not in ('identification', 'bad_samples')])
     parser.add_argument('--models', choices=['true', 'identified'], default='true')
-    parser.add_argument('--seed', type=int, default=0)
     parser.add_argument('--draws', type=int, help='gears of each kind')
-    parser.add_argument('--workers', type=int, default=2)
     options = parser.parse_args()
     names = None
     for rule in options.rules:

@@ -24,7 +24,7 @@ import importlib.util
 import sys
 import time
 
-from bench_tools import processes
+from bench_tools import processes, table_parser
 
 from friction_comp.compensation import law_parameters
 from law_judge.bad_samples import bad_samples
@@ -32,6 +32,7 @@ from law_judge.bank import make_bank
 from law_judge.identification import identification, identified_bank
 from law_judge.peak import peak
 from law_judge.quiet import flicker, knock, quiet
+from law_judge.refined import REFINED
 from law_judge.release import release
 from law_judge.reversal import reversal
 from law_judge.to_and_fro import leader, reaches, to_and_fro
@@ -40,9 +41,9 @@ from law_judge.untouched import lost, untouched, weight
 FLOORS = {f.__name__: f for f in (
     release, untouched, lost, weight, knock, flicker, quiet, peak, reversal, to_and_fro,
     reaches, leader, bad_samples, identification)}
-# Folder, kinds, and gears of each.
-WORLDS = {'gear': ('independent_gear', 'KINDS', 2), 'mujoco': ('mujoco_gear', 'KINDS', 4),
-          'refined': ('independent_gear', 'REFINED', 1), 'chain': ('maxwell_chain', 'KINDS', 4)}
+# Module, kinds where not all of its own, and gears of each.
+WORLDS = {'gear': ('world.gear', None, 2), 'mujoco': ('world.mujoco_gear', None, 4),
+          'refined': ('world.gear', REFINED, 1), 'chain': ('world.maxwell_chain', None, 4)}
 
 
 def main():
@@ -61,7 +62,7 @@ def main():
 
 
 def parse():
-    parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
+    parser = table_parser(__doc__, seed=0, workers=2)
     parser.add_argument('--worlds', nargs='+', default=list(WORLDS), choices=WORLDS)
     parser.add_argument('--models', nargs='+', default=['true'], choices=('true', 'identified'))
     parser.add_argument('--laws', nargs='+', default=['continuous'],
@@ -73,8 +74,6 @@ def parse():
                         help="fields of the world's gears that are set to zero")
     parser.add_argument('--draws', type=int, help='gears of each kind')
     parser.add_argument('--kinds', nargs='+')
-    parser.add_argument('--seed', type=int, default=0)
-    parser.add_argument('--workers', type=int, default=2)
     parser.add_argument('--detail', action='store_true', help='what is behind each figure')
     options = parser.parse_args()
     if 'mujoco' in options.worlds and importlib.util.find_spec('mujoco') is None:
@@ -124,10 +123,9 @@ def bank_of(name, models, seed, draws=None, kinds=None, without=()):
     """Return a world's gears with their models, made once a process, and what was refused."""
     key = name, models
     if key not in _banks:
-        folder, which, few = WORLDS[name]
-        world = importlib.import_module(f'{folder}.world')
-        bank = make_bank(world, kinds or getattr(world, which), draws or few, seed,
-                         without=without)
+        module, which, few = WORLDS[name]
+        world = importlib.import_module(module)
+        bank = make_bank(world, kinds or which or world.KINDS, draws or few, seed, without=without)
         _banks[key] = identified_bank(bank) if models == 'identified' else (bank, [])
     return _banks[key]
 

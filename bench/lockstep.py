@@ -9,12 +9,11 @@ joint's time over real time, from the first diagnostics of the movement to the l
 process takes of the processor for one sample, in µs.
 """
 
-import argparse
 from pathlib import Path
 import tempfile
 import time
 
-from bench_tools import processor_time
+from bench_tools import processor_time, table_parser
 from ros_system import MODELS, own_domain, probe_node, Process, value_of
 
 MOVEMENT = {'amplitude': 0.7, 'speed': 0.5, 'acceleration_time': 0.5, 'standstill': 1.0,
@@ -55,9 +54,7 @@ def measure(seconds, count, folder):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
-    parser.add_argument('--seconds', type=float, default=20.0)
-    parser.add_argument('--joints', type=int, default=1)
+    parser = table_parser(__doc__, seconds=20.0, joints=1)
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         speed, cost = measure(arguments.seconds, arguments.joints, Path(folder))

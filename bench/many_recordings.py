@@ -4,13 +4,13 @@
 
 `refine --each` and `evaluate` over short recordings of simulated drives, the tools as a user
 starts them. Memory is the largest sum of what all processes of a tool have to themselves (PSS).
-`--hour` evaluates one hour of seven joints at 1 kHz instead, in a stream, and prints its peak.
+`--hour` evaluates one hour (or --length s) of seven joints at 1 kHz instead, in a stream, and
+prints its peak.
 
     python3 bench/many_recordings.py --recordings 200
     python3 bench/many_recordings.py --hour
 """
 
-import argparse
 from contextlib import suppress
 import json
 import os
@@ -21,7 +21,7 @@ import sys
 import tempfile
 import time
 
-from bench_tools import ROOT
+from bench_tools import ROOT, table_parser
 import numpy as np
 
 from friction_comp.recordings import RecordingWriter, write_samples
@@ -115,12 +115,8 @@ def timed(arguments):
 
 def main():
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--recordings', type=int, default=20)
-    parser.add_argument('--seconds', type=float, default=20.0)
-    parser.add_argument('--rate', type=float, default=125.0)
+    parser = table_parser(__doc__, recordings=20, seconds=20.0, rate=125.0, length=3600.0)
     parser.add_argument('--hour', action='store_true')
-    parser.add_argument('--length', type=float, default=3600.0, help='s of the "hour"')
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         room = Path(name)

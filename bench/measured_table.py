@@ -8,9 +8,6 @@ takes the error as the sets' README says. Sets that are not there are skipped wi
     python3 bench/measured_table.py [--data ../shared/data] [--sets emps ...] [--output DIR]
 """
 
-from __future__ import annotations
-
-import argparse
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 import json
@@ -20,7 +17,7 @@ import subprocess
 import sys
 import tempfile
 
-from bench_tools import ROOT
+from bench_tools import ROOT, table_parser
 import numpy as np
 from scipy.signal import butter, filtfilt
 
@@ -169,11 +166,10 @@ def show(result):
 
 def main():
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = table_parser(__doc__, jobs=1)
     parser.add_argument('--data', type=Path, default=ROOT.parent / 'shared' / 'data')
     parser.add_argument('--sets', nargs='*', help='names of sets; all by default')
     parser.add_argument('--output', type=Path, help='folder for the reports')
-    parser.add_argument('--jobs', type=int, default=1)
     arguments = parser.parse_args()
     rows = [r for r in ROWS if not arguments.sets or r.data in arguments.sets]
     with tempfile.TemporaryDirectory() as scratch, ThreadPoolExecutor(arguments.jobs) as pool:

@@ -9,11 +9,10 @@ back-driving torque of one drive of config/ in N·m, compensated with its own, e
 damping of presliding is what config/ has (a share of critical damping, printed) or a given share.
 """
 
-import argparse
 from dataclasses import dataclass, replace
 import math
 
-import bench_tools  # noqa: F401
+from bench_tools import table_parser
 
 from friction_comp.note.condition_runs import mean_peak, run_trial
 from friction_comp.note.published import Experiment, EXPERIMENTS
@@ -26,10 +25,7 @@ LAWS = ('kinetic', 'paper', 'continuous')
 class Damped(Experiment):
     """An experiment whose simulated joint has another presliding damping.
 
-    Attributes
-    ----------
-    share : float or None
-        Of critical damping; None keeps what the model file has.
+    `share`: float or None; of critical damping; None keeps what the model file has.
     """
 
     share: float | None = None
@@ -57,8 +53,7 @@ def peaks(experiment, seed):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
-    parser.add_argument('--seed', type=int, default=1)
+    parser = table_parser(__doc__, seed=1)
     parser.add_argument('--shares', type=float, nargs='+', default=[1.0, 0.5], metavar='C')
     arguments = parser.parse_args()
     print('configuration   damping / critical   d = 0   printed law, d = ±1   continuous law')

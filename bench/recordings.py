@@ -11,7 +11,6 @@ damage   zeroed blocks of 4096 bytes at random places of the first file: recover
 
 import argparse
 from array import array
-import os
 from pathlib import Path
 import random
 import resource
@@ -21,7 +20,8 @@ import sys
 import tempfile
 import time
 
-from bench_tools import ROOT
+from bench_tools import table_parser
+from node_process import environment
 
 from friction_comp.errors import InputError
 from friction_comp.recordings import read_recording_with_info
@@ -74,16 +74,16 @@ def publish(seconds, joints):
 
 def record(folder, seconds, joints, domain):
     """Return what was published and recorded of each topic, losses counted, and CPU in s."""
-    environment = dict(os.environ, PYTHONPATH=str(ROOT), ROS_LOG_DIR=str(folder / 'log'),
-                       ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST', ROS_DOMAIN_ID=str(domain))
+    alone = environment(ROS_LOG_DIR=str(folder / 'log'), ROS_DOMAIN_ID=str(domain),
+                        ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
     recorder = subprocess.Popen(
         [sys.executable, '-m', 'friction_comp', 'recorder', '--ros-args', '-p',
          f'output:={folder / "load"}', '-p', f'max_file_duration:={seconds / 4}'],
-        env=environment, stderr=subprocess.DEVNULL)
+        env=alone, stderr=subprocess.DEVNULL)
     before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
     try:
         subprocess.run([sys.executable, __file__, '--publish', str(seconds), str(joints)],
-                       env=environment, check=True, timeout=seconds * 3 + 120)
+                       env=alone, check=True, timeout=seconds * 3 + 120)
     finally:
         published = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
         recorder.send_signal(signal.SIGINT)
@@ -119,10 +119,7 @@ def damage(file, room):
 
 def main():
     """Run all and print a table."""
-    parser = argparse.ArgumentParser(description=__doc__,
-                                     formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--seconds', type=float, default=60.0)
-    parser.add_argument('--joints', type=int, default=7)
+    parser = table_parser(__doc__, seconds=60.0, joints=7)
     parser.add_argument('--publish', nargs=2, type=float, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.publish:

@@ -6,7 +6,8 @@
                                      [--worlds second single none arms measured] [--first N]
                                      [--draws N] [--output results.json]
 
-With --output, results of earlier runs are read from the file and not computed again.
+--first is the number of the first draw. With --output, results of earlier runs are read from the
+file and not computed again.
 
 Worlds: the second world (tuning half), drives of `refine_table` with one hidden effect and with
 none, simulated arms (tuning seeds), and the measured recordings, where they are there. Columns:
@@ -17,16 +18,13 @@ error     geometric mean of the error on recordings that were not fitted, over t
 worse     cases whose error is more than a tenth above that with all rules; and below it
 """
 
-from __future__ import annotations
-
-import argparse
 from concurrent.futures import as_completed
 import importlib
 import json
 from pathlib import Path
 import sys
 
-from bench_tools import processes, ROOT
+from bench_tools import processes, ROOT, table_parser
 import numpy as np
 
 DATA = ROOT.parent / 'shared' / 'data'
@@ -230,12 +228,9 @@ def show(results):
 
 def main():
     """Judge all cases with all rules, then without each of them."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = table_parser(__doc__, draws=1, first=0, jobs=1)
     parser.add_argument('--rules', nargs='*', default=list(RULES))
     parser.add_argument('--worlds', nargs='*', default=WORLDS, choices=WORLDS)
-    parser.add_argument('--draws', type=int, default=1)
-    parser.add_argument('--first', type=int, default=0, help='number of the first draw')
-    parser.add_argument('--jobs', type=int, default=1)
     parser.add_argument('--output', type=Path, help='JSON file for the single results')
     arguments = parser.parse_args()
     unknown = {name for rule in arguments.rules for name in rule.split(' + ')} - set(RULES)

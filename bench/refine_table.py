@@ -5,6 +5,8 @@
     python3 bench/refine_table.py [--draws N] [--pairs N] [--none N] [--seed N] [--jobs N]
                                   [--kinds single pair outside none] [--cases gravity ...]
 
+--draws are drives for each effect, --pairs and --none those with two effects and with none.
+
 Every draw is a new random drive with undeclared effects of random strength; refinement gets one
 set of recordings, and the error is taken on another that it has not seen. Columns:
 
@@ -15,11 +17,10 @@ ratio     median of error over noise floor
 before    the same for the note's sigmoid alone
 """
 
-import argparse
 import sys
 import time
 
-from bench_tools import processes
+from bench_tools import processes, table_parser
 import numpy as np
 from outside_effects import OUTSIDE
 
@@ -146,16 +147,10 @@ def misses(rows):
 
 
 def main():
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--draws', type=int, default=10, help='drives for each effect')
-    parser.add_argument('--pairs', type=int, default=20, help='drives with two effects')
-    parser.add_argument('--none', type=int, default=100, help='drives with no effect')
+    parser = table_parser(__doc__, draws=10, pairs=20, none=100, seed=1000, jobs=2)
     parser.add_argument('--kinds', nargs='+', default=['single', 'pair', 'outside', 'none'],
                         choices=['single', 'pair', 'outside', 'none'])
     parser.add_argument('--cases', nargs='+', choices=list(CASES), help='only these effects')
-    parser.add_argument('--seed', type=int, default=1000)
-    parser.add_argument('--jobs', type=int, default=2)
     options = parser.parse_args()
     rows = tasks(options)
     flat = [task for _, group in rows for task in group]

@@ -13,17 +13,15 @@ between two answers in the SETTLING seconds after the first, in which whatever i
 for the first time would show.
 """
 
-import argparse
 from array import array
-import os
 from pathlib import Path
 import subprocess
 import sys
 import tempfile
 import time
 
-from bench_tools import processor_time, ROOT
-from node_process import ros_arguments
+from bench_tools import processor_time, table_parser
+from node_process import environment, ros_arguments
 import numpy as np
 from ros_system import BEST_EFFORT, MODELS, own_domain, probe_node
 from sensor_msgs.msg import JointState
@@ -53,11 +51,6 @@ node.create_subscription(JointState, 'joint_states', on_states, QoSProfile(
     depth=10, reliability=ReliabilityPolicy.BEST_EFFORT))
 rclpy.spin(node)
 """
-
-
-def environment():
-    return dict(os.environ, PYTHONPATH=os.pathsep.join(
-        [str(ROOT), *filter(None, [os.environ.get('PYTHONPATH')])]))
 
 
 def start(kind, joints, folder):
@@ -139,9 +132,7 @@ def settle(probe, send, arrived):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
-    parser.add_argument('--seconds', type=float, default=8.0)
-    parser.add_argument('--pairs', type=int, default=5)
+    parser = table_parser(__doc__, seconds=8.0, pairs=5)
     parser.add_argument('--joints', type=int, nargs='+', default=[1, 7])
     arguments = parser.parse_args()
     print('joints   median   99th percentile   processor   first answer   its processor   '

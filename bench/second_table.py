@@ -5,18 +5,16 @@
     python3 bench/second_table.py [--half tuning|kept|both] [--draws N] [--start N]
                                   [--families ripple ...] [--jobs N] [--limit S]
 
+--draws are seeds of each half and family from number --start on, --limit is s for one case.
 Even seeds are the tuning half, odd ones the kept half: change nothing by what the kept half says.
 """
 
-from __future__ import annotations
-
-import argparse
 from collections import Counter
 from concurrent.futures import as_completed
 import signal
 import time
 
-from bench_tools import processes
+from bench_tools import processes, table_parser
 
 from second_world.families import FAMILIES
 from second_world.judging import judge, summary
@@ -92,14 +90,10 @@ def print_false_names(results):
 
 def main():
     """Judge cases side by side and print the table of each half."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = table_parser(__doc__, draws=1, start=0, jobs=1, limit=240.0)
     parser.add_argument('--half', choices=('tuning', 'kept', 'both'), default='tuning')
-    parser.add_argument('--draws', type=int, default=1, help='seeds of each half and family')
-    parser.add_argument('--start', type=int, default=0, help='number of the first draw')
     parser.add_argument('--families', nargs='+', default=list(FAMILIES), choices=FAMILIES,
                         metavar='NAME')
-    parser.add_argument('--jobs', type=int, default=1)
-    parser.add_argument('--limit', type=float, default=240.0, help='seconds for one case')
     arguments = parser.parse_args()
     work = [(f, s) for s in seeds_of(arguments.half, arguments.draws, arguments.start)
             for f in arguments.families]

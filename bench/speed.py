@@ -15,7 +15,6 @@ closed loop  a movement under the law, per sample: loop in Python, joint and law
 refine       80 000 samples over every fourth of them, 20 000; 4 is proportional
 """
 
-import argparse
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 import math
@@ -23,7 +22,7 @@ import multiprocessing
 import os
 import time
 
-from bench_tools import ROOT
+from bench_tools import ROOT, table_parser
 
 CONFIG = ROOT / 'config' / 'armin_configuration_2.yaml'
 
@@ -173,9 +172,7 @@ def show(name, result):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
-    parser.add_argument('--pairs', type=int, default=15)
-    parser.add_argument('--refine-pairs', type=int, default=3)
+    parser = table_parser(__doc__, pairs=15, refine_pairs=3)
     arguments = parser.parse_args()
     print('                ratio   quartiles                slow /      fast')
     fresh = partial(ProcessPoolExecutor, 1, multiprocessing.get_context('spawn'), begin)

@@ -2,18 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether Stribeck friction and warm-up are named at many speeds and motions.
 
-    python3 bench/stribeck_table.py [--seed N] [--draws N] [--jobs N]
+    python3 bench/stribeck_table.py [--seed N] [--drives N] [--jobs N]
+
+--drives are of each effect; even seeds are for tuning, odd ones for reporting.
 
 Each drive has one of the two beside Coulomb and viscous friction and inertia, and moves in one of
 five ways at a top speed of 0.3 to 3 rad/s. No thermometer is recorded. The last two columns are the
 held-out errors over the noise: of the refined model, and of Coulomb and viscous friction alone.
 """
 
-from __future__ import annotations
 
-import argparse
-
-from bench_tools import processes
+from bench_tools import processes, table_parser
 import numpy as np
 
 from friction_comp.drive import Drive
@@ -98,11 +97,7 @@ def judge(task: tuple[str, int, int]) -> dict[str, object]:
 
 def main() -> None:
     """Print a row for each effect, and a line for each drive on which it is not named alone."""
-    parser = argparse.ArgumentParser(description=__doc__,
-                                     formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--seed', type=int, default=2, help='even for tuning, odd for reporting')
-    parser.add_argument('--drives', type=int, default=20, help='of each effect')
-    parser.add_argument('--jobs', type=int, default=2)
+    parser = table_parser(__doc__, seed=2, drives=20, jobs=2)
     options = parser.parse_args()
     tasks = [(effect, number, options.seed) for effect in NAMES for number in range(options.drives)]
     with processes(options.jobs) as pool:

@@ -5,13 +5,12 @@
     python3 bench/table_memory.py --rows 10000000
 """
 
-import argparse
 from pathlib import Path
 import resource
 import tempfile
 import time
 
-import bench_tools  # noqa: F401
+from bench_tools import table_parser
 import numpy as np
 
 from friction_comp.recordings import stream_recording_with_info
@@ -28,8 +27,7 @@ def write(path, rows, block=100_000):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--rows', type=int, default=10_000_000)
+    parser = table_parser(__doc__, rows=10_000_000)
     rows = parser.parse_args().rows
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / 'log.csv'

@@ -10,8 +10,6 @@ the motion finds is printed as a share of the truth, and whether refinement says
 have to push, by which it tells a controller.
 """
 
-from __future__ import annotations
-
 import bench_tools  # noqa: F401
 from numba import njit
 import numpy as np

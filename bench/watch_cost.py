@@ -13,7 +13,6 @@ other slower. --readers measures what is behind it, also on a busy machine: what
 command takes with no reader, one and two, while readers come and go every two seconds.
 """
 
-import argparse
 from array import array
 from contextlib import ExitStack
 import os
@@ -24,7 +23,7 @@ import sys
 import tempfile
 import time
 
-from bench_tools import processor_time, ROOT
+from bench_tools import processor_time, ROOT, table_parser
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
 from ros_system import joint_state, MODELS, own_domain, probe_node, Process, RELIABLE, value_of
@@ -125,8 +124,7 @@ def publishing(seconds=60.0):
 
 def main():
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--pieces', type=int, default=5)
+    parser = table_parser(__doc__, pieces=5)
     parser.add_argument('--readers', action='store_true')
     arguments = parser.parse_args()
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'

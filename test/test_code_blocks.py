@@ -132,7 +132,7 @@ def check_node(arguments):
 
 @pytest.mark.parametrize('page', PAGES, ids=lambda path: path.name)
 def test_files_that_a_page_names_are_there(page):
-    named = re.findall(r'`((?:test|bench|config|docs|launch|friction_comp)/[\w./]+)`',
+    named = re.findall(r'`((?:test|bench|harness|config|docs|launch|friction_comp)/[\w./]+)`',
                        page.read_text(encoding='utf-8'))
     # NAME is a placeholder for an addition.
     assert [name for name in named if 'NAME' not in name and not (ROOT / name).exists()] == []

@@ -1,25 +1,27 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The gears of bench/independent_gear obey physics, so that they can judge the law."""
+"""The gears of bench/world/gear obey physics, so that they can judge the law."""
 
+import ast
 from dataclasses import replace
 import functools
 import importlib
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from independent_gear import world
-from independent_gear.gears import draw_gears, frictionless, KINDS
-from independent_gear.plant import Plant
-from independent_gear.state import CLAMP, FRICTIONS
-from independent_gear.truth import breakaway_currents, presliding, steady_friction
 from law_judge.bank import make_bank
 from law_judge.identification import identification
 from law_judge.model import true_models
-from law_judge.person import nobody
-from law_judge.persons import draw_persons, drivers, FIRM
+from world import gear as world
+from world.gear.gears import draw_gears, frictionless, KINDS
+from world.gear.plant import Plant
+from world.gear.state import CLAMP, FRICTIONS
+from world.gear.truth import breakaway_currents, presliding, steady_friction
+from world.person import nobody
+from world.persons import draw_persons, drivers, FIRM
 
 EVEN, ODD = 0, 1
 
@@ -194,12 +196,12 @@ def test_a_joint_left_alone_stays_and_a_firm_person_is_stable():
         assert np.all(np.abs(plant.states['link']) < 2e-3)
 
 
-@pytest.fixture(params=['independent_gear', 'mujoco_gear'])
+@pytest.fixture(params=['gear', 'mujoco_gear'])
 def each_world(request):
     """Return the module of a world, and one of its gears of each kind."""
     if request.param == 'mujoco_gear':
         pytest.importorskip('mujoco', reason='MuJoCo is not in this environment')
-    other = importlib.import_module(f'{request.param}.world')
+    other = importlib.import_module(f'world.{request.param}')
     return other, np.concatenate([other.draw_gears(kind, 1, EVEN) for kind in other.KINDS])
 
 
@@ -261,3 +263,16 @@ def test_the_initial_presliding_curve_has_the_drawn_distance():
     gears['link_coulomb'] = 0.0
     for gear in gears[gears['friction'] == FRICTIONS['lugre']]:
         assert presliding(gear)[0] == pytest.approx(gear['presliding'], rel=0.02)
+
+
+def test_the_world_knows_nothing_of_the_package_but_its_samples_and_of_no_judge():
+    """Its point is to be independent of what it judges."""
+    for path in sorted(Path(world.__file__).parents[1].rglob('*.py')):
+        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else [
+                f'{node.module}.{alias.name}' for alias in node.names
+                ] if isinstance(node, ast.ImportFrom) else []
+            for name in names:
+                assert name.split('.')[0] not in {
+                    'friction_comp', 'law_judge', 'second_world', 'simulated_recordings',
+                    } or name == 'friction_comp.Samples', f'{path.name}: {name}'

@@ -1,10 +1,11 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The drives of bench/maxwell_chain obey what they say of themselves."""
+"""The drives of bench/world/maxwell_chain.py obey what they say of themselves."""
 
-from maxwell_chain import world
 import numpy as np
 import pytest
+
+from world import maxwell_chain as world
 
 
 def plain(kind):

@@ -8,12 +8,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from second_world import arm, motion, oracle
+from second_world import oracle
 from second_world.cases import make
-from second_world.drive import Controller, DT, energy_balance, simulate
 from second_world.families import draw, FAMILIES
-from second_world.joint import Joint, new_state, resistance
 from second_world.judging import said_right
+from world import arm, motion
+from world.drive import Controller, DT, simulate
+from world.joint import carried, Joint, new_state, resistance
 
 
 def reference(kind, seconds=4.0):
@@ -21,6 +22,25 @@ def reference(kind, seconds=4.0):
 
 
 FOLLOWS = Controller(proportional=40.0, derivative=2.0, integral=20.0)
+
+
+def energy_balance(joint, trace):
+    """Return work of the motor, gain of energy and work against friction, each in A rad.
+
+    For a joint with nothing but inertia, pendulum, spring and friction; with the currents taken
+    as torque over k_t n, the first equals the sum of the other two.
+    """
+    work = np.sum(trace.current * trace.v) * DT
+    kinetic = 0.5 * joint.inertia * (trace.v[-1] ** 2 - trace.v[0] ** 2)
+    height = [-joint.gravity * np.cos(q + joint.gravity_phase)
+              + 0.5 * joint.spring * (q - joint.spring_centre) ** 2 + joint.offset * q
+              for q in (trace.q[0], trace.q[-1])]
+    state = new_state(trace.q[0])
+    lost = 0.0
+    for t, q, v in zip(trace.time, trace.q, trace.v):
+        total = resistance(joint, state, t, q, v, 0.0, 0.0, DT)
+        lost += (total - carried(joint, q, v, 0.0)) * v * DT
+    return work, kinetic + height[1] - height[0], lost
 
 
 @pytest.mark.slow

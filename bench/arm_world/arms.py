@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Random chains of links with friction in their joints; Pinocchio computes their dynamics."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -28,18 +26,9 @@ def log_uniform(generator, low, high):
 class Friction:
     """Friction of n joints, each attribute of shape (n,).
 
-    Parameters
-    ----------
-    coulomb : ndarray
-        N·m.
-    viscous : ndarray
-        N·m·s/rad.
-    stribeck : ndarray
-        What breakaway asks beyond Coulomb friction, N·m.
-    stribeck_speed : ndarray
-        Speed over which that fades, rad/s.
-    reversal_speed : ndarray
-        Speed over which friction changes its sign, rad/s.
+    `coulomb`: N·m. `viscous`: N·m·s/rad. `stribeck`: what breakaway asks beyond Coulomb friction,
+    N·m. `stribeck_speed`: speed over which that fades, rad/s. `reversal_speed`: speed over which
+    friction changes its sign, rad/s.
     """
 
     coulomb: np.ndarray
@@ -52,15 +41,7 @@ class Friction:
     def draw(cls, generator, speed):
         """Draw friction whose Coulomb and viscous parts together are 1 N·m at a speed.
 
-        Parameters
-        ----------
-        generator : numpy.random.Generator
-        speed : ndarray, shape (n,)
-            How fast each joint moves, rad/s.
-
-        Returns
-        -------
-        Friction
+        `speed`: ndarray, shape (n,); how fast each joint moves, rad/s.
         """
         n = len(speed)
         coulomb = generator.uniform(0.4, 0.95, n)
@@ -79,17 +60,9 @@ class Friction:
     def torque(self, velocity, rest_share=None):
         """Return the friction of all joints.
 
-        Parameters
-        ----------
-        velocity : ndarray, shape (..., n)
-            rad/s.
-        rest_share : ndarray, shape (..., n), optional
-            Share of Coulomb friction, with its sign, that acts where a joint stands.
-
-        Returns
-        -------
-        ndarray, shape (..., n)
-            N·m.
+        `velocity`: ndarray, shape (..., n); rad/s. `rest_share`: ndarray, shape (..., n),
+        optional; share of Coulomb friction, with its sign, that acts where a joint stands.
+        Returns N·m of shape (..., n).
         """
         sign = np.tanh(velocity / self.reversal_speed)
         moving = self.coulomb * sign + self.viscous * velocity + (
@@ -103,13 +76,8 @@ class Friction:
 class Arm:
     """A chain with n joints.
 
-    Parameters
-    ----------
-    model : pinocchio.Model
-        The links, without what the rotors add.
-    rotor_inertia : ndarray, shape (n,)
-        What each rotor adds at the joint's side, kg·m².
-    friction : Friction
+    `model`: the links, without what the rotors add. `rotor_inertia`: ndarray, shape (n,); what
+    each rotor adds at the joint's side, kg·m².
     """
 
     model: pinocchio.Model
@@ -183,20 +151,9 @@ def _joint_about(axis):
 def draw_chain(generator, joints, style, base):
     """Draw a chain of ellipsoids, lighter towards its end.
 
-    Parameters
-    ----------
-    generator : numpy.random.Generator
-    joints : int
-        At most 6.
-    style : {'planar', 'alternating', 'random'}
-        Axes all parallel, upright and across by turns, or in any direction.
-    base : {'upright', 'wall', 'ceiling'}
-        What the arm is fixed to.
-
-    Returns
-    -------
-    pinocchio.Model
-        Joints are called joint1, joint2, ...
+    `joints`: at most 6. `style`: {'planar', 'alternating', 'random'}; axes all parallel, upright
+    and across by turns, or in any direction. `base`: {'upright', 'wall', 'ceiling'}; what the arm
+    is fixed to. Joints are called joint1, joint2 and so on.
     """
     model = pinocchio.Model()
     axes = _axes(generator, joints, style)

@@ -7,8 +7,6 @@ that can be had. They are taken where the joint moves, since friction at rest de
 a recording tells, and over both scores, of the same amplitude and of another.
 """
 
-from __future__ import annotations
-
 import time
 
 import numpy as np
@@ -23,16 +21,9 @@ STANDING = 0.04  # of the speed that 95 % of the samples to fit are below
 def judge(seed):
     """Refine the case of a seed and say how well it does.
 
-    Parameters
-    ----------
-    seed : int
-
-    Returns
-    -------
-    dict
-        Errors `start`, `refined` and `held_out` as multiples of the noise,
-        `noise` in N·m, `seconds` of processor time that refinement took; `failed` instead of what
-        refinement says where it ended with an error.
+    Returns a dict: errors `start`, `refined` and `held_out` as multiples of the noise, `noise` in
+    N·m, `seconds` of processor time that refinement took; `failed` instead of what refinement says
+    where it ended with an error.
     """
     drawn = case(seed)
 

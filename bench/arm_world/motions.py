@@ -7,8 +7,6 @@ recordings of a case share with `draw`, and `move` draws one recording. The four
 in which torques are given instead, is in `swing`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,14 +19,9 @@ from arm_world.arms import log_uniform
 class Motion:
     """True motion of n joints, each attribute of shape (N, n).
 
-    Parameters
-    ----------
-    position, velocity, acceleration : ndarray
-        rad, rad/s and rad/s².
-    rest_share : ndarray, optional
-        Share of Coulomb friction, with its sign, that acts where a joint stands.
-    torque : ndarray, optional
-        Torque of the motors in N·m, where motion followed from it.
+    `position`, `velocity`, `acceleration`: rad, rad/s and rad/s². `rest_share`: ndarray, optional;
+    share of Coulomb friction, with its sign, that acts where a joint stands. `torque`: ndarray,
+    optional; torque of the motors in N·m, where motion followed from it.
     """
 
     position: np.ndarray
@@ -55,14 +48,8 @@ def _standing(posture, samples):
 class Multisine:
     """A few slow sines in each joint, with the ripple that a controller's tracking leaves.
 
-    Parameters
-    ----------
-    centre : ndarray, shape (n,)
-        rad.
-    frequencies, amplitudes : list of ndarray
-        Of each joint's sines, Hz and rad.
-    ripple : float
-        rad.
+    `centre`: ndarray, shape (n,); rad. `frequencies`, `amplitudes`: list of ndarray; of each
+    joint's sines, Hz and rad. `ripple`: rad.
     """
 
     centre: np.ndarray
@@ -102,16 +89,9 @@ class Multisine:
 class PointToPoint:
     """Smooth moves between random postures, with pauses.
 
-    Parameters
-    ----------
-    centre, reach : ndarray, shape (n,)
-        Postures are within `reach` of `centre`, rad.
-    top_speed : ndarray, shape (n,)
-        rad/s.
-    still : float
-        How probable it is that a joint stays where it is.
-    together : bool
-        Whether all joints arrive at once.
+    `centre`, `reach`: ndarray, shape (n,); postures are within `reach` of `centre`, rad.
+    `top_speed`: ndarray, shape (n,); rad/s. `still`: how probable it is that a joint stays where
+    it is. `together`: whether all joints arrive at once.
     """
 
     centre: np.ndarray
@@ -173,14 +153,8 @@ def _smooth_move(motion, joint, since, lasts, start, target):
 class Joystick:
     """Speeds that a person asks for with a stick, smoothed.
 
-    Parameters
-    ----------
-    centre, reach : ndarray, shape (n,)
-        The person turns back where a joint is `reach` from `centre`, rad.
-    top_speed : ndarray, shape (n,)
-        rad/s.
-    cut : float
-        Bandwidth of the smoothing, Hz.
+    `centre`, `reach`: ndarray, shape (n,); the person turns back where a joint is `reach` from
+    `centre`, rad. `top_speed`: ndarray, shape (n,); rad/s. `cut`: bandwidth of the smoothing, Hz.
     """
 
     centre: np.ndarray

@@ -6,8 +6,6 @@ Numbers are drawn in a fixed order, so that a seed always gives the same case: w
 belongs at the end.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,18 +24,11 @@ LONGEST_SCORE = 25.0  # s
 class Recording:
     """One recording of an arm with n joints.
 
-    Parameters
-    ----------
-    time : ndarray, shape (N,)
-        s.
-    motion : Motion
-        As it truly was, with the torque of the motors, shape (N, n) in N·m.
-    encoder : ndarray, shape (N, n)
-        Measured position, rad.
-    velocity : ndarray, shape (N, n), optional
-        Measured velocity, rad/s.
-    noise, measured : ndarray, shape (N,)
-        Noise on the torque of the joint that is judged, and that torque with it, N·m.
+    `time`: ndarray, shape (N,); s. `motion`: Motion; as it truly was, with the torque of the
+    motors, shape (N, n) in N·m. `encoder`: ndarray, shape (N, n); measured position, rad.
+    `velocity`: ndarray, shape (N, n), optional; measured velocity, rad/s. `noise`, `measured`:
+    ndarray, shape (N,); noise on the torque of the joint that is judged, and that torque with it,
+    N·m.
     """
 
     time: np.ndarray
@@ -52,17 +43,9 @@ class Recording:
 class Case:
     """Recordings of one arm to fit and to score, and what is behind them.
 
-    Parameters
-    ----------
-    kind : str
-        Type of motion, one of `KINDS`.
-    arm : Arm
-    joint : int
-        Which joint is judged, from 0.
-    noise : float
-        Standard deviation of the noise on its torque, N·m.
-    fit, score : list of Recording
-        The first score has the amplitude of those to fit, the second another.
+    `kind`: type of motion, one of `KINDS`. `joint`: which joint is judged, from 0. `noise`:
+    standard deviation of the noise on its torque, N·m. `fit`, `score`: list of Recording; the
+    first score has the amplitude of those to fit, the second another.
     """
 
     kind: str
@@ -138,17 +121,9 @@ def _draw_prescribed(generator, kind, arm, centre, friction_share, recordings):
 def case(seed, longest=np.inf):
     """Draw an arm, its friction, how it moves and how that is measured.
 
-    Parameters
-    ----------
-    seed : int
-        Types of motion take turns in the order of `KINDS`.
-    longest : float, optional
-        Recordings to fit last no longer together, nor does a score, s. It makes another case of
-        the same arm, for tests that have little time.
-
-    Returns
-    -------
-    Case
+    `seed`: types of motion take turns in the order of `KINDS`. `longest`: recordings to fit last
+    no longer together, nor does a score, s. It makes another case of the same arm, for tests that
+    have little time.
     """
     generator = np.random.default_rng([seed, 7717])
     kind = KINDS[seed % len(KINDS)]

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Arms of two or three joints that swing about the posture in which they hang, by given torques."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,16 +18,9 @@ TRIES = 12
 class Swing:
     """How an arm is driven.
 
-    Parameters
-    ----------
-    hanging : ndarray, shape (n,)
-        Posture of least potential energy, rad.
-    start : float
-        How far from it each joint may begin, rad.
-    cut : float
-        Highest frequency of the torques, Hz.
-    size : ndarray, shape (n,)
-        Root mean square of the torques, N·m.
+    `hanging`: ndarray, shape (n,); posture of least potential energy, rad. `start`: how far from
+    it each joint may begin, rad. `cut`: highest frequency of the torques, Hz. `size`: ndarray,
+    shape (n,); root mean square of the torques, N·m.
     """
 
     hanging: np.ndarray
@@ -48,19 +39,9 @@ class Swing:
     def move(self, generator, arm, time, amplitude):
         """Integrate the motion by Runge and Kutta's rule of order 4.
 
-        Parameters
-        ----------
-        generator : numpy.random.Generator
-        arm : Arm
-        time : ndarray, shape (N,)
-            Equidistant, s.
-        amplitude : float
-            Factor on the torques and on how far from hanging the arm begins.
-
-        Returns
-        -------
-        Motion or None
-            None if it got faster than `TOO_FAST`.
+        `time`: ndarray, shape (N,); equidistant, s. `amplitude`: factor on the torques and on how
+        far from hanging the arm begins. Returns a Motion, or None if it got faster
+        than `TOO_FAST`.
         """
         n, rate = arm.model.nv, 1 / (time[1] - time[0])
         every = max(1, int(np.ceil(1 / (rate * self._largest_step(arm)))))
@@ -108,28 +89,11 @@ class Swing:
 def draw_swings(generator, arm, joint, friction_share, recordings):
     """Give an arm friction and let it swing, with torques that move it well but not too fast.
 
-    Parameters
-    ----------
-    generator : numpy.random.Generator
-    arm : Arm
-        Gets its friction here.
-    joint : int
-        Joint whose friction must not hide the rest.
-    friction_share : ndarray, shape (n,)
-        How large friction is beside gravity.
-    recordings : list of (ndarray, float, bool)
-        Times in s of shape (N,), amplitude, and whether it is one to fit.
-
-    Returns
-    -------
-    motions : list of Motion
-    speed : ndarray, shape (n,)
-        How fast a joint typically moves, rad/s.
-
-    Raises
-    ------
-    LookupError
-        If no torques are found under which the arm swings well.
+    `arm`: gets its friction here. `joint`: joint whose friction must not hide the rest.
+    `friction_share`: ndarray, shape (n,); how large friction is beside gravity. `recordings`: list
+    of (ndarray, float, bool); times in s of shape (N,), amplitude, and whether it is one to fit.
+    Returns the motions and how fast each joint typically moves, rad/s, shape (n,). Raises
+    LookupError if no torques are found under which the arm swings well.
     """
     n = arm.model.nv
     swing = Swing.draw(generator, arm)

@@ -8,9 +8,9 @@ import numpy as np
 
 from law_judge.bank import Joints
 from law_judge.loop import announced, make_law, run
-from law_judge.persons import drivers
 from law_judge.release import AFTER, EVERY, LOST, RELEASE, START
 from law_judge.rows import DEGREE
+from world.persons import drivers
 
 # Speeds of a guided movement, deg/s, and the way from where it is let go to its end, deg.
 SPEEDS, LEFT = (5.0, 10.0, 20.0, 40.0), 10.0

@@ -9,7 +9,7 @@ from friction_comp.direction.desired_motion import DesiredMotion
 from friction_comp.simulation.mit_drive import MitDrive, PERIOD, POSITION_STEP
 from law_judge.bank import Bank, Joints
 from law_judge.model import true_models
-from law_judge.person import nobody
+from world.person import nobody
 
 SPEEDS = (0.01, 0.02, 0.05, 0.1, 0.2)
 FIRST, RAMP, REST = 1.0, 6.0, 2.0
@@ -48,12 +48,10 @@ def reference(time, speed):
 def follow(bank, way, factor=1.0):
     """Return what became of each gear at each speed.
 
-    Returns
-    -------
-    dict of str to ndarray, shape (G, S)
-        ``rms``, rad, while the reference moves; ``stairs``, rad, from the lowest to the highest
-        error of the second half of a ramp; ``moves``, rad, by which the joint moves in the last
-        second of the rests; ``turns`` of the command's sign in them.
+    Returns arrays of shape (G, S) by name: ``rms``, rad, while the reference moves;
+    ``stairs``, rad, from the lowest to the highest error of the second half of a ramp; ``moves``,
+    rad, by which the joint moves in the last second of the rests; ``turns`` of the command's sign
+    in them.
     """
     joints = Joints(bank, speed=SPEEDS, factor=[factor])
     plant = joints.plant(nobody(len(joints)))

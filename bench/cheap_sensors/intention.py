@@ -8,13 +8,13 @@ the same law is told the direction a second ahead, not at all, or by a sensor.
 
 from numba import njit
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
 
 from cheap_sensors.attempts import rest_torque, Sensors
 from law_judge.bank import Joints
-from law_judge.loop import make_law, NONE, run
-from law_judge.peak import _movements, BAND, LEAST, START
-from law_judge.person import person_torque
+from law_judge.felt import removed
+from law_judge.loop import NONE
+from law_judge.peak import movements, peaks, since, START
+from world.person import person_torque
 
 _CHUNK = 10
 
@@ -54,31 +54,15 @@ class Watched:
 def intention(bank, kinds, law='continuous'):
     """Return, for each gear, the share of friction's part of the peak that is removed.
 
-    Returns
-    -------
-    dict of str to ndarray, shape (G,)
-        For 'announced', 'd = 0' and each kind of sensor: removed share; NaN where friction has no
-        part in the peak.
+    Returns arrays of shape (G,) by name, for 'announced', 'd = 0' and each kind of sensor; NaN
+    where friction has no part in the peak.
     """
     joints = Joints(bank, repetition=[0, 1], side=[1.0, -1.0])
-    persons, side = _movements(joints), joints['side']
-
-    def peaks(law_name, gears, announce):
-        plant = joints.plant(persons, gears)
-        record = run(plant, make_law(law_name, joints), START + 4.0, announce(plant),
-                     {'torque': 'person'})
-        torque = sosfiltfilt(butter(2, BAND, fs=1.0 / plant.sample_time, output='sos'),
-                             record['torque'] * side, axis=0)
-        most = torque[round(START / plant.sample_time):].max(axis=0)
-        return np.bincount(joints.gear, most) / np.bincount(joints.gear)
-
-    def fixed(at):
-        return lambda plant: lambda time: side * (time >= at)
-    floor = peaks(NONE, bank.world.frictionless(joints.gears), fixed(np.inf))
-    bare = peaks(NONE, joints.gears, fixed(np.inf))
-    part = np.where(bare - floor > LEAST * bare, bare - floor, np.nan)
-    sources = {'announced': fixed(START - 1.0), 'd = 0': fixed(np.inf)}
+    persons = movements(joints)
+    floor = peaks(joints, persons, NONE, bank.world.frictionless(joints.gears))
+    bare = peaks(joints, persons, NONE)
+    sources = {'announced': since(joints, START - 1.0), 'd = 0': since(joints, np.inf)}
     for kind in kinds:
         sources[kind] = lambda plant, kind=kind: Watched(kind, plant, joints, bank.seed)
-    return {name: (bare - peaks(law, joints.gears, announce)) / part
+    return {name: 0.01 * removed(bare, peaks(joints, persons, law, announce=announce), floor)
             for name, announce in sources.items()}

@@ -2,6 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Experiments that evaluate the compensation law on any set of simulated gears.
 
-A world is a module with the names of `independent_gear.world` or `mujoco_gear.world`. Of the
+A world is a module with the names of `world.gear` or `world.mujoco_gear`. Of the
 package, only public names are used.
 """

@@ -6,8 +6,8 @@ import numpy as np
 
 from law_judge.bank import Joints
 from law_judge.loop import announced, make_law, run
-from law_judge.person import nobody
 from law_judge.rows import count, DEGREE
+from world.person import nobody
 
 AT, SECONDS = 2000, 6.0  # sample of the fault
 STUCK = 2000  # samples

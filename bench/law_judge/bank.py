@@ -9,6 +9,7 @@ import math
 import numpy as np
 
 from law_judge.model import scaled, STD, true_models
+from law_judge.refined import draw_refined
 
 
 @dataclass
@@ -51,19 +52,10 @@ class Bank:
 def make_bank(world, kinds, draws, seed, repetitions=24, without=()):
     """Draw gears of several kinds and find their true models.
 
-    Parameters
-    ----------
-    world : module
-    kinds : sequence of str
-        Of the world's ``KINDS`` or ``REFINED``.
-    draws : int
-        Gears of each kind.
-    seed : int
-        Even: for tuning; odd: kept for judging.
-    repetitions : int
-        Slow ramps a gear.
-    without : sequence of str
-        Properties that are taken from every gear: set to zero, before its model is found.
+    `kinds`: sequence of str; of the world's ``KINDS`` or of `REFINED`. `draws`: gears of each kind.
+    `seed`: even: for tuning; odd: kept for judging. `repetitions`: slow ramps a gear. `without`:
+    sequence of str; properties that are taken from every gear: set to zero, before its model is
+    found.
     """
     names, gears, documents = [], [], []
     for kind in kinds:
@@ -73,7 +65,7 @@ def make_bank(world, kinds, draws, seed, repetitions=24, without=()):
                 drawn[name] = 0
             found = true_models(world, drawn, seed, repetitions)
         else:
-            drawn, found = world.draw_refined(kind, draws, seed, repetitions)
+            drawn, found = draw_refined(kind, draws, seed, repetitions)
         names += [kind] * draws
         gears.append(drawn)
         documents += found
@@ -83,18 +75,10 @@ def make_bank(world, kinds, draws, seed, repetitions=24, without=()):
 class Joints:
     """Every gear of a bank under every combination of conditions.
 
-    Parameters
-    ----------
-    bank : Bank
-    conditions : dict of str to sequence
-        ``factor`` scales the model's friction, ``breakaway_factor`` its breakaway current where
-        that is another; what else there is belongs to the experiment.
-
-    Attributes
-    ----------
-    gear : ndarray of int, shape (J,)
-        Index into the bank.
-    gears, models : as in the bank, one a joint
+    `conditions`: dict of str to sequence; ``factor`` scales the model's friction,
+    ``breakaway_factor`` its breakaway current where that is another; what else there is belongs to
+    the experiment. `gear`: ndarray of int, shape (J,); index into the bank. `gears`, `models`: as
+    in the bank, one a joint.
     """
 
     def __init__(self, bank, **conditions):

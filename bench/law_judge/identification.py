@@ -5,8 +5,8 @@
 import numpy as np
 
 from friction_comp import Drive, IdentificationGoal, IdentificationRun
-from law_judge.person import nobody
 from law_judge.rows import DEGREE, Row
+from world.person import nobody
 
 # What is asked for: speeds in rad/s, the period of a current ramp in s, and ramps a direction.
 SPEEDS = np.array([3, 10, 40, 90]) * DEGREE

@@ -53,29 +53,14 @@ def run(plant, law, seconds, direction, watch, every=1, corrupt=None, knock=None
         hold=1):
     """Run the closed loop and return what was watched.
 
-    Parameters
-    ----------
-    plant : Plant
-    law : object with ``update``
-    seconds : float
-    direction : callable
-        ``direction(time)`` gives what the planner announces, shape (J,).
-    watch : dict of str to str
-        Name in the result and field of the plant's state, or 'command'.
-    every : int
-        Samples from one record to the next.
-    corrupt : callable, optional
-        ``corrupt(k, time, position, velocity)`` gives what the law gets to see of sample k, or
-        None where it sees nothing.
-    knock : tuple of float and ndarray, optional
-        When, s, and by how much every joint's speed changes, rad/s.
-    hold : int
-        Samples of the plant for which each current of the law is applied.
-
-    Returns
-    -------
-    dict of str to ndarray, shape (N, J)
-        And ``raised``: how often the law raised an exception; zero current then.
+    `law`: object with ``update``. `direction`: ``direction(time)`` gives what the planner
+    announces, shape (J,). `watch`: dict of str to str; name in the result and field of the plant's
+    state, or 'command'. `every`: samples from one record to the next. `corrupt`: callable,
+    optional; ``corrupt(k, time, position, velocity)`` gives what the law gets to see of sample k,
+    or None where it sees nothing. `knock`: tuple of float and ndarray, optional; when, s, and by
+    how much every joint's speed changes, rad/s. `hold`: samples of the plant for which each
+    current of the law is applied. Returns arrays of shape (N, J) by name, and ``raised``:
+    how often the law raised an exception; zero current then.
     """
     samples = round(seconds / plant.sample_time)
     joints = len(plant.gears)

@@ -42,12 +42,7 @@ def true_models(world, gears, seed, repetitions):
 
     Every other one knows its presliding distance, and its backlash if the encoder shows it.
 
-    Parameters
-    ----------
-    world : module
-    gears : ndarray, shape (J,)
-    seed, repetitions : int
-        Of slow ramps.
+    `gears`: ndarray, shape (J,). `seed`, `repetitions`: of slow ramps.
     """
     currents = world.breakaway_currents(gears, seed, repetitions)
     documents = []
@@ -91,16 +86,7 @@ def document(gear, sigmoid, ramps, tables):
 def scaled(document, kinetic=1.0, breakaway=None):
     """Return the model with its friction times a factor, as an error of identification.
 
-    Parameters
-    ----------
-    document : dict
-    kinetic : float
-    breakaway : float, optional
-        `kinetic` when omitted.
-
-    Returns
-    -------
-    FrictionModel
+    `breakaway`: `kinetic` when omitted.
     """
     if breakaway is None:
         breakaway = kinetic

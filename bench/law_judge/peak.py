@@ -9,12 +9,12 @@ mean over repetitions and both directions.
 """
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
 
 from law_judge.bank import Joints
+from law_judge.felt import per_gear, removed as share_removed, smooth
 from law_judge.loop import make_law, NONE, run, YARDSTICKS
-from law_judge.persons import ABLE, draw_persons
 from law_judge.rows import beside, DEGREE, Row
+from world.persons import ABLE, draw_persons
 
 START = 1.5
 # When the direction is announced, s; the floors of the median and of the worst tenth, %.
@@ -22,15 +22,13 @@ WHEN = {'1 s ahead': (0.5, 88.0, 78.0), 'with the push': (START, 86.0, 78.0),
         'not announced': (np.inf, 50.0, None)}
 FAST = 'with the push, 80 deg/s'
 FASTEST, FASTEST_LEAST = 80.0 * DEGREE, 80.0
-BAND = 20.0
-LEAST = 0.05     # share of friction in the peak
 COUNTS = 10.0   # of presliding, from which on an unannounced push is to be helped
 
 
 def peak(bank, law):
     """Return rows for announcements ahead, with the push, and none."""
     joints = Joints(bank, repetition=[0, 1], side=[1.0, -1.0])
-    persons = _movements(joints)
+    persons = movements(joints)
     removed = _removed(joints, persons, law, {when: at for when, (at, _, _) in WHEN.items()})
     rows = []
     for when, (_, median, tenth) in WHEN.items():
@@ -69,16 +67,16 @@ def _tenth(share):
 
 def _removed(joints, persons, law, when):
     """Return the share removed on each gear, %, by when it is announced and by yardstick."""
-    floor = _peaks(joints, persons, NONE, joints.bank.world.frictionless(joints.gears))
-    bare = _peaks(joints, persons, NONE, joints.gears)
-    peaks = {name: _peaks(joints, persons, law, joints.gears, at) for name, at in when.items()}
-    peaks.update((name, _peaks(joints, persons, name, joints.gears)) for name in YARDSTICKS)
-    # Where friction has no part in the peak, there is nothing to take away.
-    part = np.where(bare - floor > LEAST * bare, bare - floor, np.nan)
-    return {name: 100.0 * (bare - found) / part for name, found in peaks.items()}
+    floor = peaks(joints, persons, NONE, joints.bank.world.frictionless(joints.gears))
+    bare = peaks(joints, persons, NONE)
+    found = {name: peaks(joints, persons, law, announce=since(joints, at))
+             for name, at in when.items()}
+    found.update((name, peaks(joints, persons, name)) for name in YARDSTICKS)
+    return {name: share_removed(bare, each, floor) for name, each in found.items()}
 
 
-def _movements(joints):
+def movements(joints):
+    """Return persons who start to move from rest."""
     bank = joints.bank
     # each gear has one person and one movement, whatever the repetition
     persons = draw_persons([ABLE] * len(bank.gears), bank.torque, bank.seed)
@@ -94,12 +92,15 @@ def _movements(joints):
     return persons
 
 
-def _peaks(joints, persons, law, gears, at=np.inf):
-    plant = joints.plant(persons, gears)
-    side = joints['side']
+def since(joints, at):
+    """Return what announces each joint's direction from a time on, s."""
+    return lambda plant: lambda time: joints['side'] * (at <= time)
+
+
+def peaks(joints, persons, law, gears=None, announce=None):
+    """Return each gear's mean peak; ``announce(plant)`` gives its directions by the time."""
+    plant, side = joints.plant(persons, gears), joints['side']
     record = run(plant, make_law(law, joints), START + 4.0,
-                 lambda time: side * (at <= time), {'torque': 'person'})
-    rate, first = 1.0 / plant.sample_time, round(START / plant.sample_time)
-    torque = sosfiltfilt(butter(2, BAND, fs=rate, output='sos'), record['torque'] * side, axis=0)
-    peaks = torque[first:].max(axis=0)
-    return np.bincount(joints.gear, peaks) / np.bincount(joints.gear)
+                 (announce or since(joints, np.inf))(plant), {'torque': 'person'})
+    first = round(START / plant.sample_time)
+    return per_gear(joints, smooth(record['torque'] * side, plant.sample_time)[first:].max(axis=0))

@@ -15,9 +15,9 @@ from scipy.signal import butter, sosfiltfilt
 from law_judge.bank import Joints
 from law_judge.loop import make_law, NONE, run
 from law_judge.model import STD
-from law_judge.person import nobody
-from law_judge.persons import draw_persons, FIRM, LEANING, SOFT
 from law_judge.rows import count, DEGREE
+from world.person import nobody
+from world.persons import draw_persons, FIRM, LEANING, SOFT
 
 BAND = 8.0
 LIMIT, MORE = 0.2 * DEGREE, 1.25

@@ -8,9 +8,9 @@ from scipy.ndimage import uniform_filter1d
 from law_judge.bank import Joints
 from law_judge.loop import announced, make_law, run
 from law_judge.model import SPEEDS
-from law_judge.person import PERSON
-from law_judge.persons import drivers
 from law_judge.rows import count, DEGREE
+from world.person import PERSON
+from world.persons import drivers
 
 START, RELEASE, AFTER = 0.2, 1.3, 8.0
 EVERY = 10

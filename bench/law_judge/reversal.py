@@ -3,15 +3,14 @@
 """A movement that turns round, announced: what the person feels, beside the bare joint."""
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
 
 from law_judge.bank import Joints
+from law_judge.felt import per_gear, smooth
 from law_judge.loop import make_law, NONE, run, YARDSTICKS
-from law_judge.persons import firm_hands
 from law_judge.rows import beside, DEGREE, Row
+from world.persons import firm_hands
 
 START, CRUISE, AFTER = 1.5, 1.0, 1.0
-BAND = 20.0
 AHEAD = (0.1, 0.3)     # s before the turn at which the other direction is announced
 
 
@@ -48,9 +47,9 @@ def _felt(joints, persons, turn, law):
                  lambda time: side * np.where(time < 0.5, 0.0, np.where(time < flips, 1.0, -1.0)),
                  {'torque': 'person'})
     rate = 1.0 / plant.sample_time
-    torque = sosfiltfilt(butter(2, BAND, fs=rate, output='sos'), record['torque'], axis=0)
+    torque = smooth(record['torque'], plant.sample_time)
     felt = np.zeros((2, len(joints)))
     for j, at in enumerate(turn):
         part = torque[round((at - 0.5) * rate):round((at + AFTER) * rate), j]
         felt[:, j] = np.abs(part).max(), np.sqrt(np.mean(part ** 2))
-    return [np.bincount(joints.gear, values) / np.bincount(joints.gear) for values in felt]
+    return [per_gear(joints, values) for values in felt]

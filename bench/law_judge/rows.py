@@ -15,21 +15,10 @@ DEGREE = np.pi / 180.0
 class Row:
     """One floor on one world under one law.
 
-    Attributes
-    ----------
-    floor : str
-    value : float
-        What was measured; joints that fail where `joints` is set.
-    wanted : float or None
-        The most, or least where `at_least`, that meets the floor; None where there is no floor.
-    unit : str
-    at_least : bool
-    joints : int
-        Of how many, for counts; `wanted` is then a share of them.
-    detail : dict
-        Plain figures to keep with it.
-    beside : dict of str to float
-        What the yardsticks reach.
+    `value`: what was measured; joints that fail where `joints` is set. `wanted`: float or None;
+    the most, or least where `at_least`, that meets the floor; None where there is no floor.
+    `joints`: of how many, for counts; `wanted` is then a share of them. `detail`: plain figures to
+    keep with it. `beside`: dict of str to float; what the yardsticks reach.
     """
 
     floor: str
@@ -78,15 +67,8 @@ def beside(shares, figure):
 def count(floor, joints, fails, wanted=0.0, which=None, **detail):
     """Return a row that counts joints, with the gears that fail.
 
-    Parameters
-    ----------
-    floor : str
-    joints : Joints
-    fails : ndarray of bool, shape (J,)
-    wanted : float or None
-        Share that may fail.
-    which : ndarray of bool, optional
-        Those that count.
+    `fails`: ndarray of bool, shape (J,). `wanted`: float or None; share that may fail. `which`:
+    ndarray of bool, optional; those that count.
     """
     fails = np.asarray(fails, dtype=bool)
     which = np.ones(len(fails), dtype=bool) if which is None else which

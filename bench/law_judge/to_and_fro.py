@@ -9,20 +9,19 @@ printed kinetic law, and 0.9 times Coulomb friction times tanh of the drive's ve
 """
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
 
 from law_judge.bank import Joints
+from law_judge.felt import removed, smooth
 from law_judge.loop import make_law, NONE, run, YARDSTICKS
-from law_judge.person import MOST_PLACES
-from law_judge.persons import firm_hands
 from law_judge.rows import beside, DEGREE, Row
+from world.person import MOST_PLACES
+from world.persons import firm_hands
 
 FREQUENCIES = (0.2, 0.3, 0.6, 1.0, 1.2)
 AMPLITUDES = 10.0 * DEGREE, 15.0 * DEGREE
 FASTEST = 90.0 * DEGREE      # within the identified speeds
 START, SETTLED, END = 0.5, 2.5, 7.5
-BAND, BEGINS = 20.0, 0.3
-LEAST = 0.05     # share of friction in what the hand feels
+BEGINS = 0.3
 # How d comes, and the floors of median and worst gear, %. It tells the coming movement a moment
 # ahead; a planner that passes through 0 is silent for a while before.
 D = {'d = 0': (78.0, 60.0), 'announced': (85.0, 65.0), 'announced through 0': (85.0, 65.0)}
@@ -56,11 +55,11 @@ def _to_and_fro(bank, law, known):
         record = _record(joints, persons, name, gears, direction, END)
         return _rms(record, round(1e3 * SETTLED), round(1e3 * END))
     floor, bare = felt(NONE, bank.world.frictionless(joints.gears)), felt(NONE)
-    shares = {name: _removed(bare, felt(name), floor) for name in YARDSTICKS}
+    shares = {name: removed(bare, felt(name), floor) for name in YARDSTICKS}
     rows = []
     for (how, (median, worst)), direction in zip(
             D.items(), (lambda time: 0.0 * omega, coming, silent)):
-        shares['law'] = _removed(bare, felt(law, direction=direction), floor)
+        shares['law'] = removed(bare, felt(law, direction=direction), floor)
         name = f'to and fro, {how}{"" if known else ", presliding unknown"}: removed'
         if not known:
             median = worst = None
@@ -141,7 +140,7 @@ def _shares(joints, persons, law, announced=False, gears=None, hold=1):
                          joints.bank.world.frictionless(gears) if plain else gears,
                          direction, end, hold)
         felt[name] = _rms(record, round(1e3 * START), None), _starts(record, persons)
-    return {name: [_removed(*trio) for trio in zip(felt[NONE], found, felt['frictionless'])]
+    return {name: [removed(*trio) for trio in zip(felt[NONE], found, felt['frictionless'])]
             for name, found in felt.items()}
 
 
@@ -170,18 +169,14 @@ def _rms(torque, first, last):
 
 def _starts(torque, persons):
     """Return the median peak at the beginnings of movements from rest, shape (J,)."""
-    smooth = np.abs(sosfiltfilt(butter(2, BAND, fs=1000.0, output='sos'), torque, axis=0))
+    felt = np.abs(smooth(torque))
     found = np.full(len(persons), np.nan)
     for j, who in enumerate(persons):
         ways = np.diff(who['places'][:who['strokes'] + 1])
         begins = [k for k in range(len(ways)) if ways[k] != 0.0 and (k == 0 or ways[k - 1] == 0.0)]
         at = [round(1e3 * (START + who['times'][k])) for k in begins]
-        found[j] = np.median([smooth[k:k + round(1e3 * BEGINS), j].max() for k in at])
+        found[j] = np.median([felt[k:k + round(1e3 * BEGINS), j].max() for k in at])
     return found
-
-
-def _removed(bare, with_law, floor):
-    return 100.0 * (bare - with_law) / np.where(bare - floor > LEAST * bare, bare - floor, np.nan)
 
 
 def _spread(values):

@@ -6,9 +6,9 @@ import numpy as np
 
 from law_judge.bank import Joints
 from law_judge.loop import make_law, run
-from law_judge.person import nobody
-from law_judge.persons import drivers
 from law_judge.rows import count, DEGREE
+from world.person import nobody
+from world.persons import drivers
 
 ANNOUNCE, TURN = 0.5, 0.6  # s, and share of the time at which the direction turns round
 EVERY = 50

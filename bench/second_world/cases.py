@@ -2,19 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """A case: a joint with hidden effects, how it is moved and recorded, and what may be said."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 import zlib
 
 import numpy as np
 
 from second_world import oracle
-from second_world.arm import Chain
-from second_world.drive import Controller, DT, simulate
-from second_world.joint import Joint
-from second_world.motion import KINDS
-from second_world.sensing import record, Sensors
+from world.arm import Chain
+from world.drive import Controller, DT, simulate
+from world.joint import Joint
+from world.motion import KINDS
+from world.sensing import record, Sensors
 
 
 @dataclass(frozen=True)
@@ -28,60 +26,32 @@ class Hidden:
 
 @dataclass(frozen=True)
 class Case:
-    """Everything that makes recordings and judges what is said about them.
-
-    Parameters
-    ----------
-    family, seed : str, int
-    joint, controller, chain, number : Joint, Controller, Chain, int
-    half_range, top_speed : float
-        rad, rad/s.
-    motions : tuple of str
-        Kinds for fit and for score.
-    seconds : tuple of float
-    fit_sensors : Sensors
-        Of both recordings.
-    hidden : tuple of Hidden
-    allowed : frozenset
-        Variables that are no false names though not asked for.
-    forbidden : frozenset
-        Names of effects that are wrong here though their variable might pass.
-    unexplained : frozenset
-        Variables of what no library effect describes; one must be named, as effect or residual.
-    warn : tuple of str
-        One of these word stems must stand in a warning.
-    load_torque, heating : float
-        N.m of torque from outside and K of warming, in both recordings.
-    nominal : tuple of float
-        k_t in N.m/A and n as the user believes them to be.
-    asks : bool
-        False where too little can be known to ask for any effect or for a small error.
-    files : bool
-        Goes through a rosbag2 folder.
-    """
+    """Everything that makes recordings and judges what is said about them."""
 
     family: str
     seed: int
     joint: Joint
     controller: Controller
-    half_range: float
-    top_speed: float
-    motions: tuple
+    half_range: float  # rad
+    top_speed: float  # rad/s
+    motions: tuple  # kinds for fit and for score
     seconds: tuple
-    fit_sensors: Sensors
+    fit_sensors: Sensors  # of both recordings
     chain: Chain = field(default_factory=Chain)
     number: int = 0
     hidden: tuple = ()
-    allowed: frozenset = frozenset({'acceleration'})
+    allowed: frozenset = frozenset({'acceleration'})  # no false names though not asked for
+    # Names of effects that are wrong here though their variable might pass.
     forbidden: frozenset = frozenset()
+    # Of what no library effect describes; one must be named, as effect or residual.
     unexplained: frozenset = frozenset()
-    warn: tuple = ()
-    load_torque: float = 0.0
-    heating: float = 0.0
+    warn: tuple = ()  # one of these word stems must stand in a warning
+    load_torque: float = 0.0  # N.m from outside, in both recordings
+    heating: float = 0.0  # K of warming, in both recordings
     open_loop: float = 0.0
-    nominal: tuple = (0.1, 100.0)
-    asks: bool = True
-    files: bool = False
+    nominal: tuple = (0.1, 100.0)  # k_t in N.m/A and n as the user believes them to be
+    asks: bool = True  # False where too little can be known to ask for anything
+    files: bool = False  # goes through a rosbag2 folder
 
     def _replace_joint(self, changes):
         return replace(self, joint=self.joint._replace(**changes))

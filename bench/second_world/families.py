@@ -2,39 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Random drives, one family for each kind of case, drawn by seed."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 
-from second_world.arm import Chain
+from second_world import single_effects as simple
 from second_world.cases import generator, Hidden
-from second_world.drive import Controller
-from second_world.single_effects import (
-    asymmetry,
-    base,
-    bump,
-    cogging,
-    controller as controller_of,
-    gravity,
-    harmonic_family,
-    hidden_effect,
-    lag,
-    load,
-    load_friction,
-    load_friction_unsensed,
-    presliding,
-    rest,
-    ripple,
-    spring,
-    stribeck,
-    temperature,
-    torque_constant,
-    viscous_shape,
-    warm_up,
-    with_,
-)
+from world.arm import Chain
+from world.drive import Controller
 
 
 def other_joints(rng, case):
@@ -56,7 +31,7 @@ def other_joints(rng, case):
 
 def replace_gains(rng, case, mass):
     """Return a controller for another inertia."""
-    return controller_of(rng, case.joint, case.joint.coulomb, pull=1.0, mass=mass)
+    return simple.controller(rng, case.joint, case.joint.coulomb, pull=1.0, mass=mass)
 
 
 def controller_as_friction(rng, case):
@@ -72,18 +47,19 @@ def controller_as_friction(rng, case):
 
 
 def product(rng, case):
-    case = with_(case, hidden_effect('product', ('position', 'velocity'), product=0.0),
-                 product=case.joint.coulomb * rng.uniform(0.7, 1.5)
-                 / case.half_range / case.top_speed)
+    case = simple.with_(case, simple.hidden_effect(
+        'product', ('position', 'velocity'), product=0.0),
+        product=case.joint.coulomb * rng.uniform(0.7, 1.5)
+        / case.half_range / case.top_speed)
     return replace(case, unexplained=frozenset({'position', 'velocity'}))
 
 
 def wandering_spot(rng, case):
-    case = with_(case, Hidden('wandering_spot', frozenset({'position', 'time'}), None),
-                 sensors={'pieces': 1}, dead_spot=case.joint.coulomb * rng.uniform(0.8, 1.5),
-                 dead_spot_at=-0.6 * case.half_range,
-                 dead_spot_speed=1.2 * case.half_range / case.seconds[0],
-                 bump_width=0.15 * case.half_range)
+    case = simple.with_(case, Hidden('wandering_spot', frozenset({'position', 'time'}), None),
+        sensors={'pieces': 1}, dead_spot=case.joint.coulomb * rng.uniform(0.8, 1.5),
+        dead_spot_at=-0.6 * case.half_range,
+        dead_spot_speed=1.2 * case.half_range / case.seconds[0],
+        bump_width=0.15 * case.half_range)
     return replace(case, unexplained=frozenset({'position', 'time'}))
 
 
@@ -94,16 +70,17 @@ def sensor_ceiling(rng, case):
 
 
 def backlash(rng, case):
-    case = with_(case, Hidden('backlash', frozenset({'history', 'position'}), None),
-                 play=case.half_range * rng.uniform(0.02, 0.06),
-                 far_inertia=case.joint.inertia * rng.uniform(1.0, 2.0))
+    case = simple.with_(case, Hidden('backlash', frozenset({'history', 'position'}), None),
+        play=case.half_range * rng.uniform(0.02, 0.06),
+        far_inertia=case.joint.inertia * rng.uniform(1.0, 2.0))
     return replace(case, unexplained=frozenset({'history', 'position', 'acceleration'}))
 
 
 def friction_step(rng, case):
-    case = with_(case, Hidden('friction_step', frozenset({'time'}), None), sensors={'pieces': 1},
-                 step=case.joint.coulomb * rng.uniform(0.4, 0.8) * rng.choice([-1.0, 1.0]),
-                 step_time=case.seconds[0] * rng.uniform(0.35, 0.65))
+    case = simple.with_(case, Hidden('friction_step', frozenset({'time'}), None),
+        sensors={'pieces': 1},
+        step=case.joint.coulomb * rng.uniform(0.4, 0.8) * rng.choice([-1.0, 1.0]),
+        step_time=case.seconds[0] * rng.uniform(0.35, 0.65))
     return replace(case, unexplained=frozenset({'time'}), forbidden=frozenset({'warm_up'}))
 
 
@@ -113,14 +90,14 @@ def none(rng, case):
 
 def few_samples(rng, case):
     """Five hundred samples of a drive with one effect that is easy to see."""
-    case = (gravity, bump, asymmetry)[rng.integers(3)](rng, case)
+    case = (simple.gravity, simple.bump, simple.asymmetry)[rng.integers(3)](rng, case)
     return replace(case, seconds=(6.0, 6.0), fit_sensors=replace(
         case.fit_sensors, step=0.012, gaps=0, pieces=1))
 
 
 def coarse_encoder(rng, case):
     """Tens of distinct positions."""
-    case = (gravity, spring, none)[rng.integers(3)](rng, case)
+    case = (simple.gravity, simple.spring, none)[rng.integers(3)](rng, case)
     return replace(case, warn=('encoder', 'resolution', 'distinct', 'coarse'),
                    fit_sensors=replace(case.fit_sensors, velocity='none',
                                        quantum=2 * case.half_range / rng.integers(28, 90)))
@@ -128,7 +105,8 @@ def coarse_encoder(rng, case):
 
 def hardly_varies(rng, case):
     """One speed, to and fro over one short way: little can be known, whatever is hidden."""
-    case = (none, stribeck, temperature, viscous_shape)[rng.integers(4)](rng, case)
+    case = (none, simple.stribeck, simple.temperature,
+            simple.viscous_shape)[rng.integers(4)](rng, case)
     hidden = tuple(replace(h, without=None) for h in case.hidden)
     return replace(case, half_range=0.3 * case.half_range, motions=('steady', 'joystick'),
                    seconds=(min(20.0, 14000 * case.fit_sensors.step),) * 2, hidden=(), asks=False,
@@ -137,8 +115,8 @@ def hardly_varies(rng, case):
 
 
 def one_direction(rng, case):
-    """Constant speeds one way only: offset and Coulomb friction are one."""
-    case = (none, stribeck, harmonic_family)[rng.integers(3)](rng, case)
+    """Constant speeds one way only: offset and Coulomb friction are simple."""
+    case = (none, simple.stribeck, simple.harmonic_family)[rng.integers(3)](rng, case)
     return replace(case, motions=('one_way', 'one_way'), warn=('direction', 'one way'))
 
 
@@ -147,7 +125,7 @@ def person_leads(rng, case):
 
     An exercise of its own mixes in, or current would be the feed-forward law and nothing else.
     """
-    case = load(rng, gravity(rng, case))
+    case = simple.load(rng, simple.gravity(rng, case))
     constant = case.nominal[0] * case.nominal[1]
     stiff = 12 * case.joint.coulomb * constant / case.half_range
     controller = Controller(
@@ -169,44 +147,41 @@ def person_unseen(rng, case):
 
 def open_loop(rng, case):
     """Current follows a plan of its own and motion is what comes of it."""
-    case = spring(rng, case)
+    case = simple.spring(rng, case)
     soft = replace_gains(rng, case, case.joint.inertia)
     return replace(case, open_loop=1.6 * case.joint.coulomb, controller=Controller(
         derivative=0.1 * soft.derivative, quantum=2e-5, gravity=0.0),
         motions=('slow_sine', 'multi_sine'))
 
 
-_PAIRS = ((gravity, stribeck), (gravity, viscous_shape), (spring, cogging), (ripple, asymmetry),
-          (bump, gravity), (harmonic_family, viscous_shape), (load, gravity), (load, bump),
-          (lag, gravity), (presliding, gravity), (temperature, gravity), (rest, spring),
-          (stribeck, temperature), (ripple, lag), (load_friction, asymmetry))
+_PAIRS = ('gravity stribeck', 'gravity viscous_shape', 'spring cogging', 'ripple asymmetry',
+          'bump gravity', 'harmonic_family viscous_shape', 'load gravity', 'load bump',
+          'lag gravity', 'presliding gravity', 'temperature gravity', 'rest spring',
+          'stribeck temperature', 'ripple lag', 'load_friction asymmetry')
 
 
 def pair(rng, case):
-    for one in _PAIRS[rng.integers(len(_PAIRS))]:
-        case = one(rng, case)
+    for name in _PAIRS[rng.integers(len(_PAIRS))].split():
+        case = simple.SINGLE[name](rng, case)
     return case
 
 
 def through_files(rng, case):
     """Through rosbag2 folders, any one effect."""
-    case = (gravity, bump, load, stribeck)[rng.integers(4)](rng, case)
+    case = (simple.gravity, simple.bump, simple.load, simple.stribeck)[rng.integers(4)](rng, case)
     return replace(case, files=True)
 
 
 OUTSIDE = (product, wandering_spot, sensor_ceiling, backlash, friction_step)
 SPECIAL = (none, few_samples, coarse_encoder, hardly_varies, one_direction, person_leads,
            person_unseen, open_loop, controller_as_friction, other_joints, through_files)
-SINGLE = (stribeck, asymmetry, viscous_shape, gravity, spring, cogging, ripple, harmonic_family,
-          bump, load, torque_constant, load_friction, load_friction_unsensed, temperature,
-          warm_up, presliding, lag, rest)
-FAMILIES = {f.__name__: f for f in (*SINGLE, pair, *SPECIAL, *OUTSIDE)}
+FAMILIES = {**simple.SINGLE, **{f.__name__: f for f in (pair, *SPECIAL, *OUTSIDE)}}
 
 
 def draw(family, seed):
     """Return the `Case` of a family and a seed; even seeds are for tuning, odd ones are kept."""
     rng = generator('second world', family, seed)
-    case = FAMILIES[family](rng, base(rng, family, seed))
+    case = FAMILIES[family](rng, simple.base(rng, family, seed))
     known = {h.name for h in case.hidden}
     allowed, forbidden = set(case.allowed), set(case.forbidden)
     of_memory = {'hysteresis': 'presliding', 'rest_time': 'rest', 'actuation_lag': 'lag'}

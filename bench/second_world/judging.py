@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Refines one case and judges what was said by what is behind it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 import tempfile
 import time

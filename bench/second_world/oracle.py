@@ -7,14 +7,12 @@ noise of current alone; `reachable_floor` that of the true model with true const
 differentiate what was recorded itself, with the best of several bandwidths.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.signal import butter, filtfilt
 
-from second_world.arm import torque_along
-from second_world.drive import DT
-from second_world.joint import resistance_along
+from world.arm import torque_along
+from world.drive import DT
+from world.joint import resistance_along
 
 BANDWIDTHS = (2.0, 4.0, 7.0, 12.0, 20.0, 40.0, 80.0, 150.0)
 MOVING = 0.01  # share of the top speed below which a joint counts as at rest

@@ -2,16 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """A plain drive drawn at random, and one function for each effect that can be hidden in it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 
 from second_world.cases import Case, Hidden
-from second_world.drive import Controller
-from second_world.joint import Joint
-from second_world.sensing import Sensors
+from world.drive import Controller
+from world.joint import Joint
+from world.sensing import Sensors
 
 _STEPS = (0.0005, 0.001, 0.001, 0.002, 0.004, 0.005, 0.008, 0.01, 0.01, 0.013, 0.02)
 _DYNAMIC = ('multi_sine', 'joystick', 'production')
@@ -219,3 +217,9 @@ def rest(rng, case):
     return with_(case, hidden_effect('rest', 'history', rest=0.0),
                  motions=pick(rng, ('joystick', 'production')),
                  rest=case.joint.coulomb * rng.uniform(0.8, 1.6), rest_time=rng.uniform(0.3, 1.0))
+
+
+SINGLE = {f.__name__: f for f in (
+    stribeck, asymmetry, viscous_shape, gravity, spring, cogging, ripple, harmonic_family, bump,
+    load, torque_constant, load_friction, load_friction_unsensed, temperature, warm_up, presliding,
+    lag, rest)}

@@ -2,14 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """From what happened to what a driver would have recorded."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
 
 from friction_comp import Samples
-from second_world.drive import DT
+from world.drive import DT
 
 AMBIENT = 22.0  # degrees Celsius
 

@@ -5,10 +5,10 @@
 from numba import njit
 import numpy as np
 
-from independent_gear.friction import motor_friction
-from independent_gear.plant import Plant
-from independent_gear.state import CLAMP, STATE
-from law_judge.person import nobody
+from world.gear.friction import motor_friction
+from world.gear.plant import Plant
+from world.gear.state import CLAMP, STATE
+from world.person import nobody
 
 SLOW = 1e-7  # rad/s: neither damping nor viscous friction takes anything
 GONE = 0.95
@@ -17,18 +17,8 @@ GONE = 0.95
 def steady_friction(gear, speeds, side=0.0):
     """Return the magnitude of the current that keeps a joint at constant speeds.
 
-    Parameters
-    ----------
-    gear : GEAR
-    speeds : ndarray
-        Positive, rad/s.
-    side : float
-        +1 or -1: the direction; 0 the mean of both.
-
-    Returns
-    -------
-    ndarray
-        A, of the shape of `speeds`.
+    `gear`: GEAR. `speeds`: positive, rad/s. `side`: +1 or -1: the direction; 0 the mean of both.
+    Returns A, of the shape of `speeds`.
     """
     g = gear
     x = np.asarray(speeds) / g['stribeck_velocity']
@@ -42,15 +32,8 @@ def steady_friction(gear, speeds, side=0.0):
 def breakaway_currents(gears, seed, repetitions):
     """Return the currents at which slow ramps set each joint going.
 
-    Parameters
-    ----------
-    gears : ndarray of GEAR, shape (J,)
-    seed, repetitions : int
-
-    Returns
-    -------
-    ndarray, shape (J, repetitions)
-        A; the even ones in positive direction, the odd ones in negative (as magnitudes).
+    `gears`: ndarray of GEAR, shape (J,). Returns A of shape (J, repetitions); the even
+    ones in positive direction, the odd ones in negative (as magnitudes).
     """
     bank = np.repeat(gears, repetitions)
     bank['gravity'] = bank['current_noise'] = 0.0

@@ -24,8 +24,8 @@ import math
 
 import numpy as np
 
-from law_judge.person import floats
-from law_judge.persons import log_uniform
+from world.person import floats
+from world.persons import log_uniform
 
 KINDS = ('harmonic', 'planetary', 'cycloidal', 'long')
 DEGREE = math.pi / 180.0

@@ -6,8 +6,8 @@ from functools import cache
 
 import numpy as np
 
-from law_judge.person import nobody
-from mujoco_gear.plant import Plant
+from world.mujoco_gear.plant import Plant
+from world.person import nobody
 
 GONE = 0.95
 RAMPS, RAMP_TIME = 8, 1.2   # s to breakaway, as in `law_judge.identification`

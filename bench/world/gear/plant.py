@@ -12,9 +12,9 @@ import math
 from numba import njit
 import numpy as np
 
-from independent_gear.friction import clamped, motor_friction, turned
-from independent_gear.state import CLAMP, DIFFERENCE, FILTERED, LONGEST_COMMAND_DELAY, STATE
-from law_judge.person import person_torque, remember
+from world.gear.friction import clamped, motor_friction, turned
+from world.gear.state import CLAMP, DIFFERENCE, FILTERED, LONGEST_COMMAND_DELAY, STATE
+from world.person import person_torque, remember
 
 STILL = 2e-3  # rad/s below which a joint counts as resting
 REST = 0.2  # s of rest after which a start finds other breakaway friction
@@ -151,16 +151,8 @@ def measure_all(gears, states, sample_time):
 class Plant:
     """A bank of joints with their persons.
 
-    Parameters
-    ----------
-    gears : ndarray of GEAR, shape (J,)
-    persons : ndarray of PERSON, shape (J,)
-    seed : int
-        Of noise and scatter.
-    sample_time : float
-        s.
-    steps : int
-        Steps of integration a sample.
+    `gears`: ndarray of GEAR, shape (J,). `persons`: ndarray of PERSON, shape (J,). `seed`: of
+    noise and scatter. `sample_time`: s. `steps`: steps of integration a sample.
     """
 
     def __init__(self, gears, persons, seed, sample_time=1e-3, steps=20):

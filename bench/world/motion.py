@@ -5,12 +5,10 @@
 Each function takes a random generator, seconds, half the range in rad and a top speed in rad/s.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from second_world.drive import DT
+from world.drive import DT
 
 
 def _time(seconds):

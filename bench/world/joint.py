@@ -9,8 +9,6 @@ Its level follows Stribeck (Armstrong-Helouvry, Dupont and Canudas de Wit 1994),
 Gautier and Garrec 2010), temperature (Bittencourt and Gunnarsson 2012), and rest time (Rabinowicz).
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from numba import njit

@@ -1,13 +1,19 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What `law_judge.identification` asks of a world: gears, a plant, and the truth about them."""
+"""Drives with the note's friction behind chains of Maxwell elements; for identification only.
+
+A chain is springs in parallel, each of which slips at its share of the level (Iwan 1966; Lampaert,
+Al-Bender and Swevers 2003, with elements that relax at once). Its breakaway current is a number of
+the gear, not the outcome of a ramp, so that nothing is measured to judge a measurement.
+"""
 
 import math
 
 from numba import njit
 import numpy as np
 
-from law_judge.person import floats
+from world.person import floats
+from world.persons import log_uniform
 
 KINDS = ('configuration_1', 'configuration_2', 'configuration_3')
 ELEMENTS = 10
@@ -43,8 +49,8 @@ def draw_gears(kind, draws, seed):
         g['viscous'] = viscous / DEGREE * torque
         g['scatter'], g['asymmetry'] = std / static, random.uniform(-0.03, 0.03)
         # The speed on the way to which friction leaves its level at rest: 0.1 to 1 deg/s.
-        g['transition'] = math.exp(random.uniform(math.log(0.1), math.log(1.0))) * DEGREE
-        g['presliding'] = math.exp(random.uniform(math.log(1e-4), math.log(1e-3)))
+        g['transition'] = log_uniform(random, 0.1, 1.0) * DEGREE
+        g['presliding'] = log_uniform(random, 1e-4, 1e-3)
         weight = random.uniform(0.5, 1.5, ELEMENTS)
         g['share'] = weight / weight.sum()
         g['reach'] = g['presliding'] * (

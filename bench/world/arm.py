@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A planar chain of links in the vertical plane, by Newton and Euler."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from numba import njit
@@ -26,14 +24,8 @@ class Chain(NamedTuple):
 def torque(chain, number, q, v, a, gravity):
     """Return the torque in N.m that joint `number` needs for the motion of the whole chain.
 
-    Parameters
-    ----------
-    chain : Chain
-    number : int
-    q, v, a : ndarray, shape (J,)
-        Joint angles from each link to the next, rad, rad/s, rad/s^2; 0 is horizontal.
-    gravity : float
-        m/s^2.
+    `q`, `v`, `a`: ndarray, shape (J,); joint angles from each link to the next, rad, rad/s,
+    rad/s^2; 0 is horizontal. `gravity`: m/s^2.
     """
     angle = speed = turn = 0.0
     x = y = ax = ay = 0.0

@@ -34,7 +34,7 @@ class Host:
 
     def __init__(self):
         self._process = subprocess.Popen(
-            [sys.executable, str(ROOT / 'test' / 'node_host.py')], text=True, bufsize=1,
+            [sys.executable, str(Path(__file__).with_name('node_host.py'))], text=True, bufsize=1,
             env=environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         assert self._process.stdout.readline() == 'ready\n'
         # It ends when its input ends.

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from law_judge.person import PERSON
+from world.person import PERSON
 
 SOFT, FIRM, ABLE, LEANING = range(4)
 FIRMER = 30.0
@@ -27,18 +27,9 @@ def log_uniform(random, low, high):
 def draw_persons(grips, breakaway_torque, seed):
     """Return random persons who touch from the beginning and have no wish yet.
 
-    Parameters
-    ----------
-    grips : sequence of int
-        SOFT, FIRM, LEANING (soft), or ABLE: firm enough to set the bare joint going with a lag of
-        0.1 to 0.5 rad.
-    breakaway_torque : ndarray, shape (J,)
-        N·m.
-    seed : int
-
-    Returns
-    -------
-    ndarray of PERSON, shape (J,)
+    `grips`: sequence of int; SOFT, FIRM, LEANING (soft), or ABLE: firm enough to set the bare
+    joint going with a lag of 0.1 to 0.5 rad. `breakaway_torque`: ndarray, shape (J,); N·m.
+    Returns PERSON of shape (J,).
     """
     random = np.random.default_rng([seed, 555])
     persons = np.zeros(len(grips), dtype=PERSON)

@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 
-from independent_gear import truth
-from independent_gear.gears import draw_gears, KINDS, set_presliding
-from independent_gear.state import BOUC_WEN, DAHL, LUGRE
-from independent_gear.truth import steady_friction
 from law_judge.model import REFERENCE_TEMPERATURE, SPEEDS, true_models
-from law_judge.persons import log_uniform
+from world.gear import truth
+from world.gear.gears import draw_gears, KINDS, set_presliding
+from world.gear.state import BOUC_WEN, DAHL, LUGRE
+from world.gear.truth import steady_friction
+from world.persons import log_uniform
 
 REFINED = ('with_gravity', 'with_cogging', 'with_friction_ripple', 'with_temperature',
            'with_load_friction', 'with_stribeck', 'with_hysteresis')

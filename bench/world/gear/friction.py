@@ -23,7 +23,7 @@ import math
 
 from numba import njit
 
-from independent_gear.state import BOUC_WEN, DAHL, ELEMENTS, LUGRE, MAXWELL_SLIP
+from world.gear.state import BOUC_WEN, DAHL, ELEMENTS, LUGRE, MAXWELL_SLIP
 
 RENEWED = 8.0
 

@@ -4,7 +4,7 @@
 
 import numpy as np
 
-from law_judge.person import floats as _floats, PERSON_STATE
+from world.person import floats as _floats, PERSON_STATE
 
 ELEMENTS = 6
 LONGEST_COMMAND_DELAY = 4

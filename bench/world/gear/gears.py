@@ -30,7 +30,7 @@ import math
 
 import numpy as np
 
-from independent_gear.state import (
+from world.gear.state import (
     BOUC_WEN,
     CLAMP,
     DAHL,
@@ -41,7 +41,7 @@ from independent_gear.state import (
     LUGRE,
     MAXWELL_SLIP,
 )
-from law_judge.persons import log_uniform
+from world.persons import log_uniform
 
 DEGREE = math.pi / 180.0
 ARMIN = ('armin_1', 'armin_2', 'armin_3')
@@ -62,16 +62,8 @@ _ARMIN = {
 def draw_gears(kind, draws, seed):
     """Return random gears of a kind.
 
-    Parameters
-    ----------
-    kind : str
-        One of `KINDS`: one of the note's drives with friction of any kind, or a friction in a
-        servo drive of any family.
-    draws, seed : int
-
-    Returns
-    -------
-    ndarray of GEAR, shape (draws,)
+    `kind`: one of `KINDS`: one of the note's drives with friction of any kind, or a friction in a
+    servo drive of any family. Returns GEAR of shape (draws,).
     """
     random = np.random.default_rng([seed, KINDS.index(kind)])
     gears = np.zeros(draws, dtype=GEAR)

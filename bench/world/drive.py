@@ -2,15 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """A joint in the loop: a controller at 1 kHz, a person, current that saturates and comes late."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from numba import njit
 import numpy as np
 
-from second_world.arm import torque
-from second_world.joint import carried, new_state, resistance
+from world.arm import torque
+from world.joint import carried, new_state, resistance
 
 DT = 0.25e-3
 PER_TICK = 4
@@ -71,23 +69,13 @@ def _command(joint, controller, wanted, measured, speed, errors, open_loop):
 def run(joint, controller, chain, number, reference, open_loop, load, heat, others):
     """Simulate by semi-implicit Euler steps of DT.
 
-    Parameters
-    ----------
-    joint, controller, chain
-        Constants; a chain without links is no chain.
-    number : int
-        Which joint of the chain this is; the others keep to their references.
-    reference : ndarray, shape (N, 3)
-        Wanted position, velocity and acceleration.
-    open_loop, load, heat : ndarray, shape (N,)
-        Current in A beside the controller's, torque in N.m from outside, K above the reference.
-    others : ndarray, shape (3, N, J)
-        Position, velocity and acceleration of all joints of the chain.
-
-    Returns
-    -------
-    ndarray, shape (N, 5)
-        Position, velocity, acceleration, recorded current, load.
+    `joint`, `controller`, `chain`: constants; a chain without links is no chain. `number`: which
+    joint of the chain this is; the others keep to their references. `reference`: ndarray, shape
+    (N, 3); wanted position, velocity and acceleration. `open_loop`, `load`, `heat`: ndarray, shape
+    (N,); current in A beside the controller's, torque in N.m from outside, K above the reference.
+    `others`: ndarray, shape (3, N, J); position, velocity and acceleration of all joints of the
+    chain. Returns position, velocity, acceleration, recorded
+    current and load, shape (N, 5).
     """
     size = len(reference)
     out = np.empty((size, 5))
@@ -163,22 +151,3 @@ def simulate(joint, controller, chain, number, reference, open_loop=None, load=N
         others[:, :, number] = out[:, :3].T
     return Trace(np.arange(size) * DT, out[:, 0], out[:, 1], out[:, 2], out[:, 3], out[:, 4],
                  heat, reference, speed, *others)
-
-
-def energy_balance(joint, trace):
-    """Return work of the motor, gain of energy and work against friction, each in A rad.
-
-    For a joint with nothing but inertia, pendulum, spring and friction; with the currents taken
-    as torque over k_t n, the first equals the sum of the other two.
-    """
-    work = np.sum(trace.current * trace.v) * DT
-    kinetic = 0.5 * joint.inertia * (trace.v[-1] ** 2 - trace.v[0] ** 2)
-    height = [-joint.gravity * np.cos(q + joint.gravity_phase)
-              + 0.5 * joint.spring * (q - joint.spring_centre) ** 2 + joint.offset * q
-              for q in (trace.q[0], trace.q[-1])]
-    state = new_state(trace.q[0])
-    lost = 0.0
-    for t, q, v in zip(trace.time, trace.q, trace.v):
-        total = resistance(joint, state, t, q, v, 0.0, 0.0, DT)
-        lost += (total - carried(joint, q, v, 0.0)) * v * DT
-    return work, kinetic + height[1] - height[0], lost

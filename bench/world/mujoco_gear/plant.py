@@ -8,7 +8,7 @@ import mujoco
 from numba import njit
 import numpy as np
 
-from law_judge.person import floats, PERSON_STATE, person_torque, remember
+from world.person import floats, PERSON_STATE, person_torque, remember
 
 STATE = np.dtype([*PERSON_STATE, *floats(
     'motor motor_velocity link link_velocity current measured measured_velocity offset '
@@ -57,18 +57,11 @@ def _model(gears, step):
 
 
 class Plant:
-    """A bank of joints with their persons; the same shape as `independent_gear.plant.Plant`.
+    """A bank of joints with their persons; the same shape as `world.gear.plant.Plant`.
 
-    Parameters
-    ----------
-    gears : ndarray of GEAR, shape (J,)
-    persons : ndarray of PERSON, shape (J,)
-    seed : int
-        Of noise, and of where each joint rests at first.
-    sample_time : float
-        s.
-    steps : int
-        Of the engine, a sample.
+    `gears`: ndarray of GEAR, shape (J,). `persons`: ndarray of PERSON, shape (J,). `seed`: of
+    noise, and of where each joint rests at first. `sample_time`: s. `steps`: of the engine, a
+    sample.
     """
 
     def __init__(self, gears, persons, seed, sample_time=1e-3, steps=5):
