@@ -115,14 +115,13 @@ def turn_round(p: Parameters, s: State) -> None:
 
     A joint that stops springs back, and may go on: neither is a turn. If it is not pushed, it must
     be R behind, or half of R if presliding is known and help was given back, or 2 R if presliding
-    is unknown. Into the new way z goes as far as the last one has paid for.
+    is unknown. z follows displacement: going ahead, it would feed a push mistaken.
     """
     if s.mode == LEADING or s.still_time > 2.0 * p.rest_time:
         s.heading, s.farthest = 0.0, s.position
     beyond = s.position - s.farthest
     far = p.turn_distance if s.gave == 1 else max(p.distance, p.turn_distance)
-    pushed = s.pushed == 1 and beyond * s.speed > 0.0
-    if pushed:
+    if s.pushed == 1 and beyond * s.speed > 0.0:
         far = p.backlash
     turned = abs(beyond) > far
     if beyond * s.heading > 0.0:
@@ -135,8 +134,6 @@ def turn_round(p: Parameters, s: State) -> None:
         s.gave, s.later = 0, 1.0
         if turned:
             s.heading, s.farthest = math.copysign(1.0, beyond), s.position
-            if pushed:
-                spend(s, s.heading)
 
 
 @njit(cache=True)
