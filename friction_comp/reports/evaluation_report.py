@@ -171,7 +171,7 @@ def add_evaluation(report: Report, evaluation: Evaluation, part: bool = False) -
     report.figure(
         evaluation_figure(evaluation),
         f'Trajectory{torque}, average and standard deviation over the repetitions, synchronised '
-        "at the start of the movement (style of the note's Fig. 5).", interactive=True)
+        "at the start of the movement (style of the note's Fig. 5).")
     report.heading('Conditions', level)
     _add_conditions(report, evaluation)
     if evaluation.comparisons:

@@ -36,15 +36,12 @@ _UNITS = {'velocity': 'rad/s', 'reference': 'rad/s', 'speed': 'rad/s', 'transiti
           'time_constant': 's', 'reference_temperature': '°C'}
 
 
-def refinement_report(result: RefineResult, names: list[str], interactive: bool = True) -> Report:
-    """Return the report on a `RefineResult`; `names` are the names of the recordings.
-
-    Without `interactive` plots the page takes half the time, and a tenth of the space.
-    """
+def refinement_report(result: RefineResult, names: list[str]) -> Report:
+    """Return the report on a `RefineResult`; `names` are the names of the recordings."""
     report = result.report
     joint = f'joint {report.joint}' if report.joint else 'the joint'
     page = Report(f'What the friction model of {joint} lacked',
-                  f'Refined on {", ".join(names)}', interactive)
+                  f'Refined on {", ".join(names)}')
     before, after, unit = report.before, report.after, report.unit
     first, _, rest = summary(report).partition('\n\n')
     page.verdict(f'**Verdict: {report.verdict}.** {first}')
@@ -60,9 +57,9 @@ def refinement_report(result: RefineResult, names: list[str], interactive: bool 
     page.text(rest)
     page.figure(time_figure(result), 'Measured and predicted current in an excerpt from the middle '
                 'of the recording; each part was predicted by a fit to all others. Below: the '
-                'contribution of each effect of the new model.', interactive=True)
+                'contribution of each effect of the new model.')
     page.figure(friction_figure(result), 'Friction over velocity: the measured current minus the '
-                'effects, and Eq. 6 before and after.', interactive=True)
+                'effects, and Eq. 6 before and after.')
     page.heading('Parameters')
     page.table(['effect', 'parameter', 'before', 'after', 'unit', '95 % interval'],
                parameter_rows(result))
@@ -104,14 +101,13 @@ def refinement_report(result: RefineResult, names: list[str], interactive: bool 
                         ('temperature', 'motor temperature (°C)')):
         wanted = name != 'acceleration' or name in named
         if wanted and getattr(result.samples, name) is not None:
-            page.figure(residual_figure(result, name, label), f'Residual over {name}.',
-                        interactive=True)
+            page.figure(residual_figure(result, name, label), f'Residual over {name}.')
     k, size = spectrum(result, result.after)
     # Where the position hardly varied, there is none.
     if len(k):
         page.figure(spectrum_figure(result), 'Spectrum of the residual over position: ripple shows '
                     'as a peak at its number of periods per turn. '
-                    + largest_ripple(result, k, size), interactive=True)
+                    + largest_ripple(result, k, size))
     feed_forward_section(page, result, unit)
     page.heading('The model')
     page.bullets(model_words(result.model, unit))
