@@ -300,7 +300,7 @@ def _tiles(evaluation: Evaluation) -> list[tuple[str, str]]:
         c.compensation for c in evaluation.conditions if c.compensation.announced >= 0)
     return [(f'{peak_text(peak, evaluation.stuck(condition))} N·m',
              f'peak, {nonbreaking_label(evaluation, condition)}') for condition in conditions
-            if np.isfinite(peak := evaluation.peak_of(condition))][:_MOST_TILES]
+            if np.isfinite(peak := evaluation.mean_of('peak_torque', condition))][:_MOST_TILES]
 
 
 def _percent(share: Interval) -> str:

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import wraps
 from html import escape
 import io
@@ -63,15 +63,28 @@ def styled(draw: Callable[P, T]) -> Callable[P, T]:
 
 @styled
 def new_figure(rows: int = 1, columns: int = 1, width: float = 8.0, height: float = 3.0,
-               **options: Any) -> tuple[Figure, Any]:
+               x: str = '', y: str | Sequence[str] = '', **options: Any) -> tuple[Figure, Any]:
     """Create a figure with a grid of axes, an ndarray of them where there are several.
 
-    `width` is that of the figure and `height` that of one row, inches; `options` are further
-    arguments of ``Figure.subplots``, such as ``sharex=True``.
+    `width` is that of the figure and `height` that of one row, inches; `x` labels the lowest axes,
+    and `y` those on the left, all or row by row; `options` are further arguments of
+    ``Figure.subplots``, such as ``sharex=True``.
     """
     figure = Figure(figsize=(width, height * rows), layout='constrained')
     FigureCanvasAgg(figure)
-    return figure, figure.subplots(rows, columns, **options)
+    axes = figure.subplots(rows, columns, **options)
+    grid = np.reshape(axes, (rows, columns))
+    for lowest in grid[-1]:
+        lowest.set_xlabel(x)
+    for leftmost, label in zip(grid[:, 0], [y] * rows if isinstance(y, str) else y):
+        leftmost.set_ylabel(label)
+    return figure, axes
+
+
+def curve(axes: Axes, x: Any, y: Any, colour: str, label: str | None = None, style: str = '-',
+          **options: Any) -> None:
+    """Draw a line or markers in a colour of COLOURS; `style` is Matplotlib's format."""
+    axes.plot(x, y, style, color=COLOURS[colour], label=label, **options)
 
 
 def band(axes: Axes, x: np.ndarray, mean: np.ndarray, spread: np.ndarray, colour: str,
@@ -80,7 +93,7 @@ def band(axes: Axes, x: np.ndarray, mean: np.ndarray, spread: np.ndarray, colour
     x, mean, spread = thin(x, mean, spread)
     axes.fill_between(
         x, mean - spread, mean + spread, color=COLOURS[colour], alpha=0.22, linewidth=0)
-    axes.plot(x, mean, color=COLOURS[colour], label=label)
+    curve(axes, x, mean, colour, label)
 
 
 def thin(x: np.ndarray, *curves: np.ndarray, points: int = 800) -> tuple[np.ndarray, ...]:
@@ -112,8 +125,8 @@ def scatter(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str, label: str | 
     if len(x) > _MOST_DOTS:
         chosen = np.sort(np.random.default_rng(0).choice(len(x), _MOST_DOTS, replace=False))
         x, y = x[chosen], y[chosen]
-    axes.plot(x, y, '.', color=COLOURS[colour], markersize=3.0, alpha=0.45, label=label,
-              markeredgewidth=0, rasterized=True)
+    curve(axes, x, y, colour, label, '.', markersize=3.0, alpha=0.45, markeredgewidth=0,
+          rasterized=True)
 
 
 def to_svg(figure: Figure) -> str:
