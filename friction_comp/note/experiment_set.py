@@ -6,21 +6,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
+from friction_comp.evaluation.conditions import Evaluation
+from friction_comp.identification.goal import IdentificationResult
+from friction_comp.model.friction_model import Breakaway, FrictionModel
 from friction_comp.note.condition_runs import CONDITIONS, mean_peak, run_trial, stand_still
-from friction_comp.note.identify import identified_model, identify_breakaway, identify_table
-from friction_comp.note.published import EXPERIMENTS, FALSE_START
+from friction_comp.note.identify import identified_model, identify_breakaway, identify_table, Ramps
+from friction_comp.note.published import Experiment, EXPERIMENTS, FALSE_START
 from friction_comp.parallel import child_process
-
-if TYPE_CHECKING:
-    from friction_comp.evaluation.conditions import Evaluation
-    from friction_comp.identification.goal import IdentificationResult
-    from friction_comp.model.friction_model import Breakaway, FrictionModel
-    from friction_comp.note.identify import Ramps
-    from friction_comp.note.published import Experiment
 
 LAWS = ('paper', 'continuous')
 

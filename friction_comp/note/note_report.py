@@ -5,21 +5,17 @@
 from __future__ import annotations
 
 import math
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
+from matplotlib.figure import Figure
 import numpy as np
 
+from friction_comp.evaluation.conditions import Condition, Evaluation
 from friction_comp.note.condition_runs import STANDSTILLS
-from friction_comp.note.published import EXPERIMENTS, FALSE_START
+from friction_comp.note.experiment_set import ExperimentOutcome
+from friction_comp.note.published import Experiment, EXPERIMENTS, FALSE_START
 from friction_comp.reports.figures import band, COLOURS, new_figure, styled, thin
 from friction_comp.reports.html import Report
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from friction_comp.evaluation.conditions import Condition, Evaluation
-    from friction_comp.note.experiment_set import ExperimentOutcome
-    from friction_comp.note.published import Experiment
 
 _TRIALS = (('kinetic', 'grey', 'd = 0'), ('paper', 'orange', "d = ±1, note's law"),
            ('continuous', 'blue', 'd = ±1, continuous law'), ('inertia', 'green', 'no friction'))

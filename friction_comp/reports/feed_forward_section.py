@@ -4,13 +4,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from friction_comp.compensation.feed_forward import feed_forward
-
-if TYPE_CHECKING:
-    from friction_comp.refinement.result import RefineResult
-    from friction_comp.reports.html import Report
+from friction_comp.refinement.result import RefineResult
+from friction_comp.reports.html import Report
 
 
 def feed_forward_section(page: Report, result: RefineResult, unit: str) -> None:

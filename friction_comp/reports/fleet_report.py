@@ -5,18 +5,16 @@
 from __future__ import annotations
 
 import math
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 import numpy as np
 
 from friction_comp.fleet.new_unit import NewUnit
 from friction_comp.fleet.population import ParameterSpread, Population, UnitValue
 from friction_comp.reports.figures import COLOURS, new_figure, styled
 from friction_comp.reports.html import number, quantity, Report
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 # Units up to which each has a row in a table, and its name and interval in the figure.
 _MOST_ROWS, _MOST_NAMES = 100, 60

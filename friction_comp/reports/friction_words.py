@@ -5,12 +5,10 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, TYPE_CHECKING
+from typing import NamedTuple
 
+from friction_comp.refinement.result import FrictionNumbers
 from friction_comp.reports.html import number
-
-if TYPE_CHECKING:
-    from friction_comp.refinement.result import FrictionNumbers
 
 # Name and unit of each number, A standing for the unit of current.
 _NAMES = {'coulomb': ('Coulomb', 'A'), 'viscous': ('viscous', 'A·s/rad'),

@@ -12,10 +12,12 @@ from html import escape
 import math
 from pathlib import Path
 import re
-from typing import Any, NamedTuple, TYPE_CHECKING
+from typing import Any, NamedTuple
 from urllib.parse import quote
 
 from markdown_it import MarkdownIt
+from markdown_it.rules_core import StateCore
+from matplotlib.figure import Figure
 from matplotlib.text import Text
 import numpy as np
 
@@ -23,11 +25,6 @@ from friction_comp import __version__
 from friction_comp.files import write_atomically
 from friction_comp.reports.figures import for_page
 from friction_comp.units import in_own_units
-
-if TYPE_CHECKING:
-    from markdown_it.rules_core import StateCore
-    from matplotlib.figure import Figure
-
 
 _LINEAR: ContextVar[bool] = ContextVar('linear', default=False)
 

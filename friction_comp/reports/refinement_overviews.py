@@ -7,21 +7,18 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
+from matplotlib.figure import Figure
 import numpy as np
 
+from friction_comp.fleet.population import Population
+from friction_comp.refinement.result import RefinementReport
+from friction_comp.refinement.whole_arm import ArmResult
 from friction_comp.reports.figures import COLOURS, new_figure, styled
 from friction_comp.reports.fleet_report import add_fleet, fleet_verdict
 from friction_comp.reports.html import Link, number, Report
 from friction_comp.reports.refinement_report import effect_names
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from friction_comp.fleet.population import Population
-    from friction_comp.refinement.result import RefinementReport
-    from friction_comp.refinement.whole_arm import ArmResult
 
 # Effects found in fewer than this share of a joint's recordings may be due to chance.
 _REPEATABLE = 0.5

@@ -7,13 +7,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from friction_comp.model.effects import EFFECTS
+from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sliding_friction import line_of
 from friction_comp.refinement.judge import in_unit
+from friction_comp.refinement.result import FrictionNumbers, RefinementReport, RefineResult
 from friction_comp.refinement.thresholds import LEAST_SHARE
 from friction_comp.reports.feed_forward_section import feed_forward_section
 from friction_comp.reports.friction_words import number_rows
@@ -25,10 +26,6 @@ from friction_comp.reports.refinement_figures import (
     spectrum_figure,
     time_figure,
 )
-
-if TYPE_CHECKING:
-    from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.refinement.result import FrictionNumbers, RefinementReport, RefineResult
 
 # Units of the effects' constants.
 _UNITS = {'velocity': 'rad/s', 'reference': 'rad/s', 'speed': 'rad/s', 'transition': 'rad/s',
