@@ -41,7 +41,6 @@ def test_a_killed_worker_costs_nothing(cluster, tmp_path):
 @pytest.mark.slow
 def test_recordings_are_refined_on_the_cluster_as_here(cluster, tmp_path):
     write_recording(tmp_path / 'robots' / 'one_day')
-    with distributed.Client(cluster.scheduler_address) as client:
     rows = {}
     for where, more in (('here', ['--jobs', '1']), ('there', [
             '--scheduler', cluster.scheduler_address])):

@@ -12,11 +12,16 @@ from helpers import ROOT
 import numpy as np
 import pytest
 
-from friction_comp.evaluation.compare import Comparison, effect_size
+from friction_comp.evaluation.compare import Comparison, effect_size, Trend
 from friction_comp.evaluation.intervals import mean_interval
 from friction_comp.evaluation.repetitions import Compensation
 from friction_comp.evaluation.sessions import evaluate_recordings
-from friction_comp.reports.evaluation_report import evaluation_figure, evaluation_report, scenes_of
+from friction_comp.reports.evaluation_report import (
+    evaluation_figure,
+    evaluation_report,
+    scenes_of,
+    trend_figure,
+)
 from friction_comp.reports.figures import COLOURS, for_page, new_figure, thin_extremes
 from friction_comp.reports.html import number, Report
 from friction_comp.reports.moving_joint import moving_joint, MovingScene, still_joint
@@ -141,6 +146,18 @@ def test_headline_comparison_picture_and_tables_show_the_same_torques_and_colour
     # Orange is the person's torque: no condition has it.
     assert [scene.colour for scene in scenes] == ['grey', 'blue']
     assert COLOURS['orange'] not in evaluation_figure_colours(evaluation)
+
+
+def test_a_condition_has_one_colour_in_movements_trends_and_animation(evaluation):
+    pair = evaluation.pair()
+    days = {day: mean_interval([1.0, 2.0]) for day in ('2026-01-01', '2026-01-02')}
+    drawn = trend_figure([Trend('peak_torque', one, days, None, None) for one in pair], evaluation)
+    trends = [bars.lines[0].get_color() for bars in drawn.axes[0].containers]
+    movements = [next(
+        line.get_color() for line in evaluation_figure(evaluation).axes[0].get_lines()
+        if str(line.get_label()).startswith(evaluation.label(one))) for one in pair]
+    animation = [COLOURS[scene.colour] for scene in scenes_of(evaluation)]
+    assert trends == movements == animation == [COLOURS['grey'], COLOURS['blue']]
 
 
 def evaluation_figure_colours(evaluation):

@@ -85,7 +85,7 @@ class MeasuredJoint:
     def add_repetitions(self, repetitions: Sequence[Repetition]) -> None:
         """Add repetitions; their curves are summed up in the averages and not kept."""
         for r in repetitions:
-            self.averages.setdefault(r.kind, Ensemble()).add(Ensemble.of(r.curves))
+            self.averages.setdefault(r.kind, Ensemble()).add(Ensemble.of_movement(r.curves))
             r.curves = {}
         self.repetitions += repetitions
 

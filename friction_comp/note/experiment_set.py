@@ -23,19 +23,15 @@ LAWS = ('paper', 'continuous')
 
 @dataclass
 class ExperimentOutcome:
-    """Results of one configuration.
-
-    `model` is the identified one; `trials` are by condition. `standstills` are the distances in rad
-    by law, as from `stand_still`. `drive_time` is the simulated time in s that identification took.
-    """
+    """Results of one configuration."""
 
     experiment: Experiment
     table: IdentificationResult
     ramps: Ramps
-    model: FrictionModel
-    trials: dict[str, Evaluation]
-    standstills: dict[str, np.ndarray]
-    drive_time: float
+    model: FrictionModel  # the identified one
+    trials: dict[str, Evaluation]  # by condition
+    standstills: dict[str, np.ndarray]  # by law: distances in rad, as from `stand_still`
+    drive_time: float  # simulated time that identification took, s
 
     @property
     def breakaway(self) -> Breakaway:
@@ -58,11 +54,10 @@ class ExperimentOutcome:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the configuration's entry of results.json."""
-        breakaway = self.breakaway
         return {
             'breakaway': {
-                'positive_mean': breakaway.positive_mean, 'positive_std': breakaway.positive_std,
-                'negative_mean': breakaway.negative_mean, 'negative_std': breakaway.negative_std,
+                **{f'{side}_{figure}': getattr(self.breakaway, f'{side}_{figure}')
+                   for side in ('positive', 'negative') for figure in ('mean', 'std')},
                 'cycles': int(np.sum(self.ramps.records.direction > 0))},
             'sigmoid': list(self.model.sigmoid.coefficients()),
             'sigmoid_error': self.table.sigmoid_error,

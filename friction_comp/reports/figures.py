@@ -129,13 +129,6 @@ def scatter(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str, label: str | 
 
 def to_svg(figure: Figure) -> str:
     """Return a figure as SVG in the page's text colour, without external files or scripts."""
-    text = _saved(figure, format='svg', metadata={'Date': None, 'Creator': None}).decode()
-    text = text[text.index('<svg'):]
-    text = re.sub(r'<metadata>.*?</metadata>\s*', '', text, flags=re.DOTALL)
-    return text.replace(INK, 'currentColor')
-
-
-def _saved(figure: Figure, **options: Any) -> bytes:
     stream = io.BytesIO()
     with mpl.rc_context({**_STYLE, 'svg.hashsalt': 'friction_comp'}):
         # Run the layout engine once: otherwise saving draws twice.
@@ -143,8 +136,25 @@ def _saved(figure: Figure, **options: Any) -> bytes:
         if engine is not None:
             engine.execute(figure)
             figure.set_layout_engine(None)
-        figure.savefig(stream, dpi=160, **options)
-    return stream.getvalue()
+        figure.savefig(stream, dpi=160, format='svg', metadata={'Date': None, 'Creator': None})
+    text = stream.getvalue().decode()
+    text = text[text.index('<svg'):]
+    text = re.sub(r'<metadata>.*?</metadata>\s*', '', text, flags=re.DOTALL)
+    return text.replace(INK, 'currentColor')
+
+
+def to_file(figure: Figure, title: str, description: str) -> str:
+    """Return a figure as the content of an SVG file for light and dark pages."""
+    text = to_svg(figure)
+    start = text.index('>') + 1
+    return f"""{text[:start]}
+<!-- Copyright 2026 The friction_comp authors, SPDX-License-Identifier: Apache-2.0 -->
+<title>{title}</title>
+<desc>{description}</desc>
+<style>
+  svg {{ color: {INK}; background: #ffffff }}
+  @media (prefers-color-scheme: dark) {{ svg {{ color: #e4e9ee; background: #161c22 }} }}
+</style>{text[start:]}"""
 
 
 def for_page(figure: Figure) -> tuple[str, str]:

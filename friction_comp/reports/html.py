@@ -234,6 +234,14 @@ def number(value: float | int | None, digits: int = 3) -> str:
     return format(value, form).replace('-', '\u2212')
 
 
+def interval_text(ends: Sequence[float | None], digits: int = 3) -> str:
+    """Return an interval as text."""
+    low, high = ends
+    if low is None or high is None:
+        return 'not determined'
+    return f'{number(low, digits)} to {number(high, digits)}'
+
+
 def quantity(value: float, unit: str) -> str:
     """Return a number with its unit, small currents in mA, and a dash for NaN.
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.reports.figures import curve, new_figure, styled
-from friction_comp.reports.html import number, quantity, Report
+from friction_comp.reports.html import interval_text, number, quantity, Report
 from friction_comp.samples import Samples
 
 # Name and unit of each value, A standing for the unit of the table.
@@ -28,9 +28,8 @@ def value_rows(report: dict[str, Any]) -> list[list[str]]:
     rows = []
     for key, (name, own) in NAMES.items():
         if friction.get(key) is not None:
-            low, high = friction['intervals'][key]
             rows.append([name, f'{number(friction[key], 4)} {own.replace("A", unit, 1)}',
-                         f'{number(low, 4)} to {number(high, 4)}'])
+                         interval_text(friction['intervals'][key], 4)])
     return rows
 
 
