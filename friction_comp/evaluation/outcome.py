@@ -27,7 +27,7 @@ class Condition:
     # Number of those in which the joint did not start moving, so that the peak torque is a lower
     # bound of the torque that was needed.
     stuck: int
-    peak_torque: float  # largest magnitude of the mean of τ_b while `counted_torque` counts it
+    peak_torque: float  # largest magnitude of the mean of τ_b while `torque_figures` counts it
     peak_torque_std: float  # standard deviation of the repetitions' peaks
     peak_time: float  # of the peak of the mean, s after the start of the movement
     rms_torque: float  # over all repetitions, from start to end of the movement

@@ -174,15 +174,15 @@ def _between(time: np.ndarray, begin: float, end: float) -> slice:
     return slice(int(first), max(int(last), int(first) + 1))
 
 
-def counted_torque(time: np.ndarray, load: np.ndarray, movement: Movement, onset: float | None,
-                   has_reference: bool) -> np.ndarray:
-    """Return the torque that counts for a movement's peak: that needed to move the joint.
+def torque_figures(time: np.ndarray, load: np.ndarray, movement: Movement, onset: float | None,
+                   has_reference: bool) -> dict[str, float]:
+    """Return peak, its time, and torque at constant velocity, those that are known.
 
-    Torque counts from the beginning of the movement until it decelerates, or until the joint starts
-    moving if that is later. Earlier torque belongs to the previous movement, unless the joint
-    started early. Without a reference the movement begins with the joint's motion, so the torque
-    before it counts, too. Before the joint moves, only torque along the movement counts; afterwards
-    torque in either direction.
+    For the peak counts the torque that moves the joint: from the beginning of the movement until it
+    decelerates, or until the joint starts moving if that is later. Earlier torque belongs to the
+    previous movement, unless the joint started early. Without a reference the movement begins with
+    the joint's motion, so the torque before it counts, too. Before the joint moves, only torque
+    along the movement counts; afterwards torque in either direction.
 
     Parameters
     ----------
@@ -196,8 +196,8 @@ def counted_torque(time: np.ndarray, load: np.ndarray, movement: Movement, onset
 
     Returns
     -------
-    ndarray, shape (N,)
-        Torque in N·m; -1 where it does not count.
+    dict of float
+        By the names in `FIGURES`, in N·m and s.
     """
     first, last = movement.begin, movement.constant_end
     if has_reference and onset is None:
@@ -207,21 +207,11 @@ def counted_torque(time: np.ndarray, load: np.ndarray, movement: Movement, onset
         last = max(last, start)
         if not has_reference or start < first:
             first = movement.earliest
-    torque = np.where(time >= start, np.abs(load), np.maximum(movement.sign * load, 0.0))
     counts = (time >= first - _ROUNDING) & (time <= last + _ROUNDING) & np.isfinite(load)
-    return np.where(counts, torque, -1.0)
-
-
-def torque_figures(time: np.ndarray, load: np.ndarray, movement: Movement, onset: float | None,
-                   has_reference: bool) -> dict[str, float]:
-    """Return peak, its time, and torque at constant velocity, by the names in `FIGURES`.
-
-    The arguments are those of `counted_torque`; figures that are not known are left out.
-    """
-    torque = counted_torque(time, load, movement, onset, has_reference)
-    peak = int(np.argmax(torque))
+    torque = np.where(time >= start, np.abs(load), np.maximum(movement.sign * load, 0.0))
     figures = {}
-    if torque[peak] >= 0.0:
+    if counts.any():
+        peak = int(np.argmax(np.where(counts, torque, -1.0)))
         figures = {'peak_torque': float(torque[peak]),
                    'peak_time': float(time[peak] - movement.begin)}
     constant = load[_between(time, movement.constant_begin, movement.constant_end)]

@@ -144,9 +144,11 @@ for (const svg of document.querySelectorAll('svg[data-panels]')) {
   const box = make(svg, 'rect', {class: 'box', visibility: 'hidden'});
   const reading = document.createElement('output');
   svg.after(reading);
-  const hint = document.createElement('small');
-  hint.textContent = ' Point at a curve to read it; drag to zoom, double-click to see all.';
-  svg.closest('figure').querySelector('figcaption').append(hint);
+  if (svg === document.querySelector('svg[data-panels]')) {
+    const hint = document.createElement('small');
+    hint.textContent = ' Point at a curve to read it; drag to zoom, double-click to see all.';
+    svg.closest('figure').querySelector('figcaption').append(hint);
+  }
   let drag = null;
 
   const placeOf = (event) => (
