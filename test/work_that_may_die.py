@@ -45,5 +45,4 @@ if __name__ == '__main__':
     from friction_comp.__main__ import main
     from friction_comp.tools import refine_each
     refine_each._refine_one = work_that_may_die.refined_where_first
-    without_bokeh()
     sys.exit(main(sys.argv[1:]))
