@@ -24,7 +24,7 @@ from friction_comp.note.note_report import compared
 from friction_comp.recordings import read_recording
 from friction_comp.reports.demo_report import EvaluatedTrial, torque_figure
 from friction_comp.reports.evaluation_words import peak_text
-from friction_comp.reports.figures import thin, to_svg
+from friction_comp.reports.figures import thin, to_file
 from friction_comp.reports.html import number
 from friction_comp.tools.demo_loop import TRIALS
 
@@ -33,10 +33,6 @@ STORED = ROOT / 'docs' / 'figures'
 PICTURE = ROOT / 'docs' / 'demo.svg'
 _TITLES = {name: title for name, title, *_ in TRIALS}
 # Neither page colour nor text colour is known where a page shows the picture: both are its own.
-_LOOK = """<style>
-  svg { color: #1a2b3d; background: #ffffff }
-  @media (prefers-color-scheme: dark) { svg { color: #e4e9ee; background: #161c22 } }
-</style>"""
 
 
 def demo_numbers(report: dict[str, Any]) -> dict[str, Any]:
@@ -92,12 +88,7 @@ def demo_picture(numbers: dict[str, Any], folder: Path) -> str:
     for condition in (one for trial in trials for one in trial.evaluation.conditions):
         condition.time, condition.torque, condition.torque_std = thin(
             condition.time, condition.torque, condition.torque_std, points=200)
-    text = to_svg(torque_figure(trials))
-    start = text.index('>', text.index('<svg')) + 1
-    return (f'{text[:start]}\n<!-- Copyright 2026 The friction_comp authors, '
-            'SPDX-License-Identifier: Apache-2.0 -->\n'
-            '<title>Back-driving torque in the demo</title>\n'
-            f'<desc>{demo_words(numbers)}</desc>\n{_LOOK}{text[start:]}')
+    return to_file(torque_figure(trials), 'Back-driving torque in the demo', demo_words(numbers))
 
 
 PAGES = {'demo': ROOT / 'README.md', 'reproduce': ROOT / 'docs' / 'results.md'}
