@@ -147,13 +147,13 @@ def in_motion(samples: Samples, unusable: np.ndarray, slowest: float,
 def blocks_of(samples: Samples, start: np.ndarray) -> np.ndarray:
     """Return the block of each row, shape (R,): long periods with equal numbers of rows.
 
-    An edge between two blocks is moved to the nearest gap or recording's end within a third of a
-    block.
+    An edge between two blocks is moved to the nearest rest, gap or recording's end within a third
+    of a block: half a movement is no observation beside its other half.
     """
-    parts = samples.segments(max(0.5 / samples.sample_time, 20.0))
-    run = np.searchsorted([part.start for part in parts], start, side='right')
     size, count = len(start), int(thresholds.BLOCKS)
-    run_edges = np.nonzero(np.diff(run))[0] + 1
+    begins = np.abs(np.diff(samples.time[start])) > max(0.5, 20.0 * samples.sample_time)
+    begins |= np.diff(samples.recording[start]) != 0
+    run_edges = np.nonzero(begins)[0] + 1
     edges = []
     for edge in np.linspace(0, size, count + 1)[1:-1]:
         nearest = run_edges[np.argmin(np.abs(run_edges - edge))] if len(run_edges) else -size
@@ -198,34 +198,33 @@ def load_coefficient(samples: Samples, unusable: np.ndarray, drive: Drive) -> fl
     """Return -1/(k_t·n), A/(N·m), if the load must enter with this coefficient; 0 if it is fitted.
 
     By J·a = k_t·n·i + τ_b - F, friction is i + τ_b/(k_t·n). If the current shows the load, that is
-    if the load lowers the error of blocks that were not fitted, with the sign of mechanics, the
-    motor carries it, and its coefficient is fitted as that of an effect. If it does not, but the
-    load overcomes friction, then a person moves the joint, and the current is a function of the
-    motion (a compensation law) or zero: the known coefficient has to be used.
+    if the load lowers the error of blocks that were not fitted, with a coefficient that is nearer
+    to that of mechanics than to zero, the motor carries it, and its coefficient is fitted as that
+    of an effect. If it does not, but the motion predicts the load, then a person moves the joint,
+    and the current is a function of the motion (a compensation law) or zero: the known coefficient
+    has to be used.
     """
     if samples.load is None or not np.any(samples.load):
         return 0.0
     mechanics = -1.0 / drive.torque_per_current
     moved, start = smooth_motion(*excerpt(samples, unusable))
     part, block = moved.take(start), blocks_of(moved, start)
-    velocity, load = np.asarray(part.velocity), np.asarray(part.load)
-    top = float(np.percentile(np.abs(velocity), 95))
+    load, top = np.asarray(part.load), float(np.percentile(np.abs(np.asarray(part.velocity)), 95))
     columns = plain_columns(part.with_(load=None), [share * top for share in TRANSITIONS])
     plain = range(columns.shape[1])
     sums = sums_of(np.column_stack((columns, load)), part.current, block)
     without, fitted = (float(sums.held_out_errors(some).sum())
                        for some in (plain, [*plain, len(plain)]))
     shown = fitted < (1.0 - thresholds.LEAST_SHARE) * without
-    if shown and sums.fit([*plain, len(plain)])[-1] < 0.0:
+    if shown and sums.fit([*plain, len(plain)])[-1] < 0.5 * mechanics:
         return 0.0
-    # Its mean power against friction: that of its Coulomb and viscous columns, since gravity and
-    # inertia return what they take. The blocks left out in turn give its standard error.
-    resisting = slice(1, len(TRANSITIONS) + 2)
-    fits = sums_of(columns, load, block).fits(plain, 1.0 - np.eye(int(block.max()) + 1))
-    power = fits[:, resisting] @ (columns[:, resisting].T @ velocity)
-    error = np.sqrt((len(power) - 1) * np.var(power))
-    # With twice the usual margin, since a sensor's load of the wrong sign would count twice.
-    return mechanics if power.mean() > 2.0 * thresholds.STANDARD_ERRORS * error else 0.0
+    # What is measured beside the motion is noise; a load that moves the joint follows from it. The
+    # blocks left out in turn give the standard error.
+    own = sums_of(columns, load, block)
+    before, after = own.held_out_errors([0]), own.held_out_errors(plain)
+    ratio = (before - after) / np.maximum(before + after, 1e-300)
+    error = float(np.std(ratio, ddof=1)) / math.sqrt(len(ratio))
+    return mechanics if ratio.mean() > thresholds.STANDARD_ERRORS * error else 0.0
 
 
 def choose_differentiation(samples: Samples, unusable: np.ndarray, joints: Sequence[str],
