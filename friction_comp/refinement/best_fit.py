@@ -125,12 +125,12 @@ class EffectSearch(Search):
     def update_candidates(self, terms: Sequence[Term]) -> None:
         """Replace the candidates by the terms proposed for the residual of a fit."""
         table = self.table
-        proposed = proposals(table, terms)
+        proposed = [term for term in proposals(table, terms)
+                    if (term.kind.variable == 'time') == self._time_effects]
         self._retained.update(terms)
         table.keep(self._retained.union(proposed))
         kinds = {term.kind for term in self.fixed if term.kind.max_count == 1}
-        self.candidates = [term for term in table.add(proposed) if term.kind not in kinds and (
-            (term.kind.variable == 'time') == self._time_effects)]
+        self.candidates = [term for term in table.add(proposed) if term.kind not in kinds]
 
     def after_addition(self, terms: list[Term]) -> list[Term]:
         """Adjust all constants and the transition; update the candidates."""

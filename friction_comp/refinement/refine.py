@@ -112,6 +112,8 @@ def select_named(fit: Fit) -> Fit:
     coefficients excludes zero, and where none of its defining constants is at its limit.
     """
     fit = replace(fit, found=tuple(fit.terms), found_error=fit.mean_error())
+    # Each search sums over all columns that are kept.
+    fit.table.keep({*fit.terms, *fit.candidates})
     stability = repeat_search(fit.table, fit.terms, fit.initial_count, fit.candidates)
     terms = [term for k, term in enumerate(fit.terms)
              if k < fit.initial_count or stability.named(term)]
