@@ -31,7 +31,6 @@ from friction_comp.refinement.prepare import blocks_of_samples, prepare, Rows, w
 from friction_comp.refinement.recorded_motion import (
     best_lag,
     candidate_settings,
-    choose_differentiation,
     choose_signals,
     plain_columns,
 )
@@ -221,12 +220,6 @@ def find_best_fit(problem: Problem) -> Fit:
     """
     best = search_with(problem)
     tried = [best.settings]
-    if best.settings.get('signals'):
-        # A plain drive knows of no ripple, which a filter of the load blurs.
-        settings = choose_differentiation(
-            problem.raw, best.rows.clipped, best.rows.joints, 0.0, filtered=False)
-        best = min(best, search_with(problem, settings), key=Fit.mean_error)
-        tried.append(settings)
     for _ in range(2):
         before = best
         for settings in _other_settings(problem, best):
@@ -278,7 +271,7 @@ def _other_settings(problem: Problem, fit: Fit) -> list[dict[str, Any]]:
             others.append({**settings, 'lag': current_lag + lag})
     if not rows.load_coefficient:
         signals = choose_signals(problem.raw, settings.get('signals', {}), functools.partial(
-            _errors_with, problem, fit), True)
+            _errors_with, problem, fit))
         if signals != settings.get('signals', {}):
             others.append({**settings, 'signals': signals})
     errors: list[tuple[float, int, dict[str, Any]]] = []

@@ -59,7 +59,7 @@ def plain_columns(samples: Samples, transitions: Sequence[float],
         columns.append(q)
     for load in (samples.load, samples.rigid_body):
         if load is not None:
-            columns += _load_columns(load, v, transitions)
+            columns += [load, np.abs(load) * np.tanh(v / transitions[-1])]
     if motion is not None:
         angles, _, accelerations = motion
         for first in range(index + 1):
@@ -69,11 +69,6 @@ def plain_columns(samples: Samples, transitions: Sequence[float],
                     columns += [np.cos(total), np.sin(total)]
         columns += [acceleration for k, acceleration in enumerate(accelerations.T) if k != index]
     return np.column_stack(columns)
-
-
-def _load_columns(load: np.ndarray, velocity: np.ndarray, transitions: Sequence[float]
-                  ) -> list[np.ndarray]:
-    return [load, np.abs(load) * np.tanh(velocity / transitions[-1])]
 
 
 def candidate_settings(samples: Samples) -> list[dict[str, Any]]:
@@ -209,7 +204,10 @@ def load_coefficient(samples: Samples, unusable: np.ndarray, drive: Drive) -> fl
     mechanics = -1.0 / drive.torque_per_current
     moved, start = smooth_motion(*excerpt(samples, unusable))
     part, block = moved.take(start), blocks_of(moved, start)
-    load, top = np.asarray(part.load), float(np.percentile(np.abs(np.asarray(part.velocity)), 95))
+    # Noise of its sensor would make the coefficient smaller.
+    load = prepared_signal(moved, np.asarray(moved.load), smooth_settings(moved)['bandwidth'])
+    load = load[start]
+    top = float(np.percentile(np.abs(np.asarray(part.velocity)), 95))
     columns = plain_columns(part.with_(load=None), [share * top for share in TRANSITIONS])
     plain = range(columns.shape[1])
     sums = sums_of(np.column_stack((columns, load)), part.current, block)
@@ -228,47 +226,30 @@ def load_coefficient(samples: Samples, unusable: np.ndarray, drive: Drive) -> fl
 
 
 def choose_differentiation(samples: Samples, unusable: np.ndarray, joints: Sequence[str],
-                           load: float, filtered: bool = True) -> dict[str, Any]:
+                           load: float) -> dict[str, Any]:
     """Return the differentiation settings with which a plain drive predicts other blocks best.
 
-    `joints` and `load` are those of `Rows`; measured signals stay as recorded unless `filtered`.
+    `joints` and `load` are those of `Rows`.
     """
     samples, unusable = excerpt(samples, unusable)
     if load:
         samples = samples.with_(current=samples.current - load * np.asarray(samples.load),
                                 load=None)
-    smoothed, start = smooth_motion(samples, unusable)
+    _, start = smooth_motion(samples, unusable)
     parts = parts_of(blocks_of(samples, start))
     errors: list[tuple[float, int, dict[str, Any]]] = []
-
-    def parts_with(moved: Samples) -> tuple[Samples, list[float]]:
-        part = moved.take(start)
-        top = float(np.percentile(np.abs(np.asarray(part.velocity)), 95))
-        return part, [share * top for share in TRANSITIONS]
-
-    def columns(part: Samples, transitions: list[float], settings: dict[str, Any]) -> np.ndarray:
-        motion = arm_motion(samples, joints, settings)
-        return plain_columns(part, transitions, motion and tuple(
-            signal[start] for signal in motion), joints.index(samples.joint) if joints else 0).T
-
-    def errors_with(name: str, variants: Iterable[np.ndarray]) -> list[float]:
-        part, transitions = parts_with(smoothed)
-        own = [] if name != 'load' else [np.array(_load_columns(
-            values[start], np.asarray(part.velocity), transitions)) for values in variants]
-        return held_out_errors(
-            columns(part.with_(load=None), transitions, smooth_settings(samples)), own, parts,
-            part.current)
-    # The load first, since noise in motion may make up for its noise.
-    signals = choose_signals(samples, {}, errors_with) if filtered else {}
     for choice in candidate_settings(samples):
-        if signals:
-            choice['signals'] = signals
-        part, transitions = parts_with(differentiate(samples, choice))
+        part = differentiate(samples, choice).take(start)
+        top = float(np.percentile(np.abs(np.asarray(part.velocity)), 95))
         # Without a filter, a coarse encoder stands still in nearly all samples.
-        if transitions[0] > 0.0:
-            errors.append((*held_out_errors(
-                columns(part, transitions, choice), [part.current[None]], parts), len(errors),
-                choice))
+        if top > 0.0:
+            motion = arm_motion(samples, joints, choice)
+            columns = plain_columns(
+                part, [share * top for share in TRANSITIONS],
+                motion and tuple(signal[start] for signal in motion),
+                joints.index(samples.joint) if joints else 0)
+            errors.append((*held_out_errors(columns.T, [part.current[None]], parts), len(errors),
+                           choice))
     least = min(error for error, *_ in errors)
     # A narrow filter blunts reversals, so the widest of equivalent ones is used. The less of the
     # current a plain drive explains, the less its error says about the bandwidth.
@@ -277,35 +258,33 @@ def choose_differentiation(samples: Samples, unusable: np.ndarray, joints: Seque
                 if error <= ((1.0 + thresholds.EQUIVALENT) ** 2 + 0.4 * unexplained) * least))[-1]
 
 
-def choose_signals(samples: Samples, settings: dict[str, Any], errors: SignalErrors,
-                   with_lag: bool = False) -> dict[str, Any]:
+def choose_signals(samples: Samples, settings: dict[str, Any], errors: SignalErrors
+                   ) -> dict[str, Any]:
     """Return the settings of measured signals with which other blocks are predicted best.
 
     `samples` are as recorded, `settings` the present ones of the signals, and `errors` returns the
-    squared errors with variants of a signal, which is empty where nothing depends on it. Lags are
-    chosen anew only `with_lag`.
+    squared errors with variants of a signal, which is empty where nothing depends on it.
     """
     chosen: dict[str, Any] = {}
     for name in MEASURED:
         values = getattr(samples, name)
         if values is not None and np.ptp(values) > 0.0:
-            own = _choose_signal(samples, name, settings.get(name, {}), errors, with_lag)
+            own = _choose_signal(samples, name, settings.get(name, {}), errors)
             chosen |= {name: own} if own else {}
     return chosen
 
 
-def _choose_signal(samples: Samples, name: str, present: dict[str, Any], errors: SignalErrors,
-                   with_lag: bool) -> dict[str, Any]:
+def _choose_signal(samples: Samples, name: str, present: dict[str, Any], errors: SignalErrors
+                   ) -> dict[str, Any]:
     """Return the settings of one signal; empty where it is best as recorded, or has no effect."""
     values = np.asarray(getattr(samples, name))
     now, lag = present.get('bandwidth'), present.get('lag', 0.0)
-    if with_lag:
-        filtered = prepared_signal(samples, values, now)
-        change, gain = best_lag(lambda changes: errors(name, (
-            shifted_in_time(filtered, samples, lag + change) for change in changes)),
-            samples.sample_time, fine=bool(lag))
-        if gain > (thresholds.EQUIVALENT if lag else 0.5 * (1.0 - thresholds.LAG_ERROR)):
-            lag += change
+    filtered = prepared_signal(samples, values, now)
+    change, gain = best_lag(lambda changes: errors(name, (
+        shifted_in_time(filtered, samples, lag + change) for change in changes)),
+        samples.sample_time, fine=bool(lag))
+    if gain > (thresholds.EQUIVALENT if lag else 0.5 * (1.0 - thresholds.LAG_ERROR)):
+        lag += change
     widths = [*(value for value in _SIGNAL_BANDWIDTHS if value <= 0.3 / samples.sample_time), None]
     found = errors(name, (prepared_signal(samples, values, width, lag) for width in widths))
     if not found or not max(found) > min(found):
