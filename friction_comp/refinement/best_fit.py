@@ -280,7 +280,8 @@ def _other_settings(problem: Problem, fit: Fit) -> list[dict[str, Any]]:
         choice |= {name: settings[name] for name in ('lag', 'signals') if settings.get(name)}
         matrix = _columns(fit, with_settings(rows, problem.raw, choice))
         if np.isfinite(matrix).all():
-            errors.append((*held_out_errors(matrix, [target], parts), len(errors), choice))
+            error, = held_out_errors(matrix, [target], parts)
+            errors.append((error, len(errors), choice))
     least, _, choice = min(errors)
     now = [error for error, _, tried in errors if tried == settings]
     if choice != settings and (not now or least < thresholds.LOWER_ERROR ** 2 * now[0]):

@@ -193,11 +193,10 @@ def load_coefficient(samples: Samples, unusable: np.ndarray, drive: Drive) -> fl
     """Return -1/(k_t·n), A/(N·m), if the load must enter with this coefficient; 0 if it is fitted.
 
     By J·a = k_t·n·i + τ_b - F, friction is i + τ_b/(k_t·n). If the current shows the load, that is
-    if the load lowers the error of blocks that were not fitted, with a coefficient that is nearer
-    to that of mechanics than to zero, the motor carries it, and its coefficient is fitted as that
-    of an effect. If it does not, but the motion predicts the load, then a person moves the joint,
-    and the current is a function of the motion (a compensation law) or zero: the known coefficient
-    has to be used.
+    if the load lowers the error of blocks that were not fitted, with a coefficient of at least half
+    that size, the motor carries it, and its coefficient is fitted as that of an effect. If it does
+    not, but the motion predicts the load, then a person moves the joint, and the current is a
+    function of the motion (a compensation law) or zero: the known coefficient has to be used.
     """
     if samples.load is None or not np.any(samples.load):
         return 0.0
@@ -214,7 +213,7 @@ def load_coefficient(samples: Samples, unusable: np.ndarray, drive: Drive) -> fl
     without, fitted = (float(sums.held_out_errors(some).sum())
                        for some in (plain, [*plain, len(plain)]))
     shown = fitted < (1.0 - thresholds.LEAST_SHARE) * without
-    if shown and sums.fit([*plain, len(plain)])[-1] < 0.5 * mechanics:
+    if shown and abs(sums.fit([*plain, len(plain)])[-1]) > 0.5 * abs(mechanics):
         return 0.0
     # What is measured beside the motion is noise; a load that moves the joint follows from it. The
     # blocks left out in turn give the standard error.
@@ -248,8 +247,8 @@ def choose_differentiation(samples: Samples, unusable: np.ndarray, joints: Seque
                 part, [share * top for share in TRANSITIONS],
                 motion and tuple(signal[start] for signal in motion),
                 joints.index(samples.joint) if joints else 0)
-            errors.append((*held_out_errors(columns.T, [part.current[None]], parts), len(errors),
-                           choice))
+            error, = held_out_errors(columns.T, [part.current[None]], parts)
+            errors.append((error, len(errors), choice))
     least = min(error for error, *_ in errors)
     # A narrow filter blunts reversals, so the widest of equivalent ones is used. The less of the
     # current a plain drive explains, the less its error says about the bandwidth.
