@@ -193,10 +193,11 @@ def load_coefficient(samples: Samples, unusable: np.ndarray, drive: Drive) -> fl
     """Return -1/(k_t·n), A/(N·m), if the load must enter with this coefficient; 0 if it is fitted.
 
     By J·a = k_t·n·i + τ_b - F, friction is i + τ_b/(k_t·n). If the current shows the load, that is
-    if the load lowers the error of blocks that were not fitted, with a coefficient of at least half
-    that size, the motor carries it, and its coefficient is fitted as that of an effect. If it does
-    not, but the motion predicts the load, then a person moves the joint, and the current is a
-    function of the motion (a compensation law) or zero: the known coefficient has to be used.
+    if the load lowers the error of blocks that were not fitted, with at least half of this
+    coefficient, the motor carries it, and its coefficient is fitted as that of an effect. If it
+    does not, but the load overcomes friction, or the motion predicts it, then a person moves the
+    joint, and the current is a function of the motion (a compensation law) or zero: the known
+    coefficient has to be used.
     """
     if samples.load is None or not np.any(samples.load):
         return 0.0
@@ -212,16 +213,24 @@ def load_coefficient(samples: Samples, unusable: np.ndarray, drive: Drive) -> fl
     sums = sums_of(np.column_stack((columns, load)), part.current, block)
     without, fitted = (float(sums.held_out_errors(some).sum())
                        for some in (plain, [*plain, len(plain)]))
-    shown = fitted < (1.0 - thresholds.LEAST_SHARE) * without
-    if shown and abs(sums.fit([*plain, len(plain)])[-1]) > 0.5 * abs(mechanics):
+    shown = 0.0
+    if fitted < (1.0 - thresholds.LEAST_SHARE) * without:
+        shown = float(sums.fit([*plain, len(plain)])[-1]) / mechanics
+    if shown > 0.5:
         return 0.0
-    # What is measured beside the motion is noise; a load that moves the joint follows from it. The
-    # blocks left out in turn give the standard error.
     own = sums_of(columns, load, block)
     before, after = own.held_out_errors([0]), own.held_out_errors(plain)
     ratio = (before - after) / np.maximum(before + after, 1e-300)
     error = float(np.std(ratio, ddof=1)) / math.sqrt(len(ratio))
-    return mechanics if ratio.mean() > thresholds.STANDARD_ERRORS * error else 0.0
+    predicted = ratio.mean() > thresholds.STANDARD_ERRORS * error
+    # A load of the wrong sign would count twice, unless its mean power overcomes friction: that of
+    # its Coulomb and viscous columns, since gravity and inertia return what they take.
+    resisting = slice(1, len(TRANSITIONS) + 2)
+    fits = own.fits(plain, 1.0 - np.eye(int(block.max()) + 1))
+    power = fits[:, resisting] @ (columns[:, resisting].T @ np.asarray(part.velocity))
+    error = np.sqrt((len(power) - 1) * np.var(power))
+    overcomes = power.mean() > 2.0 * thresholds.STANDARD_ERRORS * error
+    return mechanics if overcomes or (predicted and shown > -0.5) else 0.0
 
 
 def choose_differentiation(samples: Samples, unusable: np.ndarray, joints: Sequence[str],
