@@ -52,6 +52,12 @@ class Term:
             return self.group.columns(rows.joints, *rows.motion)
         return self.kind.matrix(rows.samples, self.constants)
 
+    def averages(self, rows: Rows) -> np.ndarray:
+        """Return the averages of the term's columns over each row, shape (M, R)."""
+        if self.group is not None or self.kind.has_memory:
+            return rows.averaged(self.columns(rows)).T
+        return rows.mean_of_used(self.kind.matrix(rows.used, self.constants).T)
+
     @property
     def choice(self) -> tuple[type[Effect], Group | None]:
         """What it is, of which the constants or the width of a group are one choice."""
@@ -74,21 +80,20 @@ class Term:
         return True
 
 
-def eq6_columns(rows: Rows, steepness: float, shift: float) -> np.ndarray:
-    """Return Eq. 6 as columns, shape (N, EQ6_COLUMNS): constant, transition, viscous, derivatives.
+def eq6_columns(velocity: np.ndarray, steepness: float, shift: float,
+                both_directions: bool = True) -> np.ndarray:
+    """Return Eq. 6 as columns, shape (EQ6_COLUMNS, N): constant, transition, viscous, derivatives.
 
     The last two are the derivatives of the transition with respect to the logarithm of its
     steepness and to its shift: their coefficients are Gauss-Newton steps of both.
     """
-    v = np.asarray(rows.samples.velocity)
-    half = 0.5 * steepness * (v - shift)
+    half = 0.5 * steepness * (velocity - shift)
     transition = np.tanh(half)
-    slope = 1.0 - transition ** 2
+    slope = 1.0 - transition * transition
     # In motion in one direction, an offset and Coulomb friction are the same.
-    bidirectional = 1.0 if rows.coverage.both_directions else 0.0
-    return np.column_stack((
-        np.full(len(v), bidirectional), transition, v, half * slope,
-        -0.5 * bidirectional * steepness * slope))
+    bidirectional = 1.0 if both_directions else 0.0
+    return np.array((np.full(len(half), bidirectional), transition, velocity, half * slope,
+                     (-0.5 * bidirectional * steepness) * slope))
 
 
 class Table:
@@ -114,13 +119,15 @@ class Table:
         self._append(self._base(steepness, shift), _EQ6_SIGNS)
 
     def _base(self, steepness: float, shift: float) -> np.ndarray:
-        return self.rows.averaged(eq6_columns(self.rows, steepness, shift)).T
+        rows = self.rows
+        return rows.mean_of_used(eq6_columns(
+            np.asarray(rows.used.velocity), steepness, shift, rows.coverage.both_directions))
 
     def _columns_for(self, term: Term) -> np.ndarray | None:
         """Return a term's columns, shape (M, R); None where they are not finite."""
         if term in self.columns_of:
             return self.columns[self.columns_of[term]]
-        columns = self.rows.averaged(term.columns(self.rows)).T
+        columns = term.averages(self.rows)
         return columns if np.isfinite(columns).all() else None
 
     def add(self, terms: Sequence[Term]) -> list[Term]:
@@ -166,6 +173,7 @@ class Table:
 
     def _update_sums(self, changed: slice) -> None:
         """Recompute the sums of products of some columns with all others and with the target."""
+        self.sums = replace(self.sums)
         for gram, rows in zip(self.sums.gram, self._cells):
             columns, target = self.columns[:, rows], self.target[rows]
             products = columns[changed] @ columns.T
