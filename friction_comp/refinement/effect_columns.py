@@ -53,7 +53,7 @@ class Term:
         return self.kind.matrix(rows.samples, self.constants)
 
     @property
-    def choice(self) -> tuple[type[Effect], Group | None]:
+    def choice(self) -> tuple[Any, ...]:
         """What it is, of which the constants or the width of a group are one choice."""
         return self.kind, self.group and replace(self.group, width=0.0)
 
@@ -133,7 +133,7 @@ class Table:
                 first = len(self.columns) + len(fresh)
                 self.columns_of[term] = list(range(first, first + len(columns)))
                 fresh += list(columns)
-                signs += _signs_of(term, len(columns))
+                signs += signs_of(term, len(columns))
         if fresh:
             self._append(np.array(fresh), signs)
         return [term for term in terms if term in self.columns_of]
@@ -190,7 +190,7 @@ class Table:
             if own_columns is None:
                 return math.inf
             parts.append(own_columns)
-            signs += _signs_of(term, len(own_columns))
+            signs += signs_of(term, len(own_columns))
         sums = BlockSums.over(np.vstack((*parts, self.target)), [slice(None)], np.array(signs))
         columns = range(len(signs))
         return float(sums.squared_errors(columns, sums.fit(columns)[None])[0])
@@ -278,7 +278,7 @@ class Table:
             self.load_shares(terms))
 
 
-def _signs_of(term: Term, count: int) -> list[int]:
+def signs_of(term: Term, count: int) -> list[int]:
     """Return the required sign of each of a term's coefficients, 0 where it is free."""
     wanted = list(term.kind.signs[:count]) if term.group is None else [
         1 if term.group.kind == 'friction' else 0] * count
@@ -288,26 +288,32 @@ def _signs_of(term: Term, count: int) -> list[int]:
 def proposals(table: Table, terms: Sequence[Term]) -> list[Term]:
     """Return candidate terms to add to a fit, of effects whose signals were recorded and varied."""
     rows, view = table.rows, table.residual_view(terms)
+    # Rigid bodies of a URDF are all weight, and all inertia of other joints.
+    known = rows.samples.rigid_body is not None
     terms = [
         Term(kind, constants) for kind in EFFECTS.values()
         if all(getattr(rows.samples, signal) is not None for signal in kind.needs)
         and not kind.insufficient_data(rows.coverage)
         and (view.load_shares or not kind.uses_inner_load)
+        and not (known and kind.weight and 'rigid_body' not in kind.needs)
         # The person's torque responds to friction: it correlates with every missing effect.
         and not (rows.load_coefficient and 'load' in kind.needs)
         for constants in kind.propose(view)]
     if rows.joints:
-        terms += [Term(EFFECTS['other_joints'], {}, group)
-                  for group in (*groups_for(rows.joints, rows.samples.joint),
-                                *friction_groups(rows))]
+        terms += [Term(EFFECTS['other_joints'], {}, group) for group in (
+            *(() if known else groups_for(rows.joints, rows.samples.joint)),
+            *friction_groups(rows.joints, rows.samples.joint, rows.coverage.speed))]
     return terms
 
 
-def friction_groups(rows: Rows) -> list[Group]:
-    """Return friction of the sum and the difference of a joint's velocity and its neighbours'."""
-    joint, index = rows.samples.joint, rows.joints.index(rows.samples.joint)
-    neighbours = rows.joints[max(0, index - 1):index + 2]
-    return [Group('friction', ((joint, 1), (name, side)), width=share * rows.coverage.speed)
+def friction_groups(names: Sequence[str], joint: str, speed: float) -> list[Group]:
+    """Return friction of the sum and the difference of a joint's velocity and its neighbours'.
+
+    `names` are all joints in their order along the arm; `speed`, rad/s, is that of the joint.
+    """
+    index = list(names).index(joint)
+    neighbours = names[max(0, index - 1):index + 2]
+    return [Group('friction', ((joint, 1), (name, side)), width=share * speed)
             for name in neighbours if name != joint for side in (1, -1) for share in TRANSITIONS]
 
 

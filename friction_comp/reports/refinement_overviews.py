@@ -19,9 +19,9 @@ from friction_comp.reports.refinement_report import effect_names
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from friction_comp.arm.whole_arm import ArmResult
     from friction_comp.fleet.population import Population
     from friction_comp.refinement.result import RefinementReport
-    from friction_comp.refinement.whole_arm import ArmResult
 
 # Effects found in fewer than this share of a joint's recordings may be due to chance.
 _REPEATABLE = 0.5

@@ -3,30 +3,33 @@
 """Fits links, currents per torque and friction of all joints by regularised least squares.
 
 A recording is represented by sums of products of columns over stretches: the columns of the links'
-parameters, of each joint's friction and rotor, and its current. A stretch is left out by
-subtracting its sums. The model is nonlinear only in the parametrisation of the links and in the
-currents per torque, so the Levenberg-Marquardt method needs nothing but these sums.
+parameters, of each joint's friction, rotor and further effects, and its current. A stretch is left
+out by subtracting its sums. The model is nonlinear only in the parametrisation of the links and in
+the currents per torque, so the Levenberg-Marquardt method needs nothing but these sums.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+import functools
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
 from scipy import stats
 from scipy.linalg import block_diag
 
+from friction_comp.arm.link_inertia import Bodies
 from friction_comp.model.arm.arm import moving_states
 from friction_comp.model.arm.tree import PARAMETERS
-from friction_comp.rigid_bodies.link_inertia import Bodies
 from friction_comp.samples import Samples
 
 if TYPE_CHECKING:
-    from friction_comp.rigid_bodies.urdf import Chain
+    from friction_comp.arm.urdf import Chain
 
-# Columns of a joint's friction and rotor: constant, Coulomb, viscous and acceleration.
-FRICTION = 4
+# Columns of a joint's friction and rotor: constant, Coulomb, viscous and acceleration; and which of
+# their coefficients must not be negative.
+FRICTION, FRICTION_SIGNS = 4, (0, 1, 1, 1)
 STRETCHES, FOLDS = 12, 3
 # As shares of a joint's usual top speed: friction changes its sign within the first; below the
 # second, the joint stands still.
@@ -43,8 +46,8 @@ _LEAST_REDUCTION = 0.5
 class Sums:
     """Sums of products of all columns over stretches of the recordings."""
 
-    # (S, J, 10·J + 5, 10·J + 5): for each stretch and joint, of the columns of the links, of
-    # friction and of the current, in units of `variance`.
+    # (S, J, 10·J + F + 1, 10·J + F + 1): for each stretch and joint, of the columns of the links,
+    # of friction and further effects (F), and of the current, in units of `variance`.
     sums: np.ndarray
     variance: np.ndarray  # (J,): one unit of each joint's squared error, A²
     counts: np.ndarray  # (J,): number of samples
@@ -56,39 +59,76 @@ class Sums:
 
     @property
     def folds(self) -> np.ndarray:
-        """The sums over the stretches of each fold, shape (F, J, 10·J + 5, 10·J + 5)."""
+        """The sums over the stretches of each fold, with the shape of `sums` of F stretches."""
         fold = np.arange(len(self.sums)) % FOLDS
         return np.array([self.sums[fold == index].sum(axis=0) for index in range(FOLDS)])
 
 
-def sums_of(chain: Chain, joints: list[Samples], settings: dict[str, Any], most_rows: int) -> Sums:
-    """Return the sums over recordings of all joints, in units of each current's variance.
+@dataclass(frozen=True)
+class ArmRows:
+    """N samples of all J joints at the same times."""
+
+    samples: list[Samples]  # of each joint, with velocity and acceleration
+    motion: tuple[np.ndarray, np.ndarray, np.ndarray]  # position, velocity, acceleration, (N, J)
+    fitted: np.ndarray  # (N, J): which samples of each joint show friction
+    moves: np.ndarray  # (J,): whether the joint moves often enough for that
+    stretch: np.ndarray  # (N,)
+    chain: Chain
+
+    @functools.cached_property
+    def _links(self) -> np.ndarray:
+        return self.chain.regressor(*self.motion)
+
+    def columns(self, others: Sequence[np.ndarray]) -> np.ndarray:
+        """Return all columns of each joint, shape (N, J, 10·J + F + 1); see `Sums`.
+
+        `others` are those of each joint beside links, friction and rotor, (N, M), with any M.
+        """
+        _, v, a = self.motion
+        links, width = self._links, max(part.shape[1] for part in others)
+        columns = np.zeros((*v.shape, links.shape[2] + FRICTION + width + 1))
+        columns[:, :, :links.shape[2]] = links
+        columns[:, :, links.shape[2]:][:, :, :FRICTION] = np.stack(
+            (np.ones_like(v), np.tanh(v / (_TRANSITION * top_speeds(v))), v, a), axis=2)
+        for joint, part in enumerate(others):
+            columns[:, joint, links.shape[2] + FRICTION:][:, :part.shape[1]] = part
+            columns[:, joint, -1] = self.samples[joint].current
+        return columns
+
+    def sums(self, columns: np.ndarray) -> Sums:
+        """Return the sums of products of `columns`, in units of each current's variance."""
+        variance = np.maximum(np.var(columns[:, :, -1], axis=0), 1e-12)
+        weighted = columns * (self.fitted / variance)[:, :, None]
+        sums = []
+        for index in range(int(self.stretch.max()) + 1):
+            own = self.stretch == index
+            sums.append(weighted[own].transpose(1, 2, 0) @ columns[own].transpose(1, 0, 2))
+        return Sums(np.array(sums), variance, self.fitted.sum(axis=0).astype(float))
+
+
+def top_speeds(velocity: np.ndarray) -> np.ndarray:
+    """Return the usual top speed of each joint, shape (J,)."""
+    return np.maximum(np.percentile(np.abs(velocity), 95, axis=0), 1e-9)
+
+
+def rows_of(chain: Chain, joints: list[Samples], settings: dict[str, Any], most_rows: int
+            ) -> ArmRows:
+    """Return the rows of recordings of all joints, with the motion of some settings.
 
     If there are more samples than `most_rows`, only every n-th is used.
     """
-    q, v, a = moving_states(joints[0], chain.tree.joints, settings)
-    every = max(1, len(q) // most_rows)
-    rows = slice(None, None, every)
-    q, v, a = q[rows], v[rows], a[rows]
-    current = np.column_stack([one.current[rows] for one in joints])
-    top = np.maximum(np.percentile(np.abs(v), 95, axis=0), 1e-9)
-    friction = np.stack((np.ones_like(v), np.tanh(v / (_TRANSITION * top)), v, a), axis=2)
+    motion = moving_states(joints[0], chain.tree.joints, settings)
+    rows = slice(None, None, max(1, len(joints[0]) // most_rows))
+    q, v, a = motion = tuple(signal[rows] for signal in motion)  # type: ignore[assignment]
+    samples = [one.take(rows).with_(position=q[:, k], velocity=v[:, k], acceleration=a[:, k])
+               for k, one in enumerate(joints)]
     # At rest, stiction can take any value; but a joint that hardly ever moves has no other data.
-    moving = np.abs(v) > _STILL * top
-    counts = np.where(moving.mean(axis=0) > 0.2, moving, True)
+    moving = np.abs(v) > _STILL * top_speeds(v)
+    moves = moving.mean(axis=0) > 0.2
+    fitted = np.where(moves, moving, True)
     # An effort that is constant, such as zeros of a gripper, is not a measurement.
-    counts &= np.ptp(current, axis=0) > 0.0
-    variance = np.maximum(np.var(current, axis=0), 1e-12)
-    stretch = stretches_of(joints[0].recording)[rows]
-    sums = []
-    for index in range(int(stretch.max()) + 1):
-        own = stretch == index
-        regressor, weights = chain.regressor(q[own], v[own], a[own]), counts[own] / variance
-        columns = [np.hstack((regressor[:, joint], friction[own, joint], current[own, joint, None]))
-                   for joint in range(len(joints))]
-        sums.append([(part * weights[:, joint, None]).T @ part
-                     for joint, part in enumerate(columns)])
-    return Sums(np.array(sums), variance, counts.sum(axis=0).astype(float))
+    fitted &= np.array([np.ptp(one.current) > 0.0 for one in samples])
+    return ArmRows(samples, motion, fitted, moves, stretches_of(joints[0].recording)[rows], chain)
 
 
 def stretches_of(recording: np.ndarray) -> np.ndarray:
@@ -109,38 +149,38 @@ class Prior:
     strength: float
     log_scale: np.ndarray  # (J,): logarithm of each joint's current per torque, A per N·m
     log_width: float  # standard deviation of `log_scale`
+    # (J, F): 1 where a coefficient of friction or of another effect must not be negative, else 0.
+    signs: np.ndarray
 
 
 class Unknowns:
     """Layout of the vector of unknowns: links, logarithms of current per torque, friction."""
 
-    def __init__(self, joints: int) -> None:
-        self.joints = joints
-        self.links = slice(0, PARAMETERS * joints)
-        self.scales = slice(self.links.stop, self.links.stop + joints)
-        self.size = self.scales.stop + FRICTION * joints
-        self.lowest = np.full(self.size, -np.inf)
+    def __init__(self, prior: Prior) -> None:
+        self.joints, self.columns = prior.signs.shape
+        self.links = slice(0, PARAMETERS * self.joints)
+        self.scales = slice(self.links.stop, self.links.stop + self.joints)
+        self.lowest = np.concatenate((np.full(self.scales.stop, -np.inf),
+                                      np.where(prior.signs.ravel() > 0, 0.0, -np.inf)))
+        self.size = len(self.lowest)
         # Indices of the unknowns on which a joint's current depends: links, its scale and friction.
         self.blocks = []
-        for joint in range(joints):
-            own = self.friction(joint)
-            # All but the constant must not be negative.
-            self.lowest[own][1:] = 0.0
-            indices = np.r_[self.links, self.scales.start + joint, own]
+        for joint in range(self.joints):
+            indices = np.r_[self.links, self.scales.start + joint, self.friction(joint)]
             self.blocks.append(np.ix_(indices, indices))
 
     def friction(self, joint: int) -> slice:
-        """Return the slice of a joint's friction coefficients."""
-        start = self.scales.stop + FRICTION * joint
-        return slice(start, start + FRICTION)
+        """Return the slice of a joint's coefficients of friction and further effects."""
+        start = self.scales.stop + self.columns * joint
+        return slice(start, start + self.columns)
 
 
 def solve(matrices: np.ndarray, prior: Prior, start: np.ndarray) -> np.ndarray:
     """Return the unknowns, shape (U,), that fit each joint's sums (see `Sums.total`) best.
 
-    Friction coefficients other than the offset are not negative.
+    Coefficients have the signs that the prior requires.
     """
-    unknowns = Unknowns(len(matrices))
+    unknowns = Unknowns(prior)
     x = np.maximum(start, unknowns.lowest)
     loss, gradient, hessian = loss_gradient_hessian(matrices, prior, unknowns, x)
     damping = 1e-3
@@ -189,24 +229,24 @@ def loss_gradient_hessian(matrices: np.ndarray, prior: Prior, unknowns: Unknowns
         product = matrix @ combination
         loss += float(combination @ product)
         # Columns: links, this joint's current per torque, its friction.
-        change = np.zeros((len(combination), flat.size + 1 + FRICTION))
+        change = np.zeros((len(combination), flat.size + 1 + unknowns.columns))
         change[:flat.size, :flat.size] = scale * inner
         change[:flat.size, flat.size] = scale * flat
-        change[flat.size:-1, flat.size + 1:] = np.eye(FRICTION)
+        change[flat.size:-1, flat.size + 1:] = np.eye(unknowns.columns)
         block = unknowns.blocks[joint]
         gradient[block[1][0]] += change.T @ product
         hessian[block] += change.T @ (matrix @ change)
     return 0.5 * loss, gradient, hessian
 
 
-def squared_errors(matrices: np.ndarray, bodies: Bodies, x: np.ndarray) -> np.ndarray:
+def squared_errors(matrices: np.ndarray, prior: Prior, x: np.ndarray) -> np.ndarray:
     """Return each joint's sum of squared errors for unknowns x, shape (J,).
 
     The error is a linear combination of a joint's columns: the links' parameters times the current
     per torque, the friction coefficients, and -1 for the current itself.
     """
-    unknowns = Unknowns(len(matrices))
-    links = bodies.parameters(x[unknowns.links])[0].ravel()
+    unknowns = Unknowns(prior)
+    links = prior.bodies.parameters(x[unknowns.links])[0].ravel()
     combinations = [np.concatenate((np.exp(scale) * links, x[unknowns.friction(joint)], [-1.0]))
                     for joint, scale in enumerate(x[unknowns.scales])]
     return np.array([max(float(combination @ matrix @ combination), 0.0)
@@ -232,7 +272,7 @@ def confidence_intervals(stretches: np.ndarray, prior: Prior, x: np.ndarray) -> 
     1986); the uncertainty of the prior is added. A parameter that the prior determines more than
     the recording has no interval: a recording does not show how accurate the URDF is.
     """
-    unknowns = Unknowns(stretches.shape[1])
+    unknowns = Unknowns(prior)
     _, _, hessian = loss_gradient_hessian(stretches.sum(axis=0), prior, unknowns, x)
     gradients = np.array([loss_gradient_hessian(own, prior, unknowns, x)[1] for own in stretches])
     # The prior has the same gradient in every stretch, which cancels with the mean.
