@@ -16,9 +16,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.linalg import block_diag
 
-from friction_comp.arm.solver import ArmRows, FRICTION, FRICTION_SIGNS, Prior, Sums, Unknowns
+from friction_comp.arm.solver import ArmRows, FRICTION, FRICTION_SIGNS, linearised, Prior, Sums
 from friction_comp.model.arm.tree import PARAMETERS, Tree
 from friction_comp.model.effects import EFFECTS, ResidualView
 from friction_comp.refinement.block_sums import BlockSums
@@ -87,8 +86,8 @@ def signs_at(indices: dict[Term, list[int]], joints: int) -> np.ndarray:
 class ArmTable(Table):
     """The columns of links, of all joints' friction, and of terms, and their sums over cells.
 
-    A cell is one joint in one stretch. The columns are the links' coordinates, the logarithms of
-    current per torque as differences from the prior's, and the coefficients of friction and terms.
+    A cell is one joint in one stretch; the columns are derivatives by the unknowns of `Prior`, as
+    differences from their means.
 
     Parameters
     ----------
@@ -102,43 +101,29 @@ class ArmTable(Table):
 
     def __init__(self, sums: Sums, prior: Prior, x: np.ndarray, indices: dict[Term, list[int]]
                  ) -> None:
-        unknowns = Unknowns(prior)
-        stretches, joints, size, _ = sums.sums.shape
-        links, base = unknowns.links.stop, unknowns.scales.stop
-        signs = [*[0] * base, *FRICTION_SIGNS * joints]
-        self._size, self.transition, self.columns_of = len(signs), (0.0, 0.0), {}
-        for term, columns in indices.items():
-            self.columns_of[term] = list(range(len(signs), len(signs) + len(columns)))
-            signs += signs_of(term, len(columns))
+        stretches, joints = sums.sums.shape[:2]
+        base = prior.scales.stop
+        prior = replace(prior, signs=signs_at(indices, joints))
+        # The current is linear in all coefficients, so that any values do.
+        x = np.concatenate((x[:base], np.zeros(prior.signs.size)))
+        first = base + prior.signs.shape[1] * np.arange(joints)
+        self._always = [*range(base), *(first[:, None] + np.arange(FRICTION)).ravel().tolist()]
+        self.columns_of = {term: [int(first[joint_of(term)]) + FRICTION + k for k in columns]
+                           for term, columns in indices.items()}
+        self.transition = 0.0, 0.0
         self.block = np.repeat(np.arange(stretches), joints)
         self.region = np.zeros_like(self.block)
-        parameters, slopes = prior.bodies.parameters(x[unknowns.links])
-        flat, change = parameters.ravel(), block_diag(*slopes)
-        # The columns of this table as combinations of those of the sums, for each joint.
-        self._combine = np.zeros((joints, size, len(signs) + 1))
-        for joint, combine in enumerate(self._combine):
-            scale = np.exp(x[unknowns.scales][joint])
-            known = 1.0 - x[unknowns.scales][joint] + prior.log_scale[joint]
-            combine[:links, :links] = scale * change
-            combine[:links, links + joint] = scale * flat
-            combine[:links, -1] = -scale * (known * flat - change @ x[unknowns.links])
-            for k in range(FRICTION):
-                combine[links + k, base + FRICTION * joint + k] = 1.0
-            for term, columns in indices.items():
-                if joint_of(term) == joint:
-                    combine[links + FRICTION + np.array(columns), self.columns_of[term]] = 1.0
-            combine[-1, -1] = 1.0
+        self._combine = linearised(prior, x)
+        self._combine[:, :, -1] += self._combine[:, :, :-1] @ (x - prior.mean)
         gram = self._combine.transpose(0, 2, 1) @ sums.sums @ self._combine
-        precision = np.full(base, prior.strength)
-        precision[unknowns.scales] = prior.log_width ** -2
-        gram[:, :, np.arange(base), np.arange(base)] += precision / (stretches * joints)
+        diagonal = np.arange(x.size)
+        gram[:, :, diagonal, diagonal] += prior.precision / len(self.block)
         self.sums = BlockSums(gram.reshape(-1, *gram.shape[2:]), np.ones(len(self.block)),
-                              np.array(signs))
+                              np.concatenate((np.zeros(base, dtype=int), prior.signs.ravel())))
 
     def indices(self, terms: Sequence[Term], derivatives: bool = True) -> list[int]:
         """Return the column indices of links, friction and some terms."""
-        return [*range(self._size),
-                *(column for term in terms for column in self.columns_of[term])]
+        return [*self._always, *(column for term in terms for column in self.columns_of[term])]
 
     def set_transition(self, steepness: float, shift: float) -> None:
         """Do nothing: friction changes its sign where it does in the sums."""
@@ -188,34 +173,40 @@ class ArmSearch(Search):
         super().__init__(self._table(terms), [])
         self._update_candidates(terms)
 
+    def _measured(self, terms: Sequence[Term]) -> tuple[np.ndarray, Sums, dict[Term, list[int]]]:
+        """Return all columns with those of terms, their sums, and the indices of the terms'."""
+        own, indices = columns_of(self._rows, self._tree, terms)
+        columns = self._rows.columns(own)
+        sums = self._rows.sums(columns)
+        weights = sums.variance / self._variance
+        return columns, replace(sums, sums=sums.sums * weights[:, None, None]), indices
+
     def _table(self, terms: Sequence[Term]) -> ArmTable:
         """Return a table of some terms."""
-        columns, indices = columns_of(self._rows, self._tree, terms)
-        self._columns = self._rows.columns(columns)
-        sums = self._rows.sums(self._columns)
-        weights = sums.variance / self._variance
-        self._sums = replace(sums, sums=sums.sums * weights[:, None, None])
-        self._indices = indices
-        return ArmTable(self._sums, self._prior, self._x, indices)
+        _, sums, indices = self._measured(terms)
+        return ArmTable(sums, self._prior, self._x, indices)
 
     def _update_candidates(self, terms: Sequence[Term]) -> None:
-        """Replace the candidates by those proposed for the residual of a fit."""
+        """Replace the candidates by those proposed for the residual of a fit.
+
+        Of each choice it is the one that explains most of its joint beside the links.
+        """
         self._known |= dict.fromkeys(terms)
-        table = self._table(list(self._known))
-        residual = table.residual_of(self._columns, terms)
+        columns, sums, indices = self._measured([*self._known])
+        residual = ArmTable(sums, self._prior, self._x, indices).residual_of(columns, terms)
         proposed = [term for joint in self._samples
                     for term in self._proposals(joint, residual) if term not in self._known]
-        self._table([*self._known, *proposed])
-        # Of each choice, the one that explains most of its joint beside the links.
+        _, sums, indices = self._measured([*self._known, *proposed])
         base = PARAMETERS * len(self._rows.samples) + FRICTION
         best: dict[Any, Term] = {}
-        for joint, matrix in enumerate(self._sums.total):
+        for joint, matrix in enumerate(sums.total):
+            kept = [base + column for term in terms if joint_of(term) == joint
+                    for column in indices[term]]
             own = [term for term in proposed if joint_of(term) == joint]
-            columns = {term: [base + column for column in self._indices[term]]
-                       for term in (*own, *(t for t in terms if joint_of(t) == joint))}
-            kept = [column for term in columns if term not in own for column in columns[term]]
-            gains = error_reductions(matrix, [*range(base), *kept], [columns[t] for t in own],
-                                     np.zeros(len(matrix) - 1))
+            gains = error_reductions(
+                matrix, [*range(base), *kept],
+                [[base + column for column in indices[term]] for term in own],
+                np.zeros(len(matrix) - 1))
             for index in np.argsort(-gains, kind='stable'):
                 best.setdefault(own[index].choice, own[index])
         self.candidates = [*best.values()]

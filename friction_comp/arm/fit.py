@@ -37,7 +37,6 @@ from friction_comp.arm.solver import (
     squared_errors,
     stretches_of,
     Sums,
-    Unknowns,
 )
 from friction_comp.errors import InputError
 from friction_comp.model.arm.arm import moving_states
@@ -178,7 +177,6 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
     whole = rows.sums(rows.columns(columns_of(rows, best.tree, best.terms)[0]))
     whole, x = _reweighted_fit(whole, prior, x)
     report(1.0)
-    unknowns = Unknowns(prior)
     first = np.nonzero(np.diff(stretches_of(joints[0].recording), prepend=-1))[0]
     held_out_stretches = [
         HeldOutStretch(int(joints[0].recording[row]), float(joints[0].time[row]),
@@ -186,8 +184,7 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
     tree, scales = problem.arm_of(x)
     return ArmFit(
         tree, chain.tree, scales,
-        np.array([x[unknowns.friction(j)][:FRICTION] for j in range(len(joints))]), best.settings,
-        prior.strength, errors, without,
+        prior.friction(x)[:, :FRICTION], best.settings, prior.strength, errors, without,
         identifiable(whole.total[:, :links, :links].sum(axis=0)), held_out_stretches,
         confidence_intervals(whole.sums, prior, x), problem.declared is not None)
 
@@ -238,10 +235,7 @@ class _Problem:
             self.bodies, _FIRST_STRENGTH, np.log(scale if self.declared is None else self.declared),
             _UNKNOWN_WIDTH if self.declared is None else _DECLARED_WIDTH,
             signs_at(indices, len(self.joints)))
-        unknowns = Unknowns(prior)
-        x = np.zeros(unknowns.size)
-        x[unknowns.scales] = prior.log_scale
-        error = math.inf
+        x, error = prior.mean, math.inf
         if typical is not None:
             sums, x = _reweighted_fit(sums, prior, x)
             error = float(np.mean(np.log(_held_out(sums, prior, x))))
@@ -253,24 +247,28 @@ class _Problem:
         Effects are searched before settings are compared, and once more with the best.
         """
         trials, choices = [], _settings(self.joints)
-        first = self.with_effects(self.trial(choices[min(1, len(choices) - 1)]))
+        first = self.with_effects(self.trial(choices[min(1, len(choices) - 1)]), 1)
         for settings in choices:
             trials.append(self.trial(settings, first.terms, first.tree))
             report(len(trials) / len(choices))
         return self.with_effects(min(trials, key=lambda trial: trial.error))
 
-    def with_effects(self, trial: _Trial) -> _Trial:
+    def with_effects(self, trial: _Trial, rounds: int = _ROUNDS) -> _Trial:
         """Return a fit with the effects that are found beside the links, if any."""
         if trial.error == math.inf:
             return trial
         rows = self.rows(trial.settings, _MOST_ROWS['choice'])
-        for _ in range(_ROUNDS):
+        for _ in range(rounds):
             tree, _ = self.arm_of(trial.x)
             search = ArmSearch(rows, tree, trial.prior, trial.x, trial.sums.variance, trial.terms)
-            terms = search.backward(search.forward(trial.terms))
-            if terms == trial.terms:
+            # Other links than those before may ask for other constants.
+            begin = search.after_addition(trial.terms) if trial.terms else []
+            terms = search.backward(search.forward(begin))
+            done = [term.choice for term in terms] == [term.choice for term in trial.terms]
+            if terms != trial.terms:
+                trial = self.trial(trial.settings, terms, tree)
+            if done:
                 break
-            trial = self.trial(trial.settings, terms, tree)
         return trial
 
 

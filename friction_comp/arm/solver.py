@@ -141,7 +141,11 @@ def stretches_of(recording: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Prior:
-    """Prior knowledge of the links and of the currents per torque."""
+    """Prior knowledge of the unknowns, a vector of length U.
+
+    These are the links' coordinates (see `Bodies`), the logarithms of current per torque, and each
+    joint's coefficients of friction, rotor and further effects.
+    """
 
     bodies: Bodies  # the URDF's links
     # Weight of the squared distance between a link and the URDF's (see `Bodies`), in squared
@@ -152,27 +156,59 @@ class Prior:
     # (J, F): 1 where a coefficient of friction or of another effect must not be negative, else 0.
     signs: np.ndarray
 
+    @property
+    def links(self) -> slice:
+        """Which unknowns are links' coordinates."""
+        return slice(0, PARAMETERS * len(self.log_scale))
 
-class Unknowns:
-    """Layout of the vector of unknowns: links, logarithms of current per torque, friction."""
+    @property
+    def scales(self) -> slice:
+        """Which unknowns are logarithms of current per torque."""
+        return slice(self.links.stop, self.links.stop + len(self.log_scale))
 
-    def __init__(self, prior: Prior) -> None:
-        self.joints, self.columns = prior.signs.shape
-        self.links = slice(0, PARAMETERS * self.joints)
-        self.scales = slice(self.links.stop, self.links.stop + self.joints)
-        self.lowest = np.concatenate((np.full(self.scales.stop, -np.inf),
-                                      np.where(prior.signs.ravel() > 0, 0.0, -np.inf)))
-        self.size = len(self.lowest)
-        # Indices of the unknowns on which a joint's current depends: links, its scale and friction.
-        self.blocks = []
-        for joint in range(self.joints):
-            indices = np.r_[self.links, self.scales.start + joint, self.friction(joint)]
-            self.blocks.append(np.ix_(indices, indices))
+    @property
+    def mean(self) -> np.ndarray:
+        """The unknowns without recordings, (U,)."""
+        return np.concatenate((
+            np.zeros(self.links.stop), self.log_scale, np.zeros(self.signs.size)))
 
-    def friction(self, joint: int) -> slice:
-        """Return the slice of a joint's coefficients of friction and further effects."""
-        start = self.scales.stop + self.columns * joint
-        return slice(start, start + self.columns)
+    @property
+    def precision(self) -> np.ndarray:
+        """The inverse of their variance, (U,)."""
+        weights = [self.strength, self.log_width ** -2, 0.0]
+        return np.repeat(weights, [self.links.stop, len(self.log_scale), self.signs.size])
+
+    @property
+    def lowest(self) -> np.ndarray:
+        """The least possible values, (U,)."""
+        return np.where(np.concatenate((np.zeros(self.scales.stop), self.signs.ravel())) > 0,
+                        0.0, -np.inf)
+
+    def friction(self, x: np.ndarray) -> np.ndarray:
+        """Return the coefficients of friction, rotor and further effects among unknowns, (J, F)."""
+        return x[self.scales.stop:].reshape(self.signs.shape)
+
+
+def linearised(prior: Prior, x: np.ndarray) -> np.ndarray:
+    """Return, as combinations of each joint's columns, the derivatives of its current by unknowns.
+
+    Shape (J, P, U + 1), where P is the number of columns of `Sums`; the last is the error of x.
+    """
+    parameters, slopes = prior.bodies.parameters(x[prior.links])
+    joints, width = prior.signs.shape
+    links, base = parameters.size, prior.scales.stop
+    scales = np.exp(np.clip(x[prior.scales], -50.0, 50.0))
+    combine = np.zeros((joints, links + width + 1, x.size + 1))
+    for k, slope in enumerate(slopes):
+        own = slice(PARAMETERS * k, PARAMETERS * (k + 1))
+        combine[:, own, own] = scales[:, None, None] * slope
+    combine[:, :links, -1] = -scales[:, None] * parameters.ravel()
+    combine[:, links:-1, -1] = -prior.friction(x)
+    combine[:, -1, -1] = 1.0
+    for joint, own in enumerate(combine):
+        own[:links, links + joint] = -own[:links, -1]
+        own[links:-1, base + width * joint:base + width * (joint + 1)] = np.eye(width)
+    return combine
 
 
 def solve(matrices: np.ndarray, prior: Prior, start: np.ndarray) -> np.ndarray:
@@ -180,19 +216,19 @@ def solve(matrices: np.ndarray, prior: Prior, start: np.ndarray) -> np.ndarray:
 
     Coefficients have the signs that the prior requires.
     """
-    unknowns = Unknowns(prior)
-    x = np.maximum(start, unknowns.lowest)
-    loss, gradient, hessian = loss_gradient_hessian(matrices, prior, unknowns, x)
+    lowest = prior.lowest
+    x = np.maximum(start, lowest)
+    loss, gradient, hessian = loss_gradient_hessian(matrices, prior, x)
     damping = 1e-3
     for _ in range(_STEPS):
-        free = ~((x <= unknowns.lowest) & (gradient > 0.0))
+        free = ~((x <= lowest) & (gradient > 0.0))
         system = hessian[np.ix_(free, free)].copy()
         system[np.diag_indices_from(system)] *= 1.0 + damping
         system[np.diag_indices_from(system)] += 1e-12 * np.trace(system) / len(system)
         trial = x.copy()
         trial[free] -= np.linalg.solve(system, gradient[free])
-        trial = np.maximum(trial, unknowns.lowest)
-        after = loss_gradient_hessian(matrices, prior, unknowns, trial)
+        trial = np.maximum(trial, lowest)
+        after = loss_gradient_hessian(matrices, prior, trial)
         if np.isfinite(after[0]) and after[0] < loss:
             gain = loss - after[0]
             x, (loss, gradient, hessian) = trial, after
@@ -206,51 +242,21 @@ def solve(matrices: np.ndarray, prior: Prior, start: np.ndarray) -> np.ndarray:
     return x
 
 
-def loss_gradient_hessian(matrices: np.ndarray, prior: Prior, unknowns: Unknowns,
-                          x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+def loss_gradient_hessian(matrices: np.ndarray, prior: Prior, x: np.ndarray
+                          ) -> tuple[float, np.ndarray, np.ndarray]:
     """Return half the loss, its gradient and the Gauss-Newton matrix."""
-    joints, links = unknowns.joints, unknowns.links
-    parameters, slopes = prior.bodies.parameters(x[links])
-    flat, inner = parameters.ravel(), np.zeros((parameters.size, parameters.size))
-    for begin, slope in zip(range(0, parameters.size, PARAMETERS), slopes):
-        inner[begin:begin + PARAMETERS, begin:begin + PARAMETERS] = slope
-    hessian = np.zeros((x.size, x.size))
-    gradient = np.zeros(x.size)
-    deviation = (x[unknowns.scales] - prior.log_scale) / prior.log_width
-    loss = prior.strength * float(x[links] @ x[links]) + float(deviation @ deviation)
-    gradient[links] = prior.strength * x[links]
-    gradient[unknowns.scales] = deviation / prior.log_width
-    hessian[links, links] = prior.strength * np.eye(flat.size)
-    hessian[unknowns.scales, unknowns.scales] = np.eye(joints) / prior.log_width ** 2
-    for joint, matrix in enumerate(matrices):
-        scale = np.exp(np.clip(x[unknowns.scales][joint], -50.0, 50.0))
-        own = unknowns.friction(joint)
-        combination = np.concatenate((scale * flat, x[own], [-1.0]))
-        product = matrix @ combination
-        loss += float(combination @ product)
-        # Columns: links, this joint's current per torque, its friction.
-        change = np.zeros((len(combination), flat.size + 1 + unknowns.columns))
-        change[:flat.size, :flat.size] = scale * inner
-        change[:flat.size, flat.size] = scale * flat
-        change[flat.size:-1, flat.size + 1:] = np.eye(unknowns.columns)
-        block = unknowns.blocks[joint]
-        gradient[block[1][0]] += change.T @ product
-        hessian[block] += change.T @ (matrix @ change)
-    return 0.5 * loss, gradient, hessian
+    combine = linearised(prior, x)
+    products = (combine.transpose(0, 2, 1) @ (matrices @ combine)).sum(axis=0)
+    deviation, precision = x - prior.mean, prior.precision
+    loss = products[-1, -1] + precision @ deviation ** 2
+    return (0.5 * float(loss), precision * deviation - products[:-1, -1],
+            products[:-1, :-1] + np.diag(precision))
 
 
 def squared_errors(matrices: np.ndarray, prior: Prior, x: np.ndarray) -> np.ndarray:
-    """Return each joint's sum of squared errors for unknowns x, shape (J,).
-
-    The error is a linear combination of a joint's columns: the links' parameters times the current
-    per torque, the friction coefficients, and -1 for the current itself.
-    """
-    unknowns = Unknowns(prior)
-    links = prior.bodies.parameters(x[unknowns.links])[0].ravel()
-    combinations = [np.concatenate((np.exp(scale) * links, x[unknowns.friction(joint)], [-1.0]))
-                    for joint, scale in enumerate(x[unknowns.scales])]
-    return np.array([max(float(combination @ matrix @ combination), 0.0)
-                     for combination, matrix in zip(combinations, matrices)])
+    """Return each joint's sum of squared errors for unknowns x, shape (J,)."""
+    error = linearised(prior, x)[:, :, -1]
+    return np.maximum(np.einsum('jp,jpq,jq->j', error, matrices, error), 0.0)
 
 
 @dataclass(frozen=True)
@@ -272,26 +278,22 @@ def confidence_intervals(stretches: np.ndarray, prior: Prior, x: np.ndarray) -> 
     1986); the uncertainty of the prior is added. A parameter that the prior determines more than
     the recording has no interval: a recording does not show how accurate the URDF is.
     """
-    unknowns = Unknowns(prior)
-    _, _, hessian = loss_gradient_hessian(stretches.sum(axis=0), prior, unknowns, x)
-    gradients = np.array([loss_gradient_hessian(own, prior, unknowns, x)[1] for own in stretches])
+    _, _, hessian = loss_gradient_hessian(stretches.sum(axis=0), prior, x)
+    gradients = np.array([loss_gradient_hessian(own, prior, x)[1] for own in stretches])
     # The prior has the same gradient in every stretch, which cancels with the mean.
     gradients -= gradients.mean(axis=0)
-    precision = np.zeros(unknowns.size)
-    precision[unknowns.links] = prior.strength
-    precision[unknowns.scales] = 1.0 / prior.log_width ** 2
-    free = x > unknowns.lowest
+    free = x > prior.lowest
     count = len(stretches)
     inverse = np.linalg.pinv(hessian[np.ix_(free, free)], rcond=1e-13, hermitian=True)
     scatter = gradients[:, free].T @ gradients[:, free] * count / max(count - 1, 1)
     covariance = np.zeros_like(hessian)
-    covariance[np.ix_(free, free)] = inverse @ (scatter + np.diag(precision[free])) @ inverse
+    covariance[np.ix_(free, free)] = inverse @ (scatter + np.diag(prior.precision[free])) @ inverse
     quantile = float(stats.t.ppf(0.5 + 0.5 * _LEVEL, max(count - 1, 2)))
 
-    parameters, slopes = prior.bodies.parameters(x[unknowns.links])
-    _, before = prior.bodies.parameters(np.zeros_like(x[unknowns.links]))
+    parameters, slopes = prior.bodies.parameters(x[prior.links])
+    _, before = prior.bodies.parameters(np.zeros_like(x[prior.links]))
     inner = block_diag(*slopes)
-    variance = np.einsum('ij,jk,ik->i', inner, covariance[unknowns.links, unknowns.links],
+    variance = np.einsum('ij,jk,ik->i', inner, covariance[prior.links, prior.links],
                          inner).reshape(parameters.shape)
     half = quantile * np.sqrt(np.maximum(variance, 0.0))
     bounds = np.stack((parameters - half, parameters + half), axis=-1)
@@ -300,7 +302,7 @@ def confidence_intervals(stretches: np.ndarray, prior: Prior, x: np.ndarray) -> 
     prior_variance = np.sum(before ** 2, axis=2) / prior.strength
     from_recording = np.clip(1.0 - variance / np.maximum(prior_variance, 1e-300), 0.0, 1.0)
     bounds[from_recording < _LEAST_REDUCTION] = -np.inf, np.inf
-    width = quantile * np.sqrt(np.maximum(np.diag(covariance)[unknowns.scales], 0.0))
-    middle = x[unknowns.scales]
+    width = quantile * np.sqrt(np.maximum(np.diag(covariance)[prior.scales], 0.0))
+    middle = x[prior.scales]
     return LinkIntervals(bounds, np.exp(np.clip(
         np.stack((middle - width, middle + width), axis=-1), -50.0, 50.0)), from_recording)
