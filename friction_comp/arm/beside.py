@@ -83,6 +83,10 @@ def signs_at(indices: dict[Term, list[int]], joints: int) -> np.ndarray:
     return np.array([row + [0] * (longest - len(row)) for row in rows])
 
 
+def _is_known(signal: np.ndarray | None) -> bool:
+    return signal is not None and bool(np.isfinite(signal).all())
+
+
 class ArmTable(Table):
     """The columns of links, of all joints' friction, and of terms, and their sums over cells.
 
@@ -225,7 +229,7 @@ class ArmSearch(Search):
             if kind.variable in ('position', 'load') and not kind.uses_inner_load
             # The links are all weight.
             and not kind.weight and not kind.insufficient_data(coverage)
-            and all(getattr(samples, signal) is not None for signal in kind.needs)
+            and all(_is_known(getattr(samples, signal)) for signal in kind.needs)
             for constants in kind.propose(view)]
         return terms + [
             JointTerm(EFFECTS['other_joints'], {}, group, joint) for group in friction_groups(

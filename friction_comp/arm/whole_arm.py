@@ -157,7 +157,8 @@ def _add_person_torque(samples: Samples, drive: Drive) -> Samples:
     share = load_coefficient(samples, clipped(samples.current), drive)
     if not share:
         return samples
-    return samples.with_(current=samples.current - share * np.nan_to_num(np.asarray(samples.load)))
+    return samples.with_(load=None, current=(
+        samples.current - share * np.nan_to_num(np.asarray(samples.load))))
 
 
 def _at_common_times(recorded: dict[str, list[Samples]]) -> list[Samples]:
