@@ -152,15 +152,7 @@ class ArmSearch(Search):
     An effect is an improvement where it is at one joint, and where the error of all is no larger: a
     joint's error says nothing of the others', but the links that are fitted to it are also theirs.
 
-    Parameters
-    ----------
-    rows : ArmRows
-    tree : Tree
-        The links of the latest fit.
-    prior, x, variance
-        Of the latest fit; see `Sums`.
-    terms : list of Term
-        Those of the latest fit.
+    `tree`, `prior`, `x`, `variance` and `terms` are those of the latest fit; see `Sums`.
     """
 
     def __init__(self, rows: ArmRows, tree: Tree, prior: Prior, x: np.ndarray,
@@ -168,7 +160,7 @@ class ArmSearch(Search):
         self._rows, self._tree, self._variance = rows, tree, variance
         self._prior, self._x = prior, x
         torques, self._samples, self._coverage = tree.torques(*rows.motion), {}, {}
-        for joint in np.flatnonzero(rows.moves).tolist():
+        for joint in np.flatnonzero(rows.moves & rows.fitted.any(axis=0)).tolist():
             samples = rows.samples[joint].with_(rigid_body=torques[:, joint])
             self._samples[joint] = samples
             self._coverage[joint] = coverage_of(
@@ -233,7 +225,7 @@ class ArmSearch(Search):
             for constants in kind.propose(view)]
         return terms + [
             JointTerm(EFFECTS['other_joints'], {}, group, joint) for group in friction_groups(
-                self._tree.joints, samples.joint, coverage.speed)]
+                self._tree.joints, samples.joint, [coverage.transition])]
 
     def after_addition(self, terms: list[Term]) -> list[Term]:
         """Adjust the constants of terms, and update the candidates."""

@@ -1,9 +1,10 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Fits an arm's links to recordings, with friction and rotor inertia of every joint.
+"""Fits an arm's links to recordings, with friction, rotor inertia and effects of every joint.
 
 The measured current of joint j is modelled as
-``k_j·τ_j(q, v, a; π) + offset + C·sign(v) + V·v + J·a``. The torque τ of the rigid bodies is linear
+``k_j·τ_j(q, v, a; π) + offset + C·sign(v) + V·v + J·a + …``, where … are the effects that
+`friction_comp.arm.beside` finds. The torque τ of the rigid bodies is linear
 in the links' inertial parameters π (Atkeson, An and Hollerbach 1986). The current per torque k_j is
 fitted too, since an arm's drive constants are seldom known. All joints share one π: the wrist's
 motion, for instance, also shows a weight that the shoulder carries. Parameters that the motion does
@@ -26,7 +27,6 @@ import numpy as np
 from friction_comp.arm.beside import ArmSearch, columns_of, signs_at
 from friction_comp.arm.link_inertia import Bodies
 from friction_comp.arm.solver import (
-    ArmRows,
     confidence_intervals,
     FOLDS,
     FRICTION,
@@ -173,7 +173,7 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
     no_links = sums.sums.copy()
     no_links[..., :links, :] = no_links[..., :links] = 0.0
     without = _held_out(replace(sums, sums=no_links), prior, x)
-    rows = problem.rows(best.settings, _MOST_ROWS['final'])
+    rows = rows_of(problem.chain, joints, best.settings, _MOST_ROWS['final'])
     whole = rows.sums(rows.columns(columns_of(rows, best.tree, best.terms)[0]))
     whole, x = _reweighted_fit(whole, prior, x)
     report(1.0)
@@ -216,9 +216,6 @@ class _Problem:
         return (replace(self.chain.tree, parameters=self.bodies.parameters(x[:links])[0]),
                 np.exp(x[links:links + count]))
 
-    def rows(self, settings: dict[str, Any], most_rows: int) -> ArmRows:
-        return rows_of(self.chain, self.joints, settings, most_rows)
-
     def trial(self, settings: dict[str, Any], terms: list[Term] | None = None,
               tree: Tree | None = None) -> _Trial:
         """Return a fit with some differentiation settings, and terms beside the links.
@@ -226,7 +223,7 @@ class _Problem:
         Its error is infinite if the URDF's torque has the wrong sign at every joint.
         """
         tree, terms = tree or self.chain.tree, terms or []
-        rows = self.rows(settings, _MOST_ROWS['choice'])
+        rows = rows_of(self.chain, self.joints, settings, _MOST_ROWS['choice'])
         columns, indices = columns_of(rows, tree, terms)
         sums = rows.sums(rows.columns(columns))
         typical = _typical_scale(sums, self.bodies)
@@ -257,7 +254,7 @@ class _Problem:
         """Return a fit with the effects that are found beside the links, if any."""
         if trial.error == math.inf:
             return trial
-        rows = self.rows(trial.settings, _MOST_ROWS['choice'])
+        rows = rows_of(self.chain, self.joints, trial.settings, _MOST_ROWS['choice'])
         for _ in range(rounds):
             tree, _ = self.arm_of(trial.x)
             search = ArmSearch(rows, tree, trial.prior, trial.x, trial.sums.variance, trial.terms)

@@ -302,19 +302,21 @@ def proposals(table: Table, terms: Sequence[Term]) -> list[Term]:
     if rows.joints:
         terms += [Term(EFFECTS['other_joints'], {}, group) for group in (
             *(() if known else groups_for(rows.joints, rows.samples.joint)),
-            *friction_groups(rows.joints, rows.samples.joint, rows.coverage.speed))]
+            *friction_groups(rows.joints, rows.samples.joint,
+                             [share * rows.coverage.speed for share in TRANSITIONS]))]
     return terms
 
 
-def friction_groups(names: Sequence[str], joint: str, speed: float) -> list[Group]:
+def friction_groups(names: Sequence[str], joint: str, widths: Sequence[float]) -> list[Group]:
     """Return friction of the sum and the difference of a joint's velocity and its neighbours'.
 
-    `names` are all joints in their order along the arm; `speed`, rad/s, is that of the joint.
+    `names` are all joints in their order along the arm; friction changes its sign over each of the
+    `widths`, rad/s.
     """
     index = list(names).index(joint)
     neighbours = names[max(0, index - 1):index + 2]
-    return [Group('friction', ((joint, 1), (name, side)), width=share * speed)
-            for name in neighbours if name != joint for side in (1, -1) for share in TRANSITIONS]
+    return [Group('friction', ((joint, 1), (name, side)), width=width)
+            for name in neighbours if name != joint for side in (1, -1) for width in widths]
 
 
 @functools.lru_cache(maxsize=8)
