@@ -23,7 +23,7 @@ from friction_comp.model.effects import EFFECTS, ResidualView
 from friction_comp.refinement.block_sums import BlockSums
 from friction_comp.refinement.effect_columns import friction_groups, signs_of, Table, Term
 from friction_comp.refinement.prepare import coverage_of
-from friction_comp.refinement.recorded_motion import standstill_speed
+from friction_comp.refinement.recorded_motion import standstill_speed, TRANSITIONS
 from friction_comp.refinement.search import (
     error_reductions,
     free_constants,
@@ -225,7 +225,8 @@ class ArmSearch(Search):
             for constants in kind.propose(view)]
         return terms + [
             JointTerm(EFFECTS['other_joints'], {}, group, joint) for group in friction_groups(
-                self._tree.joints, samples.joint, [coverage.transition])]
+                self._tree.joints, samples.joint,
+                [share * coverage.speed for share in TRANSITIONS])]
 
     def after_addition(self, terms: list[Term]) -> list[Term]:
         """Adjust the constants of terms, and update the candidates."""

@@ -4,11 +4,11 @@
 
 The measured current of joint j is modelled as
 ``k_j·τ_j(q, v, a; π) + offset + C·sign(v) + V·v + J·a + …``, where … are the effects that
-`friction_comp.arm.beside` finds. The torque τ of the rigid bodies is linear
-in the links' inertial parameters π (Atkeson, An and Hollerbach 1986). The current per torque k_j is
-fitted too, since an arm's drive constants are seldom known. All joints share one π: the wrist's
-motion, for instance, also shows a weight that the shoulder carries. Parameters that the motion does
-not determine keep the URDF's values, and every π is physically possible.
+`friction_comp.arm.beside` finds. The torque τ of the rigid bodies is linear in the links' inertial
+parameters π (Atkeson, An and Hollerbach 1986). The current per torque k_j is fitted too, since an
+arm's drive constants are seldom known. All joints share one π: the wrist's motion, for instance,
+also shows a weight that the shoulder carries. Parameters that the motion does not determine keep
+the URDF's values, and every π is physically possible.
 
 The fit needs only sums of products of these columns over stretches of the recordings. All settings
 (filter, mounting, regularisation) are chosen by the error on stretches that were left out.
