@@ -288,18 +288,17 @@ def signs_of(term: Term, count: int) -> list[int]:
 def proposals(table: Table, terms: Sequence[Term]) -> list[Term]:
     """Return candidate terms to add to a fit, of effects whose signals were recorded and varied."""
     rows, view = table.rows, table.residual_view(terms)
-    # Rigid bodies of a URDF are all weight, and all inertia of other joints.
-    known = rows.samples.rigid_body is not None
     terms = [
         Term(kind, constants) for kind in EFFECTS.values()
         if all(getattr(rows.samples, signal) is not None for signal in kind.needs)
         and not kind.insufficient_data(rows.coverage)
         and (view.load_shares or not kind.uses_inner_load)
-        and not (known and kind.weight and 'rigid_body' not in kind.needs)
         # The person's torque responds to friction: it correlates with every missing effect.
         and not (rows.load_coefficient and 'load' in kind.needs)
         for constants in kind.propose(view)]
     if rows.joints:
+        # Rigid bodies of a URDF are all weight and inertia of other joints.
+        known = rows.samples.rigid_body is not None
         terms += [Term(EFFECTS['other_joints'], {}, group) for group in (
             *(() if known else groups_for(rows.joints, rows.samples.joint)),
             *friction_groups(rows.joints, rows.samples.joint,

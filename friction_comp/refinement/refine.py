@@ -113,8 +113,11 @@ def select_named(fit: Fit) -> Fit:
     """
     fit = replace(fit, found=tuple(fit.terms), found_error=fit.mean_error())
     stability = repeat_search(fit.table, fit.terms, fit.initial_count, fit.candidates)
+    # Rigid bodies of a URDF are all weight: another makes up for what is wrong with them.
+    links = fit.rows.samples.rigid_body is not None
     terms = [term for k, term in enumerate(fit.terms)
-             if k < fit.initial_count or stability.named(term)]
+             if k < fit.initial_count or (stability.named(term) and not (
+                 links and term.kind.weight and term.kind.needs == ()))]
     terms = LeftOutThirds(fit.table, terms).without_harmful(terms, fit.initial_count)
     while True:
         fit = refit(fit, terms)
