@@ -149,7 +149,7 @@ class EffectSearch(Search):
         table, rows = self.table, self.table.rows
         plain = [term for term in self.candidates if term.kind.in_first_model]
         starts: list[list[Term]] = [plain]
-        if rows.joints:
+        if rows.joints and rows.samples.rigid_body is None:
             kind = EFFECTS['other_joints']
             starts.append([*plain, *table.add([Term(kind, {}, group) for group in neighbourhood(
                 rows.joints, rows.samples.joint)])])

@@ -59,7 +59,7 @@ class Term:
         return rows.mean_of_used(self.kind.matrix(rows.used, self.constants).T)
 
     @property
-    def choice(self) -> tuple[type[Effect], Group | None]:
+    def choice(self) -> tuple[Any, ...]:
         """What it is, of which the constants or the width of a group are one choice."""
         return self.kind, self.group and replace(self.group, width=0.0)
 
@@ -140,7 +140,7 @@ class Table:
                 first = len(self.columns) + len(fresh)
                 self.columns_of[term] = list(range(first, first + len(columns)))
                 fresh += list(columns)
-                signs += _signs_of(term, len(columns))
+                signs += signs_of(term, len(columns))
         if fresh:
             self._append(np.array(fresh), signs)
         return [term for term in terms if term in self.columns_of]
@@ -198,7 +198,7 @@ class Table:
             if own_columns is None:
                 return math.inf
             parts.append(own_columns)
-            signs += _signs_of(term, len(own_columns))
+            signs += signs_of(term, len(own_columns))
         sums = BlockSums.over(np.vstack((*parts, self.target)), [slice(None)], np.array(signs))
         columns = range(len(signs))
         return float(sums.squared_errors(columns, sums.fit(columns)[None])[0])
@@ -286,7 +286,7 @@ class Table:
             self.load_shares(terms))
 
 
-def _signs_of(term: Term, count: int) -> list[int]:
+def signs_of(term: Term, count: int) -> list[int]:
     """Return the required sign of each of a term's coefficients, 0 where it is free."""
     wanted = list(term.kind.signs[:count]) if term.group is None else [
         1 if term.group.kind == 'friction' else 0] * count
@@ -305,18 +305,25 @@ def proposals(table: Table, terms: Sequence[Term]) -> list[Term]:
         and not (rows.load_coefficient and 'load' in kind.needs)
         for constants in kind.propose(view)]
     if rows.joints:
-        terms += [Term(EFFECTS['other_joints'], {}, group)
-                  for group in (*groups_for(rows.joints, rows.samples.joint),
-                                *friction_groups(rows))]
+        # Rigid bodies of a URDF are all weight and inertia of other joints.
+        known = rows.samples.rigid_body is not None
+        terms += [Term(EFFECTS['other_joints'], {}, group) for group in (
+            *(() if known else groups_for(rows.joints, rows.samples.joint)),
+            *friction_groups(rows.joints, rows.samples.joint,
+                             [share * rows.coverage.speed for share in TRANSITIONS]))]
     return terms
 
 
-def friction_groups(rows: Rows) -> list[Group]:
-    """Return friction of the sum and the difference of a joint's velocity and its neighbours'."""
-    joint, index = rows.samples.joint, rows.joints.index(rows.samples.joint)
-    neighbours = rows.joints[max(0, index - 1):index + 2]
-    return [Group('friction', ((joint, 1), (name, side)), width=share * rows.coverage.speed)
-            for name in neighbours if name != joint for side in (1, -1) for share in TRANSITIONS]
+def friction_groups(names: Sequence[str], joint: str, widths: Sequence[float]) -> list[Group]:
+    """Return friction of the sum and the difference of a joint's velocity and its neighbours'.
+
+    `names` are all joints in their order along the arm; friction changes its sign over each of the
+    `widths`, rad/s.
+    """
+    index = list(names).index(joint)
+    neighbours = names[max(0, index - 1):index + 2]
+    return [Group('friction', ((joint, 1), (name, side)), width=width)
+            for name in neighbours if name != joint for side in (1, -1) for width in widths]
 
 
 @functools.lru_cache(maxsize=8)

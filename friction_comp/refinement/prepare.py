@@ -214,7 +214,9 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
         raise InputError('the current is zero throughout the motion: there is no friction to fit'
                          + constants)
     coverage = coverage_of(moved, usable, slowest, samples)
-    region = regions_of(motion[0][start]) if motion else np.zeros_like(block)
+    # Rigid bodies are the same in all postures.
+    unknown = motion if samples.rigid_body is None else None
+    region = regions_of(unknown[0][start]) if unknown else np.zeros_like(block)
     rows = Rows(moved, target, usable, unusable, coverage, start, length, block, region, load,
                 motion, joints)
     return replace(rows, coverage=replace(coverage, transition=choose_transition(rows))), settings

@@ -240,6 +240,7 @@ def choose_differentiation(samples: Samples, unusable: np.ndarray, joints: Seque
     `joints` and `load` are those of `Rows`.
     """
     samples, unusable = excerpt(samples, unusable)
+    joints = joints if samples.rigid_body is None else ()
     if load:
         samples = samples.with_(current=samples.current - load * np.asarray(samples.load),
                                 load=None)
@@ -347,11 +348,17 @@ def arm_motion(samples: Samples, joints: Sequence[str], settings: dict[str, Any]
 
 
 def moving_joints(samples: Samples) -> tuple[str, ...]:
-    """Return all joints that moved; none where only one did, or where rigid bodies are known."""
-    known = samples.rigid_body is not None or samples.coupling is not None
-    if samples.arm is None or known or samples.joint not in samples.arm.joints:
+    """Return all joints that moved; where rigid bodies are known, of a joint and its neighbours.
+
+    None where no other moved. Beside rigid bodies only friction is to be found, which no joint has
+    in common with others than its neighbours.
+    """
+    arm, joint = samples.arm, samples.joint
+    if arm is None or samples.coupling is not None or joint not in arm.joints:
         return ()
-    span = np.ptp(samples.arm.position, axis=0)
-    names = tuple(name for name, moved in zip(samples.arm.joints, span)
-                  if moved > 1e-3 or name == samples.joint)
+    names, own = arm.joints, arm.joints.index(joint)
+    if samples.rigid_body is not None:
+        names = names[max(0, own - 1):own + 2]
+    span = np.ptp(arm.of(names).position, axis=0)
+    names = tuple(name for name, moved in zip(names, span) if moved > 1e-3 or name == joint)
     return names if len(names) > 1 else ()

@@ -115,8 +115,11 @@ def select_named(fit: Fit) -> Fit:
     # Each search sums over all columns that are kept.
     fit.table.keep({*fit.terms, *fit.candidates})
     stability = repeat_search(fit.table, fit.terms, fit.initial_count, fit.candidates)
+    # Rigid bodies of a URDF are all weight: another makes up for what is wrong with them.
+    links = fit.rows.samples.rigid_body is not None
     terms = [term for k, term in enumerate(fit.terms)
-             if k < fit.initial_count or stability.named(term)]
+             if k < fit.initial_count or (stability.named(term) and not (
+                 links and term.kind.weight and term.kind.needs == ()))]
     terms = LeftOutThirds(fit.table, terms).without_harmful(terms, fit.initial_count)
     while True:
         fit = refit(fit, terms)

@@ -12,9 +12,9 @@ from typing import Any
 from matplotlib.figure import Figure
 import numpy as np
 
+from friction_comp.arm.whole_arm import ArmResult
 from friction_comp.fleet.population import Population
 from friction_comp.refinement.result import RefinementReport
-from friction_comp.refinement.whole_arm import ArmResult
 from friction_comp.reports.figures import COLOURS, curve, new_figure, styled
 from friction_comp.reports.fleet_report import add_fleet, fleet_verdict
 from friction_comp.reports.html import interval_text, Link, number, Report

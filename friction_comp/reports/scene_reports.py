@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from friction_comp.arm.whole_arm import ArmResult
     from friction_comp.evaluation.outcome import Evaluation
     from friction_comp.evaluation.repetitions import Repetition
-    from friction_comp.refinement.whole_arm import ArmResult
     from friction_comp.samples import Samples
 
 # Lengths of upper arm and forearm in the drawing, m; number of poses drawn.

@@ -11,13 +11,13 @@ import math
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
+from friction_comp.arm.whole_arm import refine_arm
 from friction_comp.errors import InputError
 from friction_comp.evaluation.sessions import evaluate_recordings
 from friction_comp.files import write_yaml
 from friction_comp.model.friction_model import arm_document, FrictionModel
 from friction_comp.package_files import package_file
 from friction_comp.recordings import read_arm
-from friction_comp.refinement.whole_arm import refine_arm
 from friction_comp.reports.evaluation_words import compared_peaks
 from friction_comp.reports.scene_reports import (
     arm_scene_report,
