@@ -78,11 +78,6 @@ class SensedDirection:
 
     # Calibration.
 
-    @property
-    def calibrating(self) -> bool:
-        """Whether values are collected for a calibration."""
-        return self._collected is not None
-
     def begin_calibration(self) -> None:
         """Collect values from now on; nothing is announced until the calibration has ended."""
         self._collected, self._since = [], math.nan

@@ -58,6 +58,7 @@ class DirectionNode(Node):
         self._columns = JointColumns(self._joints)
         self._refused = ''
         self._sensors: list[SensedDirection] = []
+        self._calibrating, self._failures = False, list[str]()
         self._at: Callable[[float], list[Announcement]] = getattr(self, f'_begin_{source}')(
             input_qos(self), self._declare())
         self._message = JointState(name=list(self._joints))
@@ -183,28 +184,42 @@ class DirectionNode(Node):
     # Calibration.
 
     async def _on_calibrate(self, _: Any, response: Any) -> Any:
-        """Calibrate all sensors at rest, and answer when it is done."""
-        response.success, texts = True, []
+        """Calibrate all sensors at rest, and answer when it is done.
+
+        Who asks meanwhile, perhaps again since an answer was lost, gets the same answer.
+        """
+        if not self._calibrating:
+            self._calibrating = True
+            self._failures = await self._calibrate()
+            self._calibrating = False
+        while self._calibrating:
+            await yield_to_executor()
+        response.success = not self._failures
+        response.message = '; '.join(self._failures) or 'calibrated'
+        return response
+
+    async def _calibrate(self) -> list[str]:
+        """Calibrate all sensors and return what failed."""
         if not self._sensors:
-            response.success, response.message = False, 'only the source sensor is calibrated'
-            return response
-        if any(sensor.calibrating for sensor in self._sensors):
-            response.success, response.message = False, 'a calibration is under way'
-            return response
+            return ['only the source sensor is calibrated']
+        patience = time.monotonic() + _PATIENCE
+        # Before the first joint states, even a clock may be missing.
+        while time.monotonic() < patience and not all(
+                sensor.motion.known(self._now()) for sensor in self._sensors):
+            await yield_to_executor()
         for sensor in self._sensors:
             sensor.begin_calibration()
-        begin, patience = self._now(), time.monotonic() + _PATIENCE
+        begin = self._now()
         while self._now() - begin < CALIBRATION_TIME and time.monotonic() < patience:
             await yield_to_executor()
+        failures = []
         for joint, sensor in zip(self._joints, self._sensors):
             try:
                 sensor.end_calibration()
             except InputError as error:
-                response.success = False
-                texts.append(f'{joint}: {error}')
-        response.message = '; '.join(texts) or 'calibrated'
-        self.get_logger().info(f'calibration: {response.message}')
-        return response
+                failures.append(f'{joint}: {error}')
+        self.get_logger().info(f'calibration: {"; ".join(failures) or "calibrated"}')
+        return failures
 
     # What is said.
 
