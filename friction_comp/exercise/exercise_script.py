@@ -202,12 +202,7 @@ def _decelerates(times: np.ndarray, speed: Any) -> float:
     grid = np.unique(np.concatenate([
         np.linspace(begin, end, max(3, _GRID // len(times)))
         for begin, end in zip(times, times[1:])]))
-    speeds = np.abs(speed(grid))
     # Backwards in time, the speed grows until there; a plan's samples make it uneven.
-    fastest = len(grid) - 1
-    for k in range(len(grid) - 1, -1, -1):
-        if speeds[k] > speeds[fastest]:
-            fastest = k
-        elif speeds[k] < _UNEVEN * speeds[fastest]:
-            break
-    return float(grid[fastest])
+    speeds = np.abs(speed(grid))[::-1]
+    falls = np.append(speeds < _UNEVEN * np.maximum.accumulate(speeds), True)
+    return float(grid[::-1][np.argmax(speeds[:np.argmax(falls)])])

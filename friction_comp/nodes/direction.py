@@ -21,7 +21,6 @@ from trajectory_msgs.msg import JointTrajectory
 
 from friction_comp.control.joint_states import JointColumns
 from friction_comp.direction.announcement import Announcement
-from friction_comp.direction.channel import check_range
 from friction_comp.direction.desired_motion import DesiredMotion
 from friction_comp.direction.planned_direction import PlannedDirection
 from friction_comp.direction.sensed_direction import CALIBRATION_TIME, KINDS, SensedDirection
@@ -106,12 +105,11 @@ class DirectionNode(Node):
             motions, self._present(time))]
 
     def _begin_sensor(self, qos: Any, value: Any) -> Callable[[float], list[Announcement]]:
-        ends = list(value('sensor_range'))
-        if len(ends) != 2:
-            raise InputError(f'parameter sensor_range: two values are needed, not {ends}')
-        span = check_range(*map(float, ends))
+        span = list(value('sensor_range'))
+        if len(span) != 2:
+            raise InputError(f'parameter sensor_range: two values are needed, not {span}')
         self._axis, self._part = value('axis').split('.')
-        self._sensors = [SensedDirection(value('sensor'), span) for _ in self._joints]
+        self._sensors = [SensedDirection(value('sensor'), (span[0], span[1])) for _ in self._joints]
         self.create_subscription(Float64MultiArray, 'sensor', self._on_sensor, qos)
         self.create_subscription(WrenchStamped, 'sensor_wrench', self._on_wrench, qos)
         self._listen(qos, [sensor.motion for sensor in self._sensors])
