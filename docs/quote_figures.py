@@ -78,20 +78,16 @@ def reproduce_table(numbers: dict[str, Any]) -> list[str]:
                      compared(configurations))
 
 
-# For whom a law is, and what happens when one lets go of the joint.
+# For whom a law is, and what happens when one lets go of the joint, beside how many move on.
 LAWS = {
-    'announced': ('`continuous`, announced', 'exercises whose next movement is known',
-                  'the joint comes to rest'),
-    'unknown': ('`continuous`, d = 0', 'hand guiding, leader arms, exercises without a plan',
-                'the joint comes to rest'),
+    'announced': ('`continuous`, announced', 'exercises whose next movement is known', ''),
+    'unknown': ('`continuous`, d = 0', 'hand guiding, leader arms, exercises without a plan', ''),
     'unmeasured': ('the same, presliding not identified', 'the same, with a model of recordings',
-                   'the joint comes to rest'),
+                   ''),
     'desired': ('`desired`', 'followers: joints that another controller moves along a reference',
                 '**warning**: it pushes while a direction is announced'),
-    'tanh': ('0.9 · Coulomb · tanh(v / 0.03 rad/s)', 'comparing: two lines of code',
-             'it rests, or creeps where the model is too large'),
-    'kinetic': ('`kinetic`', 'comparing: the printed law, d = 0',
-                '**warning**: the joint goes on, and gains speed where the model is too large'),
+    'tanh': ('0.9 · Coulomb · tanh(v / 0.03 rad/s)', 'comparing: two lines of code', ''),
+    'kinetic': ('`kinetic`', 'comparing: the printed law, d = 0', '**warning**: '),
     'paper': ('`paper`', 'reproducing the note', 'as `kinetic`; at rest it pushes in direction d'),
     'none': ('`none`', 'the bare drive', 'the joint stops')}
 
@@ -105,10 +101,13 @@ def laws_table(numbers: dict[str, Any]) -> list[str]:
     """Return the table to choose a law by."""
     shares = {name: [f'{median:.0f} ({worst:.0f}) %' for median, worst in row]
               for name, row in numbers['laws'].items()}
+    after = {name: f'{moving} of {all_} move on' for name, (moving, all_) in
+             numbers['moving'].items()}
     return _markdown(
-        ['law', 'for whom', *(f'{f:g} Hz' for f in numbers['frequencies']), 'when one lets go'],
-        [[law, whom, *shares.get(name, 3 * ['0 %' if name == 'none' else '–']), after]
-         for name, (law, whom, after) in LAWS.items()])
+        ['law', 'for whom', *(f'{f:g} Hz' for f in numbers['frequencies']),
+         '6 s after one lets go'],
+        [[law, whom, *shares.get(name, 3 * ['0 %' if name == 'none' else '–']),
+          words + after.get(name, '')] for name, (law, whom, words) in LAWS.items()])
 
 
 def demo_words(numbers: dict[str, Any]) -> str:

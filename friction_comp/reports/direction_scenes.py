@@ -109,8 +109,9 @@ def loops_figure(trials: dict[str, HandTrial]) -> Figure:
         part = one._steady
         angle = np.degrees(one.position[part])
         angle = angle - 0.5 * (angle.min() + angle.max())
-        axis.fill(*thin(angle, one.torque[part]), color=COLOURS[colour], alpha=0.3, linewidth=0)
-        axis.plot(*thin(angle, one.torque[part]), color=COLOURS[colour])
+        loop = thin(angle, one.torque[part], points=400)
+        axis.fill(*loop, color=COLOURS[colour], alpha=0.3, linewidth=0)
+        axis.plot(*loop, color=COLOURS[colour])
         axis.axhline(0.0, color=COLOURS['grey'], linewidth=0.8)
         axis.set_title(f'{one.title}\n{one.rms:.2f} N·m RMS', color=COLOURS[colour])
         axis.set_xlabel('angle (deg)')
@@ -163,7 +164,7 @@ def intention_figure(trials: dict[str, HandTrial]) -> Figure:
             axis.annotate(f'{abs(one.torque[top]):.2f}', (one.time[top] - begin, one.torque[top]),
                           (8, 6 * sign), textcoords='offset points', fontweight='bold',
                           va='center', color=COLOURS[colour])
-        axis.plot(*thin(time, torque), color=COLOURS[colour])
+        axis.plot(*thin(time, torque, points=300), color=COLOURS[colour])
         axis.axhline(0.0, color=_FAINT, linewidth=0.8)
         axis.set_ylim(-size, size)
         axis.set_title(one.title, color=COLOURS[colour])
