@@ -38,14 +38,6 @@ _ACTIVE = 2.0
 _CLEAR = 6.0
 
 
-def check_range(low: float, high: float) -> tuple[float, float]:
-    """Return the range of a converter; raises InputError if it is none."""
-    if not (math.isfinite(low) and math.isfinite(high) and low < high):
-        raise InputError('sensor_range must be the lowest and the highest value that the sensor '
-                         f'can give, such as [0, 1023], not [{low:g}, {high:g}]')
-    return low, high
-
-
 FORCE = 'force'
 """Name of a channel whose scatter does not grow with its level, as that of a muscle does."""
 

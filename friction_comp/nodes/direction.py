@@ -188,8 +188,10 @@ class DirectionNode(Node):
         """
         if not self._calibrating:
             self._calibrating = True
-            self._failures = await self._calibrate()
-            self._calibrating = False
+            try:
+                self._failures = await self._calibrate()
+            finally:
+                self._calibrating = False
         while self._calibrating:
             await yield_to_executor()
         response.success = not self._failures
@@ -202,8 +204,10 @@ class DirectionNode(Node):
             return ['only the source sensor is calibrated']
         patience = time.monotonic() + _PATIENCE
         # Before the first joint states, even a clock may be missing.
-        while time.monotonic() < patience and not all(
-                sensor.motion.known(self._now()) for sensor in self._sensors):
+        while missing := [joint for joint, sensor in zip(self._joints, self._sensors)
+                          if not sensor.motion.known(self._now())]:
+            if time.monotonic() > patience:
+                return [f'joint_states of {", ".join(missing)} are missing']
             await yield_to_executor()
         for sensor in self._sensors:
             sensor.begin_calibration()
