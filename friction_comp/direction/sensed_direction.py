@@ -17,7 +17,7 @@ import numpy as np
 
 from friction_comp.direction.announcement import Announcement
 from friction_comp.direction.attempt import Attempt, REARM
-from friction_comp.direction.channel import Channel
+from friction_comp.direction.channel import Channel, FORCE
 from friction_comp.direction.joint_motion import JointMotion
 from friction_comp.direction.muscle_level import SHORT
 from friction_comp.errors import InputError
@@ -59,7 +59,7 @@ class SensedDirection:
         if not (math.isfinite(low) and math.isfinite(high) and low < high):
             raise InputError('sensor_range must be the lowest and the highest value that the '
                              f'sensor can give, such as [0, 1023], not [{low:g}, {high:g}]')
-        names = ('force',) if kind == 'force' else ('flexor', 'extensor')
+        names = (FORCE,) if kind == FORCE else ('flexor', 'extensor')
         self.kind = kind
         self.motion = JointMotion()
         self._channels = [Channel(name, low, high, kind != 'muscle_raw') for name in names]
