@@ -24,7 +24,7 @@ from law_judge.release import watch_release
 from law_judge.to_and_fro import swaying
 
 FREQUENCIES = (0.3, 0.6, 1.0)    # Hz
-WORLDS = ('independent_gear', 'mujoco_gear')
+WORLDS = ('world.gear', 'world.mujoco_gear')
 # Law, how its direction comes, and whether the model knows the gear's presliding distance.
 WAYS = {'announced': ('continuous', 'announced', True), 'unknown': ('continuous', 'd = 0', True),
         'unmeasured': ('continuous', 'd = 0', False), 'tanh': (TANH, 'd = 0', False),
@@ -40,7 +40,7 @@ def main():
     found, gone = ({name: [] for name in WAYS} for _ in range(2))
     gears = 0
     for name in WORLDS:
-        world = importlib.import_module(f'{name}.world')
+        world = importlib.import_module(name)
         bank = make_bank(world, world.KINDS, options.draws, options.seed)
         gears += len(bank.gears)
         for known in (True, False):

@@ -38,7 +38,6 @@ from friction_comp.tools.demo_loop import recorded, TRIALS
 ROOT = Path(__file__).resolve().parent.parent
 STORED = ROOT / 'docs' / 'figures'
 _TITLES = {name: title for name, title, *_ in TRIALS}
-# Neither page colour nor text colour is known where a page shows the picture: both are its own.
 
 
 def demo_numbers(report: dict[str, Any]) -> dict[str, Any]:
