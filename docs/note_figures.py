@@ -10,7 +10,7 @@ from friction_comp.note.published import EXPERIMENTS
 ROWS = ((0.1101, 1.2456, 0.1359, 1.1671, 1.4959, 0.0008),
         (0.8896, 3.0735, 0.3082, 2.4381, 0.8727, 0.0032),
         (0.3629, 1.1022, 0.3000, 2.2795, 1.8775, 0.0027))
-RATIO = (100.0, 100.0, 435.0)
+RATIO = [experiment.model().drive.gear_ratio for experiment in EXPERIMENTS]
 BREAKAWAY = [experiment.breakaway for experiment in EXPERIMENTS]
 PEAK = [experiment.peak_kinetic for experiment in EXPERIMENTS]
 TORQUE_CONSTANT, GAIN = 0.119, 0.9

@@ -5,38 +5,39 @@
     make demo && python3 docs/quote_figures.py demo friction_comp_demo/report.json
     python3 -m friction_comp reproduce --output reproduction --cycles 200
     python3 docs/quote_figures.py reproduce reproduction/results.json
+    python3 bench/law_choice.py --seed 93 --output laws.json
+    python3 docs/quote_figures.py laws laws.json
+    python3 -m friction_comp demo --scene to_and_fro --output to_and_fro
+    python3 docs/quote_figures.py to_and_fro to_and_fro/report.json
+    python3 -m friction_comp demo --scene intention --output intention
+    python3 docs/quote_figures.py intention intention/report.json
 
-stores the few numbers in docs/figures/, writes the page's table anew, and draws the demo's picture
-from the recordings beside its report. Tests compare the pages with what is stored, and what is
-stored with the experiments themselves.
+stores the few numbers in docs/figures/, writes the pages' table anew, and draws the pictures of the
+demo's scenes from the recordings beside their reports. Tests compare the pages with what is stored,
+and what is stored with the experiments themselves.
 """
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 import json
 from pathlib import Path
 import re
-from typing import Any
+from typing import Any, NamedTuple
 
-from friction_comp.model.friction_model import FrictionModel
 from friction_comp.note.note_report import compared
-from friction_comp.recordings import read_recording
 from friction_comp.reports.demo_report import EvaluatedTrial, torque_figure
+from friction_comp.reports.direction_scenes import HandTrial, intention_figure, loops_figure
 from friction_comp.reports.evaluation_words import peak_text
-from friction_comp.reports.figures import thin, to_svg
+from friction_comp.reports.figures import thin, to_file
 from friction_comp.reports.html import number
-from friction_comp.tools.demo_loop import TRIALS
+from friction_comp.tools.demo_directions import SOURCES, WAYS
+from friction_comp.tools.demo_loop import recorded, TRIALS
 
 ROOT = Path(__file__).resolve().parent.parent
 STORED = ROOT / 'docs' / 'figures'
-PICTURE = ROOT / 'docs' / 'demo.svg'
 _TITLES = {name: title for name, title, *_ in TRIALS}
-# Neither page colour nor text colour is known where a page shows the picture: both are its own.
-_LOOK = """<style>
-  svg { color: #1a2b3d; background: #ffffff }
-  @media (prefers-color-scheme: dark) { svg { color: #e4e9ee; background: #161c22 } }
-</style>"""
 
 
 def demo_numbers(report: dict[str, Any]) -> dict[str, Any]:
@@ -76,6 +77,38 @@ def reproduce_table(numbers: dict[str, Any]) -> list[str]:
                      compared(configurations))
 
 
+# For whom a law is, and what happens when one lets go of the joint, beside how many move on.
+LAWS = {
+    'announced': ('`continuous`, announced', 'exercises whose next movement is known', ''),
+    'unknown': ('`continuous`, d = 0', 'hand guiding, leader arms, exercises without a plan', ''),
+    'unmeasured': ('the same, presliding not identified', 'the same, with a model of recordings',
+                   ''),
+    'desired': ('`desired`', 'followers: joints that another controller moves along a reference',
+                '**warning**: it pushes while a direction is announced'),
+    'tanh': ('0.9 · Coulomb · tanh(v / 0.03 rad/s)', 'comparing: two lines of code', ''),
+    'kinetic': ('`kinetic`', 'comparing: the printed law, d = 0', '**warning**: '),
+    'paper': ('`paper`', 'reproducing the note', 'as `kinetic`; at rest it pushes in direction d'),
+    'none': ('`none`', 'the bare drive', 'the joint stops')}
+
+
+def laws_numbers(result: dict[str, Any]) -> dict[str, Any]:
+    """Return what is quoted of bench/law_choice.py's result."""
+    return {'command': f'python3 bench/law_choice.py --seed {result["seed"]}', **result}
+
+
+def laws_table(numbers: dict[str, Any]) -> list[str]:
+    """Return the table to choose a law by."""
+    shares = {name: [f'{median:.0f} ({worst:.0f}) %' for median, worst in row]
+              for name, row in numbers['laws'].items()}
+    after = {name: f'{moving} of {all_} move on' for name, (moving, all_) in
+             numbers['moving'].items()}
+    return _markdown(
+        ['law', 'for whom', *(f'{f:g} Hz' for f in numbers['frequencies']),
+         '6 s after one lets go'],
+        [[law, whom, *shares.get(name, 3 * ['0 %' if name == 'none' else '–']),
+          words + after.get(name, '')] for name, (law, whom, words) in LAWS.items()])
+
+
 def demo_words(numbers: dict[str, Any]) -> str:
     """Return what the demo's picture shows, for those who do not see it."""
     peaks = ', '.join(f'{_TITLES[name]} {peak_text(peak, stuck)}'.replace('> ', 'more than ')
@@ -85,23 +118,75 @@ def demo_words(numbers: dict[str, Any]) -> str:
 
 def demo_picture(numbers: dict[str, Any], folder: Path) -> str:
     """Return the picture of the demo's trials as SVG, drawn from their recordings."""
-    drive = FrictionModel.load(folder / 'models' / 'armin_1.yaml').drive
-    trials = [EvaluatedTrial(name, title, read_recording(
-        folder / 'recordings' / name, 'armin_1', drive.torque_constant, drive.gear_ratio)[0])
-        for name, title in _TITLES.items()]
+    trials = [EvaluatedTrial(name, title, recorded(folder / 'recordings' / name))
+              for name, title in _TITLES.items()]
     for condition in (one for trial in trials for one in trial.evaluation.conditions):
         condition.time, condition.torque, condition.torque_std = thin(
             condition.time, condition.torque, condition.torque_std, points=200)
-    text = to_svg(torque_figure(trials))
-    start = text.index('>', text.index('<svg')) + 1
-    return (f'{text[:start]}\n<!-- Copyright 2026 The friction_comp authors, '
-            'SPDX-License-Identifier: Apache-2.0 -->\n'
-            '<title>Back-driving torque in the demo</title>\n'
-            f'<desc>{demo_words(numbers)}</desc>\n{_LOOK}{text[start:]}')
+    return to_file(torque_figure(trials), 'Back-driving torque in the demo', demo_words(numbers))
 
 
-PAGES = {'demo': ROOT / 'README.md', 'reproduce': ROOT / 'docs' / 'results.md'}
-KINDS = {'demo': (demo_numbers, demo_table), 'reproduce': (reproduce_numbers, reproduce_table)}
+def to_and_fro_numbers(report: dict[str, Any]) -> dict[str, Any]:
+    """Return what is quoted of the scene to_and_fro."""
+    return {'command': 'python3 -m friction_comp demo --scene to_and_fro',
+            'rms': {one['name']: one['rms_torque'] for one in report['to_and_fro']},
+            'inertia': report['inertia_rms']}
+
+
+def to_and_fro_words(numbers: dict[str, Any]) -> str:
+    """Return what the picture of the scene shows."""
+    return ('Torque of a hand over the angle, to and fro at 0.6 Hz. RMS: ' + ', '.join(
+        f'{title} {numbers["rms"][name]:.2f}' for name, title, *_ in WAYS)
+        + f', without friction {numbers["inertia"]:.2f} N·m.')
+
+
+def to_and_fro_picture(numbers: dict[str, Any], folder: Path) -> str:
+    """Return the picture of the scene to_and_fro."""
+    return to_file(loops_figure(_hands(folder, {name: title for name, title, *_ in WAYS})),
+                    'A hand moves a joint to and fro', to_and_fro_words(numbers))
+
+
+def intention_numbers(report: dict[str, Any]) -> dict[str, Any]:
+    """Return what is quoted of the scene intention."""
+    return {'command': 'python3 -m friction_comp demo --scene intention',
+            'peak': report['peak_torque']}
+
+
+def intention_words(numbers: dict[str, Any]) -> str:
+    """Return what the picture of the scene shows."""
+    peaks = ', '.join(f'{title} {numbers["peak"][name]:.2f}' for name, title in SOURCES.items())
+    return f"A person's torque over time, and when the direction is known. Mean peaks: {peaks} N·m."
+
+
+def intention_picture(numbers: dict[str, Any], folder: Path) -> str:
+    """Return the picture of the scene intention."""
+    return to_file(intention_figure(_hands(folder, SOURCES)),
+                    'A person moves a joint whose direction nobody, sensors or an exercise know',
+                    intention_words(numbers))
+
+
+def _hands(folder: Path, titles: dict[str, str]) -> dict[str, HandTrial]:
+    return {name: HandTrial(title, recorded(folder / 'recordings' / name))
+            for name, title in titles.items()}
+
+
+class Kind(NamedTuple):
+    """What is quoted of a command's result."""
+
+    numbers: Callable[[dict[str, Any]], dict[str, Any]]
+    table: Callable[[dict[str, Any]], list[str]] | None = None
+    pages: tuple[Path, ...] = ()
+    words: Callable[[dict[str, Any]], str] | None = None
+    picture: Callable[[dict[str, Any], Path], str] | None = None
+
+
+README, DOCS = ROOT / 'README.md', ROOT / 'docs'
+KINDS = {
+    'demo': Kind(demo_numbers, demo_table, (README,), demo_words, demo_picture),
+    'reproduce': Kind(reproduce_numbers, reproduce_table, (DOCS / 'results.md',)),
+    'laws': Kind(laws_numbers, laws_table, (README, DOCS / 'compensation_law.md')),
+    'to_and_fro': Kind(to_and_fro_numbers, words=to_and_fro_words, picture=to_and_fro_picture),
+    'intention': Kind(intention_numbers, words=intention_words, picture=intention_picture)}
 
 
 def quoted(text: str, name: str) -> list[str]:
@@ -112,14 +197,10 @@ def quoted(text: str, name: str) -> list[str]:
     SystemExit
         If it is not there.
     """
-    found = re.search(_pattern(name), text, re.DOTALL)
+    found = re.search(rf'<!-- {name} -->\n(.*?)\n<!-- end -->', text, re.DOTALL)
     if not found:
         raise SystemExit(f'no table between <!-- {name} --> and <!-- end -->')
     return found[1].splitlines()
-
-
-def _pattern(name: str) -> str:
-    return rf'(?<=<!-- {name} -->\n)(.*?)(?=\n<!-- end -->)'
 
 
 def main() -> None:
@@ -128,19 +209,19 @@ def main() -> None:
     parser.add_argument('name', choices=KINDS)
     parser.add_argument('result', type=Path, help='the JSON file that the command wrote')
     arguments = parser.parse_args()
-    numbers_of, table_of = KINDS[arguments.name]
-    numbers = numbers_of(json.loads(arguments.result.read_text(encoding='utf-8')))
-    page = PAGES[arguments.name]
-    text = page.read_text(encoding='utf-8')
-    quoted(text, arguments.name)
+    kind = KINDS[arguments.name]
+    numbers = kind.numbers(json.loads(arguments.result.read_text(encoding='utf-8')))
     STORED.mkdir(exist_ok=True)
     (STORED / f'{arguments.name}.json').write_text(
         json.dumps(numbers, indent=1, ensure_ascii=False) + '\n', encoding='utf-8')
-    table = '\n'.join(table_of(numbers))
-    page.write_text(re.sub(_pattern(arguments.name), lambda _: table, text, flags=re.DOTALL),
-                    encoding='utf-8')
-    if arguments.name == 'demo':
-        PICTURE.write_text(demo_picture(numbers, arguments.result.parent), encoding='utf-8')
+    for page in kind.pages:
+        text = page.read_text(encoding='utf-8')
+        old, new = ('\n'.join([f'<!-- {arguments.name} -->', *rows]) for rows in (
+            quoted(text, arguments.name), kind.table(numbers)))
+        page.write_text(text.replace(old, new), encoding='utf-8')
+    if kind.picture:
+        (DOCS / f'{arguments.name}.svg').write_text(
+            kind.picture(numbers, arguments.result.parent), encoding='utf-8')
 
 
 if __name__ == '__main__':

@@ -31,7 +31,8 @@ from friction_comp.units import (
 _SAME_UNIT = {'current': ('effort',), 'command': ('current', 'effort'),
               'reference_position': ('position',), 'reference_velocity': ('velocity',)}
 # Suffixes of table files.
-TABLES = ('.csv', '.csv.gz', '.tsv', '.txt', '.dat', '.parquet', '.npz', '.npy', '.mat', '.json')
+TABLES = ('.csv', '.csv.gz', '.tsv', '.txt', '.dat', '.parquet', '.npz', '.npy', '.mat', '.json',
+          '.jsonl')
 SIGNALS = ('time', 'position', 'velocity', 'effort', 'current', 'command', 'direction', 'load',
            'link_torque', 'temperature', 'reference_position', 'reference_velocity')
 

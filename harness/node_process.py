@@ -16,17 +16,10 @@ from helpers import ROOT
 
 from friction_comp.package_files import package_file
 from friction_comp.tools import processes
+from friction_comp.tools.processes import ros_arguments
 
 # s; discovery alone may take seconds on a busy machine.
 PATIENCE = 120.0
-
-
-def ros_arguments(parameters=None, remappings=None):
-    """Return a node's command-line arguments."""
-    arguments = processes.ros_arguments(parameters or {})
-    for old, new in (remappings or {}).items():
-        arguments += ['-r', f'{old}:={new}']
-    return arguments
 
 
 class Host:
@@ -92,12 +85,12 @@ def fork(name, arguments, folder, output, env):
 
 def fork_nodes_of_tools(monkeypatch):
     """Make tools that run in this process fork their nodes, too."""
-    def start(nodes, name, parameters):
+    def start(nodes, name, parameters, remappings=None):
         log = nodes._logs / f'{name}.log'
         log.parent.mkdir(parents=True, exist_ok=True)
         log.touch()
         nodes._running[name] = fork(
-            name, processes.ros_arguments(parameters), Path.cwd(), log.absolute(), environment())
+            name, ros_arguments(parameters, remappings), Path.cwd(), log.absolute(), environment())
     monkeypatch.setattr(processes.Nodes, 'start', start)
 
 
@@ -106,9 +99,7 @@ def shorten_scenes(monkeypatch, folder):
 
     Where a scene limits simulated time to real time while it refines, the limit is lower, too.
     """
-    from friction_comp.ros.tool_client import ToolClient
     from friction_comp.tools import demo_scenes, demo_system
-    set_parameter = ToolClient.set_parameter
 
     def shortened(*parts):
         path = package_file(*parts)
@@ -121,11 +112,8 @@ def shorten_scenes(monkeypatch, folder):
     def seldom(*arguments):
         return {**processes.plant_parameters(
             *arguments[:4], sample_time=2.5 * processes.SAMPLE_TIME), 'clock_period': 0.04}
-
-    def set_slowly(client, node, name, value):
-        set_parameter(client, node, name, 0.1 * value if name == 'pace' else value)
     fork_nodes_of_tools(monkeypatch)
-    monkeypatch.setattr(ToolClient, 'set_parameter', set_slowly)
+    monkeypatch.setattr(demo_scenes, 'WEAR_PACE', 0.1)
     monkeypatch.setattr(demo_scenes, 'package_file', shortened)
     monkeypatch.setattr(demo_system, 'plant_parameters', seldom)
 
@@ -142,7 +130,7 @@ class Process:
         number = len(list(folder.iterdir()))
         self._error = folder / f'{number}_{name}.err'
         self._error.touch()
-        arguments = [*arguments, *ros_arguments(parameters, remappings)]
+        arguments = [*arguments, *ros_arguments(parameters or {}, remappings)]
         env = environment(ROS_LOG_DIR=str(folder / 'log'))
         if fresh:
             with self._error.open('w') as error:

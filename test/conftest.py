@@ -7,7 +7,6 @@ import gc
 from importlib.util import find_spec
 import os
 import signal
-import sys
 from unittest.mock import patch
 
 # As `python3 -m friction_comp` does for tools, before the first import of NumPy: threads of linear
@@ -87,14 +86,13 @@ def drawn_once(figure):
 
 @pytest.fixture(scope='module', autouse=True)
 def plain_pages(request):
-    """Simplify pages in modules without `LIVE_PAGES`, which takes an eighth of the time.
+    """Simplify pages in modules without `LIVE_PAGES`, which takes a part of the time.
 
-    There is no Bokeh, and figures have no layout and are drawn once of each kind. Processes that a
-    module starts write complete pages.
+    Figures have no layout and are drawn once of each kind. Processes that a module starts write
+    complete pages.
     """
     with pytest.MonkeyPatch.context() as monkeypatch:
         if not getattr(request.module, 'LIVE_PAGES', False):
-            monkeypatch.setitem(sys.modules, 'bokeh', None)
             monkeypatch.setattr(figures, 'Figure', lambda figsize, layout: Figure(figsize))
             monkeypatch.setattr(html, 'for_page', drawn_once)
         yield

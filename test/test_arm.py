@@ -8,12 +8,12 @@ from arm_maker import PLANE, random_urdf, recorded, small_arm, waves
 import numpy as np
 import pytest
 
+from friction_comp.arm.fit import fit_arm
+from friction_comp.arm.link_inertia import Bodies, nearest_possible, pseudo_inertia
+from friction_comp.arm.urdf import Chain, match_names
 from friction_comp.errors import InputError
 from friction_comp.model.arm.arm import moving_states
 from friction_comp.model.arm.tree import FREE_FALL, Tree
-from friction_comp.rigid_bodies.fit import fit_arm
-from friction_comp.rigid_bodies.link_inertia import Bodies, nearest_possible, pseudo_inertia
-from friction_comp.rigid_bodies.urdf import Chain, match_names
 from friction_comp.samples import JointStates, Samples
 
 SCALES = (0.4, 0.25, 0.5)

@@ -5,7 +5,7 @@
 import json
 
 import pytest
-from work_that_may_die import without_bokeh, work_that_ends_a_worker_once
+from work_that_may_die import work_that_ends_a_worker_once
 
 from friction_comp.__main__ import run
 from friction_comp.cluster import runner_on_cluster
@@ -41,8 +41,6 @@ def test_a_killed_worker_costs_nothing(cluster, tmp_path):
 @pytest.mark.slow
 def test_recordings_are_refined_on_the_cluster_as_here(cluster, tmp_path):
     write_recording(tmp_path / 'robots' / 'one_day')
-    with distributed.Client(cluster.scheduler_address) as client:
-        client.run(without_bokeh)
     rows = {}
     for where, more in (('here', ['--jobs', '1']), ('there', [
             '--scheduler', cluster.scheduler_address])):

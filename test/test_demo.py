@@ -11,6 +11,7 @@ import sys
 import time
 
 from node_process import fork_nodes_of_tools, ROOT, shorten_scenes
+import numpy as np
 import pytest
 from report_pages import assert_documented
 import yaml
@@ -18,10 +19,12 @@ import yaml
 from friction_comp.__main__ import run
 from friction_comp.errors import InputError
 from friction_comp.parallel import interrupts_deferred
+from friction_comp.recordings import read_recording
 from friction_comp.tools.processes import Nodes, only_user, ros_arguments
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
+from friction_comp.tools import demo_directions
 from friction_comp.tools.demo_system import clear_results
 
 
@@ -149,6 +152,35 @@ def test_two_joints_turn_round_with_their_directions_announced(scene, capsys):
         assert peaks['continuous'] < 0.75 * peaks['kinetic']
         assert one['peak_reduction'] is not None
     assert 'elbow: peak' in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_a_hand_that_goes_to_and_fro_feels_less_friction_than_with_a_hyperbolic_tangent(
+        scene, monkeypatch):
+    monkeypatch.setattr(demo_directions, 'WAYS', [
+        way for way in demo_directions.WAYS if way[0] != 'unknown'])
+    found = scene('to_and_fro')
+    removed = {one['name']: one['removed'] for one in found['to_and_fro']}
+    assert removed['none'] == 0.0
+    assert 0.4 < removed['tanh'] < removed['announced'] - 0.05
+    # A joint without friction takes the same in all of them.
+    rms = {one['name']: one['rms_torque'] for one in found['to_and_fro']}
+    assert found['inertia_rms'] < rms['announced'] < 0.5 * rms['none']
+
+
+@pytest.mark.slow
+def test_a_person_whose_force_is_sensed_needs_less_torque_than_one_who_is_not(
+        scene, tmp_path, monkeypatch):
+    # The muscles' path differs in the plant and in the node only; both have tests of their own.
+    monkeypatch.setattr(demo_directions, 'SENSORS', demo_directions.SENSORS[:1])
+    peaks = scene('intention')['peak_torque']
+    assert peaks['announced'] < peaks['force'] < 0.7 * peaks['unknown']
+    path = tmp_path / 'recordings' / 'force'
+    samples, = read_recording(path, demo_directions.JOINT, 0.119, 100.0)
+    moving = (samples.direction != 0) & (abs(samples.load) > 0.1)
+    # Both ways, and never the other.
+    assert {1, -1} <= set(samples.direction[moving])
+    assert np.mean(np.sign(samples.load[moving]) == samples.direction[moving]) > 0.95
 
 
 @pytest.mark.slow

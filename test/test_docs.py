@@ -111,17 +111,19 @@ def test_files_that_are_linked_or_read_are_there():
             FrictionModel.load(ROOT / path)
 
 
-@pytest.mark.parametrize('name', ['demo', 'reproduce'])
-def test_quoted_tables_are_what_is_stored_of_their_command(name):
+def test_quoted_tables_and_pictures_are_what_is_stored_of_their_command():
     quote = script('quote_figures')
-    numbers = json.loads((ROOT / 'docs' / 'figures' / f'{name}.json').read_text(encoding='utf-8'))
-    text = quote.PAGES[name].read_text(encoding='utf-8')
-    assert quote.quoted(text, name) == quote.KINDS[name][1](numbers)
-    # The command stands beside the table.
-    assert f'`{numbers["command"]}' in text.partition(f'<!-- {name} -->')[0][-700:]
-    if name == 'demo':
-        assert f'<desc>{quote.demo_words(numbers)}</desc>' in quote.PICTURE.read_text(
-            encoding='utf-8')
+    for name, kind in quote.KINDS.items():
+        stored = ROOT / 'docs' / 'figures' / f'{name}.json'
+        numbers = json.loads(stored.read_text(encoding='utf-8'))
+        for page in kind.pages:
+            text = page.read_text(encoding='utf-8')
+            assert quote.quoted(text, name) == kind.table(numbers)
+            # The command stands beside the table.
+            assert f'`{numbers["command"]}' in text.partition(f'<!-- {name} -->')[0][-700:]
+        if kind.picture:
+            picture = (ROOT / 'docs' / f'{name}.svg').read_text(encoding='utf-8')
+            assert f'<desc>{kind.words(numbers)}</desc>' in picture
 
 
 @pytest.mark.parametrize(('number', 'plateau', 'breakaway'), [(2, 0.16, 0.138), (3, 0.36, 0.336)])

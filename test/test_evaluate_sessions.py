@@ -312,8 +312,8 @@ def test_averages_are_those_of_all_curves_though_none_is_kept():
         one[:300] = np.nan
     two, all_of_them = Ensemble(), Ensemble()
     for one in curves[:2]:
-        two.add(Ensemble.of(one))
-    for part in (two, Ensemble.of(curves[2]), Ensemble.of(curves[3])):
+        two.add(Ensemble.of_movement(one))
+    for part in (two, Ensemble.of_movement(curves[2]), Ensemble.of_movement(curves[3])):
         all_of_them.add(part)
     time, points = all_of_them.points(10.0)
     assert (points[0], points[-1]) == (300, 2399)

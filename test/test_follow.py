@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""A follower under an MIT-mode controller, and a person whom sensors watch: the demo's loops."""
+"""A follower under an MIT-mode controller: the drive, the law, and the demo's loop."""
 
 from pathlib import Path
 
@@ -9,9 +9,8 @@ import pytest
 import yaml
 
 from friction_comp.compensation.law import CompensationLaw, LAWS
-from friction_comp.exercise.reference_movement import ReferenceMovement
 from friction_comp.simulation.mit_drive import MitDrive, POSITION_STEP, TIMEOUT
-from friction_comp.tools import demo_directions
+from friction_comp.tools import demo_follow
 from simulated_recordings.small_model import LEVEL, small_model
 
 
@@ -66,18 +65,6 @@ def test_the_example_of_a_follower_sets_parameters_that_the_nodes_have():
 
 @pytest.mark.slow
 def test_a_follower_has_a_quarter_of_the_error_and_no_more_than_with_the_desired_speed_alone():
-    found = {way: demo_directions._follow(way, 0.02, 1)['rms'] for way in demo_directions.WAYS}
+    found = {way: demo_follow._follow(way, 0.02, 1)['rms'] for way in demo_follow.WAYS}
     assert found['the law'] < 0.25 * found['without']
     assert found['the law'] <= found['0.9·tanh of the desired speed']
-
-
-@pytest.mark.slow
-def test_a_person_whose_force_is_sensed_needs_less_torque_than_one_who_is_not():
-    movement = ReferenceMovement(amplitude=0.4, standstill=1.0, repetitions=1)
-    unknown, force = (demo_directions._trial(source, movement, 1, lambda share: None)
-                      for source in ('unknown', 'force'))
-    assert force['peak'] < 0.8 * unknown['peak']
-    # Both ways, and never the other.
-    moving = force['direction'] != 0
-    assert {1.0, -1.0} <= set(force['direction'])
-    assert np.mean(np.sign(force['torque'][moving]) == force['direction'][moving]) > 0.95

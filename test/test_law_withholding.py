@@ -88,22 +88,23 @@ def test_a_joint_that_springs_back_while_its_help_decays_is_not_pushed_on():
 
 @pytest.mark.parametrize('pushed', [False, True])
 def test_a_turn_is_where_the_joint_is_pushed_back_and_not_where_it_springs_back(pushed):
-    """Presliding is unknown: 0.9 mrad is less than R, and what a compliant gear springs back.
+    """Presliding is unknown: 1.3 R is what a compliant gear may spring back.
 
     Pushed, the joint stands after 0.2 mrad, and then speeds up.
     """
     law, time = CompensationLaw([small_model()]), 1e-3 * np.arange(1000)
+    far = 1.3 * law.parameters['distance'][0]
     to = 0.1 * np.cumsum(np.interp(time[:700], [0.0, 0.5, 0.7], [3e-3, 3e-3, 0.0]))
     assert drive_along(law, to, direction=0)[500] == pytest.approx(0.9 * LEVEL, rel=1e-2)
     if pushed:
         spring = 1e-4 * (1.0 - np.cos(math.pi * np.clip(time / 0.02, 0.0, 1.0)))
         back = spring + 2.0 * np.maximum(0.0, time - 0.05)**2
-        back = back[back < 9e-4]
+        back = back[back < far]
     else:
-        back = 4.5e-4 * (1.0 - np.cos(math.pi * np.clip(time[:40] / 0.04, 0.0, 1.0)))
+        back = 0.5 * far * (1.0 - np.cos(math.pi * np.clip(time[:40] / 0.04, 0.0, 1.0)))
     current = drive_along(law, to[-1] - back, direction=0, begin=700)
     if pushed:
-        assert current[-1] == pytest.approx(-0.9 * LEVEL, rel=2e-2)
+        assert current[-1] < -0.5 * LEVEL
     else:
         assert current.min() >= 0.0
 

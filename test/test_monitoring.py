@@ -43,7 +43,7 @@ def watched(data, batch=100, model=MODEL):
     residual = LiveResidual(model)
     for begin in range(0, len(data), batch):
         part = data[begin:begin + batch]
-        residual.take(part)
+        residual.add(part)
         yield part[-1, 0], residual.verdict()
 
 
@@ -118,11 +118,11 @@ def test_a_signal_that_the_model_needs_and_nobody_measures_is_said():
     model.effects.append(EFFECTS['load_friction'](
         {'exponent': 1.0, 'transition': 0.1, 'coefficients': [0.01]}))
     residual = LiveResidual(model)
-    residual.take(rows(30.0))
+    residual.add(rows(30.0))
     assert 'load' in residual.blind
     assert not residual.verdict().known
     # However long it lasts, what cannot be compared is not kept.
-    residual.take(rows(60.0)[len(rows(30.0)):])
+    residual.add(rows(60.0)[len(rows(30.0)):])
     assert len(residual._rows) < len(rows(5.0))
 
 
@@ -130,10 +130,10 @@ def test_a_signal_that_the_model_needs_and_nobody_measures_is_said():
 def test_the_verdict_does_not_depend_on_how_samples_are_grouped(sizes, seed):
     data = rows(40.0, lambda t, q, heat, v: 1.2, seed=seed)
     whole, parts = LiveResidual(MODEL), LiveResidual(MODEL)
-    whole.take(data)
+    whole.add(data)
     begin = 0
     for size in [*sizes, len(data)]:
-        parts.take(data[begin:begin + size])
+        parts.add(data[begin:begin + size])
         begin += size
     assert parts.verdict().known == whole.verdict().known
     assert parts.verdict().share == pytest.approx(whole.verdict().share, abs=0.02)
@@ -144,9 +144,9 @@ def test_time_that_begins_anew_and_rows_without_numbers_do_no_harm():
     residual = LiveResidual(MODEL)
     broken = data.copy()
     broken[::7, 1] = np.nan
-    residual.take(np.empty((0, 6)))
-    residual.take(broken)
-    residual.take(data)
+    residual.add(np.empty((0, 6)))
+    residual.add(broken)
+    residual.add(data)
     assert residual.verdict().fits
 
 

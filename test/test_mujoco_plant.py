@@ -13,6 +13,7 @@ import pytest
 from friction_comp.__main__ import run
 from friction_comp.errors import InputError
 from friction_comp.package_files import package_file
+from friction_comp.recordings import read_arm
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.mujoco_plant import MujocoPlant
 from friction_comp.simulation.undeclared import Undeclared
@@ -127,15 +128,24 @@ def test_without_mujoco_it_says_what_to_install(monkeypatch):
 @pytest.mark.slow
 @pytest.mark.processes
 def test_a_guided_arm_is_learnt_and_carried(tmp_path, monkeypatch, own_environment):
-    """The demo's scene: alone, refined from that, helped."""
+    """The demo's scene: taught, replayed alone, refined from that, replayed with help."""
     pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
     pytest.importorskip('pinocchio', reason='Pinocchio is not in this environment')
     shorten_scenes(monkeypatch, tmp_path)
     assert run('demo', ['--scene', 'arm', '--output', str(tmp_path)]) == 0
     report = json.loads((tmp_path / 'report.json').read_text(encoding='utf-8'))
-    for joint, own in report['joints'].items():
-        assert own['helped']['rms'] < 0.25 * own['alone']['rms'], joint
+    alone, helped = (np.array([own[name]['rms'] for own in report['joints'].values()])
+                     for name in ('alone', 'helped'))
+    assert (helped < 0.4 * alone).all()
+    assert np.hypot.reduce(helped) < 0.25 * np.hypot.reduce(alone)
     masses = {body['joint']: body['mass'] for body in report['arm']['rigid_bodies']}
     # The cuff's 0.6 kg, which the URDF does not know of, beside the forearm's 0.7.
     assert masses['bend'] == pytest.approx(1.3, abs=0.15)
+    # What was guided is what is played: each waypoint and each reversal, which nobody announced.
+    taught = report['taught']
+    assert taught['farthest']['guided'] < 1.0
+    assert taught['farthest']['helped'] < 1.0
+    assert taught['announced'] == taught['reversals'] > 3
+    guided = read_arm(tmp_path / 'recordings' / 'taught', lambda joint: 11.9)
+    assert not any(parts[0][0].direction.any() for parts in guided.values())
     assert 'discs at shoulder and elbow' in (tmp_path / 'report.html').read_text(encoding='utf-8')

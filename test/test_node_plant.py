@@ -124,7 +124,7 @@ def test_a_command_that_answers_another_state_is_passed_over(tmp_path):
         assert value_of(status, 'elbow: command [A]') == '0.03'
 
 
-def test_a_plant_that_waits_for_the_reference_stands_still_without_it(tmp_path):
+def test_a_plant_that_waits_for_reference_or_announcement_stands_still_without_it(tmp_path):
     with plant(tmp_path, wait_for_reference=True) as commander:
         probe = commander.probe
         references = probe.talk(JointState, 'reference')
@@ -152,6 +152,21 @@ def test_a_plant_that_waits_for_the_reference_stands_still_without_it(tmp_path):
         assert torque[-1] > 0.01
         assert probe.set_parameter('plant', 'wait_for_reference', False) is None
         probe.until(lambda: len(commander.stamps()) == 11, 'the next state')
+        # An announcement is waited for once one was heard.
+        said = probe.talk(JointState, 'direction_stamped')
+        probe.matched(said)
+        said.publish(joint_state(begin, ['elbow'], [0.0]))
+        assert probe.set_parameter('plant', 'wait_for_direction', True) is None
+        for _ in range(9):
+            commander.step(0.0)
+        commander.command(0.0)
+        probe.until(lambda: nanoseconds(commander.ticks[-1].clock) == begin + 20_000_000, 'a tick')
+        probe.spin_for(0.3)
+        assert len(commander.stamps()) == 20
+        status = probe.status_of('plant')
+        assert value_of(status, 'waits for') == 'direction_stamped'
+        said.publish(joint_state(begin + 20_000_000, ['elbow'], [0.0]))
+        probe.until(lambda: len(commander.stamps()) == 21, 'the next state')
 
 
 def test_a_pace_holds_simulated_time_to_it_and_does_not_make_up_for_a_long_wait():

@@ -250,11 +250,11 @@ def test_a_trial_ends_with_enough_motion_and_names_the_previous_model_if_that_wa
     for path in (str(same), MODELS[2]):
         watch = JointWatch(0.25, JOINT, MODELS[0])
         watch.start_trial(path)
-        watch.take(rows[:500])
+        watch.add(rows[:500])
         assert watch.end_trial() is None
         assert watch.trial is not None
         # All of the trial's motion at once, as when the machine was busy.
-        watch.take(rows[500:])
+        watch.add(rows[500:])
         ends[path] = watch.end_trial()
         assert watch.trial is None
     assert ends[str(same)] is None

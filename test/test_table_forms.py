@@ -14,13 +14,13 @@ from scipy.io import savemat
 from table_maker import swing, write
 
 from friction_comp import InputError, Layout, read_recording
+from friction_comp.arm.urdf import match_names
 from friction_comp.column_names import read_name
 from friction_comp.column_values import date_in_seconds
 from friction_comp.columns import assign
 from friction_comp.recordings import read_recording_with_info, recorded_joints
 from friction_comp.recordings.row_times import fresh_rows, spread_rounded
 from friction_comp.recordings.sources import find_recordings
-from friction_comp.rigid_bodies.urdf import match_names
 from friction_comp.units import in_own_units, parse_unit, unit_of
 
 UR = ['timestamp', *(f'{name}_{k}' for name in ('actual_q', 'actual_qd', 'actual_current')

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from test_effect_properties import parameters_of
 
+from friction_comp.arm.urdf import Chain
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.model.arm.arm import Arm
 from friction_comp.model.arm.coupling import Coupling, Group
 from friction_comp.model.arm.tree import FREE_FALL, PARAMETERS, Tree
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.effects.definitions import CARRIES
-from friction_comp.rigid_bodies.urdf import Chain
 from friction_comp.samples import Samples
 
 JOINT = 'elbow'

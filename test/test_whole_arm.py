@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from recording_maker import DATA, needs_data
 
+from friction_comp.arm.whole_arm import refine_arm
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.recordings import read_arm, write_samples
-from friction_comp.refinement.whole_arm import refine_arm
 from friction_comp.statistics import rms
 from friction_comp.tools import predict, refine as refine_tool
 
@@ -131,7 +131,7 @@ def test_masses_are_fitted_to_torques_where_all_drives_are_known(refined, tmp_pa
     def stop(chain, samples, scales, *others):
         seen.append(scales)
         raise InputError('enough')
-    monkeypatch.setattr('friction_comp.refinement.whole_arm.fit_arm', stop)
+    monkeypatch.setattr('friction_comp.arm.whole_arm.fit_arm', stop)
     with pytest.raises(InputError, match='enough'):
         refine_tool.main([
             str(refined / 'fit'), '--urdf', str(refined / 'arm.urdf'), '--model',

@@ -31,17 +31,11 @@ def work_that_ends_a_worker_once(item):
     return number, os.getpid()
 
 
-def without_bokeh():
-    """Let this process draw its pages without Bokeh, which takes longer than all else."""
-    sys.modules['bokeh'] = None
-
-
 def refined_where_first(arguments, with_page, piece):
     """Refine the first recording; never finish with another."""
     if piece.path.name != 'day_0':
         threading.Event().wait()
     from friction_comp.tools.refine_each import _refine_one
-    without_bokeh()
     return _refine_one(arguments, with_page, piece)
 
 
@@ -51,5 +45,4 @@ if __name__ == '__main__':
     from friction_comp.__main__ import main
     from friction_comp.tools import refine_each
     refine_each._refine_one = work_that_may_die.refined_where_first
-    without_bokeh()
     sys.exit(main(sys.argv[1:]))

@@ -36,8 +36,18 @@ def to_and_fro(bank, law):
     return [row for known in (True, False) for row in _to_and_fro(bank.telling(known), law, known)]
 
 
-def _to_and_fro(bank, law, known):
-    joints = Joints(bank, frequency=FREQUENCIES)
+def swaying(bank, frequencies):
+    """Return joints that firm hands lead to and fro, and what tells how a law does.
+
+    Returns
+    -------
+    joints : Joints
+        With the condition ``frequency``, Hz.
+    removed : callable
+        ``removed(law, how)`` gives the share removed from the RMS torque of each hand, %, shape
+        (J,); `how` is a key of `D`.
+    """
+    joints = Joints(bank, frequency=frequencies)
     persons, random = firm_hands(bank, 93)
     persons = persons[joints.gear]
     amplitude = random.uniform(*AMPLITUDES, len(bank.gears))[joints.gear]
@@ -51,15 +61,21 @@ def _to_and_fro(bank, law, known):
     def silent(time):
         return np.where(coming(time) == coming(time - SILENT), coming(time), 0.0)
 
-    def felt(name, gears=None, direction=lambda time: 0.0 * omega):
-        record = _record(joints, persons, name, gears, direction, END)
+    directions = dict(zip(D, (lambda time: 0.0 * omega, coming, silent)))
+
+    def felt(name, how='d = 0', gears=None):
+        record = _record(joints, persons, name, gears, directions[how], END)
         return _rms(record, round(1e3 * SETTLED), round(1e3 * END))
-    floor, bare = felt(NONE, bank.world.frictionless(joints.gears)), felt(NONE)
-    shares = {name: removed(bare, felt(name), floor) for name in YARDSTICKS}
+    floor, bare = felt(NONE, gears=bank.world.frictionless(joints.gears)), felt(NONE)
+    return joints, lambda name, how='d = 0': removed(bare, felt(name, how), floor)
+
+
+def _to_and_fro(bank, law, known):
+    joints, share = swaying(bank, FREQUENCIES)
+    shares = {name: share(name) for name in YARDSTICKS}
     rows = []
-    for (how, (median, worst)), direction in zip(
-            D.items(), (lambda time: 0.0 * omega, coming, silent)):
-        shares['law'] = removed(bare, felt(law, direction=direction), floor)
+    for how, (median, worst) in D.items():
+        shares['law'] = share(law, how)
         name = f'to and fro, {how}{"" if known else ", presliding unknown"}: removed'
         if not known:
             median = worst = None

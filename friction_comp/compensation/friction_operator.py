@@ -113,16 +113,16 @@ def feel(p: Parameters, s: State) -> None:
 def turn_round(p: Parameters, s: State) -> None:
     """Note where a way ends: where the joint is pushed back, far behind, or rests.
 
-    A joint that stops springs back, and may go on: neither is a turn. If it is not pushed, it must
-    be R behind, or half of R if presliding is known and help was given back, or 2 R if presliding
-    is unknown. z follows displacement: going ahead, it would feed a push mistaken.
+    A joint that stops springs back, and may go on: neither is a turn. It must be R behind, or half
+    of R if presliding is known and help was given back, or 2 R if presliding is unknown and nobody
+    pushes. z follows displacement: going ahead, it would feed a push mistaken.
     """
     if s.mode == LEADING or s.still_time > 2.0 * p.rest_time:
         s.heading, s.farthest = 0.0, s.position
     beyond = s.position - s.farthest
     far = p.turn_distance if s.gave == 1 else max(p.distance, p.turn_distance)
     if s.pushed == 1 and beyond * s.speed > 0.0:
-        far = p.backlash
+        far = min(far, p.distance)
     turned = abs(beyond) > far
     if beyond * s.heading > 0.0:
         s.farthest = s.position

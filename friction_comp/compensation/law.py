@@ -298,6 +298,8 @@ class CompensationLaw:
             value = arm.at_rest(np.array([known[name] for name in arm.joints]),
                                 self.models[joint].joint)
             signals[arm.signal] = value
+            if arm.friction is not None:
+                signals[arm.friction.signal] = 0.0
         return signals
 
     def _why_left_out(self, effect: Effect) -> str:

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""A channel of a cheap sensor: its values at an even rate, and whether it can be believed.
+"""A channel of a cheap sensor: whether it can be believed, and whether it has left its rest.
 
 A channel is doubted before it is used: what is silent, saturated, flat, hums or jumps says nothing
 about a person, and the reason is told.
@@ -13,6 +13,8 @@ import math
 
 import numpy as np
 
+from friction_comp.direction.muscle_level import LONG, MuscleLevel
+from friction_comp.direction.onset_test import OnsetTest, Rest
 from friction_comp.errors import InputError
 
 # Share of the range at either end within which a value counts as saturated.
@@ -29,20 +31,19 @@ _ROUGH, _ROUGH_TIME, _ROUGH_SHARE = 8.0, 0.2, 1.6
 # Share of a rise that is made in one sample from which on it is a jump: the fastest contractions of
 # a muscle take 60 ms (Aagaard et al. 2002).
 _JUMP = 0.8
+# Scatter of a muscle at rest as a multiple of its level: 0.4 to 1.5 on people's forearms, and above
+# where a contraction falls into the calibration.
+_ACTIVE = 2.0
 # Standard deviations of a step that is not noise.
 _CLEAR = 6.0
 
 
-def check_range(low: float, high: float) -> tuple[float, float]:
-    """Return the range of a converter; raises InputError if it is none."""
-    if not (math.isfinite(low) and math.isfinite(high) and low < high):
-        raise InputError('sensor_range must be the lowest and the highest value that the sensor '
-                         f'can give, such as [0, 1023], not [{low:g}, {high:g}]')
-    return low, high
+FORCE = 'force'
+"""Name of a channel whose scatter does not grow with its level, as that of a muscle does."""
 
 
 class Channel:
-    """Watches the values of a channel.
+    """Watches the values of a channel; `test` is that for an onset, once it is calibrated.
 
     Parameters
     ----------
@@ -52,8 +53,10 @@ class Channel:
         The values at which the converter saturates.
     smooth : bool
         Whether a person changes the values smoothly, as force and envelopes; raw muscle signals
-        are tested for hum by their spectrum instead (`muscle_level`).
+        are tested for hum by their spectrum, and for onsets by their level (`muscle_level`).
     """
+
+    test: OnsetTest
 
     def __init__(self, name: str, low: float, high: float, smooth: bool = True) -> None:
         self.name, self._smooth = name, smooth
@@ -67,6 +70,7 @@ class Channel:
         self._rougher = 0.0
         # Of the calibration: samples per second, longest run of equal values, second differences.
         self._rate, self._longest, self._rough = 0.0, 0, 0.0
+        self._level: MuscleLevel | None = None
 
     def calibrate(self, values: np.ndarray, rate: float) -> None:
         """Learn from values at rest, shape (N,); raises InputError if they cannot be believed."""
@@ -86,9 +90,26 @@ class Channel:
         if self._rate == 0.0 or len(self._recent) != self._recent.maxlen:
             self._recent = deque(values[-4:], maxlen=max(8, round(_ROUGH_TIME * rate)))
         self._rate, self._run = rate, 0
+        if not self._smooth:
+            self._level = MuscleLevel(rate)
+            # The filter's beginning is no rest.
+            values, rate = self._level.add(values)[10:], self._level.block_rate
+            if self._level.hums():
+                raise InputError(f'{self.name}: hums: check the reference electrode')
+        rest = Rest.of(values, rate)
+        if self._level is not None and rest.scatter > _ACTIVE * rest.level:
+            raise InputError(f'{self.name}: the muscle was active during the calibration, which '
+                             'needs a person at rest')
+        self.test = OnsetTest(rest, proportional=self.name != FORCE)
 
-    def add(self, time: float, value: float) -> None:
-        """Add a sample at a time in s."""
+    def add(self, time: float, values: np.ndarray) -> np.ndarray:
+        """Add samples, shape (N,), until a time in s; return what is to be tested."""
+        for value in values.tolist():
+            self._add(time, value)
+        return values if self._level is None else self._level.add(
+            np.where(np.isfinite(values), values, 0.0))
+
+    def _add(self, time: float, value: float) -> None:
         self._last_time = time
         self._finite = math.isfinite(value)
         if not self._finite:
@@ -116,26 +137,28 @@ class Channel:
             return f'{self.name}: saturated at {self._recent[-1]:g}'
         if self._run > max(_FLAT * self._longest, _FLAT_TIME * self._rate):
             return f'{self.name}: flat at {self._recent[-1]:g}'
-        if self._smooth and self._hums():
-            return f'{self.name}: hums'
-        return ''
+        return f'{self.name}: hums' if self.hums() else ''
 
-    def _hums(self) -> bool:
+    def hums(self, window: float = LONG) -> bool:
+        """Return whether the channel hums; of a raw muscle signal, within the last `window` s."""
+        if self._level is not None:
+            return self._level.hums(window)
         values = self._recent
-        if len(values) < (values.maxlen or 0) or self._rougher < _ROUGH * self._rough:
+        if (not self._smooth or len(values) < (values.maxlen or 0)
+                or self._rougher < _ROUGH * self._rough):
             return False
         # Only what is rough now is worth the time.
         rough = float(np.mean(np.square(np.diff(values, 2))))
         return rough > (_ROUGH * self._rough)**2 and rough > _ROUGH_SHARE**2 * float(np.var(values))
 
-    def jumped(self, level: float, scatter: float) -> bool:
-        """Return whether the last samples rose from a level in a single step, or stand still.
+    def jumped(self) -> bool:
+        """Return whether the last samples left their rest in a single step, or stand still.
 
         A step within the scatter of a push that grows is none.
         """
-        values = [level, *list(self._recent)[-4:]]
-        rise = values[-1] - level
+        values = [self.test.level, *list(self._recent)[-4:]]
+        rise = values[-1] - values[0]
         steps = [(after - before) * math.copysign(1.0, rise)
                  for before, after in zip(values, values[1:])]
-        return (max(steps[1:]) > max(_JUMP * abs(rise), _CLEAR * scatter)
+        return (max(steps[1:]) > max(_JUMP * abs(rise), _CLEAR * self.test.scatter)
                 or len(set(values[-3:])) == 1)

@@ -17,10 +17,9 @@ import numpy as np
 
 from friction_comp.direction.announcement import Announcement
 from friction_comp.direction.attempt import Attempt, REARM
-from friction_comp.direction.channel import Channel, check_range
+from friction_comp.direction.channel import Channel, FORCE
 from friction_comp.direction.joint_motion import JointMotion
-from friction_comp.direction.muscle_level import MuscleLevel, SHORT
-from friction_comp.direction.onset_test import OnsetTest, Rest
+from friction_comp.direction.muscle_level import SHORT
 from friction_comp.errors import InputError
 
 CALIBRATION_TIME = 3.0
@@ -37,9 +36,6 @@ _QUIET = 2.0
 # Excess, in units of the scatter, and its variation within 0.3 s as a share of it, beyond and below
 # which an envelope is that of hum. That of a muscle varies by a fifth.
 _HIGH, _STEADY = 10.0, 0.03
-# Scatter of a muscle at rest as a multiple of its level: 0.4 to 1.5 on people's forearms, and above
-# where a contraction falls into the calibration.
-_ACTIVE = 2.0
 # Blocks over which the strength of a muscle is averaged.
 _AVERAGED = 4
 
@@ -59,13 +55,15 @@ class SensedDirection:
     def __init__(self, kind: str, sensor_range: tuple[float, float]) -> None:
         if kind not in KINDS:
             raise InputError(f'sensor must be one of {", ".join(KINDS)}, not {kind!r}')
-        low, high = check_range(*sensor_range)
-        names = ('force',) if kind == 'force' else ('flexor', 'extensor')
+        low, high = sensor_range
+        if not (math.isfinite(low) and math.isfinite(high) and low < high):
+            raise InputError('sensor_range must be the lowest and the highest value that the '
+                             f'sensor can give, such as [0, 1023], not [{low:g}, {high:g}]')
+        names = (FORCE,) if kind == FORCE else ('flexor', 'extensor')
         self.kind = kind
         self.motion = JointMotion()
         self._channels = [Channel(name, low, high, kind != 'muscle_raw') for name in names]
-        self._tests: list[OnsetTest] = []
-        self._levels: list[MuscleLevel] = []
+        self._raw, self._ready = kind == 'muscle_raw', False
         self._attempt = Attempt()
         self._collected: list[np.ndarray] | None = None
         self._since = self._until = math.nan
@@ -78,15 +76,10 @@ class SensedDirection:
 
     # Calibration.
 
-    @property
-    def calibrating(self) -> bool:
-        """Whether values are collected for a calibration."""
-        return self._collected is not None
-
     def begin_calibration(self) -> None:
         """Collect values from now on; nothing is announced until the calibration has ended."""
         self._collected, self._since = [], math.nan
-        self._tests, self._fault = [], 'calibrating'
+        self._ready, self._fault = False, 'calibrating'
         self._attempt = Attempt()
 
     def end_calibration(self) -> None:
@@ -105,25 +98,9 @@ class SensedDirection:
             channel.calibrate(own, rate)
         if self.motion.rest(self._until) < passed:
             raise InputError('the joint moved during the calibration, or joint_states are missing')
-        levels = []
-        if self.kind == 'muscle_raw':
-            levels = [MuscleLevel(rate) for _ in self._channels]
-            found = [level.add(own) for level, own in zip(levels, values.T)]
-            for channel, level in zip(self._channels, levels):
-                if level.hums():
-                    raise InputError(f'{channel.name}: hums: check the reference electrode')
-            # The filter's beginning is no rest.
-            rests = [Rest.of(own[10:], levels[0].block_rate) for own in found]
-            for channel, rest in zip(self._channels, rests):
-                if rest.scatter > _ACTIVE * rest.level:
-                    raise InputError(f'{channel.name}: the muscle was active during the '
-                                     'calibration, which needs a person at rest')
-        else:
-            rests = [Rest.of(own, rate) for own in values.T]
-        self._levels, self._tests = levels, [
-            OnsetTest(rest, proportional=self.kind != 'force') for rest in rests]
         self._recent: deque[list[float]] = deque(maxlen=max(
-            _AVERAGED, round(REARM * rests[0].rate)))
+            _AVERAGED, round(REARM * self._channels[0].test.rest.rate)))
+        self._ready = True
         self._fault = ''
 
     # Samples.
@@ -134,22 +111,14 @@ class SensedDirection:
         if rows.shape[1] != len(self._channels):
             raise InputError(f'a sensor of kind {self.kind} gives {len(self._channels)} values a '
                              f'joint, not {rows.shape[1]}')
-        for row in rows.tolist():
-            for channel, value in zip(self._channels, row):
-                channel.add(time, value)
+        tested = [channel.add(time, own) for channel, own in zip(self._channels, rows.T)]
         if self._collected is not None:
             self._since = time if math.isnan(self._since) else self._since
             self._until = time
             self._collected.append(rows)
-            return
-        if not self._tests:
-            return
-        if self._levels:
-            rows = np.where(np.isfinite(rows), rows, 0.0)
-            blocks = [level.add(own) for level, own in zip(self._levels, rows.T)]
-            rows = np.column_stack(blocks)
-        for row in rows.tolist():
-            self._judge(time, row)
+        elif self._ready:
+            for row in np.column_stack(tested).tolist():
+                self._judge(time, row)
 
     def _judge(self, time: float, row: list[float]) -> None:
         """Take one value of each channel."""
@@ -159,14 +128,15 @@ class SensedDirection:
             self._recent.clear()
             return
         self._recent.append(row)
-        alarms = [test.add(value) for test, value in zip(self._tests, row)]
+        tests = [channel.test for channel in self._channels]
+        alarms = [test.add(value) for test, value in zip(tests, row)]
         strength, certain = self._push()
         side = self._side(time, alarms, strength) if certain else 0
         if self._attempt.add(time, self.motion, side, strength, self._quiet()):
-            for test, own in zip(self._tests, zip(*self._recent)):
+            for test, own in zip(tests, zip(*self._recent)):
                 test.settle(math.fsum(own) / len(own))
         elif self._attempt.resting and not any(alarms):
-            for test, value in zip(self._tests, row):
+            for test, value in zip(tests, row):
                 test.follow(value)
 
     def _quiet(self) -> bool:
@@ -178,14 +148,13 @@ class SensedDirection:
         half = len(self._recent) // 2
         return all(
             abs(math.fsum(own[half:]) / (len(own) - half) - math.fsum(own[:half]) / half)
-            < _QUIET * test.scatter for test, own in zip(self._tests, zip(*self._recent)))
+            < _QUIET * channel.test.scatter
+            for channel, own in zip(self._channels, zip(*self._recent)))
 
     def _find_fault(self, time: float) -> str:
         faults = [channel.fault(time) for channel in self._channels]
-        faults += [f'{channel.name}: hums' for channel, level in zip(self._channels, self._levels)
-                   if level.hums()]
-        faults += [f'{channel.name}: too steady for a muscle' for channel, index in zip(
-            self._channels, range(len(self._tests))) if self._too_steady(index)]
+        faults += [f'{channel.name}: too steady for a muscle'
+                   for index, channel in enumerate(self._channels) if self._too_steady(index)]
         if self._attempt.contradicted:
             faults.append('the joint moves against the sensor: is its sign reversed, or are its '
                           'channels exchanged?')
@@ -197,13 +166,13 @@ class SensedDirection:
         """Return whether an envelope is high and steady, as that of hum is."""
         if self.kind != 'muscle_envelope' or len(self._recent) < (self._recent.maxlen or 0):
             return False
-        own, test = np.array([row[index] for row in self._recent]), self._tests[index]
+        own, test = np.array([row[index] for row in self._recent]), self._channels[index].test
         excess = float(own.mean()) - test.level
         return excess > _HIGH * test.scatter and float(own.std()) < _STEADY * excess
 
     def _energy(self, index: int) -> tuple[float, float]:
         """Return by how much a muscle's energy exceeds that at rest of late, and how surely."""
-        test, power = self._tests[index], 3.0 if self._levels else 2.0
+        test, power = self._channels[index].test, 3.0 if self._raw else 2.0
         values = [max(row[index], 0.0) for row in list(self._recent)[-_AVERAGED:]]
         energy = sum(value**power for value in values) / len(values)
         mean = sum(values) / len(values)
@@ -214,7 +183,7 @@ class SensedDirection:
     def _push(self) -> tuple[float, bool]:
         """Return how much the person pushes, positive in direction +1, and if that is certain."""
         if self.kind == 'force':
-            return self._recent[-1][0] - self._tests[0].level, True
+            return self._recent[-1][0] - self._channels[0].test.level, True
         (flexor, of_flexor), (extensor, of_extensor) = self._energy(0), self._energy(1)
         sign, most, least, doubt = (1.0, flexor, extensor, of_extensor) if (
             flexor > extensor) else (-1.0, extensor, flexor, of_flexor)
@@ -224,27 +193,26 @@ class SensedDirection:
 
     def _side(self, time: float, alarms: list[int], strength: float) -> int:
         """Return the direction of a push, 0 unless it is certain."""
-        agree = _AGREE_RAW if self._levels else _AGREE
+        agree = _AGREE_RAW if self._raw else _AGREE
         last = list(self._recent)[-agree:]
         if len(last) < agree:
             return 0
         index = 0 if self.kind == 'force' or strength > 0.0 else 1
-        alarm, level = alarms[index], self._tests[index].level
+        channel, alarm = self._channels[index], alarms[index]
         if self.kind != 'force':
             alarm = max(alarm, 0)
-        if not alarm or not all((row[index] - level) * alarm > 0.0 for row in last):
+        if not alarm or not all((row[index] - channel.test.level) * alarm > 0.0 for row in last):
             return 0
-        if self._levels and self._levels[index].hums(SHORT):
+        if self._raw and channel.hums(SHORT):
             return 0
-        if not self._levels and self._attempt.resting and self._channels[index].jumped(
-                level, self._tests[index].scatter):
-            self._attempt.stop(time, f'{self._channels[index].name}: a jump, no push')
+        if not self._raw and self._attempt.resting and channel.jumped():
+            self._attempt.stop(time, f'{channel.name}: a jump, no push')
             return 0
         return alarm if index == 0 else -alarm
 
     def at(self, time: float) -> Announcement:
         """Return what is announced at a time in s."""
-        fault = self._fault or (self._find_fault(time) if self._tests else '')
+        fault = self._fault or (self._find_fault(time) if self._ready else '')
         if fault:
             self._attempt.stop(time, fault)
             return Announcement(0, fault, fault=True)

@@ -58,23 +58,21 @@ class Comparison:
             'difference': self.difference.as_dict(), 'p_value': self.p_value}
 
 
-def is_informative(first: Compensation, second: Compensation, baseline: Compensation) -> bool:
+def _is_informative(first: Compensation, second: Compensation, baseline: Compensation) -> bool:
     """Return whether comparing two conditions answers a question.
 
     These are: what any condition changes against the baseline, if that has no direction; what any
     condition changes against kinetic compensation with the same model; and what law, model or
     direction alone changes. Other differences in several respects answer no question.
     """
-    if first == baseline and not first.uses_direction:
-        return True
-    if first.law == 'kinetic' and first.model == second.model:
-        return True
-    return sum((first.law != second.law, first.model != second.model,
-                first.announced != second.announced)) == 1
+    return ((first == baseline and not first.uses_direction)
+            or (first.law == 'kinetic' and first.model == second.model)
+            or sum((first.law != second.law, first.model != second.model,
+                    first.announced != second.announced)) == 1)
 
 
 def compare(repetitions: Sequence[Repetition]) -> list[Comparison]:
-    """Compare conditions with the same movements, where the comparison `is_informative`.
+    """Compare conditions with the same movements, where the comparison `_is_informative`.
 
     Conditions are ordered from no compensation over compensation without a direction to
     compensation with one; each is `first` against those that follow.
@@ -84,7 +82,7 @@ def compare(repetitions: Sequence[Repetition]) -> list[Comparison]:
         condition.uses_direction, condition.law != 'none', condition))
     comparisons = []
     for first, second in combinations(ordered, 2):
-        if not is_informative(first, second, ordered[0]):
+        if not _is_informative(first, second, ordered[0]):
             continue
         pairs = [pair for sign in (1, -1) for pair in zip(*(
             [r.figures for r in groups[condition] if r.movement.sign == sign]

@@ -21,7 +21,7 @@ from friction_comp.evaluation.ensemble import Ensemble
 from friction_comp.evaluation.intervals import mean_interval, share_interval
 from friction_comp.evaluation.movements import find_movements
 from friction_comp.evaluation.outcome import Condition, Evaluation
-from friction_comp.evaluation.repetitions import counted_torque, FIGURES, measure, NAMES, Repetition
+from friction_comp.evaluation.repetitions import FIGURES, measure, NAMES, Repetition, torque_figures
 from friction_comp.recordings import RecordingInfo
 from friction_comp.samples import Samples
 
@@ -85,7 +85,7 @@ class MeasuredJoint:
     def add_repetitions(self, repetitions: Sequence[Repetition]) -> None:
         """Add repetitions; their curves are summed up in the averages and not kept."""
         for r in repetitions:
-            self.averages.setdefault(r.kind, Ensemble()).add(Ensemble.of(r.curves))
+            self.averages.setdefault(r.kind, Ensemble()).add(Ensemble.of_movement(r.curves))
             r.curves = {}
         self.repetitions += repetitions
 
@@ -192,11 +192,14 @@ def _condition(repetitions: list[Repetition], averages: Mapping[Any, Ensemble],
             f'the joint did not come to rest before {restless} of {len(repetitions)} movements '
             f'with {first.compensation.label} in the {NAMES[first.movement.sign]} direction')
     starts = sum(r.false_start for r in repetitions)
+    average = _average_torque_figures(repetitions, time, torque)
     return Condition(
         compensation=first.compensation, direction=first.movement.direction,
         movement=NAMES[first.movement.sign], repetitions=len(repetitions),
         stuck=sum(not r.moved for r in repetitions),
-        **_average_torque_figures(repetitions, time, torque),
+        peak_torque=average.get('peak_torque', math.nan),
+        peak_time=average.get('peak_time', math.nan),
+        mean_torque_constant_velocity=average.get('constant_velocity_torque', math.nan),
         peak_torque_std=float(np.std(peaks, ddof=1)) if len(peaks) > 1 else (
             0.0 if peaks else float('nan')),
         rms_torque=ensemble.rms('load', points[(time >= 0.0) & (time <= duration)]),
@@ -211,26 +214,15 @@ def _condition(repetitions: list[Repetition], averages: Mapping[Any, Ensemble],
 
 def _average_torque_figures(repetitions: list[Repetition], time: np.ndarray,
                             mean: np.ndarray) -> dict[str, float]:
-    """Return peak, its time, and mean at constant velocity of the averaged torque.
+    """Return the `torque_figures` of the averaged torque, N·m, at times since the movement began.
 
-    `mean` is the average of τ_b over the repetitions in N·m, shape (N,), at times in s since the
-    start of the movement. The phases of the average movement are the medians of those of the
-    repetitions. Keys are fields of `Condition`; values are NaN where no torque counts.
+    The phases of the average movement are the medians of those of the repetitions.
     """
     movement = repetitions[0].movement
     medians: dict[str, Any] = {
         name: float(np.median([getattr(r.movement, name) - r.movement.begin for r in repetitions]))
         for name in ('begin', 'end', 'constant_begin', 'constant_end', 'rest_begin', 'rest_end')}
-    average = replace(movement, **medians)
     onset = float(np.median([r.figures.get('onset', math.inf) for r in repetitions]))
     has_reference = any('onset' in r.figures or not r.moved for r in repetitions)
-    torque = counted_torque(
-        time, mean, average, onset if math.isfinite(onset) else None, has_reference)
-    peak = int(np.argmax(torque))
-    counts = torque[peak] >= 0.0
-    constant = (time <= average.constant_end) & (time >= average.constant_begin)
-    return {
-        'peak_torque': float(torque[peak]) if counts else math.nan,
-        'peak_time': float(time[peak]) if counts else math.nan,
-        'mean_torque_constant_velocity': (
-            float(movement.sign * np.mean(mean[constant])) if constant.any() else math.nan)}
+    return torque_figures(time, mean, replace(movement, **medians),
+                          onset if math.isfinite(onset) else None, has_reference)

@@ -36,13 +36,13 @@ def _point_times(stop: int) -> np.ndarray:
 class Ensemble:
     """Curves of one or many movements, summed point by point."""
 
-    count: int = 0  # number of movements
+    count: int = 0  # of movements
     # For each curve, shape (3, N): the number of known values at each point of `grid`, their sum,
     # and the sum of their squares.
     sums: dict[str, np.ndarray] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, curves: Mapping[str, np.ndarray]) -> Ensemble:
+    def of_movement(cls, curves: Mapping[str, np.ndarray]) -> Ensemble:
         """Return the ensemble of one movement, whose curves (N,) are NaN where not known."""
         sums = {}
         for name, curve in curves.items():

@@ -26,6 +26,8 @@ _SHORTEST_TRAVEL = 0.3
 _HIGHEST, _FAINTEST, _PADDING = 10.0, 0.05, 4
 # Least number of encoder steps of a movement, where there is no reference.
 _LEAST_STEPS = 20
+# Time by which a joint may start before the movement of the reference, s.
+_EARLY = 0.5
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,11 @@ class Movement:
     sign: int  # +1 for the positive direction, -1 for the negative
     direction: int  # announced direction d at the beginning of the movement
     travel: float  # rad
+
+    @property
+    def earliest(self) -> float:
+        """Time from which the joint may have started, which may be before the reference, s."""
+        return max(self.begin - _EARLY, self.rest_begin)
 
 
 def find_movements(samples: Samples) -> list[Movement]:

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -26,7 +27,7 @@ class Condition:
     # Number of those in which the joint did not start moving, so that the peak torque is a lower
     # bound of the torque that was needed.
     stuck: int
-    peak_torque: float  # largest magnitude of the mean of τ_b while `counted_torque` counts it
+    peak_torque: float  # largest magnitude of the mean of τ_b while `torque_figures` counts it
     peak_torque_std: float  # standard deviation of the repetitions' peaks
     peak_time: float  # of the peak of the mean, s after the start of the movement
     rms_torque: float  # over all repetitions, from start to end of the movement
@@ -93,28 +94,27 @@ class Evaluation:
         compensation and any law; the only two conditions. Of several pairs of one kind, the one
         with the most repetitions is used. None where the choice is ambiguous.
         """
-        counts: dict[Compensation, int] = {}
+        counts: Counter[Compensation] = Counter()
         for condition in self.conditions:
-            counts[condition.compensation] = (
-                counts.get(condition.compensation, 0) + condition.repetitions)
+            counts[condition.compensation] += condition.repetitions
         plain = [c for c in counts if c.announced >= 0 and not c.uses_direction]
         assisted = [c for c in counts if c.announced == 1 and c.uses_direction]
         pairs = list(product(plain, assisted))
-        same_law = [(a, b) for a, b in pairs if (a.law, a.model) == (b.law, b.model)]
-        kinetic = [(a, b) for a, b in pairs if (a.law, a.model) == ('kinetic', b.model)]
-        uncompensated = [(a, b) for a, b in pairs if a.law == 'none']
-        for comparable in (same_law, kinetic, uncompensated):
+        for comparable in (
+                [(a, b) for a, b in pairs if (a.law, a.model) == (b.law, b.model)],
+                [(a, b) for a, b in pairs if (a.law, a.model) == ('kinetic', b.model)],
+                [(a, b) for a, b in pairs if a.law == 'none']):
             if comparable:
-                return max(comparable, key=lambda pair: (min(map(counts.__getitem__, pair)), pair))
-        return (plain[0], assisted[0]) if len(plain) == len(assisted) == 1 else None
+                return max(comparable, key=lambda pair: (min(counts[c] for c in pair), pair))
+        return pairs[0] if len(pairs) == 1 else None
 
     def stuck(self, condition: Compensation) -> int:
         """Return the number of movements under a condition in which the joint did not move."""
         return sum(r.compensation == condition and not r.moved for r in self.repetitions)
 
-    def peak_of(self, condition: Compensation) -> float:
-        """Return a condition's peak torque, averaged over both movements, N·m."""
-        return float(np.mean([c.mean_of('peak_torque') for c in self.conditions
+    def mean_of(self, name: str, condition: Compensation) -> float:
+        """Return the mean of one of `FIGURES` under a condition, averaged over both movements."""
+        return float(np.mean([c.mean_of(name) for c in self.conditions
                               if c.compensation == condition]))
 
     def compared(self, name: str) -> tuple[float, float] | None:
@@ -123,14 +123,11 @@ class Evaluation:
         Means over the repetitions, averaged over the movements that both conditions of `pair` have;
         None where there are none.
         """
-        pair = self.pair()
-        if pair is None:
-            return None
         values = {(c.compensation, c.movement): c.mean_of(name) for c in self.conditions}
-        both = np.array([[values.get((condition, movement), np.nan) for condition in pair]
-                         for movement in NAMES.values()])
+        both = np.array([[values.get((condition, movement), np.nan) for condition in self.pair()
+                          or ()] for movement in NAMES.values()])
         both = both[np.isfinite(both).all(axis=1)]
-        return (float(both[:, 0].mean()), float(both[:, 1].mean())) if len(both) else None
+        return (float(both[:, 0].mean()), float(both[:, 1].mean())) if both.size else None
 
     @property
     def is_bound(self) -> bool:

@@ -19,8 +19,6 @@ from friction_comp.recordings import RecordingInfo
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
 
-# Time by which a joint may start before the movement of the reference, s.
-EARLY = 0.5
 # Time after a late onset for which curves are shown, s.
 _AFTER_ONSET = 0.25
 # A joint has started by itself when it covers this share of the movement while the person pushes
@@ -87,7 +85,6 @@ class Repetition:
 
     recording: str
     day: str  # ISO date; '' where unknown
-    begin: float  # since the recording's first joint state, s
     movement: Movement
     compensation: Compensation
     figures: dict[str, float]  # by the names in `FIGURES`, without those that are unknown
@@ -101,6 +98,11 @@ class Repetition:
     # 'load', 'position' and 'reference_position', where recorded, at the times of `ensemble.grid`;
     # NaN beyond the recording and before the standstill; empty after they were added to an average.
     curves: dict[str, np.ndarray] = field(default_factory=dict)
+
+    @property
+    def begin(self) -> float:
+        """Time since the recording's first joint state, s."""
+        return self.movement.begin
 
     @property
     def duration(self) -> float:
@@ -135,12 +137,15 @@ def measure(samples: Samples, movement: Movement, name: str, info: RecordingInfo
     `info` contains the date and the active law and model; `residual` is the current by a model
     minus the commanded current, A, shape (N,).
     """
-    part = _slice_between(samples, movement.begin, movement.end)
+    part = _between(samples.time, movement.begin, movement.end)
     has_reference = samples.reference_position is not None or samples.reference_velocity is not None
     onset = _onset(samples, movement) if has_reference else None
     figures = {'rms_current': rms(samples.current[part])}
     if samples.load is not None:
-        figures.update(_torque_figures(samples, samples.load, movement, onset, has_reference))
+        whole = _between(samples.time, movement.earliest, movement.rest_end)
+        figures['rms_torque'] = rms(samples.load[part])
+        figures |= torque_figures(samples.time[whole], samples.load[whole], movement, onset,
+                                  has_reference)
     if residual is not None:
         figures['residual_current'] = rms(residual[part])
     if onset is not None:
@@ -154,7 +159,7 @@ def measure(samples: Samples, movement: Movement, name: str, info: RecordingInfo
         velocity = measured_velocity(samples.take(part))
         figures['smoothness'] = spectral_arc_length(velocity, samples.sample_time)
     repetition = Repetition(
-        name, _date_of(info, movement), movement.begin, movement,
+        name, _date_of(info, movement), movement,
         _active_compensation(samples, movement, info, moved),
         {key: value for key, value in figures.items() if np.isfinite(value)},
         moved, _is_false_start(samples, movement, figures.get('peak_torque')),
@@ -163,20 +168,21 @@ def measure(samples: Samples, movement: Movement, name: str, info: RecordingInfo
     return repetition
 
 
-def _slice_between(samples: Samples, begin: float, end: float) -> slice:
-    first, last = np.searchsorted(samples.time, [begin, end])
+def _between(time: np.ndarray, begin: float, end: float) -> slice:
+    """Return the samples from one time to another, at least one."""
+    first, last = np.searchsorted(time, [begin, end])
     return slice(int(first), max(int(last), int(first) + 1))
 
 
-def counted_torque(time: np.ndarray, load: np.ndarray, movement: Movement, onset: float | None,
-                   has_reference: bool) -> np.ndarray:
-    """Return the torque that counts for a movement's peak: that needed to move the joint.
+def torque_figures(time: np.ndarray, load: np.ndarray, movement: Movement, onset: float | None,
+                   has_reference: bool) -> dict[str, float]:
+    """Return peak, its time, and torque at constant velocity, those that are known.
 
-    Torque counts from the beginning of the movement until it decelerates, or until the joint starts
-    moving if that is later. Earlier torque belongs to the previous movement, unless the joint
-    started early. Without a reference the movement begins with the joint's motion, so the torque
-    before it counts, too. Before the joint moves, only torque along the movement counts; afterwards
-    torque in either direction.
+    For the peak counts the torque that moves the joint: from the beginning of the movement until it
+    decelerates, or until the joint starts moving if that is later. Earlier torque belongs to the
+    previous movement, unless the joint started early. Without a reference the movement begins with
+    the joint's motion, so the torque before it counts, too. Before the joint moves, only torque
+    along the movement counts; afterwards torque in either direction.
 
     Parameters
     ----------
@@ -190,8 +196,8 @@ def counted_torque(time: np.ndarray, load: np.ndarray, movement: Movement, onset
 
     Returns
     -------
-    ndarray, shape (N,)
-        Torque in N·m; -1 where it does not count.
+    dict of float
+        By the names in `FIGURES`, in N·m and s.
     """
     first, last = movement.begin, movement.constant_end
     if has_reference and onset is None:
@@ -200,31 +206,23 @@ def counted_torque(time: np.ndarray, load: np.ndarray, movement: Movement, onset
         start = movement.begin if onset is None else onset
         last = max(last, start)
         if not has_reference or start < first:
-            first = max(first - EARLY, movement.rest_begin)
-    torque = np.where(time >= start, np.abs(load), np.maximum(movement.sign * load, 0.0))
+            first = movement.earliest
     counts = (time >= first - _ROUNDING) & (time <= last + _ROUNDING) & np.isfinite(load)
-    return np.where(counts, torque, -1.0)
-
-
-def _torque_figures(samples: Samples, load: np.ndarray, movement: Movement,
-                    onset: float | None, has_reference: bool) -> dict[str, float]:
-    whole = _slice_between(samples, movement.begin - EARLY, movement.rest_end)
-    torque = counted_torque(samples.time[whole], load[whole], movement, onset, has_reference)
-    peak = int(np.argmax(torque))
-    constant = _slice_between(samples, movement.constant_begin, movement.constant_end)
-    peaks = {} if torque[peak] < 0.0 else {
-        'peak_torque': float(torque[peak]),
-        'peak_time': float(samples.time[whole.start + peak] - movement.begin)}
-    return {
-        **peaks,
-        'rms_torque': rms(load[_slice_between(samples, movement.begin, movement.end)]),
-        'constant_velocity_torque': float(movement.sign * np.mean(load[constant]))}
+    torque = np.where(time >= start, np.abs(load), np.maximum(movement.sign * load, 0.0))
+    figures = {}
+    if counts.any():
+        peak = int(np.argmax(np.where(counts, torque, -1.0)))
+        figures = {'peak_torque': float(torque[peak]),
+                   'peak_time': float(time[peak] - movement.begin)}
+    constant = load[_between(time, movement.constant_begin, movement.constant_end)]
+    if len(constant):
+        figures['constant_velocity_torque'] = float(movement.sign * np.mean(constant))
+    return figures
 
 
 def _onset(samples: Samples, movement: Movement) -> float | None:
     """Return the time at which the joint started, s; None if not before the next movement."""
-    part = _slice_between(
-        samples, max(movement.begin - EARLY, movement.rest_begin), movement.rest_end)
+    part = _between(samples.time, movement.earliest, movement.rest_end)
     displacement = movement.sign * (samples.position[part] - samples.position[part.start])
     beyond = np.nonzero(displacement > max(
         _START_SHARE * movement.travel, _LEAST_STEPS * samples.position_step))[0]
@@ -253,7 +251,7 @@ def _active_compensation(samples: Samples, movement: Movement, info: RecordingIn
         active = known[-1].state in ('', 'active')
         law, model = known[-1].law, known[-1].model or model
     if samples.command is not None:
-        idle = not samples.command[_slice_between(samples, movement.begin, movement.end)].any()
+        idle = not samples.command[_between(samples.time, movement.begin, movement.end)].any()
         # A law may command no current while the joint stands still.
         if (idle and (moved or not law)) or not active:
             law = 'none' if idle else 'other'
@@ -291,7 +289,7 @@ def _curves(samples: Samples, movement: Movement, shown_time: float) -> dict[str
 
 def _is_restless(samples: Samples, movement: Movement) -> bool:
     """Return whether the joint oscillated right before the movement."""
-    part = _slice_between(samples, max(movement.begin - EARLY, movement.rest_begin), movement.begin)
+    part = _between(samples.time, movement.earliest, movement.begin)
     travelled = np.abs(np.diff(samples.position[part])).sum()
     return bool(travelled > 2.0 * _START_SHARE * movement.travel)
 
@@ -300,19 +298,16 @@ def _is_false_start(samples: Samples, movement: Movement, peak: float | None) ->
     """Return whether the joint started during the standstill without being pushed."""
     middle_of_rest = 0.5 * (movement.rest_begin + movement.begin)
     begin = max(middle_of_rest, movement.begin - LEAD)
-    first, last = np.searchsorted(samples.time, [begin, movement.begin])
-    still = np.searchsorted(samples.time, begin + _STILL)
-    if not first < still < last:
-        return False
-    displacement = samples.position[first:last] - samples.position[first]
-    if np.abs(displacement[:still - first]).max() > 0.2 * _START_SHARE * movement.travel:
-        return False
-    beyond = np.nonzero(np.abs(displacement) > _START_SHARE * movement.travel)[0]
-    if not len(beyond):
+    part = _between(samples.time, begin, movement.begin)
+    still = int(np.searchsorted(samples.time[part], begin + _STILL))
+    displacement = samples.position[part] - samples.position[part.start]
+    beyond = np.abs(displacement) > _START_SHARE * movement.travel
+    if not 0 < still < len(beyond) or not beyond.any() or (
+            np.abs(displacement[:still]).max() > 0.2 * _START_SHARE * movement.travel):
         return False
     if samples.load is None or peak is None:
         return True
-    onset = first + beyond[0]
-    before = np.searchsorted(samples.time, samples.time[onset] - 0.1)
-    push = np.mean(samples.load[before:onset + 1]) * np.sign(displacement[beyond[0]])
-    return bool(push < _PUSH_SHARE * peak)
+    start = int(np.argmax(beyond))
+    moment = samples.time[part.start + start]
+    push = np.mean(samples.load[_between(samples.time, moment - 0.1, np.nextafter(moment, np.inf))])
+    return bool(push * np.sign(displacement[start]) < _PUSH_SHARE * peak)

@@ -132,8 +132,7 @@ def _in_order(outcomes: Iterable[tuple[int, MeasuredJoint | Failure]], count: in
 
 def _measure_piece(piece: Piece, model: str | Path | None, seconds: float) -> MeasuredJoint:
     """Measure the repetitions of a piece."""
-    path = piece.path
-    friction = None
+    path, friction = piece.path, None
     if model is not None:
         friction = FrictionModel.load(model, piece.joint)
         friction.check_joint(piece.joint, model)
@@ -146,11 +145,11 @@ def _measure_piece(piece: Piece, model: str | Path | None, seconds: float) -> Me
     for part, info in stream_recording_with_info(
             path, piece.joint, *constants, seconds=seconds, layout=piece.layout):
         notes.extend(text for note in info.notes if (text := f'{path}: {note}') not in notes)
-        if len(part):
+        at_end = not len(part)
+        if not at_end:
             # Of one recording, without signals that only one of the stretches has.
             buffer = part if buffer is None else Samples.concatenate([buffer, part])
             buffer = buffer.with_(recording=0 * buffer.recording)
-        at_end = not len(part)
         if buffer is None or len(buffer) < 2 or not (
                 at_end or buffer.time[-1] - buffer.time[0] >= 2.0 * seconds):
             continue
@@ -166,10 +165,8 @@ def _measure_piece(piece: Piece, model: str | Path | None, seconds: float) -> Me
                 # Without a drive, effort in N·m is not known as a current.
                 repetition.figures.pop('rms_current', None)
         measured.add_repetitions(finished)
-        if finished:
-            first = cut = finished[-1].movement.end
-        else:
-            first = min([end, *(r.movement.begin - LEAD for r in found)])
+        cut = finished[-1].movement.end if finished else cut
+        first = cut if finished else min([end, *(r.movement.begin - LEAD for r in found)])
         buffer = buffer.take(buffer.time >= first)
     if not measured.repetitions:
         raise InputError(f'{path}: no movement of joint {info.joint!r} found in it')

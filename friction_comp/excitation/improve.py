@@ -133,8 +133,7 @@ def improve(play: Callable[[JointPlan], Samples], limits: JointLimits, drive: Dr
         If limits, model or recordings cannot be used.
     """
     seconds, budget = schedule.seconds, schedule.budget
-    recordings = list(recorded)
-    rounds: list[Round] = []
+    recordings, rounds = list(recorded), list[Round]()
     result = refine(recordings, model, drive) if recordings else None
     while True:
         spent, number = sum(one.seconds for one in rounds), len(rounds)

@@ -55,19 +55,19 @@ def from_yaml(path: str | Path, joints: Sequence[str] = ()) -> list[JointLimits]
     # YAML reads a joint named 1 as a number.
     entries = {str(joint): entry for joint, entry in entries.items()}
     limits = []
-    names = ('min_position', 'max_position', 'max_velocity', 'max_acceleration')
     for joint in joints or entries:
         entry = entries.get(joint)
         if not isinstance(entry, dict):
             raise InputError(f'{path}: has no limits of joint {joint!r}')
-        for name in names:
-            if name not in entry:
-                raise InputError(f'{path}: joint {joint!r} has no {name}')
-        low, high, velocity, acceleration = (entry[name] for name in names)
+        try:
+            low, high, velocity, acceleration = (entry[name] for name in (
+                'min_position', 'max_position', 'max_velocity', 'max_acceleration'))
+        except KeyError as missing:
+            raise InputError(f'{path}: joint {joint!r} has no {missing.args[0]}') from None
         # Files without a limit of effort often state it as 0.
         limited = entry.get('has_effort_limits', True)
-        limits.append(JointLimits(joint, low, high, velocity, acceleration,
-                                  entry.get('max_effort', math.inf) if limited else math.inf))
+        effort = entry.get('max_effort', math.inf) if limited else math.inf
+        limits.append(JointLimits(joint, low, high, velocity, acceleration, effort))
     return limits
 
 

@@ -64,7 +64,7 @@ class ExerciseScript:
 
         self.joints = list(joints)
         self.duration = float(times[-1])
-        self._waypoints = times, positions, announcement
+        self.times, self.positions, self.announcement = times, positions, announcement
         self._paths = [PchipInterpolator(times, column) for column in positions.T]
         self._speeds = [path.derivative() for path in self._paths]
         self._announced = [_announcements(times, column, speed, announcement)
@@ -99,12 +99,11 @@ class ExerciseScript:
         if unknown := sorted(set(self.joints) - set(joints)):
             raise InputError(f'the exercise moves {", ".join(unknown)}, but the joints are '
                              f'{", ".join(joints)}')
-        times, positions, announcement = self._waypoints
-        columns = dict(zip(self.joints, positions.T))
-        still = np.zeros(len(times))
+        columns = dict(zip(self.joints, self.positions.T))
+        still = np.zeros(len(self.times))
         return ExerciseScript(
-            joints, times, np.column_stack([columns.get(name, still) for name in joints]),
-            announcement)
+            joints, self.times, np.column_stack([columns.get(name, still) for name in joints]),
+            self.announcement)
 
 
 def load_exercise(path: str | Path) -> ExerciseScript:
@@ -203,12 +202,7 @@ def _decelerates(times: np.ndarray, speed: Any) -> float:
     grid = np.unique(np.concatenate([
         np.linspace(begin, end, max(3, _GRID // len(times)))
         for begin, end in zip(times, times[1:])]))
-    speeds = np.abs(speed(grid))
     # Backwards in time, the speed grows until there; a plan's samples make it uneven.
-    fastest = len(grid) - 1
-    for k in range(len(grid) - 1, -1, -1):
-        if speeds[k] > speeds[fastest]:
-            fastest = k
-        elif speeds[k] < _UNEVEN * speeds[fastest]:
-            break
-    return float(grid[fastest])
+    speeds = np.abs(speed(grid))[::-1]
+    falls = np.append(speeds < _UNEVEN * np.maximum.accumulate(speeds), True)
+    return float(grid[::-1][np.argmax(speeds[:np.argmax(falls)])])

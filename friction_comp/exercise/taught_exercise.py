@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
-from scipy.signal import butter, sosfiltfilt
+from scipy.signal import butter, find_peaks, sosfiltfilt
 
 from friction_comp.errors import InputError
 from friction_comp.exercise.exercise_script import FORMAT, VERSION
@@ -134,25 +134,7 @@ def _one_way(path: np.ndarray) -> tuple[np.ndarray, list[int]]:
 
 def _reversals(path: np.ndarray) -> list[int]:
     """Return the indices of the extremes from which the path turns back by more than TURN."""
-    found: list[int] = []
-    highest = lowest = 0
-    direction = 0
-    for k, value in enumerate(path):
-        highest = k if value >= path[highest] else highest
-        lowest = k if value <= path[lowest] else lowest
-        if direction >= 0 and path[highest] - value > TURN:
-            if direction:
-                found.append(highest)
-            direction, lowest = -1, k
-        elif direction <= 0 and value - path[lowest] > TURN:
-            if direction:
-                found.append(lowest)
-            direction, highest = 1, k
-        if direction > 0:
-            lowest = k
-        elif direction < 0:
-            highest = k
-    return found
+    return [int(k) for sign in (1.0, -1.0) for k in find_peaks(sign * path, prominence=TURN)[0]]
 
 
 def _rests(path: np.ndarray) -> list[tuple[int, int]]:

@@ -176,8 +176,7 @@ class FrictionModel:
 
     def with_arm(self, samples: Samples) -> Samples:
         """Return recorded samples with the torques of the rest of the arm on the joint."""
-        known = samples.rigid_body is not None or samples.coupling is not None
-        return samples if known or self.arm is None else self.arm.with_signal(samples, self.joint)
+        return samples if self.arm is None else self.arm.with_signal(samples, self.joint)
 
     def current(self, samples: Samples) -> np.ndarray:
         """Return the motor current in A, shape (N,), for samples with velocity.
@@ -344,12 +343,17 @@ def arm_document(models: dict[str, dict[str, Any]]) -> dict[str, Any]:
     shared = [model['arm'] for model in models.values() if 'links' in model.get('arm', {})]
     document: dict[str, Any] = {'format': ARM_FORMAT, 'version': VERSION, 'joints': {}}
     for name, model in models.items():
-        if shared and model.get('arm') == shared[0]:
-            model = {**model, 'arm': 'shared'}
+        if shared and 'links' in model.get('arm', {}):
+            model = {**model, 'arm': _own_of(model['arm']) or 'shared'}
         document['joints'][name] = model
     if shared:
-        document['arm'] = shared[0]
+        document['arm'] = {name: value for name, value in shared[0].items() if name != 'friction'}
     return document
+
+
+def _own_of(arm: dict[str, Any]) -> dict[str, Any]:
+    """Return what of an arm with links is one joint's own: friction that turns with two joints."""
+    return {name: value for name, value in arm.items() if name == 'friction'}
 
 
 def joints_of(document: Any) -> list[str] | None:
@@ -375,6 +379,8 @@ def one_joint_of(document: Any, joint: str | None) -> Any:
     if joint not in names:
         raise InputError(f'holds no joint {joint!r}, but {listed}')
     model = document['joints'][joint]
-    if isinstance(model, dict) and model.get('arm') == 'shared':
-        model = {**model, 'arm': document.get('arm')}
+    own = model.get('arm') if isinstance(model, dict) else None
+    if own == 'shared' or (isinstance(own, dict) and list(own) == ['friction']):
+        model = {**model, 'arm': {**(document.get('arm') or {}),
+                                  **(own if isinstance(own, dict) else {})}}
     return model

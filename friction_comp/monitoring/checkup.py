@@ -84,11 +84,10 @@ def _states(seen: Observation) -> Iterator[Finding]:
                       + _names(topic.publishers),
                       'let one publish, or make sure that each publishes different joints')
     if states is None or len(states.received) < 2:
-        do = 'start the driver, or remap: -r joint_states:=/its/name'
-        if topic.publishers:
-            yield Finding(PROBLEM, 'joint_states', 'published, but nothing arrives', do)
-        else:
-            yield Finding(WARNING, 'joint_states', _describe_missing(seen, 'joint_states'), do)
+        found = ((PROBLEM, 'published, but nothing arrives') if topic.publishers else
+                 (WARNING, _describe_missing(seen, 'joint_states')))
+        yield Finding(found[0], 'joint_states', found[1],
+                      'start the driver, or remap: -r joint_states:=/its/name')
         return
     if states.twice:
         yield Finding(PROBLEM, 'joint_states', f'{", ".join(states.twice)} is named twice',
@@ -96,7 +95,7 @@ def _states(seen: Observation) -> Iterator[Finding]:
     yield _rate(seen, states)
     yield from _stamps(states, seen.clock)
     for joint in states.joints:
-        yield from _values(states.of(joint), joint)
+        yield from _values(states.of_joint(joint), joint)
 
 
 def _names(ends: Iterable[Endpoint]) -> str:
@@ -162,21 +161,17 @@ def _values(states: StatesSeen, joint: str) -> Iterator[Finding]:
                           'sensor values, and how it reports a failed sensor')
     if not np.isfinite(states.velocity).any():
         yield Finding(NOTE, joint, 'joint_states hold no velocity; position is differentiated')
-    else:
-        yield _velocity(states, joint)
-
-
-def _velocity(states: StatesSeen, joint: str) -> Finding:
+        return
     time = states.stamp if states.stamp.any() else states.received
     ratios = velocity_ratios(time, states.position[:, 0], states.velocity[:, 0])
     if len(ratios) < _FEWEST_BLOCKS:
-        return Finding(NOTE, joint, 'it hardly moved: signs and units could not be checked',
-                       'run doctor again while it is moved')
-    fault = velocity_fault(ratios, _LARGEST_RATIO)
-    if fault:
-        return Finding(PROBLEM, joint, fault, 'let the driver give both in rad and rad/s at the '
-                       'joint, with one sign; velocity may be left empty')
-    return Finding(OK, joint, 'velocity and position agree')
+        yield Finding(NOTE, joint, 'it hardly moved: signs and units could not be checked',
+                      'run doctor again while it is moved')
+    elif fault := velocity_fault(ratios, _LARGEST_RATIO):
+        yield Finding(PROBLEM, joint, fault, 'let the driver give both in rad and rad/s at the '
+                      'joint, with one sign; velocity may be left empty')
+    else:
+        yield Finding(OK, joint, 'velocity and position agree')
 
 
 def _commands(seen: Observation) -> Iterator[Finding]:
@@ -291,7 +286,7 @@ def check_joint(seen: Observation, joint: str, model: FrictionModel) -> list[Fin
     states = seen.states
     if states is None or joint not in states.joints:
         return [Finding(WARNING, joint, 'joint_states do not name it', 'compare the names')]
-    states = states.of(joint)
+    states = states.of_joint(joint)
     return [*_check_current(seen, states, joint, model), *_check_fit(
         seen, joint, model, _rows(states, seen.load.get(joint), model))]
 
@@ -351,19 +346,18 @@ def _check_fit(seen: Observation, joint: str, model: FrictionModel, rows: np.nda
         return [Finding(PROBLEM, joint, f'the current opposes the motion ({power:.3g} A on '
                         'average): friction would supply energy', 'reverse the sign of effort, or '
                         'that of position and velocity, in the driver before compensating')]
-    findings = [Finding(OK, joint, 'current and motion have the same sign')]
     residual = LiveResidual(model)
-    residual.take(rows)
+    residual.add(rows)
     verdict = residual.verdict()
+    level, do = WARNING, 'check torque constant and gear ratio, then refine the model'
     if residual.blind:
         level, do = NOTE, ''
     elif not verdict.known:
         level, do = NOTE, 'observe for longer: --seconds 60'
     elif verdict.fits:
         level, do = OK, ''
-    else:
-        level, do = WARNING, 'check torque constant and gear ratio, then refine the model'
-    return [*findings, Finding(level, joint, residual.blind or verdict.text, do)]
+    return [Finding(OK, joint, 'current and motion have the same sign'),
+            Finding(level, joint, residual.blind or verdict.text, do)]
 
 
 def _rows(states: StatesSeen, measured_load: np.ndarray | None, model: FrictionModel) -> np.ndarray:

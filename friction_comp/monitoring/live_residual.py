@@ -49,11 +49,10 @@ class LiveResidual:
     def _start_over(self) -> None:
         self.monitor = ResidualMonitor(self._tolerance)
         self._rows = np.empty((0, _WIDTH))
-        self._done = -np.inf
-        self._origin = np.nan
+        self._done, self._origin = -np.inf, np.nan
 
-    def take(self, rows: np.ndarray) -> None:
-        """Take rows of measurements.
+    def add(self, rows: np.ndarray) -> None:
+        """Add rows of measurements.
 
         Parameters
         ----------
@@ -65,10 +64,9 @@ class LiveResidual:
         rows = rows[np.isfinite(rows[:, [0, 1, 3]]).all(axis=1)]
         if not len(rows):
             return
-        if len(self._rows) and rows[0, 0] < self._rows[-1, 0]:
-            # Time decreased: a new run began.
+        if not len(self._rows) or rows[0, 0] < self._rows[-1, 0]:
+            # Where time decreased, a new run began.
             self._start_over()
-        if not len(self._rows):
             self._origin = rows[0, 0]
         self._rows = np.vstack((self._rows, rows))
         self._compare()
@@ -87,12 +85,8 @@ class LiveResidual:
         if settings.get('source') == 'velocity' and samples.velocity is None:
             settings = DEFAULT_SETTINGS
         differentiated = differentiate(samples, settings)
-        missing = sorted({signal for effect in self.model.effects for signal in effect.needs
-                          if getattr(differentiated, signal, None) is None})
-        self.blind = ''
-        if missing:
-            # A signal, or the torque of an arm's links.
-            self.blind = f'the model needs {" and ".join(missing)}, unknown here'
+        self.blind = self._missing(differentiated)
+        if self.blind:
             return
         # Time counts from the beginning of the run, not of the rows that are kept.
         differentiated = differentiated.with_(time=rows[:, 0] - self._origin)
@@ -103,7 +97,13 @@ class LiveResidual:
             self.blind = str(error)
             return
         residual = differentiated.current - predicted
-        self.monitor.take(differentiated.take(new), residual[new], predicted[new])
+        self.monitor.add(differentiated.take(new), residual[new], predicted[new])
+
+    def _missing(self, samples: Samples) -> str:
+        """Return which signals, or the torque of an arm's links, the model lacks here."""
+        missing = sorted({signal for effect in self.model.effects for signal in effect.needs
+                          if getattr(samples, signal, None) is None})
+        return f'the model needs {" and ".join(missing)}, unknown here' if missing else ''
 
     def _samples(self, rows: np.ndarray) -> Samples:
         measured: dict[str, Any] = {
@@ -144,11 +144,11 @@ class JointWatch:
         self.use(path)
         self.trial = trial
 
-    def take(self, rows: np.ndarray) -> None:
+    def add(self, rows: np.ndarray) -> None:
         """Add measurements, as in `LiveResidual`."""
-        self.residual.take(rows)
+        self.residual.add(rows)
         if self.trial is not None:
-            self.trial[1].take(rows)
+            self.trial[1].add(rows)
 
     def end_trial(self) -> tuple[str, str] | None:
         """End the trial if the new model is worse, or if there was enough motion.

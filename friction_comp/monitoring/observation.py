@@ -62,7 +62,7 @@ class StatesSeen:
         if not self.named.size:
             self.named = np.ones(self.position.shape, dtype=bool)
 
-    def of(self, joint: str) -> StatesSeen:
+    def of_joint(self, joint: str) -> StatesSeen:
         """Return the messages that name a joint, with that joint only."""
         index = self.joints.index(joint)
         rows, column = self.named[:, index], slice(index, index + 1)

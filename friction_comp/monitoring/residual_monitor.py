@@ -63,15 +63,14 @@ class ModelFit:
         error = f'{100 * self.share:.0f} % of the friction ({1e3 * self.error:.3g} mA)'
         if self.fits:
             return f'the model fits: its error is {error}'
-        why = []
-        if self.level:
-            side = 'higher' if self.level > 0 else 'lower'
-            why.append(f'the friction is {100 * abs(self.level):.0f} % {side} throughout')
-        if self.explained_by:
-            why.append('its variation depends on ' + ' or '.join(
-                f'{name} ({100 * share:.0f} %)' for name, share in self.explained_by))
+        side = 'higher' if self.level > 0 else 'lower'
+        variables = ' or '.join(f'{name} ({100 * share:.0f} %)' for name, share in
+                                self.explained_by)
+        why = '; '.join(filter(None, (
+            f'the friction is {100 * abs(self.level):.0f} % {side} throughout' * bool(self.level),
+            f'its variation depends on {variables}' * bool(variables))))
         return (f'the model no longer fits: its error is {error}; '
-                + ('; '.join(why) or 'no monitored variable explains it'))
+                + (why or 'no monitored variable explains it'))
 
 
 class ResidualMonitor:
@@ -89,7 +88,7 @@ class ResidualMonitor:
         self._speed = 0.0
         self._warned = False
 
-    def take(self, samples: Samples, residual: np.ndarray, predicted: np.ndarray) -> None:
+    def add(self, samples: Samples, residual: np.ndarray, predicted: np.ndarray) -> None:
         """Add samples with velocity and acceleration; residual and prediction in A, shape (N,)."""
         if len(samples) < 2 or samples.velocity is None or samples.acceleration is None:
             return
@@ -227,7 +226,7 @@ def _explained_by_step(values: np.ndarray) -> float:
         return 0.0
     before = np.arange(_FEWEST_BESIDE, size - _FEWEST_BESIDE + 1)
     between = np.cumsum(centred)[before - 1] ** 2 * (1.0 / before + 1.0 / (size - before))
-    # The best of all positions explains this much by chance (law of the iterated logarithm, with a
-    # margin).
+    # The best of all positions explains this much by chance (law of the iterated logarithm, with
+    # a margin).
     chance = 2.0 * (1.0 + np.log(np.log(size))) * total / size
     return max(0.0, float(between.max() - chance) / total)

@@ -21,7 +21,6 @@ from trajectory_msgs.msg import JointTrajectory
 
 from friction_comp.control.joint_states import JointColumns
 from friction_comp.direction.announcement import Announcement
-from friction_comp.direction.channel import check_range
 from friction_comp.direction.desired_motion import DesiredMotion
 from friction_comp.direction.planned_direction import PlannedDirection
 from friction_comp.direction.sensed_direction import CALIBRATION_TIME, KINDS, SensedDirection
@@ -58,6 +57,7 @@ class DirectionNode(Node):
         self._columns = JointColumns(self._joints)
         self._refused = ''
         self._sensors: list[SensedDirection] = []
+        self._calibrating, self._failures = False, list[str]()
         self._at: Callable[[float], list[Announcement]] = getattr(self, f'_begin_{source}')(
             input_qos(self), self._declare())
         self._message = JointState(name=list(self._joints))
@@ -105,12 +105,11 @@ class DirectionNode(Node):
             motions, self._present(time))]
 
     def _begin_sensor(self, qos: Any, value: Any) -> Callable[[float], list[Announcement]]:
-        ends = list(value('sensor_range'))
-        if len(ends) != 2:
-            raise InputError(f'parameter sensor_range: two values are needed, not {ends}')
-        span = check_range(*map(float, ends))
+        span = list(value('sensor_range'))
+        if len(span) != 2:
+            raise InputError(f'parameter sensor_range: two values are needed, not {span}')
         self._axis, self._part = value('axis').split('.')
-        self._sensors = [SensedDirection(value('sensor'), span) for _ in self._joints]
+        self._sensors = [SensedDirection(value('sensor'), (span[0], span[1])) for _ in self._joints]
         self.create_subscription(Float64MultiArray, 'sensor', self._on_sensor, qos)
         self.create_subscription(WrenchStamped, 'sensor_wrench', self._on_wrench, qos)
         self._listen(qos, [sensor.motion for sensor in self._sensors])
@@ -183,28 +182,46 @@ class DirectionNode(Node):
     # Calibration.
 
     async def _on_calibrate(self, _: Any, response: Any) -> Any:
-        """Calibrate all sensors at rest, and answer when it is done."""
-        response.success, texts = True, []
+        """Calibrate all sensors at rest, and answer when it is done.
+
+        Who asks meanwhile, perhaps again since an answer was lost, gets the same answer.
+        """
+        if not self._calibrating:
+            self._calibrating = True
+            try:
+                self._failures = await self._calibrate()
+            finally:
+                self._calibrating = False
+        while self._calibrating:
+            await yield_to_executor()
+        response.success = not self._failures
+        response.message = '; '.join(self._failures) or 'calibrated'
+        return response
+
+    async def _calibrate(self) -> list[str]:
+        """Calibrate all sensors and return what failed."""
         if not self._sensors:
-            response.success, response.message = False, 'only the source sensor is calibrated'
-            return response
-        if any(sensor.calibrating for sensor in self._sensors):
-            response.success, response.message = False, 'a calibration is under way'
-            return response
+            return ['only the source sensor is calibrated']
+        patience = time.monotonic() + _PATIENCE
+        # Before the first joint states, even a clock may be missing.
+        while missing := [joint for joint, sensor in zip(self._joints, self._sensors)
+                          if not sensor.motion.known(self._now())]:
+            if time.monotonic() > patience:
+                return [f'joint_states of {", ".join(missing)} are missing']
+            await yield_to_executor()
         for sensor in self._sensors:
             sensor.begin_calibration()
-        begin, patience = self._now(), time.monotonic() + _PATIENCE
+        begin = self._now()
         while self._now() - begin < CALIBRATION_TIME and time.monotonic() < patience:
             await yield_to_executor()
+        failures = []
         for joint, sensor in zip(self._joints, self._sensors):
             try:
                 sensor.end_calibration()
             except InputError as error:
-                response.success = False
-                texts.append(f'{joint}: {error}')
-        response.message = '; '.join(texts) or 'calibrated'
-        self.get_logger().info(f'calibration: {response.message}')
-        return response
+                failures.append(f'{joint}: {error}')
+        self.get_logger().info(f'calibration: {"; ".join(failures) or "calibrated"}')
+        return failures
 
     # What is said.
 

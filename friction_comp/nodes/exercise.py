@@ -89,6 +89,8 @@ class ExerciseNode(Node):
             self, 'exercise_file', '', 'YAML file with the movement of each joint, '
             "instead of the note's movement")
         script = load_exercise(file).of(self._joints) if file else None
+        self._announces = declare(
+            self, 'announce_direction', True, "false keeps the direction at 0, the note's case 1")
         self._exercise = script or _AllAlike(movement, len(self._joints))
         self._duration = self._exercise.duration
         self._when_done = declare_choice(
@@ -118,8 +120,7 @@ class ExerciseNode(Node):
                 ('announcement', 'how long before a movement its direction is announced [s]',
                  0.0, 600.0),
                 ('repetitions', 'movements each way', 1, 100_000))}
-        return ReferenceMovement(**values, compensated=declare(
-            self, 'announce_direction', True, "false keeps the direction at 0, the note's case 1"))
+        return ReferenceMovement(**values)
 
     def _connect(self, qos: QoSProfile, rate: float) -> None:
         self._reference = JointState(name=list(self._joints))
@@ -191,6 +192,9 @@ class ExerciseNode(Node):
 
     def _publish(self, time: float) -> None:
         position, velocity, direction = self._exercise.at(time)
+        ends = self._exercise.ends(time)
+        if not self._announces:
+            direction, ends = np.zeros_like(direction), np.full_like(ends, math.nan)
         self._time = time
         self._direction.data = array('b', direction.astype(np.int8).tobytes())
         # Before the reference: see the class.
@@ -198,7 +202,7 @@ class ExerciseNode(Node):
         self._announced.header.stamp = self._reference.header.stamp
         self._announced.velocity = array('d', direction.astype(float).tobytes())
         self._announced.position = array(
-            'd', (self._origin + self._exercise.ends(time)).tobytes())
+            'd', (self._origin + ends).tobytes())
         self._announcements.publish(self._announced)
         self._reference.position = array('d', (self._origin + position).tobytes())
         self._reference.velocity = array('d', velocity.tobytes())

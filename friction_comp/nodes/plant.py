@@ -119,6 +119,10 @@ class PlantNode(Node):
             self, 'wait_for_reference', False,
             'in lockstep, wait at every tick for the reference with its stamp', changes=True)
         declare(
+            self, 'wait_for_direction', False,
+            'in lockstep, wait at every tick for the direction_stamped with its stamp, from the '
+            'first on', changes=True)
+        declare(
             self, 'pace', 0.0, 'in lockstep, largest rate of simulated to real time; '
             '0: as fast as the others answer', 0.0, 1000.0, changes=True)
         self._listeners = declare(
@@ -155,6 +159,8 @@ class PlantNode(Node):
         self._ticks = self.create_publisher(ClockMessage, '/clock', RELIABLE)
         self._answered = self._published = self._nobody_holds = False
         self._reference_stamp: int | None = None
+        self._direction_stamp: int | None = None
+        self.create_subscription(JointState, 'direction_stamped', self._on_direction, RELIABLE)
         self._ticked_sample = -1
         self._pace = Pace()
         self._checks = 0
@@ -251,6 +257,20 @@ class PlantNode(Node):
             self._reference_stamp = stamp
             self._advance()
 
+    def _on_direction(self, message: Any) -> None:
+        self._direction_stamp = nanoseconds(message.header.stamp)
+        self._advance()
+
+    def _lacks(self) -> str:
+        """Return the topic whose message with the present stamp is waited for, '' if none."""
+        for name, topic, stamp in (('reference', 'reference', self._reference_stamp),
+                                   ('direction', 'direction_stamped', self._direction_stamp)):
+            # The first announcement may be lost before both ends have discovered each other.
+            if stamp != self._stamp and (stamp or name == 'reference') and (
+                    self.get_parameter(f'wait_for_{name}').value):
+                return topic
+        return ''
+
     def _on_command(self, message: Any) -> None:
         if self._lockstep:
             if self._published and not self._answered and self._is_answer(message):
@@ -280,8 +300,7 @@ class PlantNode(Node):
                         return
                     self._ticked_sample = self._samples
                     self._tick()
-                if (tick and self._reference_stamp != self._stamp
-                        and self.get_parameter('wait_for_reference').value):
+                if tick and self._lacks():
                     return
                 if not self._samples and (
                         self._states.get_subscription_count() < self._listeners):
@@ -353,7 +372,7 @@ class PlantNode(Node):
         listeners = self._states.get_subscription_count()
         if not self._samples and listeners < self._listeners:
             return f'listeners to joint_states ({listeners} of {self._listeners})'
-        return 'reference'
+        return self._lacks() or 'reference'
 
     def leave(self) -> None:
         """Do nothing: the simulated motor ends with its node."""

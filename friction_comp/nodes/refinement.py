@@ -180,7 +180,7 @@ class RefinementNode(Node):
                 watch.residual.blind = (
                     'the compensator feeds the model itself forward, and the load of a person '
                     'is not measured' if now - watch.last_load > _LOAD_SILENCE else '')
-            watch.take(rows)
+            watch.add(rows)
             self._judge(joint, watch)
         for joint in list(self._to_unload):
             await self._unload(joint)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from array import array
 from collections import deque
+import math
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from friction_comp.ros.parameters import declare, declare_choice
 from friction_comp.simulation.cheap_sensors import CheapForce, CheapMuscles, FAULTS
 
 NONE = 'none'
-# The sensors are simulated in steps of a millisecond; so many go into one message.
+# The sensors are simulated in steps of a millisecond; so many at least go into one message.
 _STEP, _BATCH = 1e-3, 10
 _FAULTS = ' or '.join((NONE, *FAULTS))
 
@@ -47,8 +48,9 @@ class SensorPort:
         self.used = kind != NONE
         if not self.used:
             return
-        if sample_time != _STEP:
-            raise InputError(f'parameter sensor: needs a sample_time of {_STEP:g} s')
+        self._steps = round(sample_time / _STEP)
+        if not self._steps or not math.isclose(sample_time, self._steps * _STEP):
+            raise InputError(f'parameter sensor: needs a sample_time of {_STEP:g} s, or some of it')
         if missing := [model.joint or str(k) for k, model in enumerate(models)
                        if model.breakaway is None]:
             raise InputError('parameter sensor: its range follows from breakaway friction, which '
@@ -63,7 +65,7 @@ class SensorPort:
         self._delay = np.zeros(len(models), dtype=int)
         if kind != 'force':
             self._sensor = CheapMuscles(breakaway, [seed, 7], kind == 'muscle_envelope')
-            self._delay = np.rint(self._sensor.delay / _STEP).astype(int)
+            self._delay = np.rint(self._sensor.delay / sample_time).astype(int)
         nothing = np.full((2, len(models)), np.nan)
         kept = int(self._delay.max()) + 1
         self._wishes = deque([nothing] * kept, maxlen=kept)
@@ -71,7 +73,7 @@ class SensorPort:
         self._publisher = node.create_publisher(Float64MultiArray, 'sensor', RELIABLE)
 
     def felt(self, position: Any, velocity: Any, state: Any) -> tuple[np.ndarray, np.ndarray]:
-        """Measure for a millisecond; return the reference that the person's force follows now.
+        """Measure for a sample; return the reference that the person's force follows now.
 
         `position` and `velocity` are those of the reference, rad and rad/s, shape (J,), NaN or None
         where there is none; `state` is the plant's.
@@ -84,8 +86,8 @@ class SensorPort:
         if self._delay.any():
             torque = np.nan_to_num(self._stiffness * (wish[0] - state.position)
                                    + self._damping * (wish[1] - state.velocity))
-        self._rows.append(np.array(torque, dtype=float))
-        if len(self._rows) == _BATCH:
+        self._rows += [np.array(torque, dtype=float)] * self._steps
+        if len(self._rows) >= _BATCH:
             self._publish()
         past = np.array(self._wishes)[len(self._wishes) - 1 - self._delay, :, self._joints]
         return past[:, 0], past[:, 1]

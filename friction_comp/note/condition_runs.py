@@ -5,21 +5,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from friction_comp.compensation.law import law_parameters
 from friction_comp.evaluation.conditions import evaluate, Evaluation
+from friction_comp.exercise.reference_movement import ReferenceMovement
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.note.published import Experiment
 from friction_comp.samples import Samples
 from friction_comp.simulation.batch import closed_loops
 from friction_comp.simulation.joint_parameters import FRICTION, joint_parameters
 from friction_comp.simulation.random_sequence import random_states
-
-if TYPE_CHECKING:
-    from friction_comp.exercise.reference_movement import ReferenceMovement
-    from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.note.published import Experiment
 
 SAMPLE_TIME = 1e-3
 REPETITIONS = 10

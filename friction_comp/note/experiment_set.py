@@ -6,40 +6,32 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
+from friction_comp.evaluation.conditions import Evaluation
+from friction_comp.identification.goal import IdentificationResult
+from friction_comp.model.friction_model import Breakaway, FrictionModel
 from friction_comp.note.condition_runs import CONDITIONS, mean_peak, run_trial, stand_still
-from friction_comp.note.identify import identified_model, identify_breakaway, identify_table
-from friction_comp.note.published import EXPERIMENTS, FALSE_START
+from friction_comp.note.identify import identified_model, identify_breakaway, identify_table, Ramps
+from friction_comp.note.published import Experiment, EXPERIMENTS, FALSE_START
 from friction_comp.parallel import child_process
-
-if TYPE_CHECKING:
-    from friction_comp.evaluation.conditions import Evaluation
-    from friction_comp.identification.goal import IdentificationResult
-    from friction_comp.model.friction_model import Breakaway, FrictionModel
-    from friction_comp.note.identify import Ramps
-    from friction_comp.note.published import Experiment
 
 LAWS = ('paper', 'continuous')
 
 
 @dataclass
 class ExperimentOutcome:
-    """Results of one configuration.
-
-    `model` is the identified one; `trials` are by condition. `standstills` are the distances in rad
-    by law, as from `stand_still`. `drive_time` is the simulated time in s that identification took.
-    """
+    """Results of one configuration."""
 
     experiment: Experiment
     table: IdentificationResult
     ramps: Ramps
-    model: FrictionModel
-    trials: dict[str, Evaluation]
-    standstills: dict[str, np.ndarray]
-    drive_time: float
+    model: FrictionModel  # the identified one
+    trials: dict[str, Evaluation]  # by condition
+    standstills: dict[str, np.ndarray]  # by law: distances in rad, as from `stand_still`
+    drive_time: float  # simulated time that identification took, s
 
     @property
     def breakaway(self) -> Breakaway:
@@ -62,11 +54,10 @@ class ExperimentOutcome:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the configuration's entry of results.json."""
-        breakaway = self.breakaway
         return {
             'breakaway': {
-                'positive_mean': breakaway.positive_mean, 'positive_std': breakaway.positive_std,
-                'negative_mean': breakaway.negative_mean, 'negative_std': breakaway.negative_std,
+                **{f'{side}_{figure}': getattr(self.breakaway, f'{side}_{figure}')
+                   for side in ('positive', 'negative') for figure in ('mean', 'std')},
                 'cycles': int(np.sum(self.ramps.records.direction > 0))},
             'sigmoid': list(self.model.sigmoid.coefficients()),
             'sigmoid_error': self.table.sigmoid_error,

@@ -6,26 +6,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 import math
-from typing import TYPE_CHECKING
 
 from numba import njit, prange
 import numpy as np
 
 from friction_comp.identification.breakaway import BreakawayRecords
-from friction_comp.identification.goal import IdentificationGoal
+from friction_comp.identification.goal import IdentificationGoal, IdentificationResult
 from friction_comp.identification.run import CUT_COUNTS, CUT_SPEED, CUT_WINDOW, IdentificationRun
 from friction_comp.identification.waveforms import ramp_current
-from friction_comp.note.published import RAMP_PERIOD
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.note.published import Experiment, RAMP_PERIOD
 from friction_comp.note.recorded_ramps import breakaway_currents
 from friction_comp.simulation.joint import joint_sample, measure, Plant, start_joint
 from friction_comp.simulation.joint_parameters import joint_parameters, JOINT_STATE, MEASURED
 from friction_comp.simulation.random_sequence import random_states
 from friction_comp.simulation.undeclared import COLUMNS
-
-if TYPE_CHECKING:
-    from friction_comp.identification.goal import IdentificationResult
-    from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.note.published import Experiment
 
 SAMPLE_TIME = 1e-3
 MOTION_RANGE = math.radians(90.0)

@@ -5,24 +5,21 @@
 from __future__ import annotations
 
 import math
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
+from matplotlib.figure import Figure
 import numpy as np
 
+from friction_comp.evaluation.conditions import Condition, Evaluation
 from friction_comp.note.condition_runs import STANDSTILLS
-from friction_comp.note.published import EXPERIMENTS, FALSE_START
-from friction_comp.reports.figures import band, COLOURS, new_figure, styled, thin
+from friction_comp.note.experiment_set import ExperimentOutcome
+from friction_comp.note.published import Experiment, EXPERIMENTS, FALSE_START
+from friction_comp.reports.figures import band, COLOURS, curve, new_figure, styled, thin
 from friction_comp.reports.html import Report
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from friction_comp.evaluation.conditions import Condition, Evaluation
-    from friction_comp.note.experiment_set import ExperimentOutcome
-    from friction_comp.note.published import Experiment
 
 _TRIALS = (('kinetic', 'grey', 'd = 0'), ('paper', 'orange', "d = ±1, note's law"),
            ('continuous', 'blue', 'd = ±1, continuous law'), ('inertia', 'green', 'no friction'))
+_CONFIGURATIONS = ('blue', 'green', 'orange')
 
 
 def reproduction_report(outcomes: list[ExperimentOutcome]) -> Report:
@@ -112,16 +109,13 @@ def _cells(result: dict[str, Any], note: Experiment) -> dict[str, str]:
 def _add_table(report: Report, outcomes: list[ExperimentOutcome]) -> None:
     rows = []
     for outcome in outcomes:
-        printed = outcome.experiment.model().sigmoid
-        speeds = np.array([point.speed for point in outcome.table.points])
-        currents = np.array([point.current for point in outcome.table.points])
-        fast = np.abs(speeds) > math.radians(4.0)
-        difference = np.abs(outcome.model.sigmoid(speeds) - printed(speeds))[fast].max()
+        printed, sigmoid = outcome.experiment.model().sigmoid, outcome.model.sigmoid
+        speeds, currents = np.array([(p.speed, p.current) for p in outcome.table.points]).T
+        fast = speeds[np.abs(speeds) > math.radians(4.0)]
         rows.append([
-            outcome.experiment.number,
-            ', '.join(f'{c:.4g}' for c in outcome.model.sigmoid.coefficients('deg/s')),
+            outcome.experiment.number, ', '.join(f'{c:.4g}' for c in sigmoid.coefficients('deg/s')),
             outcome.table.sigmoid_error, float(np.sum(np.abs(printed(speeds) - currents))),
-            1e3 * difference])
+            1e3 * np.abs(sigmoid(fast) - printed(fast)).max()])
     report.table(
         ['configuration', 'c1 … c6 (ω in deg/s)', 'E (A)', 'E of Eq. 11 as printed (A)',
          'largest difference to Eq. 11 from 5 deg/s on (mA)'], rows,
@@ -167,18 +161,16 @@ def _add_sources(report: Report, outcomes: list[ExperimentOutcome]) -> None:
 def ramp_figure(outcome: ExperimentOutcome) -> Figure:
     """Fig. 2: current ramp, velocity, and the instants at which the joint breaks free."""
     ramps = outcome.ramps
-    figure, (upper, lower) = new_figure(2, 1, height=2.1, sharex=True)
+    figure, (upper, lower) = new_figure(2, height=2.1, sharex=True, x='time (s)',
+                                        y=('motor current (mA)', 'velocity (deg/s)'))
     # Mean velocity over 20 ms: from sample to sample it would show single encoder counts.
     window = 20
     speed = np.zeros(len(ramps.time))
     speed[window:] = (ramps.position[window:] - ramps.position[:-window]) / (
         ramps.time[window:] - ramps.time[:-window])
     time, current, speed = thin(ramps.time, 1e3 * ramps.current, np.degrees(speed))
-    upper.plot(time, current, color=COLOURS['blue'], linewidth=0.8)
-    upper.set_ylabel('motor current (mA)')
-    lower.plot(time, speed, color=COLOURS['orange'])
-    lower.set_ylabel('velocity (deg/s)')
-    lower.set_xlabel('time (s)')
+    curve(upper, time, current, 'blue', linewidth=0.8)
+    curve(lower, time, speed, 'orange')
     records = ramps.records
     for k in range(min(2, len(records))):
         for axes in (upper, lower):
@@ -192,22 +184,18 @@ def ramp_figure(outcome: ExperimentOutcome) -> Figure:
 @styled
 def friction_figure(outcomes: list[ExperimentOutcome]) -> Figure:
     """Fig. 4: look-up table, fit and breakaway of every configuration."""
-    figure, axes = new_figure(1, 1, height=4.2)
-    for outcome, colour in zip(outcomes, ('blue', 'green', 'orange')):
-        speeds = np.degrees([point.speed for point in outcome.table.points])
-        currents = [1e3 * point.current for point in outcome.table.points]
-        fine = np.linspace(-105.0, 105.0, 1001)
-        axes.plot(speeds, currents, 'o', markersize=3.5, color=COLOURS[colour],
-                  label=f'configuration {outcome.experiment.number}')
-        axes.plot(fine, 1e3 * outcome.model.sigmoid(np.radians(fine)), color=COLOURS[colour],
-                  linewidth=1.0)
+    figure, axes = new_figure(height=4.2, x='joint velocity (deg/s)', y='motor current (mA)')
+    fine = np.linspace(-105.0, 105.0, 1001)
+    for outcome, colour in zip(outcomes, _CONFIGURATIONS):
+        speeds, currents = np.array([(p.speed, p.current) for p in outcome.table.points]).T
+        curve(axes, np.degrees(speeds), 1e3 * currents, colour,
+              f'configuration {outcome.experiment.number}', 'o', markersize=3.5)
+        curve(axes, fine, 1e3 * outcome.model.sigmoid(np.radians(fine)), colour, linewidth=1.0)
         both = outcome.breakaway
         axes.errorbar(
             [0.0, 0.0], [1e3 * both.positive_mean, 1e3 * both.negative_mean],
             [1e3 * both.positive_std, 1e3 * both.negative_std], fmt='_', markersize=14,
             color=COLOURS[colour], capsize=3)
-    axes.set_xlabel('joint velocity (deg/s)')
-    axes.set_ylabel('motor current (mA)')
     axes.legend(loc='upper left')
     return figure
 
@@ -215,29 +203,25 @@ def friction_figure(outcomes: list[ExperimentOutcome]) -> Figure:
 @styled
 def trial_figure(outcomes: list[ExperimentOutcome]) -> Figure:
     """Fig. 5: trajectories and back-driving torques, mean and standard deviation."""
-    figure, rows = new_figure(len(outcomes) + 1, 2, height=2.3, sharex='col')
-    for column, name in enumerate(('positive', 'negative')):
-        for outcome, colour in zip(outcomes, ('blue', 'green', 'orange')):
-            condition = _condition(outcome.trials['continuous'], name)
-            if condition.reference is not None:
-                rows[0][column].plot(
-                    *thin(condition.time, np.degrees(condition.reference)),
-                    color=COLOURS['grey'], linestyle='--', linewidth=1.0)
-            band(rows[0][column], condition.time, np.degrees(condition.position),
-                 np.degrees(condition.position_std), colour,
-                 f'configuration {outcome.experiment.number}')
-        rows[0][column].set_title(f'{name} direction')
-        for row, outcome in zip(rows[1:], outcomes):
-            for trial, colour, label in _TRIALS:
+    figure, rows = new_figure(
+        len(outcomes) + 1, 2, height=2.3, sharex='col', x='time since the movement began (s)',
+        y=['position (deg)'] + ['τ$_b$ (N·m)'] * len(outcomes))
+    for column, name in zip(rows.T, ('positive', 'negative')):
+        column[0].set_title(f'{name} direction')
+        for axes, outcome, colour in zip(column[1:], outcomes, _CONFIGURATIONS):
+            title = f'configuration {outcome.experiment.number}'
+            shown = _condition(outcome.trials['continuous'], name)
+            if shown.reference is not None:
+                time, reference = thin(shown.time, np.degrees(shown.reference))
+                curve(column[0], time, reference, 'grey', style='--', linewidth=1.0)
+            band(column[0], shown.time, np.degrees(shown.position),
+                 np.degrees(shown.position_std), colour, title)
+            for trial, own_colour, label in _TRIALS:
                 condition = _condition(outcome.trials[trial], name)
-                band(row[column], condition.time, condition.torque, condition.torque_std, colour,
+                band(axes, condition.time, condition.torque, condition.torque_std, own_colour,
                      label)
-            row[column].set_title(f'configuration {outcome.experiment.number}')
-        rows[-1][column].set_xlabel('time since the movement began (s)')
-    rows[0][0].set_ylabel('position (deg)')
+            axes.set_title(title)
     rows[0][0].legend()
-    for row in rows[1:]:
-        row[0].set_ylabel('τ$_b$ (N·m)')
     rows[1][0].legend(fontsize=7.5)
     return figure
 

@@ -25,6 +25,7 @@ from friction_comp.column_names import read_name
 from friction_comp.column_values import date_in_seconds, to_numbers
 from friction_comp.columns import TABLES
 from friction_comp.errors import InputError
+from friction_comp.units import parse_unit
 
 Columns = dict[str, np.ndarray]
 _COMMENTS = ('#', '%')
@@ -118,13 +119,17 @@ class Csv:
         self._separator = _separator(head)
         self.names = self._split(head)
         self._skip = header + 1
-        comment = self._split(lines[header - 1].lstrip('#% ')) if header else []
+        comment = self._names_in(lines[header - 1].lstrip('#% ')) if header else []
         fits = len(comment) == len(self.names)
         if _all_numbers(head) or (fits and any(read_name(name).signal for name in comment)
                                   and not any(read_name(name).signal for name in self.names)):
             # Not a header: names are in the comment above it, otherwise columns are numbered.
             self.names = comment if fits else [str(k + 1) for k in range(len(self.names))]
             self._skip = header
+        elif units := self._units_in(lines[header + 1:header + 2]):
+            self.names = [f'{name} [{unit}]' if unit else name
+                          for name, unit in zip(self.names, units)]
+            self._skip += 1
         # Spreadsheets end lines with empty cells: a column without a name is none.
         self._index = {name: k for k, name in enumerate(self.names) if name}
         named = [name for name in self.names if name]
@@ -138,6 +143,18 @@ class Csv:
             return line.split()
         cells = next(csv.reader([line.rstrip('\r\n')], delimiter=self._separator), [])
         return [cell.strip() for cell in cells]
+
+    def _names_in(self, comment: str) -> list[str]:
+        """Return names in a comment, which are often separated by space only."""
+        names = self._split(comment)
+        return names if len(names) > 1 else comment.split()
+
+    def _units_in(self, lines: list[str]) -> list[str]:
+        """Return the units in the line below the names; empty if it is not one of units."""
+        cells = [cell.strip('[]()') for cell in self._split(lines[0])] if lines else []
+        known = [cell for cell in cells if cell in ('', '-') or parse_unit(cell) is not None]
+        return ([cell.strip('-') for cell in cells] if any(cells) and (
+            len(known) == len(cells) == len(self.names)) else [])
 
     def _text(self, file: IO[bytes]) -> IO[str]:
         """Return the text of the opened file."""
@@ -331,7 +348,10 @@ def _mat(path: Path) -> Columns:
 
 def _json(path: Path) -> Columns:
     try:
-        content = json.loads(path.read_text(encoding='utf-8-sig'))
+        text = path.read_text(encoding='utf-8-sig')
+        lines = path.name.lower().endswith('.jsonl')
+        content = ([json.loads(line) for line in text.splitlines() if line.strip()] if lines
+                   else json.loads(text))
     except ValueError as error:
         raise InputError(f'{path}: not a JSON file: {error}') from None
     if isinstance(content, list):
@@ -344,4 +364,4 @@ def _json(path: Path) -> Columns:
 
 
 _LOADERS: dict[str, Callable[[Path], Columns]] = {
-    '.npz': _npz, '.npy': _npy, '.mat': _mat, '.json': _json}
+    '.npz': _npz, '.npy': _npy, '.mat': _mat, '.json': _json, '.jsonl': _json}

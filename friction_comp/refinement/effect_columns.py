@@ -52,8 +52,14 @@ class Term:
             return self.group.columns(rows.joints, *rows.motion)
         return self.kind.matrix(rows.samples, self.constants)
 
+    def averages(self, rows: Rows) -> np.ndarray:
+        """Return the averages of the term's columns over each row, shape (M, R)."""
+        if self.group is not None or self.kind.has_memory:
+            return rows.averaged(self.columns(rows)).T
+        return rows.mean_of_used(self.kind.matrix(rows.used, self.constants).T)
+
     @property
-    def choice(self) -> tuple[type[Effect], Group | None]:
+    def choice(self) -> tuple[Any, ...]:
         """What it is, of which the constants or the width of a group are one choice."""
         return self.kind, self.group and replace(self.group, width=0.0)
 
@@ -74,21 +80,20 @@ class Term:
         return True
 
 
-def eq6_columns(rows: Rows, steepness: float, shift: float) -> np.ndarray:
-    """Return Eq. 6 as columns, shape (N, EQ6_COLUMNS): constant, transition, viscous, derivatives.
+def eq6_columns(velocity: np.ndarray, steepness: float, shift: float,
+                both_directions: bool = True) -> np.ndarray:
+    """Return Eq. 6 as columns, shape (EQ6_COLUMNS, N): constant, transition, viscous, derivatives.
 
     The last two are the derivatives of the transition with respect to the logarithm of its
     steepness and to its shift: their coefficients are Gauss-Newton steps of both.
     """
-    v = np.asarray(rows.samples.velocity)
-    half = 0.5 * steepness * (v - shift)
+    half = 0.5 * steepness * (velocity - shift)
     transition = np.tanh(half)
-    slope = 1.0 - transition ** 2
+    slope = 1.0 - transition * transition
     # In motion in one direction, an offset and Coulomb friction are the same.
-    bidirectional = 1.0 if rows.coverage.both_directions else 0.0
-    return np.column_stack((
-        np.full(len(v), bidirectional), transition, v, half * slope,
-        -0.5 * bidirectional * steepness * slope))
+    bidirectional = 1.0 if both_directions else 0.0
+    return np.array((np.full(len(half), bidirectional), transition, velocity, half * slope,
+                     (-0.5 * bidirectional * steepness) * slope))
 
 
 class Table:
@@ -114,13 +119,15 @@ class Table:
         self._append(self._base(steepness, shift), _EQ6_SIGNS)
 
     def _base(self, steepness: float, shift: float) -> np.ndarray:
-        return self.rows.averaged(eq6_columns(self.rows, steepness, shift)).T
+        rows = self.rows
+        return rows.mean_of_used(eq6_columns(
+            np.asarray(rows.used.velocity), steepness, shift, rows.coverage.both_directions))
 
     def _columns_for(self, term: Term) -> np.ndarray | None:
         """Return a term's columns, shape (M, R); None where they are not finite."""
         if term in self.columns_of:
             return self.columns[self.columns_of[term]]
-        columns = self.rows.averaged(term.columns(self.rows)).T
+        columns = term.averages(self.rows)
         return columns if np.isfinite(columns).all() else None
 
     def add(self, terms: Sequence[Term]) -> list[Term]:
@@ -133,7 +140,7 @@ class Table:
                 first = len(self.columns) + len(fresh)
                 self.columns_of[term] = list(range(first, first + len(columns)))
                 fresh += list(columns)
-                signs += _signs_of(term, len(columns))
+                signs += signs_of(term, len(columns))
         if fresh:
             self._append(np.array(fresh), signs)
         return [term for term in terms if term in self.columns_of]
@@ -166,6 +173,7 @@ class Table:
 
     def _update_sums(self, changed: slice) -> None:
         """Recompute the sums of products of some columns with all others and with the target."""
+        self.sums = replace(self.sums)
         for gram, rows in zip(self.sums.gram, self._cells):
             columns, target = self.columns[:, rows], self.target[rows]
             products = columns[changed] @ columns.T
@@ -190,7 +198,7 @@ class Table:
             if own_columns is None:
                 return math.inf
             parts.append(own_columns)
-            signs += _signs_of(term, len(own_columns))
+            signs += signs_of(term, len(own_columns))
         sums = BlockSums.over(np.vstack((*parts, self.target)), [slice(None)], np.array(signs))
         columns = range(len(signs))
         return float(sums.squared_errors(columns, sums.fit(columns)[None])[0])
@@ -278,7 +286,7 @@ class Table:
             self.load_shares(terms))
 
 
-def _signs_of(term: Term, count: int) -> list[int]:
+def signs_of(term: Term, count: int) -> list[int]:
     """Return the required sign of each of a term's coefficients, 0 where it is free."""
     wanted = list(term.kind.signs[:count]) if term.group is None else [
         1 if term.group.kind == 'friction' else 0] * count
@@ -297,18 +305,25 @@ def proposals(table: Table, terms: Sequence[Term]) -> list[Term]:
         and not (rows.load_coefficient and 'load' in kind.needs)
         for constants in kind.propose(view)]
     if rows.joints:
-        terms += [Term(EFFECTS['other_joints'], {}, group)
-                  for group in (*groups_for(rows.joints, rows.samples.joint),
-                                *friction_groups(rows))]
+        # Rigid bodies of a URDF are all weight and inertia of other joints.
+        known = rows.samples.rigid_body is not None
+        terms += [Term(EFFECTS['other_joints'], {}, group) for group in (
+            *(() if known else groups_for(rows.joints, rows.samples.joint)),
+            *friction_groups(rows.joints, rows.samples.joint,
+                             [share * rows.coverage.speed for share in TRANSITIONS]))]
     return terms
 
 
-def friction_groups(rows: Rows) -> list[Group]:
-    """Return friction of the sum and the difference of a joint's velocity and its neighbours'."""
-    joint, index = rows.samples.joint, rows.joints.index(rows.samples.joint)
-    neighbours = rows.joints[max(0, index - 1):index + 2]
-    return [Group('friction', ((joint, 1), (name, side)), width=share * rows.coverage.speed)
-            for name in neighbours if name != joint for side in (1, -1) for share in TRANSITIONS]
+def friction_groups(names: Sequence[str], joint: str, widths: Sequence[float]) -> list[Group]:
+    """Return friction of the sum and the difference of a joint's velocity and its neighbours'.
+
+    `names` are all joints in their order along the arm; friction changes its sign over each of the
+    `widths`, rad/s.
+    """
+    index = list(names).index(joint)
+    neighbours = names[max(0, index - 1):index + 2]
+    return [Group('friction', ((joint, 1), (name, side)), width=width)
+            for name in neighbours if name != joint for side in (1, -1) for width in widths]
 
 
 @functools.lru_cache(maxsize=8)

@@ -344,7 +344,7 @@ def findings(fit: Fit, raw: Samples, after: Errors, growth: dict[str, float],
 def findings_on_recording(rows: Rows, raw: Samples) -> Iterator[Finding]:
     """Yield the findings on the recordings themselves."""
     coverage = rows.coverage
-    if rows.joints:
+    if rows.joints and rows.samples.rigid_body is None:
         yield finding('other_joints', joints=', '.join(
             name for name in rows.joints if name != raw.joint))
     if moves_as_one(raw):

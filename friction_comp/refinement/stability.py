@@ -198,7 +198,7 @@ class LeftOutThirds:
         # counts, all are in one third, and nothing would be left to fit.
         partitions = {name: part for name, part in partitions.items() if np.ptp(part // 2) > 0}
         partitions[_PARTS] = 2 * rows.block
-        if rows.joints:
+        if rows.region.any():
             partitions['posture'] = 2 * np.unique(rows.region, return_inverse=True)[1]
         full, signs = np.vstack((table.columns[columns], table.target)), table.sums.signs[columns]
         self._sums = {

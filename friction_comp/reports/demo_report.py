@@ -147,7 +147,7 @@ def demo_report(trials: list[EvaluatedTrial], refined: RefineResult, model: Fric
         "over both directions, with half the 95 % interval of the repetitions' mean (±). Model "
         'error: on data not fitted.')
     page.figure(torque_figure(trials), 'Back-driving torque of all trials, mean and standard '
-                'deviation over the repetitions.', interactive=True)
+                'deviation over the repetitions.')
     page.heading('Identified')
     page.text('Constant velocities in both directions give the kinetic friction, and slow current '
               'ramps give the breakaway friction. The simulated joint also has effects that this '
@@ -160,8 +160,7 @@ def demo_report(trials: list[EvaluatedTrial], refined: RefineResult, model: Fric
                  1e3 * effect.held_out_rmse, effect.in_words]
                 for effect in effects] or [['none', '', None, '']])
     for name, label in (('position', 'position (rad)'), ('velocity', 'velocity (rad/s)')):
-        page.figure(residual_figure(refined, name, label), f'Residual over {name}.',
-                    interactive=True)
+        page.figure(residual_figure(refined, name, label), f'Residual over {name}.')
     page.heading('The refined model')
     page.bullets(model_words(refined.model))
     page.code(formula(refined.model))

@@ -6,39 +6,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from datetime import date
-from typing import TYPE_CHECKING
 
+from matplotlib.figure import Figure
 import numpy as np
 
-from friction_comp.evaluation.compare import effect_size
-from friction_comp.evaluation.repetitions import FIGURES
-from friction_comp.reports.evaluation_words import (
-    figure_text,
-    heading,
-    nonbreaking_label,
-    p_value_text,
-    peak_text,
-    plain_names,
-    plain_tiles,
-    plain_verdict,
-    remarks,
-    summary,
-    verdict,
-    with_interval,
-)
+from friction_comp.evaluation.compare import effect_size, Trend
+from friction_comp.evaluation.intervals import Interval
+from friction_comp.evaluation.outcome import Evaluation
+from friction_comp.evaluation.repetitions import Compensation, FIGURES
+from friction_comp.reports import evaluation_words as words
 from friction_comp.reports.figures import band, COLOURS, INK, new_figure, styled
 from friction_comp.reports.html import Report
 from friction_comp.reports.moving_joint import moving_joint, MovingScene
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from friction_comp.evaluation.compare import Trend
-    from friction_comp.evaluation.conditions import Evaluation
-    from friction_comp.evaluation.intervals import Interval
-    from friction_comp.evaluation.repetitions import Compensation
-
-# Largest numbers of comparisons, tiles and recordings on a page; report.json has all.
 _MOST_COMPARISONS, _MOST_TILES, _MOST_RECORDINGS = 24, 5, 12
 # Titles of the tables of conditions, and the measures in each; unknown ones are omitted.
 _TABLES = (
@@ -69,8 +49,10 @@ def evaluation_figure(evaluation: Evaluation) -> Figure:
     movements = [name for name in ('positive', 'negative')
                  if any(c.movement == name for c in evaluation.conditions)]
     colours = _colours(evaluation)
-    figure, axes = new_figure(1 + evaluation.measured, len(movements), width=8.4, height=2.5,
-                              sharex='col', sharey='row', squeeze=False)
+    labels = ['joint angle (deg)', 'back-driving torque (N·m)'][:1 + evaluation.measured]
+    figure, axes = new_figure(
+        len(labels), len(movements), width=8.4, height=2.5, x='time since the movement began (s)',
+        y=labels, sharex='col', sharey='row', squeeze=False)
     for column, movement in zip(axes.T, movements):
         column[0].set_title(f'Movement in the {movement} direction')
         conditions = [c for c in evaluation.conditions if c.movement == movement]
@@ -87,9 +69,6 @@ def evaluation_figure(evaluation: Evaluation) -> Figure:
                 band(ax, c.time, mean, spread, colours[c.compensation], label)
         if evaluation.measured:
             column[1].axhline(0.0, color=COLOURS['grey'], linewidth=0.8)
-        column[-1].set_xlabel('time since the movement began (s)')
-    for ax, name in zip(axes[:, 0], ('joint angle (deg)', 'back-driving torque (N·m)')):
-        ax.set_ylabel(name)
     handles = {label: handle for ax in axes[0] for handle, label in zip(
         *ax.get_legend_handles_labels())}
     figure.legend(handles.values(), handles.keys(), loc='outside lower center',
@@ -101,7 +80,7 @@ def evaluation_figure(evaluation: Evaluation) -> Figure:
 def trend_figure(trends: Sequence[Trend], evaluation: Evaluation) -> Figure:
     """Draw each day's mean with its interval, and a line where the trend is significant."""
     colours = _colours(evaluation)
-    figure, axes = new_figure(1, 1, width=8.4, height=3.0)
+    figure, axes = new_figure(width=8.4, y=words.heading(trends[0].figure))
     for k, trend in enumerate(trends):
         # Shifted, so that intervals of one day do not overlap.
         shift = 0.12 * (k - 0.5 * (len(trends) - 1))
@@ -119,7 +98,6 @@ def trend_figure(trends: Sequence[Trend], evaluation: Evaluation) -> Figure:
     step = max(1, -(-len(ticks) // 10))
     axes.set_xticks(ticks[::step], [date.fromordinal(k).isoformat() for k in ticks[::step]],
                     rotation=30, ha='right')
-    axes.set_ylabel(heading(trends[0].figure))
     figure.legend(loc='outside lower center', ncols=2)
     return figure
 
@@ -129,19 +107,16 @@ def scenes_of(evaluation: Evaluation) -> list[MovingScene]:
 
     Of the two directions of movement, the one with the larger torque is used.
     """
-    pair = evaluation.pair()
-    if pair is None:
-        return []
+    pair, colours = evaluation.pair() or (), _colours(evaluation)
     measured = {(c.compensation, c.movement): c for c in evaluation.conditions
                 if np.isfinite(c.torque).any()}
     both = [[measured[condition, movement] for condition in pair]
             for movement in ('positive', 'negative')
-            if all((condition, movement) in measured for condition in pair)]
-    largest = max(both, default=[],
-                  key=lambda conditions: max(c.mean_of('peak_torque') for c in conditions))
-    colours = _colours(evaluation)
+            if pair and all((condition, movement) in measured for condition in pair)]
+    largest = max(both, default=[], key=lambda own: max(c.mean_of('peak_torque') for c in own))
     return [MovingScene(title, c.time, c.position, c.torque, colours[c.compensation],
-                        c.mean_of('peak_torque')) for title, c in zip(plain_names(pair), largest)]
+                        c.mean_of('peak_torque'))
+            for title, c in zip(words.plain_names(pair) if pair else (), largest)]
 
 
 def add_evaluation(report: Report, evaluation: Evaluation, part: bool = False) -> None:
@@ -150,7 +125,7 @@ def add_evaluation(report: Report, evaluation: Evaluation, part: bool = False) -
     `part` is whether it is only one section of the page.
     """
     level = 3 if part else 2
-    simple = bool(plain_verdict(evaluation))
+    simple = bool(words.plain_verdict(evaluation))
     scenes = scenes_of(evaluation) if simple else []
     if scenes:
         report.movie(
@@ -159,19 +134,19 @@ def add_evaluation(report: Report, evaluation: Evaluation, part: bool = False) -
             'of the recording. The orange arrow is the torque that the person applies; the curve '
             'below shows it over time. Peaks are means over the repetitions, here those of this '
             'direction, in the boxes below those of both.')
-    tiles = plain_tiles(evaluation) if simple else _tiles(evaluation)
+    tiles = words.plain_tiles(evaluation) if simple else _tiles(evaluation)
     if tiles:
         report.numbers(tiles)
     if simple:
         report.heading('In detail', level)
-        report.text(summary(evaluation))
+        report.text(words.summary(evaluation))
     elif part:
-        report.text(remarks(evaluation))
+        report.text(words.remarks(evaluation))
     torque = ' and back-driving torque' if evaluation.measured else ''
     report.figure(
         evaluation_figure(evaluation),
         f'Trajectory{torque}, average and standard deviation over the repetitions, synchronised '
-        "at the start of the movement (style of the note's Fig. 5).", interactive=True)
+        "at the start of the movement (style of the note's Fig. 5).")
     report.heading('Conditions', level)
     _add_conditions(report, evaluation)
     if evaluation.comparisons:
@@ -191,11 +166,11 @@ def _add_conditions(report: Report, evaluation: Evaluation) -> None:
         if not shown:
             continue
         report.table(
-            ['condition', '', *counts, *map(heading, shown)],
-            [[nonbreaking_label(evaluation, c.compensation),
+            ['condition', '', *counts, *map(words.heading, shown)],
+            [[words.nonbreaking_label(evaluation, c.compensation),
               '+' if c.movement == 'positive' else '\u2212',
               *[c.repetitions, f'{c.false_starts}\u00a0({_percent(c.false_start_share)})'][
-                  :len(counts)], *(figure_text(c, name) for name in shown)]
+                  :len(counts)], *(words.figure_text(c, name) for name in shown)]
              for c in evaluation.conditions],
             f'{title}: mean over the repetitions ± half its 95 % confidence interval, for '
             'movements in the positive (+) and negative (\u2212) direction.')
@@ -215,12 +190,12 @@ def _add_comparisons(report: Report, evaluation: Evaluation) -> None:
     report.table(
         ['measure', 'first condition', 'second condition', 'pairs', 'first mean', 'second mean',
          'difference', 'effect size (d_z)', 'p'],
-        [[heading(c.figure), nonbreaking_label(evaluation, c.first),
-          nonbreaking_label(evaluation, c.second), c.pairs, *(
-              peak_text(mean, evaluation.stuck(condition) * (c.figure == 'peak_torque'))
+        [[words.heading(c.figure), words.nonbreaking_label(evaluation, c.first),
+          words.nonbreaking_label(evaluation, c.second), c.pairs, *(
+              words.peak_text(mean, evaluation.stuck(condition) * (c.figure == 'peak_torque'))
               for mean, condition in ((c.mean_first, c.first), (c.mean_second, c.second))),
-          with_interval(c.difference), with_interval(effect_size(c)),
-          p_value_text(c.p_value)] for c in shown],
+          words.with_interval(c.difference), words.with_interval(effect_size(c)),
+          words.p_value_text(c.p_value)] for c in shown],
         'A pair is the n-th repetition under each of the two conditions, in the same direction; '
         'means are over the pairs.')
     omitted = len(evaluation.comparisons) - len(shown)
@@ -237,14 +212,14 @@ def _add_trends(report: Report, evaluation: Evaluation) -> None:
     for figure in dict.fromkeys(trend.figure for trend in evaluation.trends):
         trends = [trend for trend in evaluation.trends if trend.figure == figure]
         report.figure(trend_figure(trends, evaluation),
-                      f"{heading(figure)}: each day's mean with its 95 % interval. A line is "
+                      f"{words.heading(figure)}: each day's mean with its 95 % interval. A line is "
                       'drawn where the trend is significant.')
         report.table(
             ['condition', 'days', 'first', 'last', 'change per week', 'p'],
-            [[nonbreaking_label(evaluation, t.compensation), len(t.days),
-              with_interval(next(iter(t.days.values()))),
-              with_interval(list(t.days.values())[-1]), with_interval(t.per_week),
-              p_value_text(t.p_value)] for t in trends],
+            [[words.nonbreaking_label(evaluation, t.compensation), len(t.days),
+              words.with_interval(next(iter(t.days.values()))),
+              words.with_interval(list(t.days.values())[-1]), words.with_interval(t.per_week),
+              words.p_value_text(t.p_value)] for t in trends],
             'The change is the slope of a straight line through the daily means.')
 
 
@@ -252,8 +227,8 @@ def verdicts(evaluations: Sequence[Evaluation]) -> str:
     """Return the verdict on each of several joints, once for joints with the same verdict."""
     joints: dict[str, list[str]] = {}
     for evaluation in evaluations:
-        joints.setdefault(
-            plain_verdict(evaluation) or verdict(evaluation), []).append(evaluation.joint)
+        text = words.plain_verdict(evaluation) or words.verdict(evaluation)
+        joints.setdefault(text, []).append(evaluation.joint)
     return '\n\n'.join(f'**{", ".join(names)}.** {text}' for text, names in joints.items())
 
 
@@ -272,16 +247,14 @@ def evaluation_report(evaluations: Sequence[Evaluation], title: str = '', result
     report = Report(
         title or f'{"Back-driving torque" if torque else "Movements"} of {joints}',
         f'{count} movements from {len(recordings)} recording{"s" if len(recordings) > 1 else ""}')
-    if len(evaluations) == 1:
-        report.verdict(result or plain_verdict(evaluations[0]) or summary(evaluations[0]))
-        begin(report)
-        add_evaluation(report, evaluations[0])
-    else:
-        report.verdict(result or verdicts(evaluations))
-        begin(report)
-        for evaluation in evaluations:
+    several = len(evaluations) > 1
+    report.verdict(result or (verdicts(evaluations) if several else words.plain_verdict(
+        evaluations[0]) or words.summary(evaluations[0])))
+    begin(report)
+    for evaluation in evaluations:
+        if several:
             report.heading(f'Joint {evaluation.joint}')
-            add_evaluation(report, evaluation, part=True)
+        add_evaluation(report, evaluation, part=several)
     report.heading('Sources')
     listed = [f'recording `{name}`' for name in recordings[:_MOST_RECORDINGS]]
     if len(recordings) > _MOST_RECORDINGS:
@@ -298,9 +271,9 @@ def _tiles(evaluation: Evaluation) -> list[tuple[str, str]]:
     """Return the peak torque of each condition, for a page without a pair to compare."""
     conditions = dict.fromkeys(
         c.compensation for c in evaluation.conditions if c.compensation.announced >= 0)
-    return [(f'{peak_text(peak, evaluation.stuck(condition))} N·m',
-             f'peak, {nonbreaking_label(evaluation, condition)}') for condition in conditions
-            if np.isfinite(peak := evaluation.peak_of(condition))][:_MOST_TILES]
+    return [(f'{words.peak_text(peak, evaluation.stuck(condition))} N·m',
+             f'peak, {words.nonbreaking_label(evaluation, condition)}') for condition in conditions
+            if np.isfinite(peak := evaluation.mean_of('peak_torque', condition))][:_MOST_TILES]
 
 
 def _percent(share: Interval) -> str:

@@ -5,26 +5,26 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, TYPE_CHECKING
+from typing import NamedTuple
 
-from friction_comp.evaluation.repetitions import FIGURES
+from friction_comp.evaluation.compare import Comparison, Trend
+from friction_comp.evaluation.conditions import Condition, Evaluation
+from friction_comp.evaluation.intervals import Interval
+from friction_comp.evaluation.repetitions import Compensation, FIGURES
 from friction_comp.reports.html import number
-
-if TYPE_CHECKING:
-    from friction_comp.evaluation.compare import Comparison, Trend
-    from friction_comp.evaluation.conditions import Condition, Evaluation
-    from friction_comp.evaluation.intervals import Interval
-    from friction_comp.evaluation.repetitions import Compensation
 
 
 class _Peaks(NamedTuple):
     """The two compared conditions, their peak torques and the change as text, and the test."""
 
     pair: tuple[Compensation, Compensation]
-    before: str
-    after: str
+    torques: tuple[str, str]  # N·m
     change: str
     test: Comparison | None
+
+    @property
+    def in_words(self) -> list[str]:
+        return [f'**{torque} N·m**'.replace('**> ', 'more than **') for torque in self.torques]
 
 
 def _peaks(evaluation: Evaluation) -> _Peaks | None:
@@ -32,13 +32,18 @@ def _peaks(evaluation: Evaluation) -> _Peaks | None:
     pair = evaluation.pair()
     if torques is None or change is None or pair is None:
         return None
-    before, after = (
-        f'{"more than " if evaluation.stuck(condition) else ""}**{number(torque)} N·m**'
-        for torque, condition in zip(torques, pair))
     test = next((c for c in evaluation.comparisons if c.figure == 'peak_torque'
                  and (c.first, c.second) == pair), None)
-    return _Peaks(pair, before, after, f'{"at least " if evaluation.is_bound else ""}'
+    before, after = (peak_text(torque, evaluation.stuck(condition))
+                     for torque, condition in zip(torques, pair))
+    return _Peaks(pair, (before, after), f'{"at least " if evaluation.is_bound else ""}'
                   f'**{abs(100 * change):.0f} % {"less" if change >= 0 else "more"}**', test)
+
+
+def compared_peaks(evaluation: Evaluation) -> tuple[str, str] | None:
+    """Return the peak torques without and with the announced direction as text, N·m."""
+    peaks = _peaks(evaluation)
+    return peaks and peaks.torques
 
 
 def plain_names(pair: tuple[Compensation, Compensation]) -> tuple[str, str]:
@@ -52,21 +57,22 @@ def plain_verdict(evaluation: Evaluation) -> str:
     if peaks is None:
         return ''
     without = 'without help' if peaks.pair[0].law == 'none' else 'when it does not'
+    before, after = peaks.in_words
     chance = '' if peaks.test is not None and peaks.test.significant else (
         ' With so few repetitions this may be chance; record more to be sure.')
-    return (f'When the robot knows the direction, the person needs {peaks.after} to set the joint '
-            f'in motion, and {peaks.before} {without}: {peaks.change}.{chance}')
+    return (f'When the robot knows the direction, the person needs {after} to set the joint '
+            f'in motion, and {before} {without}: {peaks.change}.{chance}')
 
 
 def plain_tiles(evaluation: Evaluation) -> list[tuple[str, str]]:
     """Return the torque without and with help and the number of false starts."""
-    peaks, pair = compared_peaks(evaluation), evaluation.pair()
-    if peaks is None or pair is None:
+    peaks = _peaks(evaluation)
+    if peaks is None:
         return []
     starts = sum(c.false_starts for c in evaluation.conditions)
-    return [(f'{peaks[0]} N·m', 'to set the joint in motion ' + (
-        'without help' if pair[0].law == 'none' else 'when the direction is not known')),
-        (f'{peaks[1]} N·m', 'to set it in motion when the robot knows the direction'),
+    return [(f'{peaks.torques[0]} N·m', 'to set the joint in motion ' + (
+        'without help' if peaks.pair[0].law == 'none' else 'when the direction is not known')),
+        (f'{peaks.torques[1]} N·m', 'to set it in motion when the robot knows the direction'),
         (str(starts), 'times the joint started by itself')]
 
 
@@ -112,14 +118,14 @@ def verdict(evaluation: Evaluation) -> str:
         return ('The effect of announcing the direction is unknown: no movement was recorded both '
                 'with it (d = ±1) and without (d = 0, or no compensation). All comparisons are '
                 'below.')
-    first, second = peaks.pair
+    (first, second), (before, after) = peaks.pair, peaks.in_words
     plain, assisted = 'without (d = 0)', 'the direction announced (d = ±1)'
     if (first.law, first.model) != (second.law, second.model):
         plain_label, label = (' · '.join(evaluation.names_of(condition)[1:])
                               or 'a law that was not recorded' for condition in peaks.pair)
         plain, assisted = f'with {plain_label}', f'the direction announced (d = ±1, {label})'
-    text = (f'With {assisted} it took {peaks.after} to set the joint in motion instead of '
-            f'{peaks.before} {plain}: {peaks.change}')
+    text = (f'With {assisted} it took {after} to set the joint in motion instead of '
+            f'{before} {plain}: {peaks.change}')
     test = peaks.test
     if test is None or test.p_value is None:
         return text + ', from too few repetitions to rule out chance.'
@@ -154,16 +160,6 @@ def condition_line(condition: Condition) -> str:
         count += f', in {condition.stuck} the joint did not move'
     return (f'{condition.compensation.label}, {condition.movement} movement ({count}): '
             f'{", ".join(figures)}')
-
-
-def compared_peaks(evaluation: Evaluation) -> tuple[str, str] | None:
-    """Return the peak torques without and with the announced direction as text, N·m."""
-    torques, pair = evaluation.compared('peak_torque'), evaluation.pair()
-    if torques is None or pair is None:
-        return None
-    before, after = (peak_text(value, evaluation.stuck(condition))
-                     for value, condition in zip(torques, pair))
-    return before, after
 
 
 def figure_text(condition: Condition, name: str) -> str:

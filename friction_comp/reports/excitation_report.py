@@ -6,20 +6,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 import itertools
-from typing import TYPE_CHECKING
 
+from matplotlib.figure import Figure
 import numpy as np
 
+from friction_comp.excitation.improve import Improvement
 from friction_comp.excitation.plan import JointPlan
 from friction_comp.excitation.separation import Pair
-from friction_comp.reports.figures import COLOURS, new_figure, styled
+from friction_comp.reports.figures import COLOURS, curve, new_figure, styled
 from friction_comp.reports.html import quantity, Report
 from friction_comp.reports.refinement_report import effect_names
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from friction_comp.excitation.improve import Improvement
 
 _RATE = 50.0  # of the drawn curves, Hz
 
@@ -59,18 +55,17 @@ def _pair_text(pair: Pair) -> str:
 @styled
 def _plan_figure(plan: JointPlan) -> Figure:
     motion, limits = plan.samples(_RATE), plan.limits
-    figure, axes = new_figure(1, 2, height=3.2)
-    axes[0].plot(motion.time, motion.position, color=COLOURS['blue'], label='position (rad)')
-    axes[0].plot(motion.time, motion.velocity, color=COLOURS['orange'], linewidth=0.8,
-                 label='velocity (rad/s)')
-    axes[0].set_xlabel('time (s)')
-    axes[0].legend(loc='lower left', bbox_to_anchor=(0.0, 1.0), ncols=2)
-    axes[1].plot(motion.position, motion.velocity, '.', color=COLOURS['blue'], markersize=2.0)
+    figure, (left, right) = new_figure(columns=2, height=3.2)
+    curve(left, motion.time, motion.position, 'blue', 'position (rad)')
+    curve(left, motion.time, motion.velocity, 'orange', 'velocity (rad/s)', linewidth=0.8)
+    left.set_xlabel('time (s)')
+    left.legend(loc='lower left', bbox_to_anchor=(0.0, 1.0), ncols=2)
+    curve(right, motion.position, motion.velocity, 'blue', style='.', markersize=2.0)
     for value in (limits.lowest, limits.highest):
-        axes[1].axvline(value, color=COLOURS['grey'], linestyle='--', linewidth=0.8)
+        right.axvline(value, color=COLOURS['grey'], linestyle='--', linewidth=0.8)
     for value in (-limits.velocity, limits.velocity):
-        axes[1].axhline(value, color=COLOURS['grey'], linestyle='--', linewidth=0.8)
-    axes[1].set(xlabel='position (rad)', ylabel='velocity (rad/s)')
+        right.axhline(value, color=COLOURS['grey'], linestyle='--', linewidth=0.8)
+    right.set(xlabel='position (rad)', ylabel='velocity (rad/s)')
     return figure
 
 
@@ -116,16 +111,15 @@ def improvement_report(improvement: Improvement, names: Sequence[str]) -> Report
 @styled
 def _rounds_figure(improvement: Improvement, unit: str) -> Figure:
     rounds = improvement.rounds
-    figure, axes = new_figure(1, 1, height=2.6)
+    figure, axes = new_figure(height=2.6, x='round', y=f'RMS error in motion ({unit})')
     numbers = range(1, len(rounds) + 1)
-    axes.plot(numbers, [round_.predicted_rmse for round_ in rounds], 'o-', color=COLOURS['orange'],
-              label='prediction, before the fit')
-    axes.plot(numbers, [round_.held_out_rmse for round_ in rounds], 's-', color=COLOURS['blue'],
-              label='held out, after the fit')
+    curve(axes, numbers, [one.predicted_rmse for one in rounds], 'orange',
+          'prediction, before the fit', 'o-')
+    curve(axes, numbers, [one.held_out_rmse for one in rounds], 'blue', 'held out, after the fit',
+          's-')
     axes.axhline(improvement.result.report.noise_floor, color='0.5', linestyle='--')
-    largest = np.nanmax([(round_.predicted_rmse, round_.held_out_rmse) for round_ in rounds])
+    largest = np.nanmax([(one.predicted_rmse, one.held_out_rmse) for one in rounds])
     axes.set_ylim(0.0, 1.25 * float(largest))
     axes.set_xticks(list(numbers))
-    axes.set(xlabel='round', ylabel=f'RMS error in motion ({unit})')
     axes.legend(loc='upper right', ncols=2)
     return figure

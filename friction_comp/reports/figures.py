@@ -4,20 +4,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import wraps
+from html import escape
 import io
+import json
 import re
-from typing import Any, ParamSpec, TYPE_CHECKING, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 from cycler import cycler
 import matplotlib as mpl
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 import numpy as np
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 P = ParamSpec('P')
 T = TypeVar('T')
@@ -29,9 +30,9 @@ COLOURS = {
 }
 # Placeholder for the page's text colour, which replaces it in the SVG.
 INK = '#1a2b3d'
-# Size of an SVG from which a bitmap is used instead, characters.
-_LARGEST_SVG = 700_000
-_MOST_DOTS = 6000
+_MOST_DOTS, _MOST_MARKERS = 6000, 1500
+# Stretches of a long curve, each drawn with its lowest and highest point: two for each pixel.
+_STRETCHES = 1000
 
 _STYLE: dict[Any, Any] = {
     'axes.prop_cycle': cycler(color=list(COLOURS.values())),
@@ -60,15 +61,28 @@ def styled(draw: Callable[P, T]) -> Callable[P, T]:
 
 @styled
 def new_figure(rows: int = 1, columns: int = 1, width: float = 8.0, height: float = 3.0,
-               **options: Any) -> tuple[Figure, Any]:
+               x: str = '', y: str | Sequence[str] = '', **options: Any) -> tuple[Figure, Any]:
     """Create a figure with a grid of axes, an ndarray of them where there are several.
 
-    `width` is that of the figure and `height` that of one row, inches; `options` are further
-    arguments of ``Figure.subplots``, such as ``sharex=True``.
+    `width` is that of the figure and `height` that of one row, inches; `x` labels the lowest axes,
+    and `y` those on the left, all or row by row; `options` are further arguments of
+    ``Figure.subplots``, such as ``sharex=True``.
     """
     figure = Figure(figsize=(width, height * rows), layout='constrained')
     FigureCanvasAgg(figure)
-    return figure, figure.subplots(rows, columns, **options)
+    axes = figure.subplots(rows, columns, **options)
+    grid = np.reshape(axes, (rows, columns))
+    for lowest in grid[-1]:
+        lowest.set_xlabel(x)
+    for leftmost, label in zip(grid[:, 0], [y] * rows if isinstance(y, str) else y):
+        leftmost.set_ylabel(label)
+    return figure, axes
+
+
+def curve(axes: Axes, x: Any, y: Any, colour: str, label: str | None = None, style: str = '-',
+          **options: Any) -> None:
+    """Draw a line or markers in a colour of COLOURS; `style` is Matplotlib's format."""
+    axes.plot(x, y, style, color=COLOURS[colour], label=label, **options)
 
 
 def band(axes: Axes, x: np.ndarray, mean: np.ndarray, spread: np.ndarray, colour: str,
@@ -77,7 +91,7 @@ def band(axes: Axes, x: np.ndarray, mean: np.ndarray, spread: np.ndarray, colour
     x, mean, spread = thin(x, mean, spread)
     axes.fill_between(
         x, mean - spread, mean + spread, color=COLOURS[colour], alpha=0.22, linewidth=0)
-    axes.plot(x, mean, color=COLOURS[colour], label=label)
+    curve(axes, x, mean, colour, label)
 
 
 def thin(x: np.ndarray, *curves: np.ndarray, points: int = 800) -> tuple[np.ndarray, ...]:
@@ -86,30 +100,35 @@ def thin(x: np.ndarray, *curves: np.ndarray, points: int = 800) -> tuple[np.ndar
     return tuple(np.asarray(values)[::step] for values in (x, *curves))
 
 
+def thin_extremes(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Thin out a long curve to the lowest and highest point of each stretch, to keep its peaks."""
+    if len(x) <= 2 * _STRETCHES:
+        return x, y
+    edges = np.linspace(0, len(x), _STRETCHES + 1).astype(int)
+    chosen = []
+    for first, last in zip(edges[:-1], edges[1:]):
+        part = y[first:last]
+        if np.isfinite(part).any():
+            chosen += [first + int(np.nanargmin(part)), first + int(np.nanargmax(part))]
+        else:
+            # One NaN keeps the gap.
+            chosen.append(first)
+    indices = np.unique(chosen)
+    return x[indices], y[indices]
+
+
 def scatter(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str, label: str | None = None
             ) -> None:
     """Draw measured points as small dots, a random sample where there are too many."""
     if len(x) > _MOST_DOTS:
         chosen = np.sort(np.random.default_rng(0).choice(len(x), _MOST_DOTS, replace=False))
         x, y = x[chosen], y[chosen]
-    axes.plot(x, y, '.', color=COLOURS[colour], markersize=3.0, alpha=0.45, label=label,
-              markeredgewidth=0, rasterized=True)
+    curve(axes, x, y, colour, label, '.', markersize=3.0, alpha=0.45, markeredgewidth=0,
+          rasterized=True)
 
 
 def to_svg(figure: Figure) -> str:
     """Return a figure as SVG in the page's text colour, without external files or scripts."""
-    text = _saved(figure, format='svg', metadata={'Date': None, 'Creator': None}).decode()
-    text = text[text.index('<svg'):]
-    text = re.sub(r'<metadata>.*?</metadata>\s*', '', text, flags=re.DOTALL)
-    return text.replace(INK, 'currentColor')
-
-
-def to_png(figure: Figure) -> bytes:
-    """Return a figure as PNG on white."""
-    return _saved(figure, format='png', facecolor='white')
-
-
-def _saved(figure: Figure, **options: Any) -> bytes:
     stream = io.BytesIO()
     with mpl.rc_context({**_STYLE, 'svg.hashsalt': 'friction_comp'}):
         # Run the layout engine once: otherwise saving draws twice.
@@ -117,11 +136,80 @@ def _saved(figure: Figure, **options: Any) -> bytes:
         if engine is not None:
             engine.execute(figure)
             figure.set_layout_engine(None)
-        figure.savefig(stream, dpi=160, **options)
-    return stream.getvalue()
+        figure.savefig(stream, dpi=160, format='svg', metadata={'Date': None, 'Creator': None})
+    text = stream.getvalue().decode()
+    text = text[text.index('<svg'):]
+    text = re.sub(r'<metadata>.*?</metadata>\s*', '', text, flags=re.DOTALL)
+    return text.replace(INK, 'currentColor')
 
 
-def for_page(figure: Figure) -> str | bytes:
-    """Return a figure as SVG text, or as PNG bytes where the SVG would be too large."""
+def to_file(figure: Figure, title: str, description: str) -> str:
+    """Return a figure as the content of an SVG file for light and dark pages."""
     text = to_svg(figure)
-    return text if len(text) <= _LARGEST_SVG else to_png(figure)
+    start = text.index('>') + 1
+    return f"""{text[:start]}
+<!-- Copyright 2026 The friction_comp authors, SPDX-License-Identifier: Apache-2.0 -->
+<title>{title}</title>
+<desc>{description}</desc>
+<style>
+  svg {{ color: {INK}; background: #ffffff }}
+  @media (prefers-color-scheme: dark) {{ svg {{ color: #e4e9ee; background: #161c22 }} }}
+</style>{text[start:]}"""
+
+
+def for_page(figure: Figure) -> tuple[str, str]:
+    """Return a figure as SVG for a page, and a note on curves that are thinned out.
+
+    The attribute ``data-panels`` tells the page's script, `curves.js`, what the axes show.
+    """
+    panels, longest = [axes for axes in figure.axes if axes.axison], 0
+    for k, axes in enumerate(panels):
+        axes.set_gid(f'panel-{k}')
+        for j, line in enumerate(_curves(axes)):
+            line.set_gid(f'curve-{k}-{j}')
+            longest = max(longest, _lighten(line))
+    text = to_svg(figure)
+    described = escape(json.dumps([_panel(axes) for axes in panels], ensure_ascii=False))
+    # A thousandth of a point is finer than any screen.
+    text = re.sub(r'([ML] -?\d+\.\d{3})\d*( -?\d+\.\d{3})\d*', r'\1\2', text)
+    note = (f' Curves have up to {longest} points: the lowest and highest of each of {_STRETCHES} '
+            'stretches are drawn.') if longest > 2 * _STRETCHES else ''
+    return text.replace('<svg ', f'<svg data-panels="{described}" ', 1), note
+
+
+def _curves(axes: Axes) -> list[Line2D]:
+    """Return the lines with data, without those from ``axhline`` and ``axvline``."""
+    return [line for line in axes.lines if line.get_transform() is axes.transData]
+
+
+def _lighten(line: Line2D) -> int:
+    """Thin out a long curve, or draw many dots as pixels; return a curve's number of points."""
+    points = np.asarray(line.get_xydata(), dtype=float)
+    if line.get_linestyle() == 'None':
+        line.set_rasterized(line.get_rasterized() or len(points) > _MOST_MARKERS)
+        return 0
+    line.set_data(*thin_extremes(*points.T))
+    return len(points)
+
+
+def _panel(axes: Axes) -> dict[str, Any]:
+    """Return the place of axes in the drawing, their scales, and the names of their curves."""
+    figure: Any = axes.get_figure()
+    width, height = 72.0 * figure.get_size_inches()
+    place = axes.get_position()
+    names = [str(line.get_label()) for line in _curves(axes)]
+    return {
+        'box': [place.x0 * width, (1.0 - place.y1) * height, place.width * width,
+                place.height * height],
+        'scales': [_scale(axes, figure.axes, name) for name in ('x', 'y')],
+        'names': ['' if name.startswith('_') else name for name in names]}
+
+
+def _scale(axes: Axes, panels: list[Axes], name: str) -> dict[str, Any]:
+    """Return limits and label of an axis, and the first of the panels that share it."""
+    shared: Any = getattr(axes, f'get_shared_{name}_axes')()
+    together = [one for one in panels if one is axes or shared.joined(axes, one)]
+    labels = [getattr(one, f'get_{name}label')() for one in (axes, *together)]
+    return {'limits': [float(end) for end in getattr(axes, f'get_{name}lim')()],
+            'log': getattr(axes, f'get_{name}scale')() == 'log',
+            'label': next(filter(None, labels), ''), 'group': panels.index(together[0])}

@@ -5,18 +5,16 @@
 from __future__ import annotations
 
 import math
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 import numpy as np
 
 from friction_comp.fleet.new_unit import NewUnit
 from friction_comp.fleet.population import ParameterSpread, Population, UnitValue
 from friction_comp.reports.figures import COLOURS, new_figure, styled
-from friction_comp.reports.html import number, quantity, Report
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from friction_comp.reports.html import interval_text, number, quantity, Report
 
 # Units up to which each has a row in a table, and its name and interval in the figure.
 _MOST_ROWS, _MOST_NAMES = 100, 60
@@ -50,8 +48,8 @@ def add_fleet(page: Report, population: Population) -> None:
         page.table(
             ['unit', 'parameter', 'value', '95 % interval', 'population', 'range of 95 % of units',
              'unit', 'probability by chance'],
-            [[value.unit, parameter.name, value.value, _interval(value.interval), parameter.mean,
-              _interval(parameter.range), parameter.unit, f'{value.p:.1g}'] for parameter, value in
+            [[value.unit, one.name, value.value, interval_text(value.interval), one.mean,
+              interval_text(one.range), one.unit, f'{value.p:.1g}'] for one, value in
              sorted(out, key=lambda entry: (entry[1].unit, entry[1].p))],
             'Units that are out, and by what. The probability is that of such a deviation of one '
             'unit in one parameter.')
@@ -61,8 +59,8 @@ def add_fleet(page: Report, population: Population) -> None:
     page.table(
         ['parameter', 'mean', '95 % interval', 'unit', 'spread', '95 % interval',
          'range of 95 % of units', 'varies'],
-        [[one.name, one.mean, _interval(one.mean_interval), one.unit, _spread(one),
-          _spread_interval(one), _interval(one.range),
+        [[one.name, one.mean, interval_text(one.mean_interval), one.unit, _spread(one),
+          _spread_interval(one), interval_text(one.range),
           'yes' if one.varies else 'not seen'] for one in population.parameters],
         'The population, without the units that are out. The spread is the standard deviation '
         'between units, without what errors of measurement explain; "varies" says whether it can '
@@ -108,7 +106,7 @@ def new_unit_report(new: NewUnit, population: Population) -> Report:
     page.table(
         ['coefficient', 'this unit', '95 % interval', 'population', 'told by the recording',
          'probability by chance'],
-        [[name, value, _interval((value - 1.96 * error, value + 1.96 * error)), mean,
+        [[name, value, interval_text((value - 1.96 * error, value + 1.96 * error)), mean,
           f'{100.0 * told:.0f} %', number(p, 2)] for name, value, error, mean, told, p in zip(
               new.names, new.values.tolist(), new.errors, population.prior.mean, new.told,
               new.p.tolist())],
@@ -122,15 +120,14 @@ def new_unit_report(new: NewUnit, population: Population) -> Report:
 @styled
 def _figure(population: Population) -> Figure:
     parameters, count = population.parameters, len(population.units)
-    figure, axes = new_figure(len(parameters), 1, width=8.4, height=1.35, sharex=True)
-    for one, axis in zip(parameters, np.atleast_1d(axes)):
+    figure, axes = new_figure(
+        len(parameters), width=8.4, height=1.35, sharex=True, squeeze=False,
+        x='' if count <= _MOST_NAMES else 'units, in the order of their names')
+    for one, axis in zip(parameters, axes[:, 0]):
         _draw(axis, one, count)
-    last = np.atleast_1d(axes)[-1]
-    last.set_xlim(-1.0, count)
+    axes[-1, 0].set_xlim(-1.0, count)
     if count <= _MOST_NAMES:
-        last.set_xticks(range(count), population.units, rotation=90, fontsize=6.5)
-    else:
-        last.set_xlabel('units, in the order of their names')
+        axes[-1, 0].set_xticks(range(count), population.units, rotation=90, fontsize=6.5)
     return figure
 
 
@@ -166,15 +163,10 @@ def _spread(one: ParameterSpread) -> str:
 
 def _spread_interval(one: ParameterSpread) -> str:
     if one.scale == 'logarithmic':
-        low, high = (number(100.0 * math.expm1(end), 2) for end in one.spread_interval)
-        return f'{low} to {high} %'
-    return f'{_interval(one.spread_interval, 2)} {one.unit}'
-
-
-def _interval(ends: tuple[float, float], digits: int = 3) -> str:
-    return f'{number(ends[0], digits)} to {number(ends[1], digits)}'
+        return f'{interval_text([100.0 * math.expm1(end) for end in one.spread_interval], 2)} %'
+    return f'{interval_text(one.spread_interval, 2)} {one.unit}'
 
 
 def _cell(value: UnitValue) -> Any:
-    text = f'{number(value.value)} ({_interval(value.interval)})'
+    text = f'{number(value.value)} ({interval_text(value.interval)})'
     return f'**{text}**' if value.out else text

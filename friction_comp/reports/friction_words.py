@@ -5,12 +5,10 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, TYPE_CHECKING
+from typing import NamedTuple
 
+from friction_comp.refinement.result import FrictionNumbers
 from friction_comp.reports.html import number
-
-if TYPE_CHECKING:
-    from friction_comp.refinement.result import FrictionNumbers
 
 # Name and unit of each number, A standing for the unit of current.
 _NAMES = {'coulomb': ('Coulomb', 'A'), 'viscous': ('viscous', 'A·s/rad'),
@@ -29,22 +27,16 @@ class NumberRow(NamedTuple):
 
 def number_rows(friction: FrictionNumbers) -> list[NumberRow]:
     """Return a row for each number."""
-    unit, gain = friction.unit, friction.torque_per_current
-    rows = []
-    for key in ('coulomb', 'viscous', 'offset'):
-        remark = ''
-        if friction.offset is None and key in ('coulomb', 'offset'):
-            remark = {'coulomb': 'with the offset: the motion was in one direction',
-                      'offset': 'not known: the motion was in one direction'}[key]
-        rows.append(_row(friction, key, remark))
-    rows += _breakaway_rows(friction, unit, gain)
+    remarks = {} if friction.offset is not None else {
+        'coulomb': 'with the offset: the motion was in one direction',
+        'offset': 'not known: the motion was in one direction'}
+    rows = [_row(friction, key, remarks.get(key, '')) for key in ('coulomb', 'viscous', 'offset')]
+    rows += _breakaway_rows(friction)
     value, ends = friction.transition, friction.intervals.get('transition')
     rows.append(NumberRow('transition', *_texts(value, ends, 'rad/s'), '',
                           'speed over which friction changes sign'))
-    if friction.inertia is None:
-        rows.append(NumberRow('inertia', '–', '', '', 'not found in the recordings'))
-    else:
-        rows.append(_row(friction, 'inertia', f'of {friction.inertia_holds}'))
+    rows.append(_row(friction, 'inertia', 'not found in the recordings' if friction.inertia is None
+                     else f'of {friction.inertia_holds}'))
     return rows
 
 
@@ -64,8 +56,8 @@ def _row(friction: FrictionNumbers, key: str, remark: str) -> NumberRow:
     return NumberRow(name, *_texts(value, ends, own), torque, remark)
 
 
-def _breakaway_rows(friction: FrictionNumbers, unit: str, gain: float | None) -> list[NumberRow]:
-    known = friction.breakaway
+def _breakaway_rows(friction: FrictionNumbers) -> list[NumberRow]:
+    known, unit, gain = friction.breakaway, friction.unit, friction.torque_per_current
     if known is None:
         return [NumberRow('breakaway', '–', '', '',
                           'not known: identification measures it with current ramps')]
@@ -99,10 +91,6 @@ def number_lines(friction: FrictionNumbers) -> list[str]:
     """Return the rows as aligned lines for a terminal."""
     rows = number_rows(friction)
     width = max(len(row.value) for row in rows)
-    lines = []
-    for row in rows:
-        interval = f'({row.interval})' if row.interval else ''
-        parts = [f'{row.name:<12}{row.value:<{width}}', interval, row.torque and f'= {row.torque}',
-                 row.remark]
-        lines.append('  '.join(part for part in parts if part).rstrip())
-    return lines
+    return ['  '.join(filter(None, (
+        f'{row.name:<12}{row.value:<{width}}', row.interval and f'({row.interval})',
+        row.torque and f'= {row.torque}', row.remark))).rstrip() for row in rows]

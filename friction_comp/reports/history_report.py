@@ -5,16 +5,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
+from matplotlib.figure import Figure
 import numpy as np
 
 from friction_comp.evaluation.drive_history import RecordedFriction
-from friction_comp.reports.figures import COLOURS, new_figure, styled
+from friction_comp.reports.figures import COLOURS, curve, new_figure, styled
 from friction_comp.reports.html import quantity, Report
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 # Largest number of dates on the axis of the figure.
 _MOST_LABELS = 16
@@ -51,20 +48,18 @@ def history_report(model: str, recordings: Sequence[RecordedFriction],
 def _figure(recordings: Sequence[RecordedFriction], notes: Sequence[tuple[str, str]],
             errors: Sequence[float], unit: str) -> Figure:
     warm = [recording.temperature for recording in recordings]
+    labels = ['friction\n(% of the model)', f'error ({unit})', 'motor (°C)']
     rows = 2 + any(value is not None for value in warm)
-    figure, axes = new_figure(rows, 1, height=2.1, sharex=True)
+    figure, axes = new_figure(rows, height=2.1, y=labels[:rows], sharex=True)
     order = np.arange(1, len(recordings) + 1)
     axes[0].errorbar(order, [100.0 * recording.level for recording in recordings],
                      [196.0 * recording.level_error for recording in recordings], fmt='o',
                      color=COLOURS['blue'], capsize=3)
     axes[0].axhline(100.0, color=COLOURS['grey'], linewidth=0.8)
-    axes[0].set_ylabel('friction\n(% of the model)')
-    axes[1].plot(order, errors, 'o', color=COLOURS['orange'])
+    curve(axes[1], order, errors, 'orange', style='o')
     axes[1].set_ylim(0.0, 1.2 * max(errors))
-    axes[1].set_ylabel(f'error ({unit})')
     if rows == 3:
-        axes[2].plot(order, np.array(warm, dtype=float), 'o', color=COLOURS['red'])
-        axes[2].set_ylabel('motor (°C)')
+        curve(axes[2], order, np.array(warm, dtype=float), 'red', style='o')
     for day, _ in notes:
         before = sum(recording.day < day for recording in recordings)
         for each in axes:

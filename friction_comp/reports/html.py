@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -13,23 +12,19 @@ from html import escape
 import math
 from pathlib import Path
 import re
-from typing import Any, NamedTuple, TYPE_CHECKING
+from typing import Any, NamedTuple
 from urllib.parse import quote
 
 from markdown_it import MarkdownIt
+from markdown_it.rules_core import StateCore
+from matplotlib.figure import Figure
 from matplotlib.text import Text
 import numpy as np
 
 from friction_comp import __version__
 from friction_comp.files import write_atomically
 from friction_comp.reports.figures import for_page
-from friction_comp.reports.interactive import bokeh_is_installed, interactive_plot, library
 from friction_comp.units import in_own_units
-
-if TYPE_CHECKING:
-    from markdown_it.rules_core import StateCore
-    from matplotlib.figure import Figure
-
 
 _LINEAR: ContextVar[bool] = ContextVar('linear', default=False)
 
@@ -74,8 +69,6 @@ class Report:
     title : str
     subtitle : str
         One line under the title.
-    interactive : bool
-        Whether figures may be interactive plots.
 
     Examples
     --------
@@ -86,10 +79,9 @@ class Report:
     True
     """
 
-    def __init__(self, title: str, subtitle: str = '', interactive: bool = True) -> None:
+    def __init__(self, title: str, subtitle: str = '') -> None:
         self.title = title
         self.subtitle = subtitle
-        self._interactive = interactive
         self._parts: list[str] = []
         self._sections: list[str] = []
         self._figures = 0
@@ -151,48 +143,30 @@ class Report:
             f'<div class="wide" tabindex="0"><table>{title}<thead><tr>{head}</tr></thead>'
             f'<tbody>{body}</tbody></table></div>')
 
-    def figure(self, figure: Figure, caption: str, interactive: bool = False) -> None:
+    def figure(self, figure: Figure, caption: str) -> None:
         """Add a figure with a text below it, which screen readers read in place of the figure.
 
-        Parameters
-        ----------
-        figure : matplotlib.figure.Figure
-        caption : str
-        interactive : bool
-            Whether a plot of the same curves with hover and zoom replaces the drawing on a screen
-            where scripts run. Without Bokeh, and on paper, the drawing is shown.
+        Where scripts run, curves can be read with the pointer, and a box drawn to zoom in.
         """
         if _LINEAR.get():
             for text in figure.findobj(Text):
                 text.set_text(in_own_units(text.get_text(), True))
-        alternative = _plain(caption)
-        live, kind = '', ''
-        if interactive and self._interactive and bokeh_is_installed():
-            plot, note = interactive_plot(figure)
-            live = f'<div class="live" role="group" aria-label="{alternative}">{plot}</div>'
-            kind = ' class="two"'
-            caption += note
-            # In the head, so that the class is set before the layout and nothing jumps.
-            self._scripts['bokeh'] = (
-                "<script>document.documentElement.classList.add('scripted');</script>\n"
-                f'{library()}')
-        content = for_page(figure)
-        if isinstance(content, str):
-            # Ids must be unique among all drawings of the page.
-            content = re.sub(
-                r'( id="|href="#|url\(#)', rf'\g<1>f{self._figures + 1}-', content)
-            content = content.replace('<svg ', f'<svg role="img" aria-label="{alternative}" ', 1)
-        else:
-            data = base64.b64encode(content).decode('ascii')
-            content = f'<img alt="{alternative}" src="data:image/png;base64,{data}">'
-        self._add_figure(kind, f'<div class="drawn">{content}</div>{live}', caption)
+        drawing, note = for_page(figure)
+        # Ids must be unique among all drawings of the page.
+        drawing = re.sub(r'( id="|href="#|url\(#)', rf'\g<1>f{self._figures + 1}-', drawing)
+        drawing = drawing.replace('<svg ', f'<svg role="img" aria-label="{_plain(caption)}" ', 1)
+        self._add_script('curves')
+        self._add_figure('', drawing, caption + note)
 
     def movie(self, drawings: Sequence[str], caption: str) -> None:
         """Add animated SVG drawings, shown side by side where there is room."""
-        moving = Path(__file__).with_name('moving.js').read_text(encoding='utf-8')
-        self._scripts['movie'] = f'<script type="module">\n{moving}</script>'
+        self._add_script('moving')
         self._add_figure(' class="movie"', f'<div class="scenes">{"".join(drawings)}</div>'
                          '<button type="button" hidden>Pause</button>', caption)
+
+    def _add_script(self, name: str) -> None:
+        text = Path(__file__).with_name(f'{name}.js').read_text(encoding='utf-8')
+        self._scripts[name] = f'<script type="module">\n{text}</script>'
 
     def _add_figure(self, kind: str, content: str, caption: str) -> None:
         self._figures += 1
@@ -258,6 +232,14 @@ def number(value: float | int | None, digits: int = 3) -> str:
     magnitude = math.floor(math.log10(abs(value)))
     form = f'.{max(digits - 1 - magnitude, 0)}f' if -4 <= magnitude < 6 else f'.{digits - 1}e'
     return format(value, form).replace('-', '\u2212')
+
+
+def interval_text(ends: Sequence[float | None], digits: int = 3) -> str:
+    """Return an interval as text."""
+    low, high = ends
+    if low is None or high is None:
+        return 'not determined'
+    return f'{number(low, digits)} to {number(high, digits)}'
 
 
 def quantity(value: float, unit: str) -> str:

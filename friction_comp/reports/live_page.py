@@ -26,6 +26,7 @@ from bokeh.models import (
 from bokeh.plotting import figure
 import numpy as np
 
+from friction_comp.reports.figures import COLOURS
 from friction_comp.reports.moving_joint import still_joint
 from friction_comp.signal_checks import STANDSTILL
 
@@ -34,13 +35,13 @@ SIGNALS = ('time', 'position', 'velocity', 'reference_velocity', 'direction', 'c
 # Signals of each plot with legend and colour, distinguishable with any colour vision (Okabe and
 # Ito 2008).
 _PLOTS = (
-    ('Torque (N·m)', (('torque', 'motor, at the joint', '#0072B2'), ('load', 'person', '#D55E00'))),
-    ('Current (A)', (('current', 'measured', '#0072B2'), ('command', 'commanded', '#E69F00'),
-                     ('predicted', 'model', '#009E73'))),
-    ('Velocity (rad/s)', (('velocity', 'joint', '#0072B2'),
-                          ('reference_velocity', 'reference', '#E69F00'))),
-    ('Direction', (('direction', 'announced', '#CC79A7'),)),
-    ('Residual (A)', (('residual', 'measured − model, in motion', '#D55E00'),)))
+    ('Torque (N·m)', (('torque', 'motor, at the joint', 'blue'), ('load', 'person', 'orange'))),
+    ('Current (A)', (('current', 'measured', 'blue'), ('command', 'commanded', 'yellow'),
+                     ('predicted', 'model', 'green'))),
+    ('Velocity (rad/s)', (('velocity', 'joint', 'blue'),
+                          ('reference_velocity', 'reference', 'yellow'))),
+    ('Direction', (('direction', 'announced', 'pink'),)),
+    ('Residual (A)', (('residual', 'measured − model, in motion', 'red'),)))
 _TABLE = {'position': 'rad', 'velocity': 'rad/s', 'direction': 'd', 'current': 'A',
           'torque': 'N·m', 'load': 'N·m', 'residual': 'A'}
 _LEVELS = {'ok': '#0a7d4f', 'note': '#4a5765', 'warning': '#a85b00', 'problem': '#b3261e'}
@@ -193,7 +194,7 @@ def _plots(source: ColumnDataSource) -> list[Any]:
         for name, legend, colour in lines:
             draw = plot.step if name == 'direction' else plot.line
             # Set points are dashed.
-            draw('time', name, source=source, color=colour, line_width=1.6,
+            draw('time', name, source=source, color=COLOURS[colour], line_width=1.6,
                  line_dash=[6, 4] if name in ('command', 'reference_velocity') else 'solid',
                  legend_label=legend)
         if label == 'Direction':

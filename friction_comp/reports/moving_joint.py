@@ -46,9 +46,8 @@ class MovingScene:
 def moving_joint(scenes: Sequence[MovingScene]) -> list[str]:
     """Return an animated SVG of each scene in the page's text colour, with the same scales."""
     return [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img" '
-        f'aria-label="{escape(scene.title)}: a joint that moves as recorded; the '
-        f'person applies up to {scene.largest:.2f} N·m" {_LETTERS}>{part}</svg>'
+        _svg(_WIDTH, _HEIGHT, f'role="img" aria-label="{escape(scene.title)}: a joint that moves '
+             f'as recorded; the person applies up to {scene.largest:.2f} N·m" ', part)
         for scene, part in zip(scenes, _draw_scenes(scenes))]
 
 
@@ -56,10 +55,14 @@ def moving_picture(scenes: Sequence[MovingScene]) -> str:
     """Return the drawings of `moving_joint` as one SVG file for light and dark pages."""
     parts = ''.join(f'<g transform="translate({k * _WIDTH} 0)">{part}</g>'
                     for k, part in enumerate(_draw_scenes(scenes)))
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH * len(scenes)} {_HEIGHT}" '
-        f'{_LETTERS}><style>svg {{ color: {INK}; }} @media (prefers-color-scheme: dark) '
-        f'{{ svg {{ color: #e4e9ee; }} }}</style>{parts}</svg>\n')
+    return _svg(
+        _WIDTH * len(scenes), _HEIGHT, '', f'<style>svg {{ color: {INK}; }} @media '
+        f'(prefers-color-scheme: dark) {{ svg {{ color: #e4e9ee; }} }}</style>{parts}') + '\n'
+
+
+def _svg(width: float, height: float, attributes: str, content: str) -> str:
+    return (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" '
+            f'{attributes}{_LETTERS}>{content}</svg>')
 
 
 def still_joint(position: float, torque: float, largest: float, middle: float) -> str:
@@ -71,13 +74,12 @@ def still_joint(position: float, torque: float, largest: float, middle: float) -
     angle = -np.degrees(position - middle) if np.isfinite(position) else 0.0
     height = np.clip(torque / largest, -1, 1) if np.isfinite(torque) else 0.0
     shown = f'{torque:.2f} N·m'.replace('-', '−') if np.isfinite(torque) else 'not measured'
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} 215" width="320" '
-        f'height="215" role="img" aria-label="Joint at {np.degrees(position):.0f} degrees" '
-        f'{_LETTERS} color="{INK}">'
+    return _svg(
+        _WIDTH, 215, f'width="320" height="215" role="img" color="{INK}" aria-label="Joint at '
+        f'{np.degrees(position):.0f} degrees" ',
         f'{_draw_joint(np.array([angle]), np.array([height]), 0, COLOURS["blue"])}'
         f'<text x="8" y="208" fill="currentColor">angle {np.degrees(position):.1f}°, torque of the '
-        f'person {shown}</text></svg>')
+        f'person {shown}</text>')
 
 
 def _draw_scenes(scenes: Sequence[MovingScene]) -> list[str]:

@@ -4,18 +4,16 @@
 
 from __future__ import annotations
 
+from itertools import cycle
 import math
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
+from matplotlib.figure import Figure
 import numpy as np
 
 from friction_comp.model.effects.position_effects import highest_frequency, position_spectrum
-from friction_comp.reports.figures import COLOURS, new_figure, scatter, styled
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from friction_comp.refinement.result import RefineResult
+from friction_comp.refinement.result import RefineResult
+from friction_comp.reports.figures import curve, new_figure, scatter, styled
 
 # Shortest and longest excerpt over time, s, and the number of reversals that it should contain.
 _SHORTEST, _LONGEST, _REVERSALS = 4.0, 60.0, 8
@@ -50,18 +48,16 @@ def time_figure(result: RefineResult) -> Figure:
     for effect in model.effects:
         name = effect.name.replace('_', ' ')
         contributions[name] = contributions.get(name, 0.0) + effect.current(with_arm)[part]
-    figure, (above, below) = new_figure(rows=2, height=2.4, sharex=True)
+    figure, (above, below) = new_figure(rows=2, height=2.4, sharex=True, x='time (s)',
+                                        y=(f'current ({unit})', f'contributions ({unit})'))
     for name, colour, values in (('measured', 'grey', measured),
                                  ('before', 'orange', measured - result.before[part]),
                                  ('after', 'blue', measured - result.after[part])):
-        above.plot(time, values, color=COLOURS[colour], label=name, linewidth=1.1)
-    for k, (name, values) in enumerate(contributions.items()):
-        below.plot(time, values, label=name, linewidth=1.1,
-                   color=COLOURS[_CONTRIBUTION_COLOURS[k % len(_CONTRIBUTION_COLOURS)]])
-    for axes, label in ((above, f'current ({unit})'), (below, f'contributions ({unit})')):
-        axes.set_ylabel(label)
+        curve(above, time, values, colour, name, linewidth=1.1)
+    for (name, values), colour in zip(contributions.items(), cycle(_CONTRIBUTION_COLOURS)):
+        curve(below, time, values, colour, name, linewidth=1.1)
+    for axes in (above, below):
         axes.legend(loc='upper left', bbox_to_anchor=(1.0, 1.0))
-    below.set_xlabel('time (s)')
     return figure
 
 
@@ -75,13 +71,12 @@ def friction_figure(result: RefineResult) -> Figure:
         friction -= effect.current(with_arm)
     velocity, friction = np.asarray(samples.velocity)[usable], friction[usable]
     speeds = np.linspace(velocity.min(), velocity.max(), 801)
-    figure, axes = new_figure(height=3.0)
+    figure, axes = new_figure(x='velocity (rad/s)', y=f'friction ({result.report.unit})')
     scatter(axes, velocity, friction, 'grey', 'measured minus effects')
-    axes.plot(speeds, result.start.sigmoid(speeds), color=COLOURS['orange'], label='before')
-    axes.plot(speeds, result.model.sigmoid(speeds), color=COLOURS['blue'], label='after')
+    curve(axes, speeds, result.start.sigmoid(speeds), 'orange', 'before')
+    curve(axes, speeds, result.model.sigmoid(speeds), 'blue', 'after')
     low, high = np.percentile(friction, (0.5, 99.5))
     axes.set_ylim(low - 0.2 * (high - low), high + 0.2 * (high - low))
-    axes.set(xlabel='velocity (rad/s)', ylabel=f'friction ({result.report.unit})')
     # Friction rises from lower left to upper right; finding the best place takes seconds.
     axes.legend(loc='upper left')
     return figure
@@ -95,17 +90,17 @@ def residual_figure(result: RefineResult, name: str, label: str) -> Figure:
     positive = np.asarray(samples.velocity)[rows] > 0
     sides = [(np.ones(len(x), dtype=bool), 'blue', 'average')] if name == 'velocity' else [
         (positive, 'blue', 'positive direction'), (~positive, 'orange', 'negative direction')]
-    figure, both = new_figure(columns=2, height=2.8, sharey=True)
+    figure, both = new_figure(columns=2, height=2.8, sharey=True, x=label,
+                              y=f'measured − predicted ({result.report.unit})')
     for axes, residual, title in zip(both, (result.before, result.after), ('before', 'after')):
         y = residual[rows]
         scatter(axes, x, y, 'grey')
         for mask, colour, legend in sides:
             if mask.sum() > 20:
-                axes.plot(*averages(x[mask], y[mask]), color=COLOURS[colour], label=legend)
-        axes.set(title=title, xlabel=label)
+                curve(axes, *averages(x[mask], y[mask]), colour, legend)
+        axes.set_title(title)
     limit = float(np.percentile(np.abs(result.before[rows]), 99.5))
     both[0].set_ylim(-1.2 * limit, 1.2 * limit)
-    both[0].set_ylabel(f'measured − predicted ({result.report.unit})')
     both[1].legend(loc='upper right')
     return figure
 
@@ -129,12 +124,12 @@ def averages(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 @styled
 def spectrum_figure(result: RefineResult) -> Figure:
     """Draw the residual's spectrum over position, where the position varied."""
-    figure, axes = new_figure(height=2.8)
+    figure, axes = new_figure(height=2.8, x='periods per turn',
+                              y=f'amplitude ({result.report.unit})')
     for residual, legend, colour in ((result.before, 'before', 'orange'),
                                     (result.after, 'after', 'blue')):
-        axes.plot(*largest_in_ranges(*spectrum(result, residual)), color=COLOURS[colour],
-                  label=legend)
-    axes.set(xscale='log', xlabel='periods per turn', ylabel=f'amplitude ({result.report.unit})')
+        curve(axes, *largest_in_ranges(*spectrum(result, residual)), colour, legend)
+    axes.set_xscale('log')
     axes.set_ylim(bottom=0.0)
     axes.legend(loc='upper right')
     return figure

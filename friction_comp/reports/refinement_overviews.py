@@ -7,21 +7,18 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
+from matplotlib.figure import Figure
 import numpy as np
 
-from friction_comp.reports.figures import COLOURS, new_figure, styled
+from friction_comp.arm.whole_arm import ArmResult
+from friction_comp.fleet.population import Population
+from friction_comp.refinement.result import RefinementReport
+from friction_comp.reports.figures import COLOURS, curve, new_figure, styled
 from friction_comp.reports.fleet_report import add_fleet, fleet_verdict
-from friction_comp.reports.html import Link, number, Report
+from friction_comp.reports.html import interval_text, Link, number, Report
 from friction_comp.reports.refinement_report import effect_names
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from friction_comp.fleet.population import Population
-    from friction_comp.refinement.result import RefinementReport
-    from friction_comp.refinement.whole_arm import ArmResult
 
 # Effects found in fewer than this share of a joint's recordings may be due to chance.
 _REPEATABLE = 0.5
@@ -72,7 +69,7 @@ def each_report(content: dict[str, Any], populations: Sequence[Population] = ())
     for unit in dict.fromkeys(row['unit'] for row in rows):
         same_unit = sorted((row for row in rows if row['unit'] == unit),
                            key=lambda row: str(row['joint']))
-        page.figure(errors_figure(same_unit, unit), 'Error on data not fitted, before (open) and '
+        page.figure(_errors_figure(same_unit, unit), 'Error on data not fitted, before (open) and '
                     'after refinement (filled), and noise from sample to sample (line), on a '
                     'logarithmic scale; ordered by joint and recording.')
     page.heading('Effects, and how often they were found')
@@ -99,16 +96,15 @@ def each_report(content: dict[str, Any], populations: Sequence[Population] = ())
 
 
 @styled
-def errors_figure(rows: list[dict[str, Any]], unit: str) -> Figure:
+def _errors_figure(rows: list[dict[str, Any]], unit: str) -> Figure:
     """Draw the errors before and after refinement; rows must be grouped by joint."""
-    figure, axes = new_figure(width=8.4, height=3.2)
+    figure, axes = new_figure(width=8.4, height=3.2, y=f'RMS error ({unit})')
     x = np.arange(len(rows))
     before, after, noise = (np.array([row[name] for row in rows], dtype=float)
                             for name in ('before', 'after', 'noise_floor'))
     axes.vlines(x, after, before, color=COLOURS['grey'], linewidth=0.8)
-    axes.plot(x, before, 'o', color=COLOURS['orange'], markerfacecolor='none', markersize=4,
-              label='before')
-    axes.plot(x, after, 'o', color=COLOURS['blue'], markersize=4, label='after')
+    curve(axes, x, before, 'orange', 'before', 'o', markerfacecolor='none', markersize=4)
+    curve(axes, x, after, 'blue', 'after', 'o', markersize=4)
     axes.hlines(noise, x - 0.4, x + 0.4, color=COLOURS['green'], linewidth=1.2, label='noise')
     joints, begins, counts = np.unique([row['joint'] for row in rows], return_index=True,
                                        return_counts=True)
@@ -123,7 +119,7 @@ def errors_figure(rows: list[dict[str, Any]], unit: str) -> Figure:
     else:
         axes.set_xticks([])
         axes.set_xlabel('recordings, as in the table below')
-    axes.set(yscale='log', ylabel=f'RMS error ({unit})')
+    axes.set_yscale('log')
     figure.legend(loc='outside lower center', ncols=3)
     return figure
 
@@ -149,19 +145,19 @@ def arm_report(result: ArmResult, names: list[str], folders: dict[str, str]) -> 
     page = Report('What the friction models of an arm lacked', f'Refined on {", ".join(names)}')
     reports = {name: joint_result.report for name, joint_result in result.results.items()}
     unit = next(iter(reports.values())).unit
-    errors = [{'before': report.before.held_out_rmse, 'after': report.after.held_out_rmse,
-               'noise_floor': report.noise_floor}
-              for report in reports.values()]
+    errors = {name: (report.before.held_out_rmse, report.after.held_out_rmse, report.noise_floor)
+              for name, report in reports.items()}
     page.verdict(_joint_verdicts(reports))
     page.table(
         ['joint', f'before ({unit})', f'after ({unit})', f'noise ({unit})', 'verdict', 'found'],
-        [[Link(name, f'{folders[name]}/report.html'), *row.values(), report.verdict,
+        [[Link(name, f'{folders[name]}/report.html'), *errors[name], report.verdict,
           effect_names(effect.name for effect in report.effects)]
-         for (name, report), row in zip(reports.items(), errors)],
+         for name, report in reports.items()],
         'RMS of measured minus predicted on parts that were not fitted, by the initial model '
         'and by the refined one; each name links to the report on that joint.')
     page.figure(
-        errors_figure([{'joint': name, **row} for name, row in zip(reports, errors)], unit),
+        _errors_figure([dict(zip(('joint', 'before', 'after', 'noise_floor'), (name, *row)))
+                        for name, row in errors.items()], unit),
         'The same on a logarithmic scale. What lies between the error after refinement and the '
         'noise is not explained yet.')
     page.heading('What was found, joint by joint')
@@ -222,18 +218,14 @@ def _add_links(page: Report, result: ArmResult, unit: str) -> None:
 
 
 def _with_interval(value: float, bounds: list[float | None]) -> str:
-    """Return a number with its interval if there is one."""
-    if bounds[0] is None:
-        return number(value)
-    return f'{number(value)} ({number(bounds[0])} to {number(bounds[1])})'
+    return number(value) + ('' if bounds[0] is None else f' ({interval_text(bounds)})')
 
 
 def _scale_text(value: float, bounds: list[float | None]) -> str:
     """Return a current per torque as text, or that the recording does not determine it."""
     low, high = bounds
     if low is None or high is None or high > _LARGEST_RATIO * low:
-        ends = '' if low is None else f' ({number(low)} to {number(high)})'
-        return f'not determined{ends}'
+        return 'not determined' + ('' if low is None else f' ({interval_text(bounds)})')
     return _with_interval(value, bounds)
 
 

@@ -5,19 +5,21 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from itertools import count
 
 import numpy as np
 
+from friction_comp.compensation.feed_forward import feed_forward
 from friction_comp.model.effects import EFFECTS
+from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sliding_friction import line_of
 from friction_comp.refinement.judge import in_unit
+from friction_comp.refinement.result import FrictionNumbers, RefinementReport, RefineResult
 from friction_comp.refinement.thresholds import LEAST_SHARE
-from friction_comp.reports.feed_forward_section import feed_forward_section
 from friction_comp.reports.friction_words import number_rows
-from friction_comp.reports.html import number, quantity, Report
+from friction_comp.reports.html import interval_text, number, quantity, Report
 from friction_comp.reports.refinement_figures import (
     friction_figure,
     residual_figure,
@@ -26,29 +28,22 @@ from friction_comp.reports.refinement_figures import (
     time_figure,
 )
 
-if TYPE_CHECKING:
-    from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.refinement.result import FrictionNumbers, RefinementReport, RefineResult
-
 # Units of the effects' constants.
 _UNITS = {'velocity': 'rad/s', 'reference': 'rad/s', 'speed': 'rad/s', 'transition': 'rad/s',
           'distance': 'rad', 'position': 'rad', 'width': 'rad', 'frequency': 'per turn',
           'time_constant': 's', 'reference_temperature': '°C'}
 
 
-def refinement_report(result: RefineResult, names: list[str], interactive: bool = True) -> Report:
-    """Return the report on a `RefineResult`; `names` are the names of the recordings.
-
-    Without `interactive` plots the page takes half the time, and a tenth of the space.
-    """
+def refinement_report(result: RefineResult, names: list[str]) -> Report:
+    """Return the report on a `RefineResult`; `names` are the names of the recordings."""
     report = result.report
     joint = f'joint {report.joint}' if report.joint else 'the joint'
     page = Report(f'What the friction model of {joint} lacked',
-                  f'Refined on {", ".join(names)}', interactive)
+                  f'Refined on {", ".join(names)}')
     before, after, unit = report.before, report.after, report.unit
     first, _, rest = summary(report).partition('\n\n')
     page.verdict(f'**Verdict: {report.verdict}.** {first}')
-    add_numbers(page, report.friction)
+    _add_numbers(page, report.friction)
     page.numbers([
         (quantity(before.held_out_rmse, unit), 'error before, on data not fitted'),
         (quantity(after.held_out_rmse, unit), 'error after, on data not fitted'),
@@ -60,12 +55,12 @@ def refinement_report(result: RefineResult, names: list[str], interactive: bool 
     page.text(rest)
     page.figure(time_figure(result), 'Measured and predicted current in an excerpt from the middle '
                 'of the recording; each part was predicted by a fit to all others. Below: the '
-                'contribution of each effect of the new model.', interactive=True)
+                'contribution of each effect of the new model.')
     page.figure(friction_figure(result), 'Friction over velocity: the measured current minus the '
-                'effects, and Eq. 6 before and after.', interactive=True)
+                'effects, and Eq. 6 before and after.')
     page.heading('Parameters')
     page.table(['effect', 'parameter', 'before', 'after', 'unit', '95 % interval'],
-               parameter_rows(result))
+               _parameter_rows(result))
     page.bullets(
         [f"{' and '.join(pair.between)}: {number(pair.correlation, 2)}"
          for pair in report.correlations],
@@ -104,15 +99,14 @@ def refinement_report(result: RefineResult, names: list[str], interactive: bool 
                         ('temperature', 'motor temperature (°C)')):
         wanted = name != 'acceleration' or name in named
         if wanted and getattr(result.samples, name) is not None:
-            page.figure(residual_figure(result, name, label), f'Residual over {name}.',
-                        interactive=True)
+            page.figure(residual_figure(result, name, label), f'Residual over {name}.')
     k, size = spectrum(result, result.after)
     # Where the position hardly varied, there is none.
     if len(k):
         page.figure(spectrum_figure(result), 'Spectrum of the residual over position: ripple shows '
                     'as a peak at its number of periods per turn. '
-                    + largest_ripple(result, k, size), interactive=True)
-    feed_forward_section(page, result, unit)
+                    + _largest_ripple(result, k, size))
+    _add_feed_forward(page, result, unit)
     page.heading('The model')
     page.bullets(model_words(result.model, unit))
     page.code(formula(result.model, unit))
@@ -126,30 +120,43 @@ def refinement_report(result: RefineResult, names: list[str], interactive: bool 
     return page
 
 
-def add_numbers(page: Report, friction: FrictionNumbers) -> None:
-    """Add Coulomb and viscous friction and the like, and the model as one line."""
+def _add_numbers(page: Report, friction: FrictionNumbers) -> None:
     rows = number_rows(friction)
     torque = any(row.torque for row in rows)
     page.table(
         ['', 'value', '95 % interval', *(['at the joint'] if torque else []), ''],
-        [[f'**{unbroken(row.name)}**', *map(unbroken, (
-            row.value, row.interval, *([row.torque] if torque else []))), row.remark]
-         for row in rows],
+        [[cell.replace(' ', '\u00a0') for cell in (
+            f'**{row.name}**', row.value, row.interval, *([row.torque] if torque else []))]
+         + [row.remark] for row in rows],
         'Friction of the joint in sliding. Coulomb and viscous friction are the straight line '
         'through the friction at the speeds of the recording.')
     page.text(f'`{friction.formula}`')
 
 
-def unbroken(text: str) -> str:
-    """Return a text in which no line breaks."""
-    return text.replace(' ', '\u00a0')
+def _add_feed_forward(page: Report, result: RefineResult, unit: str) -> None:
+    """Add a table of what the law feeds forward with both models, and what differs."""
+    feeds = {'before': feed_forward(result.start), 'after': feed_forward(result.model)}
+    page.heading('What the compensator feeds forward')
+    page.table(
+        ['model', f'at rest, both directions ({unit})', f'sliding ({unit})',
+         f'friction by the model, sliding ({unit})'],
+        [[name, *(' and '.join(f'{value:.3g}' for value in values) for values in (
+            feed.rest, feed.sliding, feed.friction))] for name, feed in feeds.items()],
+        f"The continuous law is run on each model, without gravity and other carried torques: at "
+        'rest with the direction announced, and sliding at '
+        f"{feeds['after'].speed:.3g} rad/s. At rest it needs the breakaway currents of "
+        'identification.')
+    page.bullets(feeds['after'].compared(feeds['before']),
+                 'With the new model the motor gets clearly more or less than before:')
+    page.bullets(feeds['after'].lacking(result.model),
+                 'The law feeds forward clearly more or less than the new model says:')
 
 
 def effect_names(names: Iterable[str]) -> str:
     """Return the names of effects as text with their counts, or 'nothing'."""
     counts = Counter(name.replace('_', ' ') for name in names)
-    return ', '.join(f'{name} × {count}' if count > 1 else name
-                     for name, count in counts.items()) or 'nothing'
+    return ', '.join(f'{name} × {times}' if times > 1 else name
+                     for name, times in counts.items()) or 'nothing'
 
 
 def summary(report: RefinementReport) -> str:
@@ -179,7 +186,7 @@ def summary(report: RefinementReport) -> str:
     return '\n\n'.join(lines)
 
 
-def parameter_rows(result: RefineResult) -> list[list[str]]:
+def _parameter_rows(result: RefineResult) -> list[list[str]]:
     """Return a row for each fitted parameter: effect, name, before, after, unit, interval."""
     unit, friction = result.report.unit, result.report.friction
     before, after = (line_of(replace(model, effects=[])) for model in (result.start, result.model))
@@ -193,32 +200,33 @@ def parameter_rows(result: RefineResult) -> list[list[str]]:
                 ('viscous', 'viscous friction', 'A·s/rad'))]
     for old, new in zip(result.start.effects, result.model.effects):
         if old.name == new.name:
-            for index, pair in enumerate(zip(old.coefficients, new.coefficients)):
-                label, own_unit = _name_and_unit(new.coefficient_names, index, unit)
-                rows.append([new.name, label, *map(number, pair), own_unit, ''])
+            rows += [[new.name, label, *map(number, pair), own_unit, '']
+                     for (label, own_unit), *pair in zip(
+                         _names_and_units(new.coefficient_names, unit), old.coefficients,
+                         new.coefficients)]
     for effect in result.report.effects:
-        name, bounds = effect.name, effect.intervals
-        coefficient_names = EFFECTS[name].coefficient_names if name in EFFECTS else ()
-        for key, value in effect.parameters.items():
-            # A constant that was not searched has no interval, or one of zero width.
-            if key != 'coefficients' and bounds.get(key) not in (None, [value, value]):
-                rows.append([name, key.replace('_', ' '), '', number(value), _UNITS.get(key, ''),
-                             interval_text(bounds[key])])
-        for index, (value, ends) in enumerate(zip(
-                effect.parameters.get('coefficients', ()), bounds.get('coefficients', ()))):
-            label, own_unit = _name_and_unit(coefficient_names, index, unit)
-            rows.append([name, label, '', number(value), own_unit, interval_text(ends)])
+        name, values, bounds = effect.name, effect.parameters, effect.intervals
+        names = EFFECTS[name].coefficient_names if name in EFFECTS else ()
+        # A constant that was not searched has no interval, or one of zero width.
+        rows += [[name, key.replace('_', ' '), '', number(value), _UNITS.get(key, ''),
+                  interval_text(bounds[key])] for key, value in values.items()
+                 if key != 'coefficients' and bounds.get(key) not in (None, [value, value])]
+        rows += [[name, label, '', number(value), own_unit, interval_text(ends)]
+                 for (label, own_unit), value, ends in zip(
+                     _names_and_units(names, unit), values.get('coefficients', ()),
+                     bounds.get('coefficients', ()))]
     return [[row[0].replace('_', ' '), *row[1:]] for row in rows]
 
 
-def _name_and_unit(names: Sequence[tuple[str, str]], index: int, unit: str) -> tuple[str, str]:
-    """Return name and unit of an effect's coefficient, with `unit` for that of the current."""
-    if index >= len(names):
-        return f'coefficient {index + 1}', ''
-    return names[index][0], names[index][1].replace('A', unit, 1)
+def _names_and_units(names: Sequence[tuple[str, str]], unit: str) -> Iterator[tuple[str, str]]:
+    """Yield names and units of an effect's coefficients, with `unit` for that of the current."""
+    for name, own_unit in names:
+        yield name, own_unit.replace('A', unit, 1)
+    for index in count(len(names) + 1):
+        yield f'coefficient {index}', ''
 
 
-def largest_ripple(result: RefineResult, k: np.ndarray, size: np.ndarray) -> str:
+def _largest_ripple(result: RefineResult, k: np.ndarray, size: np.ndarray) -> str:
     """Return a sentence on the largest ripple of the residual's spectrum: no effect, and why."""
     mean_square = float(np.mean(result.after[result.usable] ** 2))
     if not mean_square:
@@ -231,14 +239,6 @@ def largest_ripple(result: RefineResult, k: np.ndarray, size: np.ndarray) -> str
     return (f'The largest remaining ripple has an amplitude of {amplitude} and '
             f'{number(float(k[largest]))} periods per turn: {100 * share:.2g} % of the squared '
             f'error. It is not reported as an effect: {reason}.')
-
-
-def interval_text(interval: Sequence[float | None]) -> str:
-    """Return an interval as text."""
-    low, high = interval
-    if low is None or high is None:
-        return 'not determined'
-    return f'{number(low)} to {number(high)}'
 
 
 def model_words(model: FrictionModel, unit: str = 'A') -> list[str]:

@@ -9,8 +9,10 @@ from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
+from scipy.signal import find_peaks
 
 from friction_comp.evaluation.intervals import Interval, mean_interval
+from friction_comp.exercise.taught_exercise import TURN
 from friction_comp.reports.evaluation_report import evaluation_report
 from friction_comp.reports.evaluation_words import with_interval
 from friction_comp.reports.figures import COLOURS, new_figure, styled, thin
@@ -21,9 +23,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from friction_comp.arm.whole_arm import ArmResult
     from friction_comp.evaluation.outcome import Evaluation
     from friction_comp.evaluation.repetitions import Repetition
-    from friction_comp.refinement.whole_arm import ArmResult
+    from friction_comp.exercise.exercise_script import ExerciseScript
     from friction_comp.samples import Samples
 
 # Lengths of upper arm and forearm in the drawing, m; number of poses drawn.
@@ -47,7 +50,7 @@ def two_joints_report(evaluations: list[Evaluation], shown: dict[str, Samples],
 
 
 @styled
-def exercise_figure(shown: dict[str, Samples]) -> Figure:
+def exercise_figure(shown: Mapping[str, Samples]) -> Figure:
     """Draw positions and announced directions of the first 16 s, one joint above the other."""
     figure, axes = new_figure(len(shown), 1, width=8.4, height=2.2, sharex=True, squeeze=False)
     for axis, (joint, samples) in zip(axes[:, 0], shown.items()):
@@ -172,12 +175,57 @@ def peaks_of(alone: Mapping[str, Samples], helped: Mapping[str, Samples]
             for joint in alone}
 
 
+def compared_with_taught(script: ExerciseScript, played: Mapping[str, Mapping[str, Samples]]
+                         ) -> dict[str, Any]:
+    """Return how an exercise agrees with the guided movement, and its replays with it.
+
+    `played` holds, by name and joint, the recordings `guided` first.
+
+    Returns
+    -------
+    dict
+        `waypoints` (number); `farthest`, by recording, how far its path stays away from a waypoint
+        at most, deg; `reversals` of the guided movement, and how many of them are `announced`.
+    """
+    farthest, found, announced = {}, 0, 0
+    for name, recording in played.items():
+        path = np.column_stack([recording[joint].position for joint in script.joints])
+        path = path - path[0]
+        farthest[name] = max(float(np.degrees(np.abs(path - place).max(axis=1).min()))
+                             for place in script.positions)
+    grid = np.arange(0.0, script.duration, 0.01)
+    said = np.array([script.at(float(time))[2] for time in grid])
+    for j, joint in enumerate(script.joints):
+        path = played['guided'][joint].position
+        turns = np.sort(np.concatenate([
+            find_peaks(sign * path, prominence=2.0 * TURN)[0] for sign in (1.0, -1.0)]))
+        ways = np.sign(np.diff(path[[0, *turns, -1]]))
+        own = said[:, j][said[:, j] != 0]
+        signs = own[np.flatnonzero(np.diff(own, prepend=0))]
+        found += len(turns)
+        announced += len(turns) if np.array_equal(signs, ways) else 0
+    return {'waypoints': len(script.times), 'farthest': farthest, 'reversals': found,
+            'announced': announced}
+
+
+def taught_words(taught: dict[str, Any]) -> str:
+    """Return the result of `compared_with_taught` in a sentence."""
+    far = taught['farthest']
+    return (f'the exercise has {taught["waypoints"]} waypoints, {far["guided"]:.2f} deg at most '
+            f'from the guided path, and announces {taught["announced"]} of '
+            f'{taught["reversals"]} reversals; the replay comes within {far["alone"]:.2f} deg of '
+            f'each waypoint without help, {far["helped"]:.2f} deg with it')
+
+
 def arm_scene_report(alone: Mapping[str, Samples], helped: Mapping[str, Samples],
-                     result: ArmResult, exercise: Path) -> Report:
-    """Return the report on an exercise without and with compensation by a refined model."""
+                     result: ArmResult, exercise: Path, taught: dict[str, Any]) -> Report:
+    """Return the report on a taught exercise without and with compensation by a refined model.
+
+    `taught` is from `compared_with_taught`.
+    """
     peaks = peaks_of(alone, helped)
-    page = Report('A person guides an arm, without help and with it',
-                  f'Exercise {exercise.name}: three joints, moved by MuJoCo')
+    page = Report('A person teaches an arm, and moves it without help and with it',
+                  'Three joints, moved by MuJoCo')
     total = {name: np.sqrt(sum(peak[name]['rms'] ** 2 for peak in peaks.values()))
              for name in ('alone', 'helped')}
     page.verdict("With the arm's weight and friction compensated by the motors, guiding it takes "
@@ -189,6 +237,11 @@ def arm_scene_report(alone: Mapping[str, Samples], helped: Mapping[str, Samples]
                 'The size of the discs at shoulder and elbow shows the torque that the person '
                 'applies there. Above: without help; below: with it.')
     page.figure(_torque_figure(alone, helped), 'Torque of the person at each joint.')
+    words = taught_words(taught)
+    page.text(f'{words[0].upper()}{words[1:]}.')
+    page.figure(exercise_figure(helped), f'The taught exercise `{exercise.name}` (dashed), as '
+                'replayed with help, and its announced directions (shaded: blue positive, orange '
+                'negative).')
     page.table(['joint', 'RMS alone (N·m)', 'RMS helped (N·m)', 'peak alone (N·m)',
                 'peak helped (N·m)', 'added to the model of the drive'],
                [[joint, peak['alone']['rms'], peak['helped']['rms'], peak['alone']['peak'],

@@ -5,17 +5,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
+from matplotlib.figure import Figure
 import numpy as np
 
-from friction_comp.reports.figures import COLOURS, new_figure, styled
-from friction_comp.reports.html import number, quantity, Report
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.reports.figures import curve, new_figure, styled
+from friction_comp.reports.html import interval_text, number, quantity, Report
+from friction_comp.samples import Samples
 
 # Name and unit of each value, A standing for the unit of the table.
 NAMES = {'coulomb': ('Coulomb', 'A'), 'viscous': ('viscous', 'A·s/rad'), 'offset': ('offset', 'A'),
@@ -30,9 +28,8 @@ def value_rows(report: dict[str, Any]) -> list[list[str]]:
     rows = []
     for key, (name, own) in NAMES.items():
         if friction.get(key) is not None:
-            low, high = friction['intervals'][key]
             rows.append([name, f'{number(friction[key], 4)} {own.replace("A", unit, 1)}',
-                         f'{number(low, 4)} to {number(high, 4)}'])
+                         interval_text(friction['intervals'][key], 4)])
     return rows
 
 
@@ -55,14 +52,11 @@ def steady_state_report(report: dict[str, Any], model: FrictionModel, speeds: np
 
 @styled
 def _figure(model: FrictionModel, speeds: np.ndarray, currents: np.ndarray, unit: str) -> Figure:
-    from friction_comp.samples import Samples
-
-    figure, axes = new_figure(height=3.0)
+    figure, axes = new_figure(x='velocity (rad/s)', y=f'friction ({unit})')
     top = float(np.max(np.abs(speeds)))
     grid = np.linspace(-top if speeds.min() < 0 else 0.0, top if speeds.max() > 0 else 0.0, 1001)
-    curve = model.current(Samples(np.arange(1001.0), grid, grid, velocity=grid))
-    axes.plot(grid, curve, color=COLOURS['blue'], label='fit')
-    axes.plot(speeds, currents, 'o', color=COLOURS['orange'], label='table')
-    axes.set(xlabel='velocity (rad/s)', ylabel=f'friction ({unit})')
+    fitted = model.current(Samples(np.arange(1001.0), grid, grid, velocity=grid))
+    curve(axes, grid, fitted, 'blue', 'fit')
+    curve(axes, speeds, currents, 'orange', 'table', 'o')
     axes.legend()
     return figure

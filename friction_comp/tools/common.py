@@ -31,6 +31,26 @@ if TYPE_CHECKING:
 T = TypeVar('T')
 
 
+class _Once(argparse.Action):
+    """Stores a value; an option that is given twice is refused, since one would be passed over."""
+
+    def __call__(self, parser: Any, namespace: Namespace, values: Any,
+                 option: str | None = None) -> None:
+        if option and option in parser.given:
+            parser.error(f'{option} is given twice')
+        parser.given.add(option)
+        setattr(namespace, self.dest, values)
+
+
+class _Joined(argparse.Action):
+    """Joins the pairs of an option that is given several times."""
+
+    def __call__(self, parser: Any, namespace: Namespace, values: Any,
+                 option: str | None = None) -> None:
+        before = getattr(namespace, self.dest)
+        setattr(namespace, self.dest, f'{before},{values}' if before else values)
+
+
 class Arguments(argparse.ArgumentParser):
     """An argument parser that reports an error in one line and exits with status 2.
 
@@ -49,6 +69,8 @@ class Arguments(argparse.ArgumentParser):
             allow_abbrev=False, epilog='\n'.join(['examples:', *lines]) if lines else None,
             formatter_class=argparse.RawDescriptionHelpFormatter)
         self._name = name
+        self.given: set[str | None] = set()
+        self.register('action', None, _Once)
         self._check_output: Callable[[Path], None] | None = None
 
     def error(self, message: str) -> NoReturn:
@@ -62,6 +84,7 @@ class Arguments(argparse.ArgumentParser):
         """
         given = list(sys.argv[1:] if argv is None else argv)
         own = itertools.takewhile(lambda word: word != '--ros-args', given)
+        self.given.clear()
         parsed = self.parse_args(list(own))
         parsed.command = f'`friction_comp {shlex.join([self._name, *given])}`'
         if self._check_output is not None:
@@ -74,15 +97,15 @@ class Arguments(argparse.ArgumentParser):
             'recordings' if several else 'recording', metavar='RECORDING',
             type=Path, nargs='+' if several else None,
             help='rosbag2 folder, .mcap or .bag file, table (.csv, .txt, .parquet, .npz, .npy, '
-            '.mat, .json; several with a signal each are one)' + (
+            '.mat, .json, .jsonl; several with a signal each are one)' + (
                 ', or folder of recordings other than tables' if several else ''))
         self.add_argument('--joint', help='name of the joint, if a recording has several')
         self.add_argument(
-            '--columns', metavar='SIGNAL=COLUMN,…',
+            '--columns', metavar='SIGNAL=COLUMN,…', action=_Joined,
             help='columns of a table, for instance time=t,position=q_2,velocity=dq_2,effort=tau_2; '
             'guessed from their names by default')
         self.add_argument(
-            '--unit', metavar='SIGNAL=UNIT,…',
+            '--unit', metavar='SIGNAL=UNIT,…', action=_Joined,
             help="units of a table's columns that are not SI, for instance "
             'time=ms,position=deg,effort=A, current=2.69mA, or position=counts/4096; with '
             'position=m or mm and effort=N, of a linear axis' + unit_help)

@@ -20,9 +20,11 @@ from friction_comp.tools.ros_domain import private_domain
 SCENES = {
     'loop': 'identify, compensate, evaluate, refine, compensate again',
     'two_joints': 'an exercise of two joints that reverse, from YAML',
-    'arm': 'a person guides an arm of three joints, with weight and friction '
-           'compensated (MuJoCo)',
+    'arm': 'a person guides an arm of three joints; the taught exercise is replayed with weight '
+           'and friction compensated (MuJoCo)',
     'improve': 'motion is planned and recorded until the model predicts new motion',
+    'to_and_fro': 'a hand moves a joint to and fro, without help, with a hyperbolic tangent, and '
+                  'with the law',
     'intention': "a person's direction from cheap sensors of force and muscles",
     'follow': 'a follower under an MIT-mode controller on slow references',
     'wear': 'a drive that changes while it runs and is refined live'}
@@ -51,19 +53,21 @@ def main(argv: list[str] | None = None) -> int:
             '--undeclared', str(package_file('config', 'undeclared_pair.yaml')),
             '--position', '-1', '1', '--velocity', '1.5', '--acceleration', '6',
             '--seed', str(arguments.seed), '--output', str(arguments.output)])
-    if arguments.scene in ('intention', 'follow'):
-        from friction_comp.tools.demo_directions import play_follow, play_intention
+    if arguments.scene == 'follow':
+        from friction_comp.tools.demo_follow import play_follow
 
-        (play_intention if arguments.scene == 'intention' else play_follow)(arguments)
+        play_follow(arguments)
         return 0
     with private_domain():
         # Importing ROS 2 may restart Python, so it comes first.
         import friction_comp.ros.tool_client  # noqa: F401
+        from friction_comp.tools.demo_directions import play_intention, play_to_and_fro
         from friction_comp.tools.demo_loop import play_loop
         from friction_comp.tools.demo_scenes import play_arm, play_two_joints, play_wear
         from friction_comp.tools.demo_system import open_system
 
         play = {'loop': play_loop, 'two_joints': play_two_joints, 'arm': play_arm,
+                'to_and_fro': play_to_and_fro, 'intention': play_intention,
                 'wear': play_wear}[arguments.scene]
         previous = signal.signal(signal.SIGTERM, _interrupt)
         try:

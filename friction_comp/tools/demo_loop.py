@@ -4,12 +4,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 from rich.table import Table
 
@@ -34,8 +33,9 @@ UNDECLARED = package_file('config', 'undeclared_example.yaml')
 GOAL = {
     'joint': JOINT, 'speeds': [math.radians(v) for v in (10.0, 30.0, 60.0)],
     'motion_range': 1.6, 'ramp_slope': 0.15, 'ramp_period': 3.0, 'breakaway_cycles': 3}
-MOVEMENT = {'amplitude': math.radians(40.0), 'speed': math.radians(30.0),
-            'acceleration_time': 0.5, 'standstill': 2.0, 'announcement': 1.0}
+MOVEMENT: dict[str, Any] = {
+    'amplitude': math.radians(40.0), 'speed': math.radians(30.0), 'acceleration_time': 0.5,
+    'standstill': 1.2, 'announcement': 1.0}
 # Folder, name in the table, the compensator's law, and whether the direction is announced.
 TRIALS = (
     ('none', 'no compensation', 'none', False),
@@ -52,7 +52,7 @@ def play_loop(system: DemoSystem) -> None:
         for name, title, *_ in TRIALS[len(trials):count]:
             trial = EvaluatedTrial(name, title, recorded(system.recording(name)))
             trials.append(trial)
-            system.log(f'trial with {title}: peak {trial.peak} N·m, RMS {trial.rms_torque:.2f} N·m')
+            system.log(f'{title}: peak {trial.peak} N·m, RMS {trial.rms_torque:.2f} N·m')
 
     with child_process() as process:
         model_file = _identify(system)
@@ -65,7 +65,9 @@ def play_loop(system: DemoSystem) -> None:
             if name == 'refined':
                 result = _load_refined(system, refining)
             system.ros.set_parameter('compensator', 'law', law)
-            _record_trial(system, name, title, announced, partial(evaluate, done))
+            system.record(name, f'trial: {title}', meanwhile=partial(evaluate, done),
+                          announce_direction=announced,
+                          repetitions=system.arguments.repetitions, **MOVEMENT)
     system.nodes.stop('compensator', 'plant')
     evaluate(len(TRIALS))
     _conclude(system, trials, result, model_file)
@@ -89,20 +91,6 @@ def _identify(system: DemoSystem) -> Path:
                f'and {1e3 * result.breakaway_negative_mean:.1f} mA, '
                f'{len(result.speeds)} points of the friction curve')
     return Path(result.model_file)
-
-
-def _record_trial(system: DemoSystem, name: str, title: str, announced: bool,
-                  meanwhile: Callable[[], None]) -> None:
-    """Record a trial; `meanwhile` is called while its nodes start."""
-    system.start_recorder(name)
-    # Listeners are the compensator, the recorder, and the demo itself, when all is recorded.
-    system.start_exercise(announce_direction=announced, wait_for_listeners=3,
-                          repetitions=system.arguments.repetitions, **MOVEMENT)
-    meanwhile()
-    system.wait_for_recorder()
-    with system.ros.subscribed_to_direction():
-        system.follow(f'trial: {title}')
-    system.nodes.stop('recorder')
 
 
 def _load_refined(system: DemoSystem, refining: Future[RefineResult]) -> RefineResult:

@@ -11,25 +11,29 @@ import math
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
+from friction_comp.arm.whole_arm import refine_arm
 from friction_comp.errors import InputError
 from friction_comp.evaluation.sessions import evaluate_recordings
+from friction_comp.exercise.exercise_script import load_exercise
 from friction_comp.files import write_yaml
 from friction_comp.model.friction_model import arm_document, FrictionModel
 from friction_comp.package_files import package_file
 from friction_comp.recordings import read_arm
-from friction_comp.refinement.whole_arm import refine_arm
 from friction_comp.reports.evaluation_words import compared_peaks
 from friction_comp.reports.scene_reports import (
     arm_scene_report,
+    compared_with_taught,
     mean_figure,
     peaks_of,
     session_phases,
+    taught_words,
     two_joints_report,
     wear_report,
     wear_words,
 )
 from friction_comp.tools.common import progress
 from friction_comp.tools.demo_loop import JOINT, recorded, TRUE_MODEL
+from friction_comp.tools.teach import main as teach
 
 if TYPE_CHECKING:
     from friction_comp.samples import Samples
@@ -42,8 +46,9 @@ PERSON = {'stiffness': 60.0, 'damping': 6.0, 'response_time': 0.04}
 # The effect of the drive that changes, which only the plant knows.
 BINDING = package_file('config', 'binding_example.yaml')
 # The movement of the drive that changes, and the duration of one forth and back, s.
-WEAR_MOVEMENT = {'amplitude': math.radians(40.0), 'speed': math.radians(30.0),
-                 'acceleration_time': 0.5, 'standstill': 1.0, 'announcement': 0.7}
+WEAR_MOVEMENT: dict[str, Any] = {
+    'amplitude': math.radians(40.0), 'speed': math.radians(30.0), 'acceleration_time': 0.5,
+    'standstill': 1.0, 'announcement': 0.7}
 WEAR_PERIOD = 2.0 * (1.0 + 40.0 / 30.0 + 0.5)
 # Half of the default tolerance, so that the change is detected early.
 WEAR_TOLERANCE = 0.125
@@ -52,6 +57,9 @@ WEAR_TOLERANCE = 0.125
 # temperature and of speed cannot always be distinguished, and a model that confuses them is wrong
 # once the drive is warmer.
 WEAR_PATIENCE, WEAR_PAST = 400.0, 40.0
+# Simulated per real time during refinement: a loop that runs as fast as it can would leave little
+# processor time to it.
+WEAR_PACE = 1.0
 
 
 def play_two_joints(system: DemoSystem) -> None:
@@ -65,7 +73,7 @@ def play_two_joints(system: DemoSystem) -> None:
     for law, title in (('kinetic', 'kinetic friction only'),
                        ('continuous', 'each direction announced as it changes')):
         system.ros.set_parameter('compensator', 'law', law)
-        _move(system, law, title, exercise, system.arguments.repetitions)
+        system.record(law, title, system.arguments.repetitions, exercise_file=exercise)
     system.nodes.stop('compensator', 'plant')
 
     evaluations = evaluate_recordings([system.output / 'recordings'])
@@ -81,11 +89,11 @@ def play_two_joints(system: DemoSystem) -> None:
 
 
 def play_arm(system: DemoSystem) -> None:
-    """Guide an arm alone; then with weight and friction, refined from that, taken by motors."""
+    """Teach an arm a movement; replay it alone, and with weight and friction taken by motors."""
     for module, package in (('mujoco', 'mujoco'), ('pinocchio', 'pin')):
         if importlib.util.find_spec(module) is None:
             raise InputError(f'the scene arm needs {module}: pip install {package}')
-    exercise = package_file('config', 'exercises', 'guided_arm.yaml')
+    exercise = system.output / 'models' / 'taught.yaml'
     drives = {joint: replace(FrictionModel.load(package_file(
         'config', f'armin_configuration_{number}.yaml')), joint=joint)
         for joint, number in ARM.items()}
@@ -96,10 +104,16 @@ def play_arm(system: DemoSystem) -> None:
                'compensator with the models of its drives')
     system.start_plant(list(ARM), files, engine='mujoco',
                        arm_file=package_file('config', 'arms', 'guided_arm.xml'))
-    system.start('compensator', *files, law='none')
-    _move(system, 'alone', 'a person guides it without any help', exercise)
+    system.start('compensator', *files, law='continuous')
+    system.record('taught', 'a person guides it, with help against friction',
+                  exercise_file=package_file('config', 'exercises', 'guided_arm.yaml'),
+                  announce_direction=False)
+    teach([str(system.recording('taught')), '--output', str(exercise)])
+    system.ros.set_parameter('compensator', 'law', 'none')
+    system.record('alone', 'the taught exercise, without any help', exercise_file=exercise)
     gains = {joint: model.drive.torque_per_current for joint, model in drives.items()}
-    alone = _recorded_joints(system.recording('alone'), gains)
+    guided, alone = (_recorded_joints(system.recording(name), gains)
+                     for name in ('taught', 'alone'))
     with progress('refines the arm') as show:
         result = refine_arm(
             {joint: [samples] for joint, samples in alone.items()},
@@ -113,29 +127,22 @@ def play_arm(system: DemoSystem) -> None:
                f'{path.relative_to(system.output.parent)}')
     system.ros.set_parameter('compensator', 'model_files', [str(path)] * len(ARM))
     system.ros.set_parameter('compensator', 'law', 'continuous')
-    _move(system, 'helped', 'the motors carry the weight and take the friction', exercise)
+    system.record('helped', 'the same, the motors carry the weight and take the friction',
+                  exercise_file=exercise)
     system.nodes.stop('compensator', 'plant')
 
     helped = _recorded_joints(system.recording('helped'), gains)
     peaks = peaks_of(alone, helped)
+    taught = compared_with_taught(load_exercise(exercise), {
+        'guided': guided, 'alone': alone, 'helped': helped})
     system.finish(
-        arm_scene_report(alone, helped, result, exercise),
-        {'joints': peaks, 'arm': result.report()},
+        arm_scene_report(alone, helped, result, exercise, taught),
+        {'joints': peaks, 'arm': result.report(), 'taught': taught},
+        taught_words(taught),
         *(f'{joint}: the person gives {own["alone"]["rms"]:.2f} N·m RMS, '
           f'{own["alone"]["peak"]:.2f} at most, without help; '
           f'{own["helped"]["rms"]:.2f} and {own["helped"]["peak"]:.2f} with it'
           for joint, own in peaks.items()))
-
-
-def _move(system: DemoSystem, name: str, title: str, exercise: Path, repetitions: int = 1) -> None:
-    """Record an exercise."""
-    system.start_recorder(name)
-    system.wait_for_recorder()
-    for k in range(repetitions):
-        system.start_exercise(exercise_file=exercise)
-        system.follow(f'{title}, {k + 1} of {repetitions}')
-    system.nodes.stop('recorder')
-    system.log(f'moved: {title}')
 
 
 def _recorded_joints(path: Path, gains: dict[str, float]) -> dict[str, Samples]:
@@ -208,8 +215,7 @@ def _wait_for_warning(system: DemoSystem) -> str:
 
 def _refine_live(system: DemoSystem) -> Any:
     """Refine from all that the node has kept, while the joint moves on."""
-    # A loop that runs as fast as it can would leave little processor time to refinement.
-    system.ros.set_parameter('plant', 'pace', 1.0)
+    system.ros.set_parameter('plant', 'pace', WEAR_PACE)
     with progress('refines beside the running loop') as show:
         result = system.ros.refine(
             {'joint': JOINT, 'seconds': 0.0, 'load': True},

@@ -40,7 +40,7 @@ _PACKAGES = (
     ('zstandard', 'zstandard', '', False),
     ('pinocchio', 'pin', 'refine --urdf', True),
     ('mujoco', 'mujoco', 'plant with engine mujoco, and demo --scene arm', True),
-    ('bokeh', 'bokeh', 'watch, and curves to hover and zoom in pages', True),
+    ('bokeh', 'bokeh', 'watch', True),
     ('pyarrow', 'pyarrow', 'Parquet files', True))
 _ROS = ('rclpy', 'sensor_msgs', 'std_msgs', 'geometry_msgs', 'diagnostic_msgs', 'lifecycle_msgs')
 _ACTIONS = ('IdentifyFriction', 'PlayTrajectory', 'RefineModel')

@@ -42,11 +42,14 @@ def plant_parameters(joints: Sequence[str], models: Sequence[Path], undeclared: 
             'wrench_period': 4 * sample_time, 'clock_period': 0.02}
 
 
-def ros_arguments(parameters: Mapping[str, Any]) -> list[str]:
-    """Return the command-line arguments that set parameters; JSON is YAML, too."""
+def ros_arguments(parameters: Mapping[str, Any],
+                  remappings: Mapping[str, str] | None = None) -> list[str]:
+    """Return command-line arguments that set parameters and rename topics; JSON is YAML, too."""
     arguments = ['--ros-args', '--log-level', 'warn']
     for name, value in parameters.items():
         arguments += ['-p', f'{name}:={json.dumps(value, default=str, ensure_ascii=False)}']
+    for old, new in (remappings or {}).items():
+        arguments += ['-r', f'{old}:={new}']
     return arguments
 
 
@@ -85,7 +88,8 @@ class Nodes:
     def __exit__(self, *_: object) -> None:
         self.stop(*self._running)
 
-    def start(self, name: str, parameters: Mapping[str, Any]) -> None:
+    def start(self, name: str, parameters: Mapping[str, Any],
+              remappings: Mapping[str, str] | None = None) -> None:
         """Start a node, by its name after ``python3 -m friction_comp``."""
         self._logs.mkdir(parents=True, exist_ok=True)
         # If interrupted half-way, the process would run on unnoticed.
@@ -93,7 +97,8 @@ class Nodes:
             # A separate session: an interrupt from the keyboard reaches only the tool, which stops
             # the nodes in order.
             self._running[name] = subprocess.Popen(
-                [sys.executable, '-m', 'friction_comp', name, *ros_arguments(parameters)],
+                [sys.executable, '-m', 'friction_comp', name,
+                 *ros_arguments(parameters, remappings)],
                 stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True)
 
     def check(self) -> None:

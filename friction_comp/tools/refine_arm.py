@@ -16,8 +16,8 @@ from friction_comp.tools.common import progress
 from friction_comp.tools.refine_arguments import folder_names, given_of, print_summary
 
 if TYPE_CHECKING:
+    from friction_comp.arm.whole_arm import ArmResult
     from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.refinement.whole_arm import ArmResult
 
 
 def refine_whole_arm(arguments: Namespace) -> int:
@@ -47,8 +47,8 @@ def refine_whole_arm(arguments: Namespace) -> int:
                              f'{", ".join(map(repr, recordings))}')
         recorded = {name: [samples for samples, _ in parts]
                     for name, parts in showing_friction(recordings).items()}
+        from friction_comp.arm.whole_arm import refine_arm
         from friction_comp.refinement import Origin
-        from friction_comp.refinement.whole_arm import refine_arm
 
         drives, limits = {}, {}
         for name, parts in recorded.items():

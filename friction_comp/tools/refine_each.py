@@ -176,7 +176,7 @@ def _refine_one(arguments: Namespace, with_page: bool, piece: Piece
     if with_page:
         from friction_comp.reports.refinement_report import refinement_report
 
-        page = refinement_report(result, [str(piece.path)], interactive=False)
+        page = refinement_report(result, [str(piece.path)])
         page.made_by(arguments.command)
         files['report.html'] = page.html()
     row = {

@@ -50,6 +50,8 @@ class Arm:
     source: Tree | Coupling     # rigid bodies, or terms found without a URDF
     # How velocity and acceleration of all joints are derived from a recording.
     differentiation: dict[str, Any] = field(default_factory=dict)
+    # Beside rigid bodies: friction that turns with two joints. Nothing of it acts at rest.
+    friction: Arm | None = None
     _largest: dict[str, float] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
@@ -66,8 +68,13 @@ class Arm:
         """Return samples with the arm's effect on a joint, by default that of the samples.
 
         It is `rigid_body` in N·m, or `coupling` in A, computed from the motion of all `joints`.
-        Raises InputError if one of them was not recorded, or `joint` is not among them.
+        Where a signal is known, it is left. Raises InputError if a joint was not recorded, or
+        `joint` is not among them.
         """
+        if self.friction is not None:
+            samples = self.friction.with_signal(samples, joint)
+        if getattr(samples, self.signal) is not None:
+            return samples
         motion = moving_states(samples, self.joints, self.differentiation)
         if isinstance(self.source, Coupling):
             return samples.with_(coupling=self.source.current(self.joints, *motion))
@@ -99,11 +106,14 @@ class Arm:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the arm as the plain values of a model file."""
-        return {**self.source.to_dict(), 'differentiation': dict(self.differentiation)}
+        friction = {} if self.friction is None else {'friction': self.friction.to_dict()}
+        return {**self.source.to_dict(), 'differentiation': dict(self.differentiation), **friction}
 
     @classmethod
     def from_dict(cls, document: dict[str, Any]) -> Arm:
         """Make an arm from the plain values of a model file."""
         settings = settings_of(document.get('differentiation'), 'arm.differentiation')
         kind = Coupling if 'groups' in document else Tree
-        return cls(kind.from_dict(document), settings)
+        friction = document.get('friction')
+        return cls(kind.from_dict(document), settings,
+                   None if friction is None else cls.from_dict(friction))

@@ -1,13 +1,14 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Fits an arm's links to recordings, with friction and rotor inertia of every joint.
+"""Fits an arm's links to recordings, with friction, rotor inertia and effects of every joint.
 
 The measured current of joint j is modelled as
-``k_j·τ_j(q, v, a; π) + offset + C·sign(v) + V·v + J·a``. The torque τ of the rigid bodies is linear
-in the links' inertial parameters π (Atkeson, An and Hollerbach 1986). The current per torque k_j is
-fitted too, since an arm's drive constants are seldom known. All joints share one π: the wrist's
-motion, for instance, also shows a weight that the shoulder carries. Parameters that the motion does
-not determine keep the URDF's values, and every π is physically possible.
+``k_j·τ_j(q, v, a; π) + offset + C·sign(v) + V·v + J·a + …``, where … are the effects that
+`friction_comp.arm.beside` finds. The torque τ of the rigid bodies is linear in the links' inertial
+parameters π (Atkeson, An and Hollerbach 1986). The current per torque k_j is fitted too, since an
+arm's drive constants are seldom known. All joints share one π: the wrist's motion, for instance,
+also shows a weight that the shoulder carries. Parameters that the motion does not determine keep
+the URDF's values, and every π is physically possible.
 
 The fit needs only sums of products of these columns over stretches of the recordings. All settings
 (filter, mounting, regularisation) are chosen by the error on stretches that were left out.
@@ -23,29 +24,30 @@ from typing import Any, NamedTuple, TYPE_CHECKING
 
 import numpy as np
 
-from friction_comp.errors import InputError
-from friction_comp.model.arm.arm import moving_states
-from friction_comp.model.arm.tree import FREE_FALL, PARAMETERS, Tree
-from friction_comp.model.differentiation import METHOD
-from friction_comp.parallel import one_thread
-from friction_comp.rigid_bodies.link_inertia import Bodies
-from friction_comp.rigid_bodies.solver import (
+from friction_comp.arm.beside import ArmSearch, columns_of, signs_at
+from friction_comp.arm.link_inertia import Bodies
+from friction_comp.arm.solver import (
     confidence_intervals,
     FOLDS,
     FRICTION,
     LinkIntervals,
     Prior,
+    rows_of,
     solve,
     squared_errors,
     stretches_of,
     Sums,
-    sums_of,
-    Unknowns,
 )
+from friction_comp.errors import InputError
+from friction_comp.model.arm.arm import moving_states
+from friction_comp.model.arm.tree import FREE_FALL, PARAMETERS, Tree
+from friction_comp.model.differentiation import METHOD
+from friction_comp.parallel import one_thread
+from friction_comp.refinement.effect_columns import Term
 from friction_comp.samples import Samples
 
 if TYPE_CHECKING:
-    from friction_comp.rigid_bodies.urdf import Chain
+    from friction_comp.arm.urdf import Chain
 
 FEWEST = 200  # samples
 # Regularisation strengths that are compared, and the one used for all other choices, in squared
@@ -154,40 +156,37 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
             raise InputError(f'joint {one.joint!r}: positions and currents of an arm must be '
                              'finite numbers')
     bodies = Bodies(chain.tree.parameters)
-    best = _best_settings(chain, joints, bodies, declared, lambda share: report(0.4 * share))
-    if assumed and (_trial(chain, joints, best.settings, bodies, None).error
-                    < best.error - _CLEARLY_BETTER):
-        declared = None
-        best = _best_settings(chain, joints, bodies, None, lambda share: report(0.4 + 0.1 * share))
-    chain, (_, settings, problem, prior, x) = _with_gravity_direction(
-        chain, joints, bodies, best, declared)
+    problem = _Problem(chain, joints, bodies, declared)
+    best = problem.best(lambda share: report(0.4 * share))
+    if assumed:
+        free = replace(problem, declared=None)
+        if free.trial(best.settings, best.terms, best.tree).error < best.error - _CLEARLY_BETTER:
+            problem = free
+            best = free.best(lambda share: report(0.4 + 0.1 * share))
+    problem, best = _with_gravity_direction(problem, best)
     report(0.7)
-    prior, errors = _choose_strength(problem, prior, x)
-    parts = [solve(problem.total - own, prior, x) for own in problem.folds]
+    sums, x = best.sums, best.x
+    prior, errors = _choose_strength(sums, best.prior, x)
+    parts = [solve(sums.total - own, prior, x) for own in sums.folds]
     report(0.8)
     links = len(joints) * PARAMETERS
-    no_links = problem.sums.copy()
+    no_links = sums.sums.copy()
     no_links[..., :links, :] = no_links[..., :links] = 0.0
-    without = _held_out(replace(problem, sums=no_links), prior, x)
-    whole = sums_of(chain, joints, settings, _MOST_ROWS['final'])
+    without = _held_out(replace(sums, sums=no_links), prior, x)
+    rows = rows_of(problem.chain, joints, best.settings, _MOST_ROWS['final'])
+    whole = rows.sums(rows.columns(columns_of(rows, best.tree, best.terms)[0]))
     whole, x = _reweighted_fit(whole, prior, x)
     report(1.0)
-    unknowns = Unknowns(len(joints))
-
-    def tree_of(fitted: np.ndarray) -> tuple[Tree, np.ndarray]:
-        return (replace(chain.tree, parameters=bodies.parameters(fitted[unknowns.links])[0]),
-                np.exp(fitted[unknowns.scales]))
     first = np.nonzero(np.diff(stretches_of(joints[0].recording), prepend=-1))[0]
     held_out_stretches = [
         HeldOutStretch(int(joints[0].recording[row]), float(joints[0].time[row]),
-                       *tree_of(parts[index % FOLDS])) for index, row in enumerate(first)]
-    tree, scales = tree_of(x)
+                       *problem.arm_of(parts[index % FOLDS])) for index, row in enumerate(first)]
+    tree, scales = problem.arm_of(x)
     return ArmFit(
         tree, chain.tree, scales,
-        np.array([x[unknowns.friction(j)] for j in range(len(joints))]), settings,
-        prior.strength, errors, without,
+        prior.friction(x)[:, :FRICTION], best.settings, prior.strength, errors, without,
         identifiable(whole.total[:, :links, :links].sum(axis=0)), held_out_stretches,
-        confidence_intervals(whole.sums, prior, x), declared is not None)
+        confidence_intervals(whole.sums, prior, x), problem.declared is not None)
 
 
 class _Trial(NamedTuple):
@@ -195,65 +194,102 @@ class _Trial(NamedTuple):
 
     error: float
     settings: dict[str, Any]
-    problem: Sums
+    terms: list[Term]  # beside the links
+    sums: Sums
     prior: Prior
     x: np.ndarray
+    tree: Tree
 
 
-def _best_settings(
-        chain: Chain, joints: list[Samples], bodies: Bodies, declared: np.ndarray | None,
-        report: Callable[[float], None]) -> _Trial:
-    """Return the trial with the differentiation settings of the lowest error."""
-    trials, choices = [], _settings(joints)
-    for settings in choices:
-        trials.append(_trial(chain, joints, settings, bodies, declared))
-        report(len(trials) / len(choices))
-    return min(trials, key=lambda trial: trial.error)
+@dataclass(frozen=True)
+class _Problem:
+    """What is fitted."""
+
+    chain: Chain
+    joints: list[Samples]
+    bodies: Bodies
+    declared: np.ndarray | None
+
+    def arm_of(self, x: np.ndarray) -> tuple[Tree, np.ndarray]:
+        """Return the links and the currents per torque of a fit."""
+        links, count = PARAMETERS * len(self.joints), len(self.joints)
+        return (replace(self.chain.tree, parameters=self.bodies.parameters(x[:links])[0]),
+                np.exp(x[links:links + count]))
+
+    def trial(self, settings: dict[str, Any], terms: list[Term] | None = None,
+              tree: Tree | None = None) -> _Trial:
+        """Return a fit with some differentiation settings, and terms beside the links.
+
+        Its error is infinite if the URDF's torque has the wrong sign at every joint.
+        """
+        tree, terms = tree or self.chain.tree, terms or []
+        rows = rows_of(self.chain, self.joints, settings, _MOST_ROWS['choice'])
+        columns, indices = columns_of(rows, tree, terms)
+        sums = rows.sums(rows.columns(columns))
+        typical = _typical_scale(sums, self.bodies)
+        scale = np.full(len(self.joints), typical or 1.0)
+        prior = Prior(
+            self.bodies, _FIRST_STRENGTH, np.log(scale if self.declared is None else self.declared),
+            _UNKNOWN_WIDTH if self.declared is None else _DECLARED_WIDTH,
+            signs_at(indices, len(self.joints)))
+        x, error = prior.mean, math.inf
+        if typical is not None:
+            sums, x = _reweighted_fit(sums, prior, x)
+            error = float(np.mean(np.log(_held_out(sums, prior, x))))
+        return _Trial(error, settings, terms, sums, prior, x, tree)
+
+    def best(self, report: Callable[[float], None] = lambda share: None) -> _Trial:
+        """Return the fit with the settings of the lowest error, and effects beside the links.
+
+        Effects are searched before settings are compared, and once more with the best.
+        """
+        trials, choices = [], _settings(self.joints)
+        first = self.with_effects(self.trial(choices[min(1, len(choices) - 1)]), 1)
+        for settings in choices:
+            trials.append(self.trial(settings, first.terms, first.tree))
+            report(len(trials) / len(choices))
+        return self.with_effects(min(trials, key=lambda trial: trial.error))
+
+    def with_effects(self, trial: _Trial, rounds: int = _ROUNDS) -> _Trial:
+        """Return a fit with the effects that are found beside the links, if any."""
+        if trial.error == math.inf:
+            return trial
+        rows = rows_of(self.chain, self.joints, trial.settings, _MOST_ROWS['choice'])
+        for _ in range(rounds):
+            tree, _ = self.arm_of(trial.x)
+            search = ArmSearch(rows, tree, trial.prior, trial.x, trial.sums.variance, trial.terms)
+            # Other links than those before may ask for other constants.
+            begin = search.after_addition(trial.terms) if trial.terms else []
+            terms = search.backward(search.forward(begin))
+            done = [term.choice for term in terms] == [term.choice for term in trial.terms]
+            if terms != trial.terms:
+                trial = self.trial(trial.settings, terms, tree)
+            if done:
+                break
+        return trial
 
 
-def _trial(
-        chain: Chain, joints: list[Samples], settings: dict[str, Any], bodies: Bodies,
-        declared: np.ndarray | None) -> _Trial:
-    """Return a fit with some differentiation settings.
-
-    Its error is infinite if the URDF's torque has the wrong sign at every joint.
-    """
-    problem = sums_of(chain, joints, settings, _MOST_ROWS['choice'])
-    typical = _typical_scale(problem, bodies)
-    scale_and_width = (np.log(declared), _DECLARED_WIDTH) if declared is not None else (
-        np.full(len(joints), np.log(typical or 1.0)), _UNKNOWN_WIDTH)
-    prior = Prior(bodies, _FIRST_STRENGTH, *scale_and_width)
-    unknowns = Unknowns(len(joints))
-    x = np.zeros(unknowns.size)
-    x[unknowns.scales] = prior.log_scale
-    if typical is None:
-        return _Trial(math.inf, settings, problem, prior, x)
-    problem, x = _reweighted_fit(problem, prior, x)
-    error = float(np.mean(np.log(_held_out(problem, prior, x))))
-    return _Trial(error, settings, problem, prior, x)
-
-
-def _with_gravity_direction(chain: Chain, joints: list[Samples], bodies: Bodies, best: _Trial,
-                            declared: np.ndarray | None) -> tuple[Chain, _Trial]:
+def _with_gravity_direction(problem: _Problem, best: _Trial) -> tuple[_Problem, _Trial]:
     """Return the arm with the direction of gravity that fits the recording best, and its trial.
 
     An arm may be mounted on a wall or a ceiling, which its URDF does not say. A direction other
     than the URDF's is used only if it lowers the held-out error clearly.
     """
-    settings = best.settings if best.error < math.inf else _settings(joints)[-1]
+    settings = best.settings if best.error < math.inf else _settings(problem.joints)[-1]
     trials = []
     for direction in product((-1.0, 0.0, 1.0), repeat=3):
         length = np.linalg.norm(direction)
         if 0.0 < length < 1.5:
-            turned = chain.with_gravity(np.array(direction) * np.linalg.norm(FREE_FALL) / length)
-            trials.append((_trial(turned, joints, settings, bodies, declared), turned))
+            turned = replace(problem, chain=problem.chain.with_gravity(
+                np.array(direction) * np.linalg.norm(FREE_FALL) / length))
+            trials.append((turned.trial(settings), turned))
     other, mounted = min(trials, key=lambda trial: trial[0].error)
     if other.error == math.inf:
         raise InputError('the currents contradict the torques of the URDF at every joint: it is '
                          'the URDF of another robot')
     if other.error >= best.error - _CLEARLY_BETTER:
-        return chain, best
-    return mounted, _best_settings(mounted, joints, bodies, declared, lambda share: None)
+        return problem, best
+    return mounted, mounted.best()
 
 
 def identifiable(products: np.ndarray) -> int:
@@ -291,9 +327,9 @@ def _typical_scale(problem: Sums, bodies: Bodies) -> float | None:
     links = bodies.prior.ravel()
     for matrix in problem.total[problem.counts > 0.0]:
         # Combine the columns to the URDF's torque, friction and the current.
-        combine = np.zeros((len(matrix), FRICTION + 2))
+        combine = np.zeros((len(matrix), len(matrix) - links.size + 1))
         combine[:links.size, 0] = links
-        combine[links.size:, 1:] = np.eye(FRICTION + 1)
+        combine[links.size:, 1:] = np.eye(len(matrix) - links.size)
         own = combine.T @ matrix @ combine
         norm = np.sqrt(np.maximum(np.diag(own), 0.0)) + 1e-300
         own = own / norm / norm[:, None]
@@ -321,7 +357,7 @@ def _reweighted_fit(problem: Sums, prior: Prior, x: np.ndarray) -> tuple[Sums, n
     """Fit with each joint weighted by its inverse residual variance; return problem and fit."""
     for _ in range(_ROUNDS):
         x = solve(problem.total, prior, x)
-        residual = squared_errors(problem.total, prior.bodies, x) / np.maximum(problem.counts, 1.0)
+        residual = squared_errors(problem.total, prior, x) / np.maximum(problem.counts, 1.0)
         residual = np.maximum(residual, 1e-24)
         problem = Sums(problem.sums / residual[:, None, None], problem.variance * residual,
                        problem.counts)
@@ -332,7 +368,7 @@ def _held_out(problem: Sums, prior: Prior, x: np.ndarray) -> np.ndarray:
     """Return each joint's RMS error in A on stretches that were not fitted, shape (J,)."""
     total, sums = problem.total, np.zeros(len(problem.counts))
     for own in problem.folds:
-        sums += squared_errors(own, prior.bodies, solve(total - own, prior, x))
+        sums += squared_errors(own, prior, solve(total - own, prior, x))
     return np.sqrt(sums * problem.variance / np.maximum(problem.counts, 1.0)) + 1e-12
 
 

@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from friction_comp.arm.fit import ArmFit, fit_arm
+from friction_comp.arm.urdf import Chain
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.arm.arm import Arm
@@ -20,8 +22,6 @@ from friction_comp.refinement.prepare import clipped
 from friction_comp.refinement.recorded_motion import load_coefficient
 from friction_comp.refinement.refine import refine
 from friction_comp.refinement.result import Origin, RefineResult
-from friction_comp.rigid_bodies.fit import ArmFit, fit_arm
-from friction_comp.rigid_bodies.urdf import Chain
 from friction_comp.samples import Samples
 
 # Share of the work for the rigid bodies.
@@ -128,7 +128,9 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
         def report_joint(share: float, word: str, index: int = index, name: str = name) -> None:
             report(_BODIES + (1.0 - _BODIES) * (index + share) / len(refined), f'{name}: {word}')
         samples = Samples.concatenate(recorded[name])
-        samples = samples.with_(rigid_body=fit.torque(samples))
+        # In the order along the arm, which that of a recording need not be.
+        samples = samples.with_(rigid_body=fit.torque(samples),
+                                arm=samples.arm and samples.arm.of(names))
         drive = drives.get(name)
         try:
             result = refine([samples], models.get(name), drive, report_joint, origin=replace(
@@ -138,9 +140,10 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
             notes.append(f'joint {name!r}: {error}')
             continue
         # The model may be the given one, which stays as it is.
-        uses_arm = any('rigid_body' in effect.needs for effect in result.model.effects)
-        results[name] = replace(result, model=replace(
-            result.model, arm=arm if uses_arm else result.model.arm))
+        own = result.model.arm
+        if any('rigid_body' in effect.needs for effect in result.model.effects):
+            own = replace(arm, friction=own if own and own.signal == 'coupling' else None)
+        results[name] = replace(result, model=replace(result.model, arm=own))
     if not results:
         raise InputError(notes[-1])
     return ArmResult(fit, results, notes)
@@ -154,7 +157,8 @@ def _add_person_torque(samples: Samples, drive: Drive) -> Samples:
     share = load_coefficient(samples, clipped(samples.current), drive)
     if not share:
         return samples
-    return samples.with_(current=samples.current - share * np.nan_to_num(np.asarray(samples.load)))
+    return samples.with_(load=None, current=(
+        samples.current - share * np.nan_to_num(np.asarray(samples.load))))
 
 
 def _at_common_times(recorded: dict[str, list[Samples]]) -> list[Samples]:

@@ -1,0 +1,70 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What each law takes of friction from a hand that moves to and fro, and leaves when it lets go.
+
+    python3 bench/law_choice.py --seed 93 --output laws.json
+    python3 docs/quote_figures.py laws laws.json
+
+The rows of `law_table` on to-and-fro at three tempos and on letting go (models up to 1.05 times the
+truth), on the gears of two worlds together, for the laws and the rivals that one may choose among.
+The second command writes them into README and docs/compensation_law.md. Even seeds are for tuning
+on, odd seeds are kept for judging. It takes a few minutes of processor time.
+"""
+
+import argparse
+import importlib
+import json
+from pathlib import Path
+
+import numpy as np
+
+from law_judge.bank import Joints, make_bank
+from law_judge.loop import KINETIC, TANH
+from law_judge.release import watch_release
+from law_judge.to_and_fro import swaying
+
+FREQUENCIES = (0.3, 0.6, 1.0)    # Hz
+WORLDS = ('world.gear', 'world.mujoco_gear')
+# Law, how its direction comes, and whether the model knows the gear's presliding distance.
+WAYS = {'announced': ('continuous', 'announced', True), 'unknown': ('continuous', 'd = 0', True),
+        'unmeasured': ('continuous', 'd = 0', False), 'tanh': (TANH, 'd = 0', False),
+        'kinetic': (KINETIC, 'd = 0', False)}
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
+    parser.add_argument('--seed', type=int, default=0)
+    parser.add_argument('--draws', type=int, default=1, help='gears of each kind')
+    parser.add_argument('--output', type=Path, help='JSON file to write')
+    options = parser.parse_args()
+    found, gone = ({name: [] for name in WAYS} for _ in range(2))
+    gears = 0
+    for name in WORLDS:
+        world = importlib.import_module(name)
+        bank = make_bank(world, world.KINDS, options.draws, options.seed)
+        gears += len(bank.gears)
+        for known in (True, False):
+            told = bank.telling(known)
+            joints, removed = swaying(told, FREQUENCIES)
+            for way, (law, how, needs) in WAYS.items():
+                if needs == known:
+                    share = removed(law, how)
+                    found[way].append([share[joints['frequency'] == f] for f in FREQUENCIES])
+                    gone[way] += watch_release(Joints(
+                        told, speed=[5, 40, 80], direction=[int(how == 'announced')],
+                        factor=[1.0, 1.05]), law)['moving'].tolist()
+    laws = {way: [[float(figure(share)) for figure in (np.nanmedian, np.nanmin)]
+                  for share in map(np.concatenate, zip(*parts))] for way, parts in found.items()}
+    moving = {way: [sum(own), len(own)] for way, own in gone.items()}
+    for way, row in laws.items():
+        print(f'{way:12s}' + ''.join(f'{median:6.0f} ({worst:.0f}) %' for median, worst in row)
+              + '   let go, moves on: {} of {}'.format(*moving[way]))
+    if options.output:
+        options.output.write_text(json.dumps({
+            'seed': options.seed, 'draws': options.draws, 'gears': gears,
+            'frequencies': FREQUENCIES, 'laws': laws, 'moving': moving}, indent=1) + '\n',
+            encoding='utf-8')
+
+
+if __name__ == '__main__':
+    main()

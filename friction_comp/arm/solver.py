@@ -1,0 +1,308 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Fits links, currents per torque and friction of all joints by regularised least squares.
+
+A recording is represented by sums of products of columns over stretches: the columns of the links'
+parameters, of each joint's friction, rotor and further effects, and its current. A stretch is left
+out by subtracting its sums. The model is nonlinear only in the parametrisation of the links and in
+the currents per torque, so the Levenberg-Marquardt method needs nothing but these sums.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+import functools
+from typing import Any, TYPE_CHECKING
+
+import numpy as np
+from scipy import stats
+from scipy.linalg import block_diag
+
+from friction_comp.arm.link_inertia import Bodies
+from friction_comp.model.arm.arm import moving_states
+from friction_comp.model.arm.tree import PARAMETERS
+from friction_comp.samples import Samples
+
+if TYPE_CHECKING:
+    from friction_comp.arm.urdf import Chain
+
+# Columns of a joint's friction and rotor: constant, Coulomb, viscous and acceleration; and which of
+# their coefficients must not be negative.
+FRICTION, FRICTION_SIGNS = 4, (0, 1, 1, 1)
+STRETCHES, FOLDS = 12, 3
+# As shares of a joint's usual top speed: friction changes its sign within the first; below the
+# second, the joint stands still.
+_TRANSITION, _STILL = 0.03, 0.01
+# Most steps of the solver; it stops after one that gains less than this, in squared standard
+# deviations of one sample, or if the damping exceeds its limit.
+_STEPS, _CONVERGED, _MOST_DAMPING = 60, 0.05, 1e8
+_LEVEL = 0.95  # of the intervals
+# Share by which the recording must reduce the variance of a parameter for it to have an interval.
+_LEAST_REDUCTION = 0.5
+
+
+@dataclass
+class Sums:
+    """Sums of products of all columns over stretches of the recordings."""
+
+    # (S, J, 10·J + F + 1, 10·J + F + 1): for each stretch and joint, of the columns of the links,
+    # of friction and further effects (F), and of the current, in units of `variance`.
+    sums: np.ndarray
+    variance: np.ndarray  # (J,): one unit of each joint's squared error, A²
+    counts: np.ndarray  # (J,): number of samples
+
+    @property
+    def total(self) -> np.ndarray:
+        """The sums over all stretches."""
+        return np.asarray(self.sums.sum(axis=0))
+
+    @property
+    def folds(self) -> np.ndarray:
+        """The sums over the stretches of each fold, with the shape of `sums` of F stretches."""
+        fold = np.arange(len(self.sums)) % FOLDS
+        return np.array([self.sums[fold == index].sum(axis=0) for index in range(FOLDS)])
+
+
+@dataclass(frozen=True)
+class ArmRows:
+    """N samples of all J joints at the same times."""
+
+    samples: list[Samples]  # of each joint, with velocity and acceleration
+    motion: tuple[np.ndarray, np.ndarray, np.ndarray]  # position, velocity, acceleration, (N, J)
+    fitted: np.ndarray  # (N, J): which samples of each joint show friction
+    moves: np.ndarray  # (J,): whether the joint moves often enough for that
+    stretch: np.ndarray  # (N,)
+    chain: Chain
+
+    @functools.cached_property
+    def _links(self) -> np.ndarray:
+        return self.chain.regressor(*self.motion)
+
+    def columns(self, others: Sequence[np.ndarray]) -> np.ndarray:
+        """Return all columns of each joint, shape (N, J, 10·J + F + 1); see `Sums`.
+
+        `others` are those of each joint beside links, friction and rotor, (N, M), with any M.
+        """
+        _, v, a = self.motion
+        links, width = self._links, max(part.shape[1] for part in others)
+        columns = np.zeros((*v.shape, links.shape[2] + FRICTION + width + 1))
+        columns[:, :, :links.shape[2]] = links
+        columns[:, :, links.shape[2]:][:, :, :FRICTION] = np.stack(
+            (np.ones_like(v), np.tanh(v / (_TRANSITION * top_speeds(v))), v, a), axis=2)
+        for joint, part in enumerate(others):
+            columns[:, joint, links.shape[2] + FRICTION:][:, :part.shape[1]] = part
+            columns[:, joint, -1] = self.samples[joint].current
+        return columns
+
+    def sums(self, columns: np.ndarray) -> Sums:
+        """Return the sums of products of `columns`, in units of each current's variance."""
+        variance = np.maximum(np.var(columns[:, :, -1], axis=0), 1e-12)
+        weighted = columns * (self.fitted / variance)[:, :, None]
+        sums = []
+        for index in range(int(self.stretch.max()) + 1):
+            own = self.stretch == index
+            sums.append(weighted[own].transpose(1, 2, 0) @ columns[own].transpose(1, 0, 2))
+        return Sums(np.array(sums), variance, self.fitted.sum(axis=0).astype(float))
+
+
+def top_speeds(velocity: np.ndarray) -> np.ndarray:
+    """Return the usual top speed of each joint, shape (J,)."""
+    return np.maximum(np.percentile(np.abs(velocity), 95, axis=0), 1e-9)
+
+
+def rows_of(chain: Chain, joints: list[Samples], settings: dict[str, Any], most_rows: int
+            ) -> ArmRows:
+    """Return the rows of recordings of all joints, with the motion of some settings.
+
+    If there are more samples than `most_rows`, only every n-th is used.
+    """
+    motion = moving_states(joints[0], chain.tree.joints, settings)
+    rows = slice(None, None, max(1, len(joints[0]) // most_rows))
+    q, v, a = motion = tuple(signal[rows] for signal in motion)  # type: ignore[assignment]
+    samples = [one.take(rows).with_(position=q[:, k], velocity=v[:, k], acceleration=a[:, k])
+               for k, one in enumerate(joints)]
+    # At rest, stiction can take any value; but a joint that hardly ever moves has no other data.
+    moving = np.abs(v) > _STILL * top_speeds(v)
+    moves = moving.mean(axis=0) > 0.2
+    fitted = np.where(moves, moving, True)
+    # An effort that is constant, such as zeros of a gripper, is not a measurement.
+    fitted &= np.array([np.ptp(one.current) > 0.0 for one in samples])
+    return ArmRows(samples, motion, fitted, moves, stretches_of(joints[0].recording)[rows], chain)
+
+
+def stretches_of(recording: np.ndarray) -> np.ndarray:
+    """Return the number of each sample's stretch, shape (N,); no stretch spans two recordings."""
+    stretch = np.arange(len(recording)) * STRETCHES // max(len(recording), 1)
+    run = np.cumsum(np.diff(recording, prepend=recording[:1]) != 0)
+    # One number for each pair of stretch and recording, counted from 0.
+    return np.unique(stretch + (STRETCHES + 1) * run, return_inverse=True)[1].reshape(-1)
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Prior knowledge of the unknowns, a vector of length U.
+
+    These are the links' coordinates (see `Bodies`), the logarithms of current per torque, and each
+    joint's coefficients of friction, rotor and further effects.
+    """
+
+    bodies: Bodies  # the URDF's links
+    # Weight of the squared distance between a link and the URDF's (see `Bodies`), in squared
+    # standard deviations of one sample.
+    strength: float
+    log_scale: np.ndarray  # (J,): logarithm of each joint's current per torque, A per N·m
+    log_width: float  # standard deviation of `log_scale`
+    # (J, F): 1 where a coefficient of friction or of another effect must not be negative, else 0.
+    signs: np.ndarray
+
+    @property
+    def links(self) -> slice:
+        """Which unknowns are links' coordinates."""
+        return slice(0, PARAMETERS * len(self.log_scale))
+
+    @property
+    def scales(self) -> slice:
+        """Which unknowns are logarithms of current per torque."""
+        return slice(self.links.stop, self.links.stop + len(self.log_scale))
+
+    @property
+    def mean(self) -> np.ndarray:
+        """The unknowns without recordings, (U,)."""
+        return np.concatenate((
+            np.zeros(self.links.stop), self.log_scale, np.zeros(self.signs.size)))
+
+    @property
+    def precision(self) -> np.ndarray:
+        """The inverse of their variance, (U,)."""
+        weights = [self.strength, self.log_width ** -2, 0.0]
+        return np.repeat(weights, [self.links.stop, len(self.log_scale), self.signs.size])
+
+    @property
+    def lowest(self) -> np.ndarray:
+        """The least possible values, (U,)."""
+        return np.where(np.concatenate((np.zeros(self.scales.stop), self.signs.ravel())) > 0,
+                        0.0, -np.inf)
+
+    def friction(self, x: np.ndarray) -> np.ndarray:
+        """Return the coefficients of friction, rotor and further effects among unknowns, (J, F)."""
+        return x[self.scales.stop:].reshape(self.signs.shape)
+
+
+def linearised(prior: Prior, x: np.ndarray) -> np.ndarray:
+    """Return, as combinations of each joint's columns, the derivatives of its current by unknowns.
+
+    Shape (J, P, U + 1), where P is the number of columns of `Sums`; the last is the error of x.
+    """
+    parameters, slopes = prior.bodies.parameters(x[prior.links])
+    joints, width = prior.signs.shape
+    links, base = parameters.size, prior.scales.stop
+    scales = np.exp(np.clip(x[prior.scales], -50.0, 50.0))
+    combine = np.zeros((joints, links + width + 1, x.size + 1))
+    for k, slope in enumerate(slopes):
+        own = slice(PARAMETERS * k, PARAMETERS * (k + 1))
+        combine[:, own, own] = scales[:, None, None] * slope
+    combine[:, :links, -1] = -scales[:, None] * parameters.ravel()
+    combine[:, links:-1, -1] = -prior.friction(x)
+    combine[:, -1, -1] = 1.0
+    for joint, own in enumerate(combine):
+        own[:links, links + joint] = -own[:links, -1]
+        own[links:-1, base + width * joint:base + width * (joint + 1)] = np.eye(width)
+    return combine
+
+
+def solve(matrices: np.ndarray, prior: Prior, start: np.ndarray) -> np.ndarray:
+    """Return the unknowns, shape (U,), that fit each joint's sums (see `Sums.total`) best.
+
+    Coefficients have the signs that the prior requires.
+    """
+    lowest = prior.lowest
+    x = np.maximum(start, lowest)
+    loss, gradient, hessian = loss_gradient_hessian(matrices, prior, x)
+    damping = 1e-3
+    for _ in range(_STEPS):
+        free = ~((x <= lowest) & (gradient > 0.0))
+        system = hessian[np.ix_(free, free)].copy()
+        system[np.diag_indices_from(system)] *= 1.0 + damping
+        system[np.diag_indices_from(system)] += 1e-12 * np.trace(system) / len(system)
+        trial = x.copy()
+        trial[free] -= np.linalg.solve(system, gradient[free])
+        trial = np.maximum(trial, lowest)
+        after = loss_gradient_hessian(matrices, prior, trial)
+        if np.isfinite(after[0]) and after[0] < loss:
+            gain = loss - after[0]
+            x, (loss, gradient, hessian) = trial, after
+            damping = max(damping / 5.0, 1e-9)
+            if gain < _CONVERGED:
+                break
+        else:
+            damping *= 8.0
+            if damping > _MOST_DAMPING:
+                break
+    return x
+
+
+def loss_gradient_hessian(matrices: np.ndarray, prior: Prior, x: np.ndarray
+                          ) -> tuple[float, np.ndarray, np.ndarray]:
+    """Return half the loss, its gradient and the Gauss-Newton matrix."""
+    combine = linearised(prior, x)
+    products = (combine.transpose(0, 2, 1) @ (matrices @ combine)).sum(axis=0)
+    deviation, precision = x - prior.mean, prior.precision
+    loss = products[-1, -1] + precision @ deviation ** 2
+    return (0.5 * float(loss), precision * deviation - products[:-1, -1],
+            products[:-1, :-1] + np.diag(precision))
+
+
+def squared_errors(matrices: np.ndarray, prior: Prior, x: np.ndarray) -> np.ndarray:
+    """Return each joint's sum of squared errors for unknowns x, shape (J,)."""
+    error = linearised(prior, x)[:, :, -1]
+    return np.maximum(np.einsum('jp,jpq,jq->j', error, matrices, error), 0.0)
+
+
+@dataclass(frozen=True)
+class LinkIntervals:
+    """The 95 % intervals of the links' parameters and of the currents per torque."""
+
+    parameters: np.ndarray  # (J, 10, 2): both ends, infinite where the value is the URDF's
+    scales: np.ndarray  # (J, 2): both ends of each joint's current per torque, A per N·m
+    # (J, 10): share by which the recording reduces the prior variance of a parameter: 0 if it does
+    # not depend on it, near 1 if it alone determines the value.
+    from_recording: np.ndarray
+
+
+def confidence_intervals(stretches: np.ndarray, prior: Prior, x: np.ndarray) -> LinkIntervals:
+    """Return the intervals of the fit `x`; `stretches` are the sums of each stretch (`Sums.sums`).
+
+    The effect of noise is computed from the scatter of the gradient between stretches, since
+    successive errors are correlated (White's covariance, clustered by stretches, Liang and Zeger
+    1986); the uncertainty of the prior is added. A parameter that the prior determines more than
+    the recording has no interval: a recording does not show how accurate the URDF is.
+    """
+    _, _, hessian = loss_gradient_hessian(stretches.sum(axis=0), prior, x)
+    gradients = np.array([loss_gradient_hessian(own, prior, x)[1] for own in stretches])
+    # The prior has the same gradient in every stretch, which cancels with the mean.
+    gradients -= gradients.mean(axis=0)
+    free = x > prior.lowest
+    count = len(stretches)
+    inverse = np.linalg.pinv(hessian[np.ix_(free, free)], rcond=1e-13, hermitian=True)
+    scatter = gradients[:, free].T @ gradients[:, free] * count / max(count - 1, 1)
+    covariance = np.zeros_like(hessian)
+    covariance[np.ix_(free, free)] = inverse @ (scatter + np.diag(prior.precision[free])) @ inverse
+    quantile = float(stats.t.ppf(0.5 + 0.5 * _LEVEL, max(count - 1, 2)))
+
+    parameters, slopes = prior.bodies.parameters(x[prior.links])
+    _, before = prior.bodies.parameters(np.zeros_like(x[prior.links]))
+    inner = block_diag(*slopes)
+    variance = np.einsum('ij,jk,ik->i', inner, covariance[prior.links, prior.links],
+                         inner).reshape(parameters.shape)
+    half = quantile * np.sqrt(np.maximum(variance, 0.0))
+    bounds = np.stack((parameters - half, parameters + half), axis=-1)
+    # A mass is positive, even if the linearised interval includes negative values.
+    bounds[:, 0] = np.maximum(bounds[:, 0], 0.0)
+    prior_variance = np.sum(before ** 2, axis=2) / prior.strength
+    from_recording = np.clip(1.0 - variance / np.maximum(prior_variance, 1e-300), 0.0, 1.0)
+    bounds[from_recording < _LEAST_REDUCTION] = -np.inf, np.inf
+    width = quantile * np.sqrt(np.maximum(np.diag(covariance)[prior.scales], 0.0))
+    middle = x[prior.scales]
+    return LinkIntervals(bounds, np.exp(np.clip(
+        np.stack((middle - width, middle + width), axis=-1), -50.0, 50.0)), from_recording)
