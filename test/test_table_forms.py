@@ -336,3 +336,27 @@ def test_a_refusal_comes_before_anything_slow_is_imported(tmp_path):
                           cwd=Path(__file__).resolve().parent.parent)
     assert 'which column is the effort' in done.stderr
     assert not {'scipy', 'numba', 'matplotlib'} & set(done.stdout.strip('[]\n ').split("', '"))
+
+
+@pytest.mark.parametrize(('name', 'head', 'mark'), [
+    ('savetxt.txt', '# time pos vel tau\n', '\t'),
+    ('units.csv', 'Time,Angle,Velocity,Torque\ns,deg,deg/s,N·m\n', ','),
+    ('brackets.csv', 'time;q;dq;tau\n[s];[deg];[deg/s];[Nm]\n', ';')])
+def test_names_in_a_comment_and_units_below_the_names_are_read(tmp_path, name, head, mark):
+    time = 0.01 * np.arange(400)
+    angle = np.sin(time)
+    scale = 1.0 if 'savetxt' in name else 180.0 / math.pi
+    rows = np.column_stack([time, scale * angle, scale * np.cos(time), 2.0 * np.cos(time)])
+    (tmp_path / name).write_text(head + '\n'.join(
+        mark.join(f'{value:.9g}' for value in row) for row in rows) + '\n')
+    samples, = read_recording(tmp_path / name)
+    assert samples.position == pytest.approx(angle, abs=1e-6)
+    assert samples.velocity == pytest.approx(np.cos(time), abs=1e-6)
+
+
+def test_lines_of_json_are_a_table(tmp_path):
+    time = 0.01 * np.arange(400)
+    (tmp_path / 'log.jsonl').write_text('\n'.join(json.dumps(
+        {'time': t, 'position': math.sin(t), 'torque': math.cos(t)}) for t in time.tolist()))
+    samples, = read_recording(tmp_path / 'log.jsonl')
+    assert samples.position == pytest.approx(np.sin(time))

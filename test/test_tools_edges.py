@@ -27,6 +27,7 @@ from friction_comp.recordings import write_samples
 from friction_comp.results import output_folder
 from friction_comp.samples import Samples
 from friction_comp.tools import demo, evaluate, predict, refine, reproduce, ros_domain
+from friction_comp.tools.common import Arguments
 from friction_comp.tools.refine_arguments import folder_names
 from friction_comp.tools.ros_domain import domains_in_use, leased_domain
 
@@ -263,3 +264,14 @@ def test_a_domain_in_use_without_a_lease_is_found_by_its_sockets():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
         one.bind(('127.0.0.1', port))
         assert 99 in domains_in_use()
+
+
+def test_an_option_given_twice_is_joined_where_it_lists_and_refused_where_it_does_not(capsys):
+    parser = Arguments('tool', 'x').add_recordings()
+    given = ['log.csv', '--unit', 'position=deg', '--unit', 'time=ms', '--columns', 'time=t']
+    parsed = parser.parse(given)
+    assert (parsed.unit, parsed.columns) == ('position=deg,time=ms', 'time=t')
+    assert parser.parse(given).unit == parsed.unit
+    with pytest.raises(SystemExit):
+        parser.parse(['log.csv', '--joint', 'a', '--joint', 'b'])
+    assert '--joint is given twice' in capsys.readouterr().err
