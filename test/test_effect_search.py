@@ -40,8 +40,7 @@ def test_the_columns_of_a_term_are_its_effect_and_their_sums_those_of_the_rows(r
     assert rippled.add(terms) == terms
     assert rippled.add(terms) == terms
     rows = rippled.rows
-    base = eq6_columns(np.asarray(rows.samples.velocity), 200.0, 0.0)
-    matrix = np.column_stack([rows.averaged(base.T),
+    matrix = np.column_stack([rows.averaged(eq6_columns(rows, 200.0, 0.0)),
                               *(rows.averaged(term.columns(rows)) for term in terms)])
     assert rippled.columns[rippled.indices(terms)] == pytest.approx(matrix.T)
     full = np.column_stack((matrix, rippled.target))

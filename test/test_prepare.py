@@ -195,31 +195,6 @@ def test_a_load_that_a_person_carries_belongs_to_what_is_measured(carried, is_kn
     assert gain == (-1.0 / DRIVE.torque_per_current if is_known else 0.0)
 
 
-def test_a_load_that_only_accelerates_the_limb_belongs_to_what_is_measured():
-    """Under a law that supplies the friction, the load does no work, and the current follows it."""
-    samples = swings(5)
-    rng = np.random.default_rng(6)
-    load = 2.0 * np.asarray(samples.acceleration) + 0.1 * rng.standard_normal(len(samples))
-    law = samples.with_(load=load, velocity=None, acceleration=None)
-    gain = load_coefficient(law, clipped(law.current), DRIVE)
-    assert gain == -1.0 / DRIVE.torque_per_current
-
-
-def test_a_part_begins_where_a_movement_begins():
-    """Ten movements of unequal lengths, and a rest of a second after each."""
-    lengths = np.array([300, 260, 340, 310, 280, 300, 330, 270, 290, 320])
-    start = np.concatenate([k * 500 + np.arange(length) for k, length in enumerate(lengths)])
-    time = np.arange(5000) * 0.01
-    samples = Samples(time=time, position=np.sin(time), current=np.cos(time))
-    block = blocks_of(samples, start)
-    edges, begins = np.nonzero(np.diff(block))[0] + 1, np.cumsum(lengths)[:-1]
-    # Edges of sixteen equal parts are within a third of a part of these.
-    size = len(start) / 16
-    near = [begin for begin in begins if np.min(np.abs(np.arange(1, 16) * size - begin)) < size / 3]
-    assert len(near) >= 4
-    assert set(near) <= set(edges.tolist())
-
-
 def test_the_target_includes_the_torque_of_the_person():
     samples = swings(6)
     friction = samples.current

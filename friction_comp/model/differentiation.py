@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import functools
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
@@ -172,21 +171,13 @@ def shifted_in_time(values: np.ndarray, samples: Samples, lag: float) -> np.ndar
 def _smooth(signal: np.ndarray, sample_time: float, bandwidth: float | None) -> np.ndarray:
     if bandwidth is None or sample_time <= 0 or 2.0 * bandwidth * sample_time >= 0.95:
         return signal
-    from scipy.signal import sosfiltfilt
+    from scipy.signal import butter, sosfiltfilt
 
+    sections = butter(_ORDER, 2.0 * bandwidth * sample_time, output='sos')
     # Padding long enough for the slow transients of narrow filters, and short enough for short
     # parts.
     padding = min(len(signal) - 1, int(3.0 / (bandwidth * sample_time)))
-    return sosfiltfilt(_low_pass(2.0 * bandwidth * sample_time), signal, padtype='odd',
-                       padlen=padding)
-
-
-@functools.lru_cache(maxsize=64)
-def _low_pass(share: float) -> np.ndarray:
-    """Return the sections of the low pass with a bandwidth as a share of half the sample rate."""
-    from scipy.signal import butter
-
-    return np.asarray(butter(_ORDER, share, output='sos'))
+    return sosfiltfilt(sections, signal, padtype='odd', padlen=padding)
 
 
 def _derivative(values: np.ndarray, time: np.ndarray) -> np.ndarray:

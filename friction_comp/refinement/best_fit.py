@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 import functools
 import math
@@ -18,7 +18,7 @@ from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement import thresholds
-from friction_comp.refinement.block_sums import held_out_errors
+from friction_comp.refinement.block_sums import held_out_error
 from friction_comp.refinement.effect_columns import (
     eq6_columns,
     EQ6_LINEAR,
@@ -31,6 +31,7 @@ from friction_comp.refinement.prepare import blocks_of_samples, prepare, Rows, w
 from friction_comp.refinement.recorded_motion import (
     best_lag,
     candidate_settings,
+    choose_differentiation,
     choose_signals,
     plain_columns,
 )
@@ -93,10 +94,8 @@ class Fit:
     def residual(self) -> np.ndarray:
         """Return the residual of each sample by a fit to all other blocks, A, shape (N,)."""
         table, rows = self.table, self.table.rows
-        columns = np.column_stack([
-            eq6_columns(np.asarray(rows.samples.velocity), *table.transition,
-                        rows.coverage.both_directions)[:EQ6_LINEAR].T,
-            *(term.columns(rows) for term in self.terms)])
+        columns = np.column_stack([eq6_columns(rows, *table.transition)[:, :EQ6_LINEAR],
+                                   *(term.columns(rows) for term in self.terms)])
         train = (table.block != np.arange(rows.blocks)[:, None]).astype(float)
         fits = table.sums.fits(table.indices(self.terms, derivatives=False), train)
         return np.asarray(rows.target - np.einsum(
@@ -124,12 +123,12 @@ class EffectSearch(Search):
     def update_candidates(self, terms: Sequence[Term]) -> None:
         """Replace the candidates by the terms proposed for the residual of a fit."""
         table = self.table
-        proposed = [term for term in proposals(table, terms)
-                    if (term.kind.variable == 'time') == self._time_effects]
+        proposed = proposals(table, terms)
         self._retained.update(terms)
         table.keep(self._retained.union(proposed))
         kinds = {term.kind for term in self.fixed if term.kind.max_count == 1}
-        self.candidates = [term for term in table.add(proposed) if term.kind not in kinds]
+        self.candidates = [term for term in table.add(proposed) if term.kind not in kinds and (
+            (term.kind.variable == 'time') == self._time_effects)]
 
     def after_addition(self, terms: list[Term]) -> list[Term]:
         """Adjust all constants and the transition; update the candidates."""
@@ -220,6 +219,12 @@ def find_best_fit(problem: Problem) -> Fit:
     """
     best = search_with(problem)
     tried = [best.settings]
+    if best.settings.get('signals'):
+        # A plain drive knows of no ripple, which a filter of the load blurs.
+        settings = choose_differentiation(
+            problem.raw, best.rows.clipped, best.rows.joints, 0.0, filtered=False)
+        best = min(best, search_with(problem, settings), key=Fit.mean_error)
+        tried.append(settings)
     for _ in range(2):
         before = best
         for settings in _other_settings(problem, best):
@@ -253,57 +258,39 @@ def _lag_confidence(lagged: Fit, unlagged: Fit) -> float:
 def _other_settings(problem: Problem, fit: Fit) -> list[dict[str, Any]]:
     """Return other settings with which the terms of a fit, or a plain drive, predict better."""
     rows, others, settings = fit.rows, [], fit.settings
-    parts = fit.table.block_rows
-    samples = rows.samples.with_(load=None) if rows.load_coefficient else rows.samples
-    plain = rows.averaged(plain_columns(
-        samples, [rows.coverage.transition, _PLAIN_TRANSITION * rows.coverage.speed])).T
-    current_lag = settings.get('lag', 0.0)
-    limit = thresholds.EQUIVALENT if current_lag else 0.5 * (1.0 - thresholds.LAG_ERROR)
+    target, step = rows.averaged(rows.target), rows.samples.sample_time
 
-    def errors_at(matrix: np.ndarray, lags: np.ndarray) -> list[float]:
-        # To advance the motion is to delay the current, which is one column.
-        return held_out_errors(matrix, [rows.averaged(shifted_in_time(
-            rows.target, rows.samples, -lag)) for lag in lags], parts)
-    for matrix in [_columns(fit, rows)] if current_lag else [plain, _columns(fit, rows)]:
-        lag, gain = best_lag(functools.partial(errors_at, matrix), rows.samples.sample_time,
-                             fine=bool(current_lag))
-        if gain > limit:
+    def columns(other: Rows) -> np.ndarray:
+        return np.column_stack([eq6_columns(other, *fit.table.transition),
+                                *(term.columns(other) for term in fit.terms)])
+
+    def error_of(matrix: np.ndarray, lag: float = 0.0) -> float:
+        shifted = shifted_in_time(matrix, rows.samples, lag) if lag else matrix
+        return held_out_error(rows.averaged(shifted), target, rows.block)
+    samples = rows.samples.with_(load=None) if rows.load_coefficient else rows.samples
+    plain = plain_columns(
+        samples, [rows.coverage.transition, _PLAIN_TRANSITION * rows.coverage.speed])
+    current_lag = settings.get('lag', 0.0)
+    for matrix in [columns(rows)] if current_lag else [plain, columns(rows)]:
+        lag, gain = best_lag(functools.partial(error_of, matrix), step, fine=bool(current_lag))
+        if gain > (thresholds.EQUIVALENT if current_lag else 0.5 * (1.0 - thresholds.LAG_ERROR)):
             others.append({**settings, 'lag': current_lag + lag})
     if not rows.load_coefficient:
-        signals = choose_signals(problem.raw, settings.get('signals', {}), functools.partial(
-            _errors_with, problem, fit))
+        def error_with(changed: dict[str, np.ndarray]) -> float:
+            changed = {name: shifted_in_time(values, problem.raw, current_lag)
+                       for name, values in changed.items()}
+            return error_of(columns(replace(rows, samples=rows.samples.with_(**changed))))
+        signals = choose_signals(problem.raw, settings.get('signals', {}), error_with, True)
         if signals != settings.get('signals', {}):
             others.append({**settings, 'signals': signals})
     errors: list[tuple[float, int, dict[str, Any]]] = []
-    target = fit.table.target
     for choice in candidate_settings(problem.raw):
         choice |= {name: settings[name] for name in ('lag', 'signals') if settings.get(name)}
-        matrix = _columns(fit, with_settings(rows, problem.raw, choice))
+        matrix = columns(with_settings(rows, problem.raw, choice))
         if np.isfinite(matrix).all():
-            error, = held_out_errors(matrix, [target], parts)
-            errors.append((error, len(errors), choice))
+            errors.append((error_of(matrix), len(errors), choice))
     least, _, choice = min(errors)
     now = [error for error, _, tried in errors if tried == settings]
     if choice != settings and (not now or least < thresholds.LOWER_ERROR ** 2 * now[0]):
         others.append(choice)
     return others
-
-
-def _columns(fit: Fit, rows: Rows) -> np.ndarray:
-    """Return the columns of a fit on other rows, shape (P, R)."""
-    base = eq6_columns(np.asarray(rows.used.velocity), *fit.table.transition,
-                       rows.coverage.both_directions)
-    return np.vstack((rows.mean_of_used(base), *(term.averages(rows) for term in fit.terms)))
-
-
-def _errors_with(problem: Problem, fit: Fit, name: str, variants: Iterable[np.ndarray]
-                 ) -> list[float]:
-    """Return the squared error of a fit with each variant of a measured signal, shape (N,)."""
-    table, rows, lag = fit.table, fit.rows, fit.settings.get('lag', 0.0)
-    changing = [term for term in fit.terms if name in term.kind.needs]
-    fixed = table.indices([term for term in fit.terms if term not in changing])
-    others = [] if not changing else [
-        np.vstack([term.averages(replace(rows, samples=rows.samples.with_(
-            **{name: shifted_in_time(values, problem.raw, lag)}))) for term in changing])
-        for values in variants]
-    return held_out_errors(table.columns[fixed], others, table.block_rows, table.target)

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-import functools
 
 import numpy as np
 
@@ -21,20 +20,11 @@ _RIDGE = 1e-7
 
 @dataclass
 class BlockSums:
-    """Sums of products over K blocks, which do not change.
-
-    In its methods, `columns` are S indices of P columns; the last column is the `target`, unless
-    the index of another one is given.
-    """
+    """Sums of products over K blocks. In its methods, `columns` are S indices of P columns."""
 
     gram: np.ndarray  # (K, P + 1, P + 1): sums of products of all columns, the target last
     rows: np.ndarray  # (K,): number of rows in each block
     signs: np.ndarray  # (P,): 1 where a coefficient must not be negative, 0 where it is free
-
-    @functools.cached_property
-    def total(self) -> np.ndarray:
-        """The sums over all blocks, shape (P + 1, P + 1)."""
-        return np.asarray(self.gram.sum(axis=0))
 
     @classmethod
     def over(cls, full: np.ndarray, parts: Sequence[np.ndarray | slice], signs: np.ndarray
@@ -44,28 +34,25 @@ class BlockSums:
         return cls(np.array([own @ own.T for own in blocks]),
                    np.array([own.shape[1] for own in blocks]), signs)
 
-    def held_out_errors(self, columns: Sequence[int], fold: np.ndarray | None = None,
-                        target: int = -1) -> np.ndarray:
+    def held_out_errors(self, columns: Sequence[int], fold: np.ndarray | None = None) -> np.ndarray:
         """Return the squared error of each block by the fit to all blocks of other folds.
 
         Blocks of the same `fold`, shape (K,), are left out together; each by itself when omitted.
         """
         fold_of_block = np.arange(len(self.rows)) if fold is None else fold
         train = fold_of_block != np.arange(int(fold_of_block.max()) + 1)[:, None]
-        fits = self.fits(columns, train.astype(float), target)
-        return self.squared_errors(columns, fits[fold_of_block], target)
+        return self.squared_errors(columns, self.fits(columns, train.astype(float))[fold_of_block])
 
-    def squared_errors(self, columns: Sequence[int], coefficients: np.ndarray, target: int = -1
-                       ) -> np.ndarray:
+    def squared_errors(self, columns: Sequence[int], coefficients: np.ndarray) -> np.ndarray:
         """Return the squared error of each block, (K,), by its own coefficients, shape (K, S)."""
-        inner = np.append(np.asarray(columns, dtype=int), target)
+        inner = np.append(np.asarray(columns, dtype=int), self.gram.shape[1] - 1)
         combination = np.concatenate((coefficients, np.full((len(coefficients), 1), -1.0)), axis=1)
         return np.asarray((combination[:, None] @ self.gram[:, inner[:, None], inner]
                            @ combination[:, :, None])[:, 0, 0])
 
-    def fits(self, columns: Sequence[int], weights: np.ndarray, target: int = -1) -> np.ndarray:
+    def fits(self, columns: Sequence[int], weights: np.ndarray) -> np.ndarray:
         """Return the coefficients, shape (F, S), of fits to blocks with weights, shape (F, K)."""
-        inner = np.append(np.asarray(columns, dtype=int), target)
+        inner = np.append(np.asarray(columns, dtype=int), self.gram.shape[1] - 1)
         mixed = np.tensordot(weights, self.gram[:, inner[:, None], inner], 1)
         return solve(mixed, self._norms(inner[:-1]), self.signs[inner[:-1]])
 
@@ -76,47 +63,27 @@ class BlockSums:
     def independent_share(self, columns: Sequence[int]) -> np.ndarray:
         """Return the share of each column's norm that is independent of the others, shape (S,)."""
         norms = self._norms(np.asarray(columns, dtype=int))
-        scaled = self.total[np.ix_(columns, columns)] / norms / norms[:, None]
+        scaled = self.gram.sum(axis=0)[np.ix_(columns, columns)] / norms / norms[:, None]
         scaled[np.diag_indices(len(scaled))] += 1e-12
         return np.asarray(1.0 / np.sqrt(np.abs(np.diag(np.linalg.inv(scaled)))))
 
     def _norms(self, columns: np.ndarray) -> np.ndarray:
         """Return the root of each column's sum of squares over all blocks."""
-        norms = np.sqrt(self.total[columns, columns])
+        norms = np.sqrt(self.gram[:, columns, columns].sum(axis=0))
         return np.where(norms > 0.0, norms, 1.0)
 
 
 def sums_of(columns: np.ndarray, target: np.ndarray, block: np.ndarray) -> BlockSums:
     """Return the block sums of columns, shape (R, P), and a target, with consecutive blocks."""
-    return BlockSums.over(np.column_stack((columns, target)).T, parts_of(block),
-                          np.zeros(columns.shape[1], dtype=int))
-
-
-def held_out_errors(columns: np.ndarray, variants: Sequence[np.ndarray],
-                    parts: Sequence[np.ndarray | slice], target: np.ndarray | None = None
-                    ) -> list[float]:
-    """Return the squared error of all parts, each by least squares on the others, of each variant.
-
-    A variant is some columns, shape (M, R), beside the common `columns`, shape (P, R), or without a
-    `target`, shape (R,), is the target. What they share is summed once.
-    """
-    if not variants:
-        return []
-    full = np.vstack((columns, *variants) if target is None else (columns, *variants, target))
-    sums = BlockSums.over(full, parts, np.zeros(len(full) - 1, dtype=int))
-    common, size = range(len(columns)), np.size(variants[0]) // full.shape[1]
-    errors = []
-    for first in range(len(columns), len(columns) + size * len(variants), size):
-        own = range(first, first + size)
-        errors.append(sums.held_out_errors(common, target=first) if target is None else
-                      sums.held_out_errors([*common, *own]))
-    return [float(error.sum()) for error in errors]
-
-
-def parts_of(block: np.ndarray) -> list[slice]:
-    """Return the rows of each of some consecutive blocks, whose numbers have shape (R,)."""
     edges = np.searchsorted(block, np.arange(int(block.max()) + 2))
-    return [slice(*ends) for ends in zip(edges, edges[1:])]
+    return BlockSums.over(
+        np.column_stack((columns, target)).T, [slice(*ends) for ends in zip(edges, edges[1:])],
+        np.zeros(columns.shape[1], dtype=int))
+
+
+def held_out_error(columns: np.ndarray, target: np.ndarray, block: np.ndarray) -> float:
+    """Return the squared error of all blocks, each by least squares on the others."""
+    return float(sums_of(columns, target, block).held_out_errors(range(columns.shape[1])).sum())
 
 
 def solve(sums: np.ndarray, norms: np.ndarray, signs: np.ndarray) -> np.ndarray:

@@ -52,12 +52,6 @@ class Term:
             return self.group.columns(rows.joints, *rows.motion)
         return self.kind.matrix(rows.samples, self.constants)
 
-    def averages(self, rows: Rows) -> np.ndarray:
-        """Return the averages of the term's columns over each row, shape (M, R)."""
-        if self.group is not None or self.kind.has_memory:
-            return rows.averaged(self.columns(rows)).T
-        return rows.mean_of_used(self.kind.matrix(rows.used, self.constants).T)
-
     @property
     def choice(self) -> tuple[Any, ...]:
         """What it is, of which the constants or the width of a group are one choice."""
@@ -80,20 +74,21 @@ class Term:
         return True
 
 
-def eq6_columns(velocity: np.ndarray, steepness: float, shift: float,
-                both_directions: bool = True) -> np.ndarray:
-    """Return Eq. 6 as columns, shape (EQ6_COLUMNS, N): constant, transition, viscous, derivatives.
+def eq6_columns(rows: Rows, steepness: float, shift: float) -> np.ndarray:
+    """Return Eq. 6 as columns, shape (N, EQ6_COLUMNS): constant, transition, viscous, derivatives.
 
     The last two are the derivatives of the transition with respect to the logarithm of its
     steepness and to its shift: their coefficients are Gauss-Newton steps of both.
     """
-    half = 0.5 * steepness * (velocity - shift)
+    v = np.asarray(rows.samples.velocity)
+    half = 0.5 * steepness * (v - shift)
     transition = np.tanh(half)
-    slope = 1.0 - transition * transition
+    slope = 1.0 - transition ** 2
     # In motion in one direction, an offset and Coulomb friction are the same.
-    bidirectional = 1.0 if both_directions else 0.0
-    return np.array((np.full(len(half), bidirectional), transition, velocity, half * slope,
-                     (-0.5 * bidirectional * steepness) * slope))
+    bidirectional = 1.0 if rows.coverage.both_directions else 0.0
+    return np.column_stack((
+        np.full(len(v), bidirectional), transition, v, half * slope,
+        -0.5 * bidirectional * steepness * slope))
 
 
 class Table:
@@ -119,15 +114,13 @@ class Table:
         self._append(self._base(steepness, shift), _EQ6_SIGNS)
 
     def _base(self, steepness: float, shift: float) -> np.ndarray:
-        rows = self.rows
-        return rows.mean_of_used(eq6_columns(
-            np.asarray(rows.used.velocity), steepness, shift, rows.coverage.both_directions))
+        return self.rows.averaged(eq6_columns(self.rows, steepness, shift)).T
 
     def _columns_for(self, term: Term) -> np.ndarray | None:
         """Return a term's columns, shape (M, R); None where they are not finite."""
         if term in self.columns_of:
             return self.columns[self.columns_of[term]]
-        columns = term.averages(self.rows)
+        columns = self.rows.averaged(term.columns(self.rows)).T
         return columns if np.isfinite(columns).all() else None
 
     def add(self, terms: Sequence[Term]) -> list[Term]:
@@ -173,7 +166,6 @@ class Table:
 
     def _update_sums(self, changed: slice) -> None:
         """Recompute the sums of products of some columns with all others and with the target."""
-        self.sums = replace(self.sums)
         for gram, rows in zip(self.sums.gram, self._cells):
             columns, target = self.columns[:, rows], self.target[rows]
             products = columns[changed] @ columns.T

@@ -23,7 +23,7 @@ from friction_comp.errors import InputError
 from friction_comp.model.differentiation import differentiate
 from friction_comp.model.effects import Coverage
 from friction_comp.refinement import thresholds
-from friction_comp.refinement.block_sums import held_out_errors, parts_of
+from friction_comp.refinement.block_sums import held_out_error
 from friction_comp.refinement.recorded_motion import (
     arm_motion,
     blocks_of,
@@ -72,20 +72,6 @@ class Rows:
         return int(self.block.max()) + 1
 
     @functools.cached_property
-    def _index(self) -> np.ndarray:
-        """The samples of all rows: first the first of each row, then the second, and so on."""
-        return (self.start + np.arange(self.length)[:, None]).ravel()
-
-    @functools.cached_property
-    def used(self) -> Samples:
-        """The samples of all rows, in the order that `mean_of_used` takes."""
-        return self.samples.take(self._index)
-
-    def mean_of_used(self, values: np.ndarray) -> np.ndarray:
-        """Return the averages over each row, shape (M, R), of values at the samples `used`."""
-        return np.asarray(values.reshape(-1, self.length, len(self.start)).mean(axis=1))
-
-    @functools.cached_property
     def at_rows(self) -> Samples:
         """The averages of the signals over each row."""
         names = ('time', 'position', 'velocity', 'acceleration', 'load', 'temperature')
@@ -96,8 +82,12 @@ class Rows:
 
     def averaged(self, values: np.ndarray) -> np.ndarray:
         """Return averages of values, shape (N,) or (N, M), over each row's samples."""
-        own = np.ascontiguousarray(values.T[..., self._index])
-        return self.mean_of_used(own).T.reshape(-1, *values.shape[1:])
+        if self.length == 1:
+            return values[self.start]
+        total = values[self.start].copy()
+        for k in range(1, self.length):
+            total += values[self.start + k]
+        return total / self.length
 
 
 def join(recordings: Sequence[Samples]) -> Samples:
@@ -234,9 +224,9 @@ def choose_transition(rows: Rows) -> float:
     part, target = rows.samples.take(rows.start), rows.averaged(rows.target)
     if rows.load_coefficient:
         part = part.with_(load=None)
-    best, parts = (math.inf, speed), parts_of(rows.block)
+    best = (math.inf, speed)
     for width in np.geomspace(0.001, 0.25, 12) * speed:
-        error, = held_out_errors(plain_columns(part, [width]).T, [target], parts)
+        error = held_out_error(plain_columns(part, [width]), target, rows.block)
         if error < (1.0 - thresholds.EQUIVALENT) * best[0]:
             best = (error, float(width))
     return best[1]

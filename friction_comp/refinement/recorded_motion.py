@@ -9,38 +9,31 @@ the rest. All are chosen by how well a plain drive predicts blocks that were not
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 import math
 from typing import Any
 
 import numpy as np
+from scipy import optimize
 from scipy.ndimage import grey_opening, maximum_filter1d
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.arm.arm import moving_states
-from friction_comp.model.differentiation import (
-    differentiate,
-    MEASURED,
-    METHOD,
-    prepared_signal,
-    shifted_in_time,
-)
+from friction_comp.model.differentiation import differentiate, MEASURED, METHOD, prepared_signal
 from friction_comp.refinement import thresholds
-from friction_comp.refinement.block_sums import held_out_errors, parts_of, sums_of
+from friction_comp.refinement.block_sums import held_out_error, sums_of
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms, top_speed
 
 _BANDWIDTHS = (5.0, 10.0, 20.0, 40.0, 80.0, 120.0, 200.0)
 # Of measured signals: a thermometer is slow.
 _SIGNAL_BANDWIDTHS = (0.03, 0.1, 0.3, 1.0, 2.5, 5.0, 7.0, 10.0, 15.0, *_BANDWIDTHS[2:])
-# Number of lags that are tried on each side, from one sample to the longest, and then between two.
+# Number of lags that are tried on each side, from half a sample to the longest.
 _LAGS = 16
 _EXCERPT = 150_000
 # Shares of the top speed over which friction may change sign.
 TRANSITIONS = (0.3, 0.1, 0.03, 0.01, 0.003)
-# Squared errors by the name of a measured signal and variants of it.
-SignalErrors = Callable[[str, Iterable[np.ndarray]], list[float]]
 # Share of the top speed above which a smooth velocity is right.
 _FAST = 0.1
 
@@ -142,13 +135,13 @@ def in_motion(samples: Samples, unusable: np.ndarray, slowest: float,
 def blocks_of(samples: Samples, start: np.ndarray) -> np.ndarray:
     """Return the block of each row, shape (R,): long periods with equal numbers of rows.
 
-    An edge between two blocks is moved to the nearest rest, gap or recording's end within a third
-    of a block: half a movement is no observation beside its other half.
+    An edge between two blocks is moved to the nearest gap or recording's end within a third of a
+    block.
     """
+    parts = samples.segments(max(0.5 / samples.sample_time, 20.0))
+    run = np.searchsorted([part.start for part in parts], start, side='right')
     size, count = len(start), int(thresholds.BLOCKS)
-    begins = np.abs(np.diff(samples.time[start])) > max(0.5, 20.0 * samples.sample_time)
-    begins |= np.diff(samples.recording[start]) != 0
-    run_edges = np.nonzero(begins)[0] + 1
+    run_edges = np.nonzero(np.diff(run))[0] + 1
     edges = []
     for edge in np.linspace(0, size, count + 1)[1:-1]:
         nearest = run_edges[np.argmin(np.abs(run_edges - edge))] if len(run_edges) else -size
@@ -193,72 +186,70 @@ def load_coefficient(samples: Samples, unusable: np.ndarray, drive: Drive) -> fl
     """Return -1/(k_t·n), A/(N·m), if the load must enter with this coefficient; 0 if it is fitted.
 
     By J·a = k_t·n·i + τ_b - F, friction is i + τ_b/(k_t·n). If the current shows the load, that is
-    if the load lowers the error of blocks that were not fitted, with at least half of this
-    coefficient, the motor carries it, and its coefficient is fitted as that of an effect. If it
-    does not, but the load overcomes friction, or the motion predicts it, then a person moves the
-    joint, and the current is a function of the motion (a compensation law) or zero: the known
-    coefficient has to be used.
+    if the load lowers the error of blocks that were not fitted, with the sign of mechanics, the
+    motor carries it, and its coefficient is fitted as that of an effect. If it does not, but the
+    load overcomes friction, then a person moves the joint, and the current is a function of the
+    motion (a compensation law) or zero: the known coefficient has to be used.
     """
     if samples.load is None or not np.any(samples.load):
         return 0.0
     mechanics = -1.0 / drive.torque_per_current
     moved, start = smooth_motion(*excerpt(samples, unusable))
     part, block = moved.take(start), blocks_of(moved, start)
-    # Noise of its sensor would make the coefficient smaller.
-    load = prepared_signal(moved, np.asarray(moved.load), smooth_settings(moved)['bandwidth'])
-    load = load[start]
-    top = float(np.percentile(np.abs(np.asarray(part.velocity)), 95))
+    velocity, load = np.asarray(part.velocity), np.asarray(part.load)
+    top = float(np.percentile(np.abs(velocity), 95))
     columns = plain_columns(part.with_(load=None), [share * top for share in TRANSITIONS])
     plain = range(columns.shape[1])
     sums = sums_of(np.column_stack((columns, load)), part.current, block)
     without, fitted = (float(sums.held_out_errors(some).sum())
                        for some in (plain, [*plain, len(plain)]))
-    shown = 0.0
-    if fitted < (1.0 - thresholds.LEAST_SHARE) * without:
-        shown = float(sums.fit([*plain, len(plain)])[-1]) / mechanics
-    if shown > 0.5:
+    shown = fitted < (1.0 - thresholds.LEAST_SHARE) * without
+    if shown and sums.fit([*plain, len(plain)])[-1] < 0.0:
         return 0.0
-    own = sums_of(columns, load, block)
-    before, after = own.held_out_errors([0]), own.held_out_errors(plain)
-    ratio = (before - after) / np.maximum(before + after, 1e-300)
-    error = float(np.std(ratio, ddof=1)) / math.sqrt(len(ratio))
-    predicted = ratio.mean() > thresholds.STANDARD_ERRORS * error
-    # A load of the wrong sign would count twice, unless its mean power overcomes friction: that of
-    # its Coulomb and viscous columns, since gravity and inertia return what they take.
+    # Its mean power against friction: that of its Coulomb and viscous columns, since gravity and
+    # inertia return what they take. The blocks left out in turn give its standard error.
     resisting = slice(1, len(TRANSITIONS) + 2)
-    fits = own.fits(plain, 1.0 - np.eye(int(block.max()) + 1))
-    power = fits[:, resisting] @ (columns[:, resisting].T @ np.asarray(part.velocity))
+    fits = sums_of(columns, load, block).fits(plain, 1.0 - np.eye(int(block.max()) + 1))
+    power = fits[:, resisting] @ (columns[:, resisting].T @ velocity)
     error = np.sqrt((len(power) - 1) * np.var(power))
-    overcomes = power.mean() > 2.0 * thresholds.STANDARD_ERRORS * error
-    return mechanics if overcomes or (predicted and shown > -0.5) else 0.0
+    # With twice the usual margin, since a sensor's load of the wrong sign would count twice.
+    return mechanics if power.mean() > 2.0 * thresholds.STANDARD_ERRORS * error else 0.0
 
 
 def choose_differentiation(samples: Samples, unusable: np.ndarray, joints: Sequence[str],
-                           load: float) -> dict[str, Any]:
+                           load: float, filtered: bool = True) -> dict[str, Any]:
     """Return the differentiation settings with which a plain drive predicts other blocks best.
 
-    `joints` and `load` are those of `Rows`.
+    `joints` and `load` are those of `Rows`; measured signals stay as recorded unless `filtered`.
     """
     samples, unusable = excerpt(samples, unusable)
     joints = joints if samples.rigid_body is None else ()
     if load:
         samples = samples.with_(current=samples.current - load * np.asarray(samples.load),
                                 load=None)
-    _, start = smooth_motion(samples, unusable)
-    parts = parts_of(blocks_of(samples, start))
+    smoothed, start = smooth_motion(samples, unusable)
+    block = blocks_of(samples, start)
     errors: list[tuple[float, int, dict[str, Any]]] = []
+
+    def error_with(moved: Samples, settings: dict[str, Any]) -> float:
+        top = float(np.percentile(np.abs(np.asarray(moved.velocity)[start]), 95))
+        if not top > 0.0:
+            # Without a filter, a coarse encoder stands still in nearly all samples.
+            return math.inf
+        part, motion = moved.take(start), arm_motion(samples, joints, settings)
+        columns = plain_columns(
+            part, [share * top for share in TRANSITIONS],
+            motion and tuple(signal[start] for signal in motion),
+            joints.index(samples.joint) if joints else 0)
+        return held_out_error(columns, part.current, block)
+    # The load first, since noise in motion may make up for its noise.
+    signals = choose_signals(samples, {}, lambda changed: error_with(
+        smoothed.with_(**changed), smooth_settings(samples))) if filtered else {}
     for choice in candidate_settings(samples):
-        part = differentiate(samples, choice).take(start)
-        top = float(np.percentile(np.abs(np.asarray(part.velocity)), 95))
-        # Without a filter, a coarse encoder stands still in nearly all samples.
-        if top > 0.0:
-            motion = arm_motion(samples, joints, choice)
-            columns = plain_columns(
-                part, [share * top for share in TRANSITIONS],
-                motion and tuple(signal[start] for signal in motion),
-                joints.index(samples.joint) if joints else 0)
-            error, = held_out_errors(columns.T, [part.current[None]], parts)
-            errors.append((error, len(errors), choice))
+        if signals:
+            choice['signals'] = signals
+        moved = differentiate(samples, choice)
+        errors.append((error_with(moved, choice), len(errors), choice))
     least = min(error for error, *_ in errors)
     # A narrow filter blunts reversals, so the widest of equivalent ones is used. The less of the
     # current a plain drive explains, the less its error says about the bandwidth.
@@ -267,70 +258,65 @@ def choose_differentiation(samples: Samples, unusable: np.ndarray, joints: Seque
                 if error <= ((1.0 + thresholds.EQUIVALENT) ** 2 + 0.4 * unexplained) * least))[-1]
 
 
-def choose_signals(samples: Samples, settings: dict[str, Any], errors: SignalErrors
+def choose_signals(samples: Samples, settings: dict[str, Any],
+                   error: Callable[[dict[str, np.ndarray]], float], with_lag: bool = False
                    ) -> dict[str, Any]:
     """Return the settings of measured signals with which other blocks are predicted best.
 
-    `samples` are as recorded, `settings` the present ones of the signals, and `errors` returns the
-    squared errors with variants of a signal, which is empty where nothing depends on it.
+    `samples` are as recorded, `settings` the present ones of the signals, and `error` returns the
+    squared error with some signals replaced. Lags are chosen anew only `with_lag`.
     """
     chosen: dict[str, Any] = {}
     for name in MEASURED:
         values = getattr(samples, name)
         if values is not None and np.ptp(values) > 0.0:
-            own = _choose_signal(samples, name, settings.get(name, {}), errors)
+            own = _choose_signal(samples, name, settings.get(name, {}), error, with_lag)
             chosen |= {name: own} if own else {}
     return chosen
 
 
-def _choose_signal(samples: Samples, name: str, present: dict[str, Any], errors: SignalErrors
+def _choose_signal(samples: Samples, name: str, present: dict[str, Any],
+                   error: Callable[[dict[str, np.ndarray]], float], with_lag: bool
                    ) -> dict[str, Any]:
     """Return the settings of one signal; empty where it is best as recorded, or has no effect."""
     values = np.asarray(getattr(samples, name))
+
+    def error_with(bandwidth: float | None, lag: float) -> float:
+        return error({name: prepared_signal(samples, values, bandwidth, lag)})
     now, lag = present.get('bandwidth'), present.get('lag', 0.0)
-    filtered = prepared_signal(samples, values, now)
-    change, gain = best_lag(lambda changes: errors(name, (
-        shifted_in_time(filtered, samples, lag + change) for change in changes)),
-        samples.sample_time, fine=bool(lag))
-    if gain > (thresholds.EQUIVALENT if lag else 0.5 * (1.0 - thresholds.LAG_ERROR)):
-        lag += change
-    widths = [*(value for value in _SIGNAL_BANDWIDTHS if value <= 0.3 / samples.sample_time), None]
-    found = errors(name, (prepared_signal(samples, values, width, lag) for width in widths))
-    if not found or not max(found) > min(found):
+    if with_lag:
+        change, gain = best_lag(lambda change: error_with(now, lag + change),
+                                samples.sample_time, fine=bool(lag))
+        if gain > (thresholds.EQUIVALENT if lag else 0.5 * (1.0 - thresholds.LAG_ERROR)):
+            lag += change
+    errors = [(error_with(value, lag), value or math.inf, value) for value in (
+        *(value for value in _SIGNAL_BANDWIDTHS if value <= 0.3 / samples.sample_time), None)]
+    least = min(error for error, *_ in errors)
+    if not max(error for error, *_ in errors) > least:
         return {}
-    _, bandwidth = max((width or math.inf, width) for error, width in zip(found, widths)
-                       if error <= (1.0 + thresholds.EQUIVALENT) ** 2 * min(found))
+    _, bandwidth = max((width, value) for error, width, value in errors
+                       if error <= (1.0 + thresholds.EQUIVALENT) ** 2 * least)
     as_recorded = not lag and np.array_equal(prepared_signal(samples, values, bandwidth), values)
     return {} if as_recorded else {'bandwidth': bandwidth, 'lag': lag}
 
 
-def best_lag(errors: Callable[[np.ndarray], list[float]], step: float, fine: bool
-             ) -> tuple[float, float]:
+def best_lag(error: Callable[[float], float], step: float, fine: bool) -> tuple[float, float]:
     """Return the lag of the least error, s, and the share of the error that it removes.
 
-    `errors` returns those of some lags; none where nothing depends on them. `step` is the time of a
-    sample: whole samples are tried, from few to many, and the least is that of a parabola. With
-    `fine`, only lags of up to two samples are tried.
+    `step` is the time of a sample; with `fine`, only lags of up to two samples are tried.
     """
-    most = max(thresholds.LONGEST_LAG / step, 2.0)
-    sizes = np.arange(1, 3) if fine else np.unique(np.geomspace(1.0, most, _LAGS).astype(int))
-    trials, known = np.union1d(np.append(-sizes, 0), sizes), dict[int, float]()
-    while len(trials):
-        found = errors(trials * step)
-        if not found:
-            return 0.0, 0.0
-        known |= dict(zip(trials.tolist(), found))
-        best, lags = min(known, key=lambda lag: known[lag]), sorted(known)
-        index = lags.index(best)
-        low, high = lags[max(index - 1, 0)], lags[min(index + 1, len(lags) - 1)]
-        between = np.unique(np.linspace(low, high, _LAGS + 1).astype(int))
-        trials = np.array([lag for lag in between if lag not in known], dtype=int)
-    least, shift = known[best], 0.0
-    if low < best < high:
-        before, after = known[low] - least, known[high] - least
-        shift = 0.5 * (before - after) / max(before + after, 1e-300)
-        least -= 0.25 * (before - after) * shift
-    return (best + shift) * step, 1.0 - least / max(known[0], 1e-300)
+    sizes = (1.0, 2.0) if fine else np.geomspace(
+        0.5, max(thresholds.LONGEST_LAG / step, 1.0), _LAGS)
+    lags = np.array(sorted([0.0, *(side * size * step for size in sizes for side in (1, -1))]))
+    errors = [error(lag) for lag in lags]
+    index = int(np.argmin(errors))
+    # Between the neighbours of the best lag on the grid.
+    best = optimize.minimize_scalar(
+        error, bounds=(lags[max(index - 1, 0)], lags[min(index + 1, len(lags) - 1)]),
+        method='bounded', options={'xatol': 0.02 * step, 'maxiter': 12})
+    least, lag = min((errors[index], float(lags[index])), (float(best.fun), float(best.x)))
+    without_lag = errors[int(np.argmin(np.abs(lags)))]
+    return lag, 1.0 - least / without_lag
 
 
 def settings_for_arm(samples: Samples, settings: dict[str, Any]) -> dict[str, Any]:

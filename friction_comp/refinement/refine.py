@@ -112,8 +112,6 @@ def select_named(fit: Fit) -> Fit:
     coefficients excludes zero, and where none of its defining constants is at its limit.
     """
     fit = replace(fit, found=tuple(fit.terms), found_error=fit.mean_error())
-    # Each search sums over all columns that are kept.
-    fit.table.keep({*fit.terms, *fit.candidates})
     stability = repeat_search(fit.table, fit.terms, fit.initial_count, fit.candidates)
     # Rigid bodies of a URDF are all weight: another makes up for what is wrong with them.
     links = fit.rows.samples.rigid_body is not None
@@ -158,17 +156,16 @@ def _fit_transition_to_all_samples(table: Table, terms: Sequence[Term]) -> None:
     widths = rows.coverage.speed * np.geomspace(3e-4, 0.25, _STEEPNESSES)
     grid = [(steepness, shift), (steepness, 0.0)] + [
         (2.0 / width, trial) for width in widths for trial in dict.fromkeys((shift, 0.0))]
-    others = np.vstack([term.columns(rows)[index].T for term in terms]
-                       or [np.empty((0, len(index)))])
-    velocity, target = np.asarray(rows.samples.velocity)[index], rows.target[index]
+    others = np.column_stack([term.columns(rows) for term in terms]
+                             or [np.empty((len(rows.samples), 0))])[index]
     columns = table.indices(terms, derivatives=False)
     trials = []
     for steepness, shift in grid:
         limit = MAX_SHIFT / steepness
         table.set_transition(steepness, float(np.clip(shift, -limit, limit)))
         error = float(table.held_out_errors(columns).sum())
-        base = eq6_columns(velocity, *table.transition, rows.coverage.both_directions)
-        residual = target - table.sums.fit(columns) @ np.vstack((base[:EQ6_LINEAR], others))
+        base = eq6_columns(rows, *table.transition)[index, :EQ6_LINEAR]
+        residual = rows.target[index] - np.column_stack((base, others)) @ table.sums.fit(columns)
         # Limit the influence of outliers.
         size = np.abs(residual)
         size = np.minimum(size, np.quantile(size, 0.999))

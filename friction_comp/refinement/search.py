@@ -19,7 +19,6 @@ import numpy as np
 
 from friction_comp.model.effects import Coverage
 from friction_comp.refinement import thresholds
-from friction_comp.refinement.block_sums import BlockSums
 from friction_comp.refinement.effect_columns import Table, Term
 
 _STEP = 1e-3
@@ -78,13 +77,8 @@ class Search:
                  weights: np.ndarray | None = None) -> None:
         self.table, self.candidates, self.fixed = table, candidates, fixed
         self._resampled = weights is not None
+        self._weights = np.ones(len(table.block)) if weights is None else weights[table.block]
         self._regions = len(np.unique(table.region)) > 1
-        if weights is not None:
-            # The sums of all cells that are fitted, and of each cell that is held out.
-            own, sums = weights[table.block], table.sums
-            self._drawn = BlockSums(
-                np.concatenate((np.tensordot(own[None], sums.gram, 1), sums.gram[own == 0.0])),
-                np.append(np.sum(own * sums.rows), sums.rows[own == 0.0]), sums.signs)
         # A resampled sample holds out too few blocks to test their mean.
         self._standard_errors = 1.0 if self._resampled else float(thresholds.STANDARD_ERRORS)
 
@@ -99,10 +93,10 @@ class Search:
         """Return the squared errors of held-out blocks and, if any, of held-out regions."""
         table, sums, columns = self.table, self.table.sums, self.table.indices(terms)
         if self._resampled:
-            drawn = self._drawn
-            first = np.eye(1, len(drawn.rows))
-            fit = drawn.fits(columns, first)
-            return [drawn.squared_errors(columns, np.repeat(fit, len(drawn.rows), axis=0))[1:]]
+            coefficients = sums.fits(columns, self._weights[None])
+            errors = sums.squared_errors(
+                columns, np.repeat(coefficients, len(self._weights), axis=0))
+            return [errors[self._weights == 0.0]]
         blocks = np.bincount(table.block, table.held_out_errors(columns))
         return [blocks, sums.held_out_errors(columns, table.region)] if self._regions else [blocks]
 
@@ -163,7 +157,7 @@ class Search:
             counts[term.choice] < term.kind.max_count)]
         if not allowed:
             return []
-        sums = self._drawn.gram[0] if self._resampled else self.table.sums.total
+        sums = np.tensordot(self._weights, self.table.sums.gram, 1)
         reductions = error_reductions(
             sums, self.table.indices(terms), [self.table.columns_of[term] for term in allowed],
             self.table.sums.signs)
@@ -282,7 +276,7 @@ def constant_derivatives(table: Table, terms: Sequence[Term], free: Sequence[tup
         columns = table.columns_of[terms[index]]
         changed = with_step(terms[index], name, _STEP, table.rows.coverage)
         gain = np.array([coefficients[column] for column in columns])
-        new = changed.averages(table.rows)
+        new = table.rows.averaged(changed.columns(table.rows)).T
         rows.append(gain @ (new - table.columns[columns]) / _STEP)
     return np.array(rows).reshape(len(free), table.columns.shape[1])
 

@@ -178,15 +178,15 @@ class RestTime(Effect):
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        """Return time constants of 0.5 to 20 s, and fading over up to a tenth of the range."""
+        """Return time constants of 0.3 to 30 s, and fading over up to a fifth of the range."""
         span = coverage.span
         if not span > 0:
             return []
         return [{'time_constant': constant, 'distance': distance,
                  'velocity': share * coverage.slowest, 'transition': coverage.transition}
                 for share in (1.0, 0.25, 0.06)
-                for constant in np.geomspace(0.5, 20.0, 3).tolist()
-                for distance in np.geomspace(4e-3 * span, 0.1 * span, 3).tolist()]
+                for constant in np.geomspace(0.3, 30.0, 5).tolist()
+                for distance in np.geomspace(2e-3 * span, 0.2 * span, 5).tolist()]
 
     step = staticmethod(rest_step)
 
