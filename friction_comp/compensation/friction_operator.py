@@ -22,8 +22,8 @@ from friction_comp.compensation.law_fields import DESIRED, FREE, HELD, LEADING, 
 
 TAKEN_TIME = 0.1
 """s in which trust falls from one to zero above the identified speeds."""
-PUSHED = 2.0
-"""Factor by which v²/x must have risen since the joint last stood where somebody pushes it."""
+AGAIN = 1.5
+"""Multiple of the speed below which help is given back, above which a joint has not turned."""
 PATIENCE = 0.3
 """s that a changed announcement must last at a joint that has not moved."""
 PACE_TIME, CHANGE_SHARE, CHANGE_SPEED = 0.05, 0.02, 0.003
@@ -92,47 +92,26 @@ def _start_leading(p: Parameters, s: State, aim: float) -> None:
 
 
 @njit(cache=True)
-def feel(p: Parameters, s: State) -> None:
-    """Note whether the joint is pushed.
-
-    A joint that springs back gains speed ever more slowly, so that v²/x falls, x since it last
-    stood; less than what counts as rest is not looked at. Where it rises, somebody pushes.
-    """
-    if s.speed * s.swing <= 0.0:
-        s.swing, s.least = 0.0, math.inf
-    s.swing += s.speed * s.step
-    s.pushed = 0
-    if abs(s.swing) > p.still_distance:
-        gain = s.speed * s.speed / abs(s.swing)
-        s.least = min(s.least, gain)
-        if gain > PUSHED * s.least and abs(s.speed) > p.lead_speed:
-            s.pushed = 1
-
-
-@njit(cache=True)
 def turn_round(p: Parameters, s: State) -> None:
-    """Note where a way ends: where the joint is pushed back, far behind, or rests.
+    """Note where a way ends: where the joint is R behind its farthest point, or rests.
 
-    A joint that stops springs back, and may go on: neither is a turn. It must be R behind, or half
-    of R if presliding is known and help was given back, or 2 R if presliding is unknown and nobody
-    pushes. z follows displacement: going ahead, it would feed a push mistaken.
+    A joint that stops springs back, and may go on: neither is a turn. Half of R is enough where
+    presliding is known and help was given back before: less is left to spring back. Two R it must
+    be where presliding is unknown, and may be longer than R.
     """
     if s.mode == LEADING or s.still_time > 2.0 * p.rest_time:
         s.heading, s.farthest = 0.0, s.position
     beyond = s.position - s.farthest
-    far = p.turn_distance if s.gave == 1 else max(p.distance, p.turn_distance)
-    if s.pushed == 1 and beyond * s.speed > 0.0:
-        far = min(far, p.distance)
-    turned = abs(beyond) > far
+    enough = p.turn_distance if s.slowed == 1 else max(p.distance, p.turn_distance)
     if beyond * s.heading > 0.0:
         s.farthest = s.position
-    elif turned or s.heading == 0.0:
+    elif s.heading == 0.0 or abs(beyond) > enough:
         # A way without help is a movement by a person, as one from rest is.
         if s.way > p.moved_distance:
             s.displaced, s.trusted = 0, s.trust
         s.top = s.way = 0.0
-        s.gave, s.later = 0, 1.0
-        if turned:
+        s.slowed = 0
+        if abs(beyond) > enough:
             s.heading, s.farthest = math.copysign(1.0, beyond), s.position
 
 
@@ -141,27 +120,24 @@ def slow_down(p: Parameters, s: State, aim: float) -> None:
     """Give help back while the joint slows down below a share of this way's top speed.
 
     The hand then breaks friction alone at the turn, not what still helps in the old direction, too.
-    Where the other direction is announced, z goes there before the joint does. A joint that is
-    pushed on was not about to turn: it gets its help again, and on this way gives it back at half
-    of the speed. A heavy joint that a stiff hand leads would else stop and go on for ever.
+    Where the other direction is announced, z goes there before the joint does. Once a way: a joint
+    that speeds up again was not about to turn, and would stop and go on again for ever.
     """
     speed = max(0.0, s.speed * s.heading)
     s.top = max(s.top, speed)
-    left = s.later * (speed + p.lead_speed) / (p.turn_share * s.top + 1e-9)
+    left = (speed + p.lead_speed) / (p.turn_share * s.top + 1e-9)
     s.slowing = 0
-    if s.mode != FREE or s.heading == 0.0 or left >= 1.0:
+    if s.mode != FREE or s.heading == 0.0:
         return
-    if s.pushed == 1 and speed > 0.0:
-        if s.gave == 1:
-            s.gave, s.later = 0, 2.0 * s.later
-            spend(s, s.heading)
-        return
-    s.slowing = 1
-    if s.heading * s.z > left:
-        s.gave = 1
-    if aim * s.heading < 0.0:
-        left = 2.0 * left - 1.0
-    spend(s, s.heading * min(left, s.heading * s.z))
+    if s.slowed == 1 and left > AGAIN:
+        s.slowed = 2
+    if left < 1.0 and s.slowed < 2:
+        s.slowing = 1
+        if s.heading * s.z > left:
+            s.slowed = 1
+        if aim * s.heading < 0.0:
+            left = 2.0 * left - 1.0
+        spend(s, s.heading * min(left, s.heading * s.z))
 
 
 @njit(cache=True)
@@ -202,7 +178,7 @@ def lead(p: Parameters, s: State, aim: float) -> None:
             if abs(moved) > p.slip:
                 s.rest_position = s.position
         s.since = s.way = s.top = 0.0
-        s.gave, s.displaced, s.trusted = 0, 0, s.trust
+        s.slowed, s.displaced, s.trusted = 2, 0, s.trust
         if aim == 0.0:
             # Displacement keeps driving the operator, since a push may come at any time.
             s.z = approach(s.z, 0.0, s.step / p.lead_time)
@@ -382,7 +358,6 @@ def continuous_current(p: Parameters, s: State, direction: float, forward: float
         turn = aim if math.isfinite(s.aim_position) else 0.0
         follow(p, s)
         lead(p, s, aim)
-        feel(p, s)
         turn_round(p, s)
         slow_down(p, s, turn)
     speed = abs(s.speed)

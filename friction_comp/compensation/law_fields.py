@@ -99,9 +99,6 @@ class State:
     top: float
     way: float
     saved: float            # share of a reversal that the way has paid for
-    swing: float            # way since the speed last changed its sign, rad, and least v²/x on it
-    least: float
-    later: float            # factor on the speed below which help is given back, inverse
     current: float          # given last, A, and its parts
     friction: float
     kinetic: float
@@ -116,8 +113,7 @@ class State:
     displaced: int          # whether the joint has moved since its last rest
     changed: int            # whether the parameters have changed
     slowing: int            # whether help is being given back
-    gave: int               # whether it was since the joint was last pushed
-    pushed: int             # whether somebody pushes the joint
+    slowed: int             # whether it was on this way: 1; and the joint went on: 2
     beyond: int             # whether the joint has been beyond the end of its movement
 
 
