@@ -256,7 +256,10 @@ def test_the_tool_writes_plan_page_and_report(tmp_path, capsys):
     (['--rate', '5'], '--rate must be from 20 to 1000 Hz'),
     (['--effort', '5'], '--effort needs --model'),
     (['--ambiguous', 'missing.json'], 'cannot be read'),
-    (['--position', '1.0', '-1.0'], 'is not below'),
 ])
 def test_wrong_input_is_one_line(wrong, words, refuses):
     refuses(words, 'excite', *PLAIN, *wrong)
+
+
+def test_limits_the_wrong_way_round_are_refused(refuses):
+    refuses('is not below', 'excite', *PLAIN[:2], '--position', '1.0', '-1.0', *PLAIN[5:])

@@ -223,10 +223,11 @@ class ArmSearch(Search):
             and not kind.weight and not kind.insufficient_data(coverage)
             and all(_is_known(getattr(samples, signal)) for signal in kind.needs)
             for constants in kind.propose(view)]
+        moving = {self._tree.joints[j] for j in self._samples}
         return terms + [
             JointTerm(EFFECTS['other_joints'], {}, group, joint) for group in friction_groups(
                 self._tree.joints, samples.joint,
-                [share * coverage.speed for share in TRANSITIONS])]
+                [share * coverage.speed for share in TRANSITIONS]) if group.all_joints <= moving]
 
     def after_addition(self, terms: list[Term]) -> list[Term]:
         """Adjust the constants of terms, and update the candidates."""

@@ -113,8 +113,8 @@ def select_named(fit: Fit) -> Fit:
     """
     fit = replace(fit, found=tuple(fit.terms), found_error=fit.mean_error())
     stability = repeat_search(fit.table, fit.terms, fit.initial_count, fit.candidates)
-    # Rigid bodies of a URDF are all weight: another makes up for what is wrong with them.
-    links = fit.rows.samples.rigid_body is not None
+    # The links of a URDF are all weight: another beside them makes up for what is wrong with them.
+    links = any('rigid_body' in term.kind.needs for term in fit.terms)
     terms = [term for k, term in enumerate(fit.terms)
              if k < fit.initial_count or (stability.named(term) and not (
                  links and term.kind.weight and term.kind.needs == ()))]
