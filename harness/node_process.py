@@ -12,12 +12,11 @@ import subprocess
 import sys
 import time
 
-from helpers import ROOT
-
 from friction_comp.package_files import package_file
 from friction_comp.tools import processes
 from friction_comp.tools.processes import ros_arguments
 
+ROOT = Path(__file__).resolve().parent.parent
 # s; discovery alone may take seconds on a busy machine.
 PATIENCE = 120.0
 

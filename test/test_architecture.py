@@ -128,3 +128,12 @@ def test_no_two_modules_have_one_name():
         path.name for path in MODULES if path.name != '__init__.py'
         and not (path.parent.name in ('nodes', 'tools') and path.stem in commands))
     assert [name for name, count in names.items() if count > 1] == []
+
+
+def test_what_runs_without_pytest_imports_nothing_from_the_tests():
+    """Benchmarks start without pytest, which would put test/ on the path."""
+    tests = {path.stem for path in (ROOT / 'test').glob('*.py')}
+    for path in [*(ROOT / 'harness').rglob('*.py'), *(ROOT / 'bench').rglob('*.py')]:
+        names = {node.module for node in imports_of(path) if isinstance(node, ast.ImportFrom)} | {
+            alias.name for node in imports_of(path) for alias in node.names}
+        assert not names & tests, path
