@@ -123,9 +123,12 @@ class Evaluation:
         Means over the repetitions, averaged over the movements that both conditions of `pair` have;
         None where there are none.
         """
+        conditions = self.pair()
+        if conditions is None:
+            return None
         values = {(c.compensation, c.movement): c.mean_of(name) for c in self.conditions}
-        both = np.array([[values.get((condition, movement), np.nan) for condition in self.pair()
-                          or ()] for movement in NAMES.values()])
+        both = np.array([[values.get((condition, movement), np.nan) for condition in conditions]
+                         for movement in NAMES.values()])
         both = both[np.isfinite(both).all(axis=1)]
         return (float(both[:, 0].mean()), float(both[:, 1].mean())) if both.size else None
 

@@ -165,8 +165,10 @@ def _measure_piece(piece: Piece, model: str | Path | None, seconds: float) -> Me
                 # Without a drive, effort in N·m is not known as a current.
                 repetition.figures.pop('rms_current', None)
         measured.add_repetitions(finished)
-        cut = finished[-1].movement.end if finished else cut
-        first = cut if finished else min([end, *(r.movement.begin - LEAD for r in found)])
+        if finished:
+            cut = first = finished[-1].movement.end
+        else:
+            first = min([end, *(r.movement.begin - LEAD for r in found)])
         buffer = buffer.take(buffer.time >= first)
     if not measured.repetitions:
         raise InputError(f'{path}: no movement of joint {info.joint!r} found in it')

@@ -230,15 +230,16 @@ def staircase(limits: JointLimits, seconds: float, rate: float) -> Samples:
     centre = 0.5 * (limits.lowest + limits.highest)
     half = 0.5 * MARGIN * (limits.highest - limits.lowest)
     time, position, side, moves = 0.0, centre, 1.0, list[Move]()
-    while time <= seconds:
+    while True:
         step = min(int(time / seconds * _SPEEDS) + 1, _SPEEDS)
         speed = MARGIN * limits.velocity * step / _SPEEDS
         # Slow steps reverse earlier, so that they have motion in both directions, too.
         target = centre + side * min(half, 0.2 * speed * seconds / _SPEEDS)
-        moves.append(Move.within(time, position, target, speed, MARGIN * limits.acceleration))
-        time, position, side = time + moves[-1].duration, target, -side
-    moves.pop()
-    return samples_of(moves, centre, seconds, rate, limits.joint)
+        move = Move.within(time, position, target, speed, MARGIN * limits.acceleration)
+        if time + move.duration > seconds:
+            return samples_of(moves, centre, seconds, rate, limits.joint)
+        moves.append(move)
+        time, position, side = time + move.duration, target, -side
 
 
 def fourier_series(limits: JointLimits, seconds: float, rate: float, seed: int) -> Samples:

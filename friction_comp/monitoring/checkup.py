@@ -84,10 +84,12 @@ def _states(seen: Observation) -> Iterator[Finding]:
                       + _names(topic.publishers),
                       'let one publish, or make sure that each publishes different joints')
     if states is None or len(states.received) < 2:
-        found = ((PROBLEM, 'published, but nothing arrives') if topic.publishers else
-                 (WARNING, _describe_missing(seen, 'joint_states')))
-        yield Finding(found[0], 'joint_states', found[1],
-                      'start the driver, or remap: -r joint_states:=/its/name')
+        remedy = 'start the driver, or remap: -r joint_states:=/its/name'
+        if topic.publishers:
+            yield Finding(PROBLEM, 'joint_states', 'published, but nothing arrives', remedy)
+        else:
+            yield Finding(
+                WARNING, 'joint_states', _describe_missing(seen, 'joint_states'), remedy)
         return
     if states.twice:
         yield Finding(PROBLEM, 'joint_states', f'{", ".join(states.twice)} is named twice',

@@ -63,14 +63,15 @@ class ModelFit:
         error = f'{100 * self.share:.0f} % of the friction ({1e3 * self.error:.3g} mA)'
         if self.fits:
             return f'the model fits: its error is {error}'
-        side = 'higher' if self.level > 0 else 'lower'
-        variables = ' or '.join(f'{name} ({100 * share:.0f} %)' for name, share in
-                                self.explained_by)
-        why = '; '.join(filter(None, (
-            f'the friction is {100 * abs(self.level):.0f} % {side} throughout' * bool(self.level),
-            f'its variation depends on {variables}' * bool(variables))))
-        return (f'the model no longer fits: its error is {error}; '
-                + (why or 'no monitored variable explains it'))
+        causes = []
+        if self.level:
+            side = 'higher' if self.level > 0 else 'lower'
+            causes.append(f'the friction is {100 * abs(self.level):.0f} % {side} throughout')
+        if self.explained_by:
+            causes.append('its variation depends on ' + ' or '.join(
+                f'{name} ({100 * share:.0f} %)' for name, share in self.explained_by))
+        why = '; '.join(causes) or 'no monitored variable explains it'
+        return f'the model no longer fits: its error is {error}; {why}'
 
 
 class ResidualMonitor:

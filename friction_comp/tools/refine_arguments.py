@@ -99,24 +99,26 @@ def summary_lines(report: RefinementReport) -> list[str]:
     from friction_comp.reports.html import number, quantity
 
     unit, before, after = report.unit, report.before, report.after
-    lines = ['friction in sliding, with 95 % intervals:',
-             *(f'  {line}' for line in number_lines(report.friction)), report.friction.formula,
-             f'verdict: {report.verdict}', *(f'  {line}' for line in report.reasons),
-             *(f'  record: {line}' for line in report.record_again),
-             f'before: {quantity(before.held_out_rmse, unit)} RMS on data not fitted '
-             f'({before.model})']
+    lines = ['friction in sliding, with 95 % intervals:']
+    lines += [f'  {line}' for line in number_lines(report.friction)]
+    lines += [report.friction.formula, f'verdict: {report.verdict}']
+    lines += [f'  {line}' for line in report.reasons]
+    lines += [f'  record: {line}' for line in report.record_again]
+    lines.append(f'before: {quantity(before.held_out_rmse, unit)} RMS on data not fitted '
+                 f'({before.model})')
     lines += [f'  + {effect.name} ({effect.variable}): {quantity(effect.held_out_rmse, unit)}   '
               f'{effect.in_words} (chosen in {100 * effect.chosen:.0f} % of the searches)'
-              for effect in report.effects] or [
-                  '  no effect beyond the model shows in the recordings']
+              for effect in report.effects]
+    if not report.effects:
+        lines.append('  no effect beyond the model shows in the recordings')
     lines += [f'after:  {quantity(after.held_out_rmse, unit)} RMS on data not fitted; noise floor '
               f'{quantity(report.noise_floor, unit)}',
               f'        {quantity(after.worst_part_rmse, unit)} in the worst part; to expect '
               f'elsewhere: {quantity(after.elsewhere_motion_rmse, unit)} in motion, '
               f'{quantity(after.elsewhere_rmse, unit)} with standstill, where friction is whatever '
               'holds the joint']
-    return [*lines, *(
-        f'unexplained: {entry.variable} ({number(entry.strength)} of the remaining variance)'
-        for entry in report.unexplained), *(
-        f"ambiguous: {' or '.join(question.between)}: {question.why}"
-        for question in report.ambiguous), *(f'note: {line}' for line in report.warnings)]
+    lines += [f'unexplained: {entry.variable} ({number(entry.strength)} of the remaining variance)'
+              for entry in report.unexplained]
+    lines += [f"ambiguous: {' or '.join(question.between)}: {question.why}"
+              for question in report.ambiguous]
+    return lines + [f'note: {line}' for line in report.warnings]

@@ -75,7 +75,7 @@ class Group:
     def describe(self) -> str:
         """Return a description of the group."""
         total = ' '.join(('+' if side > 0 else '-') + name for name, side in self.angles)
-        over = f' over the angle {total.removeprefix("+")}' * bool(total)
+        over = f' over the angle {total.removeprefix("+")}' if total else ''
         if self.kind == 'weight':
             return f'weight{over}'
         if self.kind == 'friction':
