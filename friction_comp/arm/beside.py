@@ -169,10 +169,10 @@ class ArmSearch(Search):
         super().__init__(self._table(terms), [])
         self._update_candidates(terms)
 
-    def _measured(self, terms: Sequence[Term]) -> tuple[np.ndarray, Sums, dict[Term, list[int]]]:
-        """Return all columns with those of terms, their sums, and the indices of the terms'."""
-        own, indices = columns_of(self._rows, self._tree, terms)
-        columns = self._rows.columns(own)
+    def _measured(self, terms: Sequence[Term]
+                  ) -> tuple[list[np.ndarray], Sums, dict[Term, list[int]]]:
+        """Return the columns of terms, their sums with all others, and their indices."""
+        columns, indices = columns_of(self._rows, self._tree, terms)
         sums = self._rows.sums(columns)
         weights = sums.variance / self._variance
         return columns, replace(sums, sums=sums.sums * weights[:, None, None]), indices
@@ -189,7 +189,8 @@ class ArmSearch(Search):
         """
         self._known |= dict.fromkeys(terms)
         columns, sums, indices = self._measured([*self._known])
-        residual = ArmTable(sums, self._prior, self._x, indices).residual_of(columns, terms)
+        residual = ArmTable(sums, self._prior, self._x, indices).residual_of(
+            self._rows.columns(columns), terms)
         proposed = [term for joint in self._samples
                     for term in self._proposals(joint, residual) if term not in self._known]
         _, sums, indices = self._measured([*self._known, *proposed])

@@ -59,6 +59,7 @@ _EQUAL_ERRORS = 0.01
 # Share by which another direction of gravity than the URDF's, or other scales than those assumed,
 # must lower the errors.
 _CLEARLY_BETTER = 0.15
+_MOST_DIRECTIONS = 3
 # Least share of a joint's current that friction must explain for its sign to be judged.
 _LEAST_FRICTION = 0.1
 _ROUNDS = 3  # of reweighting
@@ -174,7 +175,7 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
     no_links[..., :links, :] = no_links[..., :links] = 0.0
     without = _held_out(replace(sums, sums=no_links), prior, x)
     rows = rows_of(problem.chain, joints, best.settings, _MOST_ROWS['final'])
-    whole = rows.sums(rows.columns(columns_of(rows, best.tree, best.terms)[0]))
+    whole = rows.sums(columns_of(rows, best.tree, best.terms)[0])
     whole, x = _reweighted_fit(whole, prior, x)
     report(1.0)
     first = np.nonzero(np.diff(stretches_of(joints[0].recording), prepend=-1))[0]
@@ -216,27 +217,43 @@ class _Problem:
         return (replace(self.chain.tree, parameters=self.bodies.parameters(x[:links])[0]),
                 np.exp(x[links:links + count]))
 
-    def trial(self, settings: dict[str, Any], terms: list[Term] | None = None,
-              tree: Tree | None = None) -> _Trial:
-        """Return a fit with some differentiation settings, and terms beside the links.
+    def prepared(self, settings: dict[str, Any], terms: list[Term] | None = None,
+                 tree: Tree | None = None) -> _Trial:
+        """Return what a fit with some differentiation settings, and terms beside the links, needs.
 
-        Its error is infinite if the URDF's torque has the wrong sign at every joint.
+        Its error is 0, but infinite if the URDF's torque has the wrong sign at every joint.
         """
         tree, terms = tree or self.chain.tree, terms or []
         rows = rows_of(self.chain, self.joints, settings, _MOST_ROWS['choice'])
         columns, indices = columns_of(rows, tree, terms)
-        sums = rows.sums(rows.columns(columns))
+        sums = rows.sums(columns)
         typical = _typical_scale(sums, self.bodies)
         scale = np.full(len(self.joints), typical or 1.0)
         prior = Prior(
             self.bodies, _FIRST_STRENGTH, np.log(scale if self.declared is None else self.declared),
             _UNKNOWN_WIDTH if self.declared is None else _DECLARED_WIDTH,
             signs_at(indices, len(self.joints)))
-        x, error = prior.mean, math.inf
-        if typical is not None:
-            sums, x = _reweighted_fit(sums, prior, x)
-            error = float(np.mean(np.log(_held_out(sums, prior, x))))
-        return _Trial(error, settings, terms, sums, prior, x, tree)
+        error = math.inf if typical is None else 0.0
+        return _Trial(error, settings, terms, sums, prior, prior.mean, tree)
+
+    def trial(self, settings: dict[str, Any], terms: list[Term] | None = None,
+              tree: Tree | None = None, start: np.ndarray | None = None) -> _Trial:
+        """Return a fit with its held-out error; `start` is one with the same terms."""
+        trial = self.prepared(settings, terms, tree)
+        if trial.error == math.inf:
+            return trial
+        sums, x = _reweighted_fit(trial.sums, trial.prior, trial.x if start is None else start)
+        error = float(np.mean(np.log(_held_out(sums, trial.prior, x))))
+        return trial._replace(error=error, sums=sums, x=x)
+
+    def first_error(self, settings: dict[str, Any]) -> float:
+        """Return the mean logarithm of the joints' errors of a fit to all, without weights."""
+        trial = self.prepared(settings)
+        if trial.error == math.inf:
+            return math.inf
+        total, prior = trial.sums.total, trial.prior
+        errors = squared_errors(total, prior, solve(total, prior, trial.x))
+        return 0.5 * float(np.mean(np.log(errors + 1e-24)))
 
     def best(self, report: Callable[[float], None] = lambda share: None) -> _Trial:
         """Return the fit with the settings of the lowest error, and effects beside the links.
@@ -246,7 +263,7 @@ class _Problem:
         trials, choices = [], _settings(self.joints)
         first = self.with_effects(self.trial(choices[min(1, len(choices) - 1)]), 1)
         for settings in choices:
-            trials.append(self.trial(settings, first.terms, first.tree))
+            trials.append(self.trial(settings, first.terms, first.tree, first.x))
             report(len(trials) / len(choices))
         return self.with_effects(min(trials, key=lambda trial: trial.error))
 
@@ -276,13 +293,15 @@ def _with_gravity_direction(problem: _Problem, best: _Trial) -> tuple[_Problem, 
     than the URDF's is used only if it lowers the held-out error clearly.
     """
     settings = best.settings if best.error < math.inf else _settings(problem.joints)[-1]
-    trials = []
+    turned = []
     for direction in product((-1.0, 0.0, 1.0), repeat=3):
         length = np.linalg.norm(direction)
         if 0.0 < length < 1.5:
-            turned = replace(problem, chain=problem.chain.with_gravity(
-                np.array(direction) * np.linalg.norm(FREE_FALL) / length))
-            trials.append((turned.trial(settings), turned))
+            turned.append(replace(problem, chain=problem.chain.with_gravity(
+                np.array(direction) * np.linalg.norm(FREE_FALL) / length)))
+    # All have the same columns, so that a first fit tells which few may be the best.
+    turned.sort(key=lambda one: one.first_error(settings))
+    trials = [(one.trial(settings), one) for one in turned[:_MOST_DIRECTIONS]]
     other, mounted = min(trials, key=lambda trial: trial[0].error)
     if other.error == math.inf:
         raise InputError('the currents contradict the torques of the URDF at every joint: it is '

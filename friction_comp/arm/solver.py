@@ -36,7 +36,7 @@ STRETCHES, FOLDS = 12, 3
 _TRANSITION, _STILL = 0.03, 0.01
 # Most steps of the solver; it stops after one that gains less than this, in squared standard
 # deviations of one sample, or if the damping exceeds its limit.
-_STEPS, _CONVERGED, _MOST_DAMPING = 60, 0.05, 1e8
+_STEPS, _CONVERGED, _LEAST_CHANGE, _MOST_DAMPING = 60, 0.05, 0.2, 1e12
 _LEVEL = 0.95  # of the intervals
 # Share by which the recording must reduce the variance of a parameter for it to have an interval.
 _LEAST_REDUCTION = 0.5
@@ -76,34 +76,52 @@ class ArmRows:
     chain: Chain
 
     @functools.cached_property
-    def _links(self) -> np.ndarray:
-        return self.chain.regressor(*self.motion)
+    def _own(self) -> np.ndarray:
+        """The columns of links, friction, rotor and current, (N, J, 10·J + FRICTION + 1)."""
+        _, v, a = self.motion
+        return np.concatenate((self.chain.regressor(*self.motion), np.stack(
+            (np.ones_like(v), np.tanh(v / (_TRANSITION * top_speeds(v))), v, a,
+             np.column_stack([one.current for one in self.samples])), axis=2)), axis=2)
+
+    @functools.cached_property
+    def _variance(self) -> np.ndarray:
+        return np.maximum(np.var(self._own[:, :, -1], axis=0), 1e-12)
+
+    @functools.cached_property
+    def _own_sums(self) -> np.ndarray:
+        return self._products(self._own, self._own)
+
+    def _products(self, left: np.ndarray, right: np.ndarray) -> np.ndarray:
+        """Return the sums of products of columns, (S, J, L, R), in units of the variance."""
+        weighted = left * (self.fitted / self._variance)[:, :, None]
+        stretches = [self.stretch == index for index in range(int(self.stretch.max()) + 1)]
+        return np.array([weighted[part].transpose(1, 2, 0) @ right[part].transpose(1, 0, 2)
+                         for part in stretches])
+
+    def _beside(self, others: Sequence[np.ndarray]) -> np.ndarray:
+        beside = np.zeros((*self.fitted.shape, max(part.shape[1] for part in others)))
+        for joint, part in enumerate(others):
+            beside[:, joint, :part.shape[1]] = part
+        return beside
 
     def columns(self, others: Sequence[np.ndarray]) -> np.ndarray:
         """Return all columns of each joint, shape (N, J, 10·J + F + 1); see `Sums`.
 
         `others` are those of each joint beside links, friction and rotor, (N, M), with any M.
         """
-        _, v, a = self.motion
-        links, width = self._links, max(part.shape[1] for part in others)
-        columns = np.zeros((*v.shape, links.shape[2] + FRICTION + width + 1))
-        columns[:, :, :links.shape[2]] = links
-        columns[:, :, links.shape[2]:][:, :, :FRICTION] = np.stack(
-            (np.ones_like(v), np.tanh(v / (_TRANSITION * top_speeds(v))), v, a), axis=2)
-        for joint, part in enumerate(others):
-            columns[:, joint, links.shape[2] + FRICTION:][:, :part.shape[1]] = part
-            columns[:, joint, -1] = self.samples[joint].current
-        return columns
+        own = self._own
+        return np.concatenate((own[:, :, :-1], self._beside(others), own[:, :, -1:]), axis=2)
 
-    def sums(self, columns: np.ndarray) -> Sums:
-        """Return the sums of products of `columns`, in units of each current's variance."""
-        variance = np.maximum(np.var(columns[:, :, -1], axis=0), 1e-12)
-        weighted = columns * (self.fitted / variance)[:, :, None]
-        sums = []
-        for index in range(int(self.stretch.max()) + 1):
-            own = self.stretch == index
-            sums.append(weighted[own].transpose(1, 2, 0) @ columns[own].transpose(1, 0, 2))
-        return Sums(np.array(sums), variance, self.fitted.sum(axis=0).astype(float))
+    def sums(self, others: Sequence[np.ndarray]) -> Sums:
+        """Return the sums of products of `columns(others)`."""
+        # Most columns are the same each time; their products are computed once.
+        own, beside = self._own_sums, self._beside(others)
+        across = self._products(beside, self._own)
+        whole = np.block([[own, across.swapaxes(2, 3)], [across, self._products(beside, beside)]])
+        last = own.shape[2] - 1
+        order = [*range(last), *range(last + 1, whole.shape[2]), last]
+        return Sums(whole[:, :, order][:, :, :, order], self._variance,
+                    self.fitted.sum(axis=0).astype(float))
 
 
 def top_speeds(velocity: np.ndarray) -> np.ndarray:
@@ -214,29 +232,35 @@ def linearised(prior: Prior, x: np.ndarray) -> np.ndarray:
 def solve(matrices: np.ndarray, prior: Prior, start: np.ndarray) -> np.ndarray:
     """Return the unknowns, shape (U,), that fit each joint's sums (see `Sums.total`) best.
 
-    Coefficients have the signs that the prior requires.
+    Coefficients have the signs that the prior requires. The method is that of Levenberg and
+    Marquardt. Only links and scales are damped, in the prior's coordinates: the current is linear
+    in all else. The damping follows from how well the step was predicted (Nielsen 1999).
     """
     lowest = prior.lowest
     x = np.maximum(start, lowest)
     loss, gradient, hessian = loss_gradient_hessian(matrices, prior, x)
-    damping = 1e-3
+    damping, growth = prior.strength, 2.0
     for _ in range(_STEPS):
         free = ~((x <= lowest) & (gradient > 0.0))
-        system = hessian[np.ix_(free, free)].copy()
-        system[np.diag_indices_from(system)] *= 1.0 + damping
-        system[np.diag_indices_from(system)] += 1e-12 * np.trace(system) / len(system)
+        own = hessian[np.ix_(free, free)]
+        damped = damping * (np.flatnonzero(free) < prior.scales.stop)
+        # The trace keeps the system regular where a coefficient's column is 0.
+        system = own + np.diag(damped + 1e-12 * np.trace(own) / len(own))
         trial = x.copy()
         trial[free] -= np.linalg.solve(system, gradient[free])
         trial = np.maximum(trial, lowest)
         after = loss_gradient_hessian(matrices, prior, trial)
         if np.isfinite(after[0]) and after[0] < loss:
-            gain = loss - after[0]
+            step, gain = (trial - x)[free], loss - after[0]
+            predicted = max(-step @ (gradient[free] + 0.5 * own @ step), gain)
             x, (loss, gradient, hessian) = trial, after
-            damping = max(damping / 5.0, 1e-9)
             if gain < _CONVERGED:
                 break
+            damping *= max(_LEAST_CHANGE, 1.0 - (2.0 * gain / predicted - 1.0) ** 3)
+            growth = 2.0
         else:
-            damping *= 8.0
+            damping *= growth
+            growth *= 2.0
             if damping > _MOST_DAMPING:
                 break
     return x
