@@ -1,13 +1,16 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Many recordings on one process and on two: time, processor time and peak memory.
+"""Many recordings on one process and on several: time, processor time and peak memory.
 
 `refine --each` and `evaluate` over short recordings of simulated drives, the tools as a user
 starts them. Memory is the largest sum of what all processes of a tool have to themselves (PSS).
-`--hour` evaluates one hour (or --length s) of seven joints at 1 kHz instead, in a stream, and
-prints its peak.
+`--beside` measures another checkout's `refine --each` on the same recordings too, first, so that
+files and compiled code are read from the cache by both. `--hour` evaluates one hour (or --length s)
+of seven joints at 1 kHz instead, in a stream, and prints its peak.
 
     python3 bench/many_recordings.py --recordings 200
+    git worktree add ../other 8b6a994
+    python3 bench/many_recordings.py --recordings 80 --jobs 1 2 4 --beside ../other
     python3 bench/many_recordings.py --hour
 """
 
@@ -94,14 +97,14 @@ def memory(pid):
     return total / 1024
 
 
-def timed(arguments):
-    """Run a tool; return its time, processor time in s and peak memory in MB."""
-    environment = dict(os.environ, PYTHONPATH=str(ROOT), OMP_NUM_THREADS='1',
+def timed(arguments, root=ROOT):
+    """Run a tool of a checkout; return its time, processor time in s and peak memory in MB."""
+    environment = dict(os.environ, PYTHONPATH=str(root), OMP_NUM_THREADS='1',
                        OPENBLAS_NUM_THREADS='1')
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     begin, peak = time.monotonic(), 0.0
     process = subprocess.Popen([sys.executable, '-m', 'friction_comp', *map(str, arguments)],
-                               env=environment, stdout=subprocess.DEVNULL)
+                               env=environment, cwd=root, stdout=subprocess.DEVNULL)
     while process.poll() is None:
         with suppress(OSError):
             peak = max(peak, memory(process.pid))
@@ -116,36 +119,50 @@ def timed(arguments):
 def main():
     """Measure and print."""
     parser = table_parser(__doc__, recordings=20, seconds=20.0, rate=125.0, length=3600.0)
+    parser.add_argument('--jobs', type=int, nargs='+', default=[1, 2])
+    parser.add_argument('--beside', type=Path, help='another checkout to measure, too')
     parser.add_argument('--hour', action='store_true')
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         room = Path(name)
         if arguments.hour:
-            write_hour(room / 'hour', arguments.length)
-            size = sum(p.stat().st_size for p in (room / 'hour').iterdir()) / 1e6
-            spent, cpu, peak = timed(['evaluate', room / 'hour', '--output', room / 'out',
-                                      '--jobs', 1])
-            count = sum(1 for _ in (room / 'out' / 'repetitions.csv').open()) - 1
-            print(f'{arguments.length:.0f} s of {JOINTS} joints at 1 kHz ({size:.0f} MB): '
-                  f'{count} movements evaluated in {spent:.0f} s ({cpu:.0f} s of processor '
-                  f'time), peak memory {peak:.0f} MB')
+            evaluate_hour(room, arguments.length)
             return
         write_recordings(room / 'all', arguments.recordings, arguments.seconds, arguments.rate)
+        if arguments.beside:
+            measure(room, ['refine', '--each'], arguments, arguments.beside.resolve())
         for tool in (['refine', '--each'], ['evaluate']):
-            found, times = [], []
-            for jobs in (1, 2):
-                output = room / f'{tool[0]}_{jobs}'
-                spent, cpu, peak = timed([*tool, room / 'all', '--output', output, '--jobs', jobs])
-                report = json.loads((output / 'report.json').read_text())
-                found.append([row['effects'] for row in report['recordings']]
-                             if tool[0] == 'refine' else report['conditions'])
-                times.append(spent)
-                print(f'{" ".join(tool)}, {arguments.recordings} recordings, {jobs} '
-                      f'process{"es" * (jobs > 1)}: {spent:.0f} s, {cpu:.0f} s of processor time, '
-                      f'peak memory {peak:.0f} MB', flush=True)
-            same = 'the same' if found[0] == found[1] else 'NOT the same'
-            print(f'{" ".join(tool)}: {times[0] / times[1]:.2f} times as fast on two; results '
-                  f'{same}', flush=True)
+            measure(room, tool, arguments, ROOT)
+
+
+def measure(room, tool, arguments, root):
+    """Run a tool of a checkout with each number of processes, and print its time and memory."""
+    what = f'{root.name}: {" ".join(tool)}'
+    found, times = [], []
+    for jobs in arguments.jobs:
+        output = room / f'{root.name}_{tool[0]}_{jobs}'
+        spent, cpu, peak = timed([*tool, room / 'all', '--output', output, '--jobs', jobs], root)
+        report = json.loads((output / 'report.json').read_text())
+        found.append([row['effects'] for row in report['recordings']]
+                     if tool[0] == 'refine' else report['conditions'])
+        times.append(spent)
+        print(f'{what}, {arguments.recordings} recordings, {jobs} process{"es" * (jobs > 1)}: '
+              f'{spent:.0f} s, {cpu:.0f} s of processor time, peak memory {peak:.0f} MB',
+              flush=True)
+    faster = ', '.join(f'{times[0] / spent:.2f} with {jobs}'
+                       for jobs, spent in zip(arguments.jobs[1:], times[1:]))
+    same = 'the same' if all(one == found[0] for one in found) else 'NOT the same'
+    print(f'{what}: times as fast: {faster}; results {same}', flush=True)
+
+
+def evaluate_hour(room, length):
+    """Print what the evaluation of one long recording needs."""
+    write_hour(room / 'hour', length)
+    size = sum(p.stat().st_size for p in (room / 'hour').iterdir()) / 1e6
+    spent, cpu, peak = timed(['evaluate', room / 'hour', '--output', room / 'out', '--jobs', 1])
+    count = sum(1 for _ in (room / 'out' / 'repetitions.csv').open()) - 1
+    print(f'{length:.0f} s of {JOINTS} joints at 1 kHz ({size:.0f} MB): {count} movements '
+          f'evaluated in {spent:.0f} s ({cpu:.0f} s of processor time), peak memory {peak:.0f} MB')
 
 
 if __name__ == '__main__':

@@ -16,13 +16,13 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from friction_comp.columns import Layout
     from friction_comp.compensation.law import CompensationLaw
     from friction_comp.drive import Drive
     from friction_comp.errors import InputError
     from friction_comp.evaluation.conditions import evaluate
     from friction_comp.identification.goal import IdentificationGoal
     from friction_comp.identification.run import IdentificationRun
+    from friction_comp.layout import Layout
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.recordings import read_recording
     from friction_comp.refinement import refine
@@ -42,7 +42,7 @@ _HOMES = {
     'IdentificationGoal': 'friction_comp.identification.goal',
     'IdentificationRun': 'friction_comp.identification.run',
     'InputError': 'friction_comp.errors',
-    'Layout': 'friction_comp.columns',
+    'Layout': 'friction_comp.layout',
     'Samples': 'friction_comp.samples',
     'evaluate': 'friction_comp.evaluation.conditions',
     'read_recording': 'friction_comp.recordings',

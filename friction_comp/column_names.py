@@ -3,8 +3,9 @@
 """Reads the name of a column: which quantity it is, measured or target, and of which joint.
 
 A name is split into words, at separators, between letters and digits, and where upper case begins.
-Words of the vocabulary give the quantity and whether it is a target; what remains names the joint.
-No name of a particular robot is listed: ``actual_q_2``, ``a1 position [rad]``, ``posAct`` and
+Words of the vocabulary give the quantity, whether it is a target, and the unit; what remains names
+the joint. Where no word gives the quantity, the unit does, as in ``encoder_rad``. No name of a
+particular robot is listed: ``actual_q_2``, ``a1 position [rad]``, ``posAct`` and
 ``observation.state[0]`` follow from the same rule.
 """
 
@@ -33,10 +34,12 @@ _QUANTITIES = {
     'target': 'action',
     # What is none of the signals, though one of its words is.
     '': 'ddq qdd qddot acc acceleration accelerations accel ddtheta error errors err limit limits '
-        'max min std variance gain kp kd present+load id voltage power energy status bits',
+        'max min std variance gain kp kd present+load id voltage power energy status bits '
+        'bus supply battery',
 }
 _MEASURED = {'actual', 'act', 'measured', 'meas', 'present', 'feedback', 'fb', 'observed', 'sensed',
-             'observation', 'obs', 'mean', 'avg', 'average', 'real', 'applied', 'estimated', 'est'}
+             'observation', 'obs', 'mean', 'avg', 'average', 'real', 'applied', 'estimated', 'est',
+             'estimate'}
 _TARGET = {'target', 'tgt', 'reference', 'ref', 'desired', 'des', 'goal', 'command', 'commanded',
            'cmd', 'setpoint', 'set', 'sp', 'computed'}
 # A torque with one of these words is applied to the joint from outside, or behind the gear.
@@ -47,16 +50,28 @@ _BEHIND = {'link', 'output'}
 _NEUTRAL = {'joint', 'joints', 'states', 'state', 'motor', 'motors', 'rotor', 'robot', 'arm',
             'actuator', 'servo', 'axis', 'drive', 'data', 'value', 'values', 'msg', 'raw',
             'filtered', 'filt', 'angular', 'rotational', 'mechanical', 'mech', 'shaft', 'encoder',
-            'field', 'unix', 'utc', 'ros', 'system', 'epoch', 'log'}
+            'field', 'rms', 'unix', 'utc', 'ros', 'system', 'epoch', 'log'}
+# Words beside a time: since when it counts, or whose it is.
+_CLOCK = {'since', 'from', 'start', 'started', 'begin', 'boot', 'today', 'day', 'midnight', 'wall',
+          'clock', 'relative', 'rel', 'monotonic', 'host', 'device', 'total'}
 _SECOND_CHOICE = {'motor', 'motors', 'rotor', 'raw', 'filtered', 'filt'}
 # Quantities that torque becomes with words of `_OUTSIDE` or `_BEHIND`, and targets of quantities.
 _TARGETS = {'position': 'reference_position', 'velocity': 'reference_velocity',
             'effort': 'command', 'current': 'command', 'target': 'reference_position'}
+# Quantity of a unit in a name that has no other word for it. A length is none: it may be that of
+# anything.
+_OF_UNIT = {'time': 'time', 'angle': 'position', 'counts': 'position', 'angle/time': 'velocity',
+            'counts/time': 'velocity', 'torque': 'effort', 'current': 'current',
+            'temperature': 'temperature'}
 _BRACKET = re.compile(r'\s*[\[(]([^\])]*)[\])]\s*$')
 _WORD = re.compile(r'[^\W\d_]+|\d+')
 _CAMEL = re.compile(r'(?<=[a-z])(?=[A-Z])')
-# A last word that may be a unit; single letters that are more often something else are none.
-_LAST = re.compile(r'_((?!m$|N$)[^\W\d_]+)$')
+# What is no unit of the package, but says that a column is in none of its units either.
+_OTHER_UNITS = {'%', 'percent', 'pct', 'v', 'mv', 'w', 'lsb', 'tick', 'ticks', 'count', 'counts',
+                'pulse', 'pulses', 'inc', 'increments', 'raw', 'p.u.', 'pu', 'a.u.', 'au'}
+# Units that are more often something else, unless they are the last word.
+_LAST_ONLY = {'A', 's', 'C', 'sec', 'seconds'}
+_NEVER = {'m', 'N', 'h', 'in'}      # of a motor, of an input
 
 
 @dataclass(frozen=True)
@@ -93,53 +108,101 @@ def read_name(name: str) -> Reading:
     """Return what a column's name says."""
     name = name.strip()
     match = _BRACKET.search(name)
-    if match and (parse_unit(match[1]) is not None or not re.search(r'\d', match[1])):
-        return replace(_read_plain(name[:match.start()]), unit=match[1].strip())
-    match = _LAST.search(name)
-    if match and parse_unit(match[1]) is not None:
-        shorter = _read_plain(name[:match.start()])
-        if shorter.signal and unit_of(shorter.signal, match[1]) is not None:
-            return replace(shorter, unit=match[1])
+    if match and (parse_unit(match[1]) is not None or match[1].strip().lower() in _OTHER_UNITS):
+        return _read_plain(name[:match.start()], match[1].strip())
     return _read_plain(name)
 
 
-def _read_plain(name: str) -> Reading:
-    """Return what a name without a unit says."""
+def plain_name(name: str) -> str:
+    """Return a column's name without a unit in brackets behind it, for comparing."""
+    return _BRACKET.sub('', name).strip().casefold()
+
+
+def _read_plain(name: str, unit: str = '') -> Reading:
+    """Return what a name without brackets says, whose unit may have been in these."""
     short = re.sub(r'^/?(.*/)?joint_states/', '', name)
     left, _, right = short.replace('/', '.').rpartition('.')
     if left:
-        signal = _read_words(right)
+        reading = _read_words(right, unit)
         joint = [word.lower() for _, word in _parts(left)]
-        if signal.signal and not signal.key and not set(joint) <= _vocabulary():
-            return replace(signal, key=_distinctive(joint), joint=short[:len(left)])
-    return _read_words(name)
+        if reading.signal == 'time':
+            return reading
+        if reading.signal and not reading.key and not set(joint) <= _vocabulary():
+            return replace(reading, key=_distinctive(joint), joint=short[:len(left)])
+    return _read_words(name, unit)
 
 
-def _read_words(bare: str) -> Reading:
+def _read_words(bare: str, unit: str) -> Reading:
     words = _parts(bare)
     lower = [word.lower() for _, word in words]
     quantity, used = _quantity_in(lower)
     sources = {word for word in lower if word in _MEASURED | _TARGET}
-    if quantity is None and len(lower) == 1 and lower[0] == 'd':
-        return Reading('direction')
     aims = bool(sources & _TARGET) or lower[:2] == ['q', 'd']
+    if quantity is None and lower == ['d']:
+        return Reading('direction')
+    if quantity == '':
+        return Reading()
+    by_unit = quantity is None
     if quantity is None:
-        # `reference` alone is the position, `command` alone the current.
-        if not sources & _TARGET:
+        unit, of_unit = (unit, set()) if unit else _unit_in(words, used, '')
+        known = parse_unit(unit)
+        quantity = _OF_UNIT.get(known.dimension) if known else None
+        if quantity is None and aims:
+            # `reference` alone is the position, `command` alone the current.
+            quantity = 'current' if sources & {'command', 'commanded', 'cmd'} else 'target'
+        if quantity is None:
             return Reading()
-        quantity = 'current' if sources & {'command', 'commanded', 'cmd'} else 'target'
-    if not quantity:
-        return Reading()
     signal, special = _signal(quantity, lower, aims)
-    rest = [k for k, word in enumerate(lower) if not (
-        k in used or word in _MEASURED | _TARGET or word in special
+    if not by_unit:
+        unit, of_unit = (unit, set()) if unit else _unit_in(words, used, signal)
+    rest = [k for k, word in enumerate(lower) if k not in used | of_unit and not (
+        word in _MEASURED | _TARGET or word in special
         or (aims and lower[:2] == ['q', 'd'] and k == 1))]
+    if signal == 'time':
+        clocks = {lower[k] for k in rest} <= _NEUTRAL | _CLOCK
+        return Reading(signal, unit=unit) if clocks else Reading()
     key = _distinctive([lower[k] for k in rest])
-    if signal == 'time' and key:
-        return Reading()
-    rank = int(any(word in _SECOND_CHOICE for word in lower))
-    return Reading(signal, key, _label(bare, words, lower, rest) if key else '', '',
+    rank = 2 * by_unit + any(word in _SECOND_CHOICE for word in lower)
+    return Reading(signal, key, _label(bare, words, lower, rest) if key else '', unit,
                    signal == 'command' and quantity == 'effort', rank)
+
+
+def _unit_in(words: list[tuple[int, str]], used: set[int], signal: str) -> tuple[str, set[int]]:
+    """Return the unit among the words of a name and their places; '' if there is none.
+
+    It is one that the signal can have, any if `signal` is ''. Two words are a quotient or a
+    product: ``deg_s`` and ``N_m``.
+    """
+    spelt = ['' if k in used else word for k, (_, word) in enumerate(words)]
+    for size in (3, 2, 1):
+        for first in range(len(spelt) - size, -1, -1):
+            part = spelt[first:first + size]
+            for text in _spellings(part, first + size == len(spelt)):
+                # A single letter, as in phase_A, does not tell a quantity.
+                fits = unit_of(signal, text) if signal else len(text) > 1 and parse_unit(text)
+                if fits:
+                    return text, set(range(first, first + size))
+    other = [k for k, word in enumerate(spelt) if word.lower() in _OTHER_UNITS - {'raw', 'v', 'w'}]
+    return (spelt[other[-1]], {other[-1]}) if other and signal else ('', set())
+
+
+def _spellings(part: list[str], last: bool) -> list[str]:
+    """Return the units that one to three words may mean."""
+    if not all(part):
+        return []
+    if len(part) == 1:
+        word, = part
+        if word in _NEVER or (word in _LAST_ONLY and not last):
+            return []
+        # Capitals are more often those of a name in capitals, or of a word, than prefixes.
+        written = {'nm': 'Nm', 'mnm': 'mNm', 'ma': 'mA'}
+        return [word] if len(word) == 1 else [written.get(word.lower(), word.lower()), word]
+    above, middle, below = part[0], part[1].lower(), part[-1]
+    if len(part) == 3:
+        return [f'{above.lower()}/{below}'] if middle in ('per', 'p') else []
+    if above.lower() == 'in':
+        return _spellings(part[1:], last)
+    return [f'{above}·{below}'] if below.lower() == 'm' else [f'{above.lower()}/{below}']
 
 
 def skeleton(name: str) -> str:
@@ -158,10 +221,28 @@ def _parts(name: str) -> list[tuple[int, str]]:
     found = []
     for match in _WORD.finditer(name):
         begin = match.start()
-        for word in _CAMEL.split(match[0]):
-            found.append((begin, word))
-            begin += len(word)
+        # mA and degC are one word.
+        whole = parse_unit(match[0]) is not None
+        for camel in [match[0]] if whole else _CAMEL.split(match[0]):
+            for word in _unglued(camel):
+                found.append((begin, word))
+                begin += len(word)
     return found
+
+
+@cache
+def _unglued(word: str) -> tuple[str, ...]:
+    """Return the words of ``qdes`` and ``actpos``, which no mark separates."""
+    lower = word.lower()
+    sources, known = _MEASURED | _TARGET, _phrases()
+    if lower not in _vocabulary():
+        for k in range(1, len(word)):
+            for one, other in ((lower[:k], lower[k:]), (lower[k:], lower[:k])):
+                # A single letter that is not of a position is part of another word: test.
+                quantity = known.get((one,), '')
+                if other in sources and quantity in _TARGETS and (len(one) > 1 or one == 'q'):
+                    return word[:k], word[k:]
+    return (word,)
 
 
 def _quantity_in(words: list[str]) -> tuple[str | None, set[int]]:

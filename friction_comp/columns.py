@@ -10,7 +10,7 @@ are the same signal of another joint. Notes list what was guessed.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,110 +18,12 @@ import numpy as np
 from friction_comp.column_names import numbers, read_name, Reading, skeleton
 from friction_comp.controller_effort import controller_effort
 from friction_comp.errors import InputError
-from friction_comp.units import (
-    default_unit,
-    parse_unit,
-    possible_units,
-    signals_with,
-    Unit,
-    unit_of,
-)
+from friction_comp.layout import Layout, SIGNALS
+from friction_comp.units import default_unit, parse_unit, unit_of
 
 # Whose unit a signal has if none is given for it: a target that of what it is the target of.
 _SAME_UNIT = {'current': ('effort',), 'command': ('current', 'effort'),
               'reference_position': ('position',), 'reference_velocity': ('velocity',)}
-# Suffixes of table files.
-TABLES = ('.csv', '.csv.gz', '.tsv', '.txt', '.dat', '.parquet', '.npz', '.npy', '.mat', '.json',
-          '.jsonl')
-SIGNALS = ('time', 'position', 'velocity', 'effort', 'current', 'command', 'direction', 'load',
-           'link_torque', 'temperature', 'reference_position', 'reference_velocity')
-
-
-@dataclass(frozen=True)
-class Layout:
-    """The user's description of a table's columns, and of what no column holds.
-
-    Parameters
-    ----------
-    columns : dict of str to str
-        Signal to column; signals are time, position, velocity, effort, current, command,
-        direction, load, link_torque, temperature, reference_position and reference_velocity.
-        Columns of other signals are guessed.
-    units : dict of str to str
-        Signal to unit, such as ``{'position': 'deg', 'time': 'ms'}``; ``counts/4096`` means encoder
-        counts, 4096 per turn, and ``2.69mA`` that one count is 2.69 mA. The default is SI units.
-    rate : float, optional
-        Rows per second, Hz, of a table without times.
-    stiffness, damping : sequence of (float or str)
-        k_p in N·m/rad and k_d in N·m·s/rad of a position controller: numbers, or columns that hold
-        them. Effort is then k_p (target - position) - k_d velocity. One for all recordings, or one
-        for each.
-    joint : str
-        Name of the joint whose columns are given, where they do not name it.
-
-    Raises
-    ------
-    InputError
-        If a signal or a unit is not known.
-    """
-
-    columns: Mapping[str, str] = field(default_factory=dict)
-    units: Mapping[str, str] = field(default_factory=dict)
-    rate: float | None = None
-    stiffness: Sequence[float | str] = ()
-    damping: Sequence[float | str] = ()
-    joint: str = ''
-
-    def __post_init__(self) -> None:
-        for signal in (*self.columns, *self.units):
-            if signal not in SIGNALS:
-                raise InputError(f'there is no signal {signal!r}; signals are '
-                                 f'{", ".join(SIGNALS)}')
-        if 'effort' in self.columns and 'current' in self.columns:
-            raise InputError('columns name both effort and current: name only one of them, the '
-                             'measured one')
-        for signal, unit in self.units.items():
-            if signal != 'effort':
-                unit_factor(signal, unit)
-
-    @property
-    def describes_table(self) -> bool:
-        """Whether something is given that only a table needs."""
-        return bool(self.columns or self.units or self.rate)
-
-    @property
-    def linear(self) -> bool:
-        """Whether all that is given are the SI units of a linear axis, which need no columns."""
-        units = [unit_of(signal, text) for signal, text in self.units.items()]
-        return bool(units) and not (self.columns or self.rate or self.stiffness) and all(
-            unit in (Unit(1.0, 'length'), Unit(1.0, 'length/time'), Unit(1.0, 'force'))
-            for unit in units)
-
-    def gains(self, names: Sequence[str], where: str) -> tuple[float | str, ...]:
-        """Return stiffness and damping of one table, numbers or columns; empty if none are given.
-
-        Raises InputError if a column is missing.
-        """
-        if not self.stiffness:
-            return ()
-        if max(len(self.stiffness), len(self.damping)) > 1:
-            raise InputError(f'{where}: several gains are given for one recording')
-        gains = self.stiffness[0], self.damping[0] if self.damping else 0.0
-        for gain in gains:
-            if isinstance(gain, str) and gain not in names:
-                raise InputError(f'{where}: stiffness and damping are numbers or columns; there is '
-                                 f'no column {gain!r}, but {", ".join(map(repr, names))}')
-        return gains
-
-    def of_recording(self, index: int, count: int) -> Layout:
-        """Return the layout of one of several recordings, with its own gains."""
-        def own(values: Sequence[float | str], name: str) -> Sequence[float | str]:
-            if len(values) not in (0, 1, count):
-                raise InputError(f'{name}: {len(values)} values for {count} recordings; give one, '
-                                 'or one for each')
-            return values[index:index + 1] if len(values) == count else values
-        return replace(self, stiffness=own(self.stiffness, 'stiffness'),
-                       damping=own(self.damping, 'damping'))
 
 
 @dataclass(frozen=True)
@@ -185,38 +87,15 @@ class Assignment:
         return controller_effort(time, target, position, velocity, stiffness, damping, rate)
 
 
-def unit_factor(signal: str, unit: str) -> float:
-    """Return the factor that converts a column's numbers to SI units.
-
-    Raises InputError if the unit is not known for this signal.
-    """
-    known = unit_of(signal, unit)
-    if known is not None:
-        return known.factor
-    if signal == 'effort':
-        # In other units, such as volts or per cent of a servo's range, values stay as they are.
-        return 1.0
-    raise InputError(f'{signal} cannot be in {unit!r}; its units are {possible_units(signal)}, '
-                     'with a factor before them if needed, as in 2.69mA')
-
-
-def signal_with_unit(unit: str) -> str | None:
-    """Return a signal that has a known unit which effort cannot have, else None."""
-    signals = signals_with(unit)
-    return None if not signals or 'effort' in signals else (
-        'position' if parse_unit(unit).dimension == 'counts'  # type: ignore[union-attr]
-        else signals[0])
-
-
 def assign(names: Sequence[str], layout: Layout | None, where: str) -> Assignment:
     """Assign signals to a table's columns; `where` names the table in messages.
 
     Columns without a name are left out. Raises InputError if a column is missing, or time, position
     or effort cannot be found.
     """
-    layout = layout or Layout()
     names = [name for name in names if name]
-    named = _named(names, layout, where)
+    layout = (layout or Layout()).naming(names, where)
+    named = _named(layout, where)
     own = next((column.key for column in named if column.signal != 'time'), ())
     used = _joint_columns([*named, *_guessed(names, named, own, layout)], own if named else None)
     used.sort(key=lambda c: (SIGNALS.index(c.signal), names.index(c.name)))
@@ -240,9 +119,10 @@ def without_time(names: Sequence[str], layout: Layout, where: str) -> tuple[Colu
     It has neither time nor position: each row is the mean of a motion at constant speed. Raises
     InputError if it has several joints, and none is named.
     """
-    if layout.rate or not set(layout.columns.values()) <= set(names):
+    if layout.rate or {'time', 'position'} & set(layout.columns):
         return None
-    named = _named(names, layout, where)
+    layout = layout.naming(names, where)
+    named = _named(layout, where)
     columns = [*named, *_guessed([name for name in names if name], named, (), layout)]
     if any(c.signal in ('time', 'position') for c in columns):
         return None
@@ -273,18 +153,36 @@ def _notes(used: Sequence[Column], layout: Layout) -> list[str]:
         for column in guessed) + ' (override with --columns and --unit)']
 
 
-def _named(names: Sequence[str], layout: Layout, where: str) -> list[Column]:
+def _named(layout: Layout, where: str) -> list[Column]:
     """Return the columns that the user named, all of one joint but time."""
-    for name in layout.columns.values():
-        if name not in names:
-            raise InputError(f'{where}: has no column {name!r}, but '
-                             f'{", ".join(map(repr, names))}')
     first = next((layout.columns[signal] for signal in ('position', 'effort', 'current', 'velocity')
                   if signal in layout.columns), '')
     key = _key(first)
-    return [_column(name, Reading(signal, () if signal == 'time' else key,
-                                  read_name(name).joint or '_'.join(key), read_name(name).unit),
-                    layout) for signal, name in layout.columns.items()]
+    readings = {name: Reading(signal, () if signal == 'time' else key,
+                              read_name(name).joint or '_'.join(key), read_name(name).unit)
+                for signal, name in layout.columns.items()}
+    for name, reading in readings.items():
+        if _unknown_unit(reading, layout):
+            raise InputError(f'{where}: {_say_unit(name, reading)}')
+    return [_column(name, reading, layout) for name, reading in readings.items()]
+
+
+def _unknown_unit(reading: Reading, layout: Layout) -> bool:
+    """Return whether a column's name gives a unit that is not known, and the user gives none.
+
+    An effort may have any unit.
+    """
+    signal = reading.signal
+    given = any(one in layout.units for one in (signal, *_SAME_UNIT.get(signal, ())))
+    return (bool(reading.unit) and not given and signal not in ('effort', 'current')
+            and unit_of(signal, reading.unit) is None)
+
+
+def _say_unit(name: str, reading: Reading) -> str:
+    example = {'position': 'counts/4096 (counts in a turn)', 'time': 'counts/100 (in a second)',
+               'velocity': '0.229rpm'}.get(reading.signal, default_unit(reading.signal))
+    return (f'column {name!r}: {reading.unit!r} does not tell what a {reading.signal} of 1 is: '
+            f'say it, for instance with --unit {reading.signal}={example}')
 
 
 def _key(name: str) -> tuple[str, ...]:
@@ -299,9 +197,9 @@ def _column(name: str, reading: Reading, layout: Layout) -> Column:
     text = given or reading.unit
     unit = unit_of(signal, text) if text else None
     stated = unit is not None
-    if unit is None and given and signal == 'effort':
-        # A unit such as V or %: only a factor before it is applied.
-        return Column(name, signal, reading.joint, given, 1.0, '', reading.key, True)
+    if unit is None and text and signal in ('effort', 'current'):
+        # A unit such as V or %: values stay as they are.
+        return Column(name, 'effort', reading.joint, text, 1.0, '', reading.key, True)
     if unit is None:
         text = 'N·m' if reading.torque else default_unit(signal)
         unit = unit_of(signal, text)
@@ -328,6 +226,8 @@ def _guessed(names: Sequence[str], named: Sequence[Column], own: tuple[str, ...]
                               joint=reading.joint or '_'.join(numbers(name)))
         named_already = _kind(reading.signal) in signals and reading.key in (own, ())
         if reading.signal and name not in taken and not named_already:
+            if _unknown_unit(reading, layout):
+                continue
             column = _column(name, reading, layout)
             found.append(((SIGNALS.index(column.signal), reading.rank, place), column))
     best: dict[tuple[str, tuple[str, ...]], Column] = {}
@@ -387,6 +287,9 @@ def _check_complete(used: Iterable[Column], names: Sequence[str], layout: Layout
     for signal, wanted in needed.items():
         if not wanted or signal in signals:
             continue
+        for name in names:
+            if (reading := read_name(name)).signal == signal and _unknown_unit(reading, layout):
+                raise InputError(f'{where}: {_say_unit(name, reading)}')
         hints = {'time': ', or the rows per second with --rate HZ'}
         if 'reference_position' in signals:
             hints['effort'] = (', or the gains of the position controller with --stiffness and '

@@ -17,7 +17,7 @@ from friction_comp.errors import InputError
 from friction_comp.statistics import smallest_step
 
 if TYPE_CHECKING:
-    from friction_comp.columns import Layout
+    from friction_comp.layout import Layout
 
 _OPTIONAL = (
     'velocity', 'acceleration', 'load', 'temperature', 'command', 'direction',

@@ -13,6 +13,8 @@ import math
 import re
 from typing import NamedTuple, TypeVar
 
+from friction_comp.errors import InputError
+
 T = TypeVar('T')
 _TURN = 2.0 * math.pi
 _POUND, _STANDARD = 0.45359237, 9.80665     # kg, m/s²
@@ -24,10 +26,13 @@ _WORDS = {
     'turn': (_TURN, 'angle'), 'turns': (_TURN, 'angle'), 'rev': (_TURN, 'angle'),
     'revolution': (_TURN, 'angle'), 'rpm': (_TURN / 60.0, 'angle/time'),
     'RPM': (_TURN / 60.0, 'angle/time'), 'dps': (_TURN / 360.0, 'angle/time'),
+    'rps': (_TURN, 'angle/time'), 'radps': (1.0, 'angle/time'), 'rads': (1.0, 'angle/time'),
     'radian': (1.0, 'angle'), 'radians': (1.0, 'angle'),
     'inch': (_INCH, 'length'), 'in': (_INCH, 'length'), 'ft': (12.0 * _INCH, 'length'),
     'meter': (1.0, 'length'), 'metre': (1.0, 'length'),
     'min': (60.0, 'time'), 'h': (3600.0, 'time'), 'sec': (1.0, 'time'), 'seconds': (1.0, 'time'),
+    'millis': (1e-3, 'time'), 'milliseconds': (1e-3, 'time'), 'micros': (1e-6, 'time'),
+    'microseconds': (1e-6, 'time'),
     'lbf': (_POUND * _STANDARD, 'force'), 'lb': (_POUND * _STANDARD, 'force'),
     'oz': (_POUND * _STANDARD / 16.0, 'force'), 'ozf': (_POUND * _STANDARD / 16.0, 'force'),
     'kip': (1e3 * _POUND * _STANDARD, 'force'), 'kgf': (_STANDARD, 'force'),
@@ -116,6 +121,29 @@ def unit_of(signal: str, text: str) -> Unit | None:
 def signals_with(text: str) -> list[str]:
     """Return the signals that can have a unit."""
     return [signal for signal in _DIMENSIONS if unit_of(signal, text) is not None]
+
+
+def unit_factor(signal: str, unit: str) -> float:
+    """Return the factor that converts a column's numbers to SI units.
+
+    Raises InputError if the unit is not known for this signal.
+    """
+    known = unit_of(signal, unit)
+    if known is not None:
+        return known.factor
+    if signal == 'effort':
+        # In other units, such as volts or per cent of a servo's range, values stay as they are.
+        return 1.0
+    raise InputError(f'{signal} cannot be in {unit!r}; its units are {possible_units(signal)}, '
+                     'with a factor before them if needed, as in 2.69mA')
+
+
+def signal_with_unit(unit: str) -> str | None:
+    """Return a signal that has a known unit which effort cannot have, else None."""
+    signals = signals_with(unit)
+    return None if not signals or 'effort' in signals else (
+        'position' if parse_unit(unit).dimension == 'counts'  # type: ignore[union-attr]
+        else signals[0])
 
 
 def default_unit(signal: str) -> str:

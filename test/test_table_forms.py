@@ -117,14 +117,14 @@ def test_whole_numbers_without_a_unit_are_no_si_values(tmp_path):
     (samples, info), = read_recording_with_info(path, layout=Layout(
         units={'position': 'counts/4096'}))
     assert samples.velocity is None
-    assert info.effort_is_raw
+    assert info.effort_unit == 'counts'
     units = {'position': 'counts/4096', 'velocity': '0.229rpm', 'current': '2.69mA'}
     (samples, info), = read_recording_with_info(path, layout=Layout(units=units))
-    assert not info.effort_is_raw
+    assert not info.effort_unit
     np.testing.assert_allclose(samples.velocity, velocity, atol=0.02)
     # Signs are whole numbers in any unit.
     write(path, time=time, q=position, tau=np.sign(velocity))
-    assert not read_recording_with_info(path)[0][1].effort_is_raw
+    assert not read_recording_with_info(path)[0][1].effort_unit
 
 
 def test_an_effort_of_one_joint_belongs_to_the_only_position():

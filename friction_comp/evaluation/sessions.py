@@ -10,10 +10,10 @@ from functools import partial
 import math
 from pathlib import Path
 
-from friction_comp.columns import Layout
 from friction_comp.errors import InputError
 from friction_comp.evaluation.conditions import Evaluation, MeasuredJoint, repetitions_of
 from friction_comp.evaluation.ensemble import LEAD
+from friction_comp.layout import Layout
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.parallel import Failure, run_each, Runner
 from friction_comp.recordings import find_recordings, recorded_joints, stream_recording_with_info

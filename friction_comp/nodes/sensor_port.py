@@ -50,7 +50,8 @@ class SensorPort:
             return
         self._steps = round(sample_time / _STEP)
         if not self._steps or not math.isclose(sample_time, self._steps * _STEP):
-            raise InputError(f'parameter sensor: needs a sample_time of {_STEP:g} s, or some of it')
+            raise InputError('parameter sensor: needs a sample_time that is a whole multiple of '
+                             f'{_STEP:g} s')
         if missing := [model.joint or str(k) for k, model in enumerate(models)
                        if model.breakaway is None]:
             raise InputError('parameter sensor: its range follows from breakaway friction, which '

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
 from friction_comp import units
-from friction_comp.columns import Layout
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
+from friction_comp.layout import Layout
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
@@ -91,8 +91,9 @@ def unit_of(given: Given, model: FrictionModel | None, infos: Sequence[Recording
     """
     if model is not None and not (given.figures or given.torque_constant or given.gear_ratio):
         return str(model.notes.get('unit', 'A'))
-    if not given.figures and any(info.effort_is_raw for info in infos):
-        return 'counts'
+    own = next((info.effort_unit for info in infos if info.effort_unit), '')
+    if own and not given.figures:
+        return own
     return figures_unit(given, any(info.effort_is_current for info in infos),
                         any(info.linear for info in infos))
 
@@ -108,5 +109,5 @@ def figures_unit(given: Given, in_ampere: bool, linear: bool) -> str:
         return 'A'
     text = given.layout.units.get('effort', 'N' if linear else 'N·m')
     unit = units.unit_of('effort', text)
-    # Of a unit that is no torque, such as 0.1 %, only the factor before it was applied.
+    # A unit that is no torque, such as 0.1 %, is kept as it is.
     return text if unit is None else {'torque': 'N·m', 'force': 'N', 'current': 'A'}[unit.dimension]

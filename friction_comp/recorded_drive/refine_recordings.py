@@ -86,7 +86,7 @@ def refine_recordings(given: Given, paths: Sequence[Path],
 
     # Without its constants, a drive does not tell how much current a recorded load takes.
     known = (model or given.torque_constant or given.gear_ratio or unit in ('N·m', 'N') or idle)
-    origin = Origin(unit, bool(known), notes_on(recordings, idle), {
+    origin = Origin(unit, bool(known), notes_on(recordings, idle), assumed_in(given, recordings), {
         'refined_from': [str(path) for path in paths], **given.of_table, **limit,
         **({'position_unit': 'm'} if any(info.linear for _, info in recordings) else {})})
     with errors_name(f'{paths[0]}: {joint}' if joint else paths[0]):
@@ -100,6 +100,19 @@ def notes_on(recordings: Iterable[tuple[Samples, RecordingInfo]], idle: bool = F
     """Return the notes on recordings as warnings of a report; `idle` is that of the motor."""
     return [f'{info.path}: {note}' for _, info in recordings for note in info.notes] + [
         'the motor was idle: friction is what the load (torque sensor) overcame, in N·m'] * idle
+
+
+def assumed_in(given: Given, recordings: Iterable[tuple[Samples, RecordingInfo]]) -> list[str]:
+    """Return the units of tables that are taken for granted, with what would show an error."""
+    found: dict[tuple[str, ...], tuple[float, float]] = {}
+    for samples, info in recordings:
+        columns = tuple(one for one in info.assumed if not (given.figures and 'N·m' in one))
+        if columns and len(samples):
+            span, step = found.get(columns, (0.0, 0.0))
+            found[columns] = (max(span, float(samples.position.max() - samples.position.min())),
+                              max(step, samples.sample_time))
+    return [f'{", ".join(columns)} (position covers {span:.3g} rad, {span / 6.2832:.2g} turns; rows '
+            f'are {1e3 * step:.3g} ms apart); --unit gives others' for columns, (span, step) in found.items()]
 
 
 def _idle(given: Given, recorded: Sequence[Samples]) -> bool:

@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from friction_comp.columns import Layout
 from friction_comp.errors import InputError
+from friction_comp.layout import Layout
 from friction_comp.recordings.joint_samples import number_recordings, RecordingInfo
 from friction_comp.recordings.reader import read_recording_with_info, stream_recording_with_info
 from friction_comp.recordings.sources import find_recordings, part_of, Progress, size_of

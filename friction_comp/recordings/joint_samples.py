@@ -40,7 +40,8 @@ class RecordingInfo:
     activity: list[tuple[float, Activity]] = field(default_factory=list)
     turns: float = 0.0  # added to the last position because the sensor wraps around, rad
     effort_is_current: bool = False  # whether efforts were in A already, as a table may declare
-    effort_is_raw: bool = False  # whether efforts are numbers of unknown unit
+    effort_unit: str = ''  # of efforts that are neither torques nor currents
+    assumed: tuple[str, ...] = ()  # columns without a unit, with the one that is taken for it
     linear: bool = False  # whether positions are in m and efforts in N
 
 
@@ -89,7 +90,7 @@ def to_samples(scan: Scan, joint: str | None,
     track, joint, joints, values = _select_joint(scan, joint)
     info = RecordingInfo(scan.path, joint, scan.topics, notes=list(scan.notes),
                          model=scan.model, effort_is_current=scan.effort_is_current,
-                         effort_is_raw=scan.effort_is_raw, linear=scan.linear)
+                         effort_unit=scan.effort_unit, assumed=scan.assumed, linear=scan.linear)
     stamp = time_base.message_times(track, info.notes)
     stamp = row_times.spread_rounded(stamp, values[:, 0], info.notes)
     outlier = time_base.outliers(stamp)

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from friction_comp.columns import assign, Layout
+from friction_comp.columns import assign
 from friction_comp.errors import InputError
+from friction_comp.layout import Layout
 from friction_comp.recordings.storage import unreadable_on_error
 from friction_comp.recordings.table_files import is_table, open_table
 from friction_comp.samples import JointStates, Samples

@@ -10,9 +10,9 @@ from functools import reduce
 
 import numpy as np
 
-from friction_comp.columns import Layout
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
+from friction_comp.layout import Layout
 from friction_comp.recordings.joint_samples import (
     joint_states_at,
     number_recordings,

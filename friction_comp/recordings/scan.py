@@ -82,7 +82,8 @@ class Scan:
     custom: dict[str, str] = field(default_factory=dict)    # custom_data of rosbag2's metadata
     activity: list[Activity] = field(default_factory=list)
     effort_is_current: bool = False        # whether efforts are in A, as tables may declare
-    effort_is_raw: bool = False            # whether efforts are numbers of unknown unit
+    effort_unit: str = ''                  # of efforts that are neither torques nor currents
+    assumed: tuple[str, ...] = ()          # columns without a unit, with the one taken for it
     selected: str | None = None            # the joint to read if none is named
     linear: bool = False                   # whether positions are in m and efforts in N
 

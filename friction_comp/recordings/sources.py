@@ -9,8 +9,8 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from friction_comp.columns import Layout, TABLES
 from friction_comp.errors import InputError
+from friction_comp.layout import Layout, TABLES
 from friction_comp.recordings.scan import MessageScanner
 from friction_comp.recordings.storage import AnyPath, is_split_recording, is_storage, METADATA
 from friction_comp.recordings.table_files import is_table, parts_of, with_parts

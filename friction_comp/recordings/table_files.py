@@ -23,8 +23,8 @@ import numpy as np
 
 from friction_comp.column_names import read_name
 from friction_comp.column_values import date_in_seconds, to_numbers
-from friction_comp.columns import TABLES
 from friction_comp.errors import InputError
+from friction_comp.layout import TABLES
 from friction_comp.units import parse_unit
 
 Columns = dict[str, np.ndarray]

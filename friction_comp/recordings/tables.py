@@ -9,19 +9,24 @@ tracks as a rosbag2 recording, so that all other code works on tables without ch
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 import io
 from pathlib import Path
+import re
 
 import numpy as np
 
-from friction_comp.columns import assign, Layout
+from friction_comp.columns import assign
 from friction_comp.errors import InputError
 from friction_comp.files import write_atomically
+from friction_comp.layout import Layout
 from friction_comp.recordings.scan import Scan, Track
 from friction_comp.recordings.storage import unreadable_on_error
 from friction_comp.recordings.table_files import Columns, open_table, pyarrow_of
+from friction_comp.recordings.told_units import angle_fault, time_fault, unit_of_dates
 from friction_comp.samples import Samples
 from friction_comp.topics import TOPICS, TORQUE_UNIT
+from friction_comp.units import unit_factor
 
 # Topic that corresponds to each column of a table besides the joint states and the reference.
 _TOPICS = {'load': 'interaction_wrench', 'temperature': 'motor_temperature',
@@ -46,20 +51,27 @@ class TableScanner:
         with unreadable_on_error(path):
             self._table = open_table(path)
         self._use = assign(self._table.names, layout, str(path))
-        self._effort_is_raw = False
+        self._effort_unit = next((column.unit for column in self._use.columns if column.unit
+                                  and column.signal == 'effort' and not column.dimension), '')
         self._gains = self._layout.gains(self._table.names, str(path))
+        time = self._use.time
+        # The other part of a stamp of ROS.
+        self._below_second = [name for name in self._table.names if time and re.sub(
+            r'n(ano)?(?=sec(s|onds)?$)', '', name) == time.name != name]
 
     def scans(self) -> Iterator[Scan]:
         """Yield a scan of each block of rows."""
         use = self._use
         wanted = [column.name for column in use.columns]
-        wanted += [gain for gain in self._gains if isinstance(gain, str)]
+        wanted += [gain for gain in self._gains if isinstance(gain, str)] + self._below_second
         rows = 0
         with unreadable_on_error(self._path):
             for columns, share in self._table.blocks(wanted, self._batch):
                 self.progress = share
                 size = len(columns[wanted[0]])
                 if size:
+                    if not rows:
+                        self._check_first(columns)
                     self._leave_out_raw(columns)
                     tracks = list(self._tracks(columns, rows))
                     rows += size
@@ -67,9 +79,49 @@ class TableScanner:
                                {track.topic: (TOPICS[track.topic], rows) for track in tracks},
                                list(use.notes), effort_is_current=use.effort_is_current,
                                selected=use.chosen, linear=use.linear,
-                               effort_is_raw=self._effort_is_raw)
+                               effort_unit=self._effort_unit, assumed=self._assumed())
         if not rows:
             raise InputError(f'{self._path}: has no row below its header')
+
+    def _assumed(self) -> tuple[str, ...]:
+        """Return the columns whose unit neither their name nor the user gives, with the SI unit."""
+        found: dict[str, list[str]] = {}
+        for column in self._use.columns:
+            known = column.signal == 'effort' and (
+                self._effort_unit or column.dimension == 'current')
+            if not (column.stated or known):
+                found.setdefault(column.signal, []).append(column.name)
+        units = {'position': 'rad', 'effort': 'N·m', 'velocity': 'rad/s', 'time': 's'}
+        return tuple(f'{found[signal][0]}{" and alike" * (len(found[signal]) > 1)} in {unit}'
+                     for signal, unit in units.items() if signal in found)
+
+    def _check_first(self, columns: Columns) -> None:
+        """Compare values with the units that are taken for granted, in the first block of rows.
+
+        Times that are dates get their unit. Raises InputError if others cannot be in s, or a
+        position without a unit in rad.
+        """
+        for place, column in enumerate(self._use.columns):
+            said, values = f'{self._path}: column {column.name!r}', columns[column.name]
+            if column.signal == 'position' and not column.stated and (
+                    fault := angle_fault(values)):
+                raise InputError(f'{said} {fault}: give its unit, --unit position=turn, deg or rad')
+            if column.signal != 'time':
+                continue
+            unit = '' if column.stated else unit_of_dates(values)
+            finite = values[np.isfinite(values)]
+            if unit:
+                self._use.columns[place] = replace(
+                    column, unit=unit, factor=unit_factor('time', unit), stated=True)
+                self._use.notes[:] = [note.replace(
+                    f'time={column.name} in s', f'time={column.name} in {unit}, dates')
+                    for note in self._use.notes]
+            elif finite.size and (np.abs(column.factor * finite) >= _LATEST).all():
+                raise InputError(f'{said} holds values such as {finite[0]:.4g}, which are no times '
+                                 f'in {column.unit}: give their unit, for instance --unit time=ns')
+            elif not column.stated and (fault := time_fault(values)):
+                raise InputError(f'{said} {fault}: give its unit, for instance --unit time=ms, or '
+                                 'time=s')
 
     def _leave_out_raw(self, columns: Columns) -> None:
         """Deal with whole numbers without a unit, such as a register's: they are no SI values.
@@ -91,18 +143,8 @@ class TableScanner:
                 self._use.notes.append(f'{said}: not used (--unit velocity=0.229rpm)')
             # A sign has three values.
             if column.signal == 'effort' and len(np.unique(values)) > 3:
-                self._effort_is_raw = True
+                self._effort_unit = 'counts'
                 self._use.notes.append(f'{said}: figures are in counts (--unit current=2.69mA)')
-
-    def _check_time(self, values: np.ndarray) -> None:
-        """Raise InputError if no number in the column can be a time."""
-        time = self._use.time
-        finite = values[np.isfinite(values)]
-        if time is None or not finite.size or (np.abs(time.factor * finite) < _LATEST).any():
-            return
-        raise InputError(
-            f'{self._path}: column {time.name!r} holds values such as {finite[0]:.4g}, which are '
-            f'no times in {time.unit}: its unit can be given, for instance --unit time=ns')
 
     def _times(self, columns: Columns, first: int) -> np.ndarray:
         """Return the times of a block of rows in s; `first` is the number of its first row."""
@@ -110,8 +152,10 @@ class TableScanner:
         if rate or time is None:
             size = len(next(iter(columns.values())))
             return (first + np.arange(size)) / float(rate or 1.0)
-        self._check_time(columns[time.name])
-        return time.factor * columns[time.name]
+        seconds = time.factor * columns[time.name]
+        for name in self._below_second:
+            seconds = seconds + 1e-9 * columns[name]
+        return seconds
 
     def _tracks(self, columns: Columns, first: int) -> Iterator[Track]:
         """Yield the tracks of a block of rows; `first` is the number of its first row."""

@@ -77,6 +77,7 @@ def report_of(problem: Problem, fit: Fit, start: Predicted, refined: Predicted, 
         signal_rms=rms(raw.current[rows.usable]), before=errors_of(rows, start, base),
         after=errors, noise_floor=noise, effects=effects,
         friction=friction_of(model, unit, rows.coverage.both_directions),
+        assumed=list(origin.assumed),
         correlations=[] if kept else correlations_of(fit),
         unexplained=[replace(dependence, note=in_unit(dependence.note, unit))
                      for dependence in dependences],

@@ -26,6 +26,7 @@ class Origin:
     # Whether torque constant and gear ratio are known; those of a given drive are by default.
     declared: bool | None = None
     warnings: Sequence[str] = ()  # for the reader of the report
+    assumed: Sequence[str] = ()  # what the numbers rest on and no recording tells
     notes: Mapping[str, Any] = field(default_factory=dict)  # for the model file
 
 
@@ -145,6 +146,7 @@ class RefinementReport(Mapping[str, Any]):
     noise_floor: float
     effects: list[FoundEffect]
     friction: FrictionNumbers
+    assumed: list[str]
     correlations: list[Correlation]
     unexplained: list[Dependence]
     ambiguous: list[Question]

@@ -44,6 +44,8 @@ def refinement_report(result: RefineResult, names: list[str]) -> Report:
     first, _, rest = summary(report).partition('\n\n')
     page.verdict(f'**Verdict: {report.verdict}.** {first}')
     _add_numbers(page, report.friction)
+    for line in report.assumed:
+        page.text(f'Taken for granted: {line}.')
     page.numbers([
         (quantity(before.held_out_rmse, unit), 'error before, on data not fitted'),
         (quantity(after.held_out_rmse, unit), 'error after, on data not fitted'),

@@ -7,11 +7,10 @@ from __future__ import annotations
 from argparse import Namespace
 from pathlib import Path
 
-from friction_comp.columns import signal_with_unit
 from friction_comp.errors import InputError
 from friction_comp.tools.common import Arguments, positive, print_results, progress
 from friction_comp.tools.refine_arguments import check_tables, given_of, summary_lines
-from friction_comp.units import in_own_units
+from friction_comp.units import in_own_units, signal_with_unit
 
 
 def main(argv: list[str] | None = None) -> int:

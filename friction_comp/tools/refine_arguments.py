@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 
 from friction_comp.checks import check_number
 from friction_comp.column_values import read_pairs
-from friction_comp.columns import Column, Layout, without_time
+from friction_comp.columns import Column, without_time
 from friction_comp.errors import InputError
+from friction_comp.layout import Layout
 from friction_comp.recorded_drive.given import Given
 
 if TYPE_CHECKING:
@@ -101,7 +102,9 @@ def summary_lines(report: RefinementReport) -> list[str]:
     unit, before, after = report.unit, report.before, report.after
     lines = ['friction in sliding, with 95 % intervals:']
     lines += [f'  {line}' for line in number_lines(report.friction)]
-    lines += [report.friction.formula, f'verdict: {report.verdict}']
+    lines.append(report.friction.formula)
+    lines += [f'taken for granted: {line}' for line in report.assumed]
+    lines.append(f'verdict: {report.verdict}')
     lines += [f'  {line}' for line in report.reasons]
     lines += [f'  record: {line}' for line in report.record_again]
     lines.append(f'before: {quantity(before.held_out_rmse, unit)} RMS on data not fitted '

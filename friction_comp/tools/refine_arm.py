@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from friction_comp.errors import InputError
 from friction_comp.recorded_drive.given import drive_of, with_current_limit
-from friction_comp.recorded_drive.refine_recordings import notes_on, showing_friction
+from friction_comp.recorded_drive.refine_recordings import assumed_in, notes_on, showing_friction
 from friction_comp.results import output_folder, write_report
 from friction_comp.tools.common import progress
 from friction_comp.tools.refine_arguments import folder_names, given_of, print_summary
@@ -62,7 +62,8 @@ def refine_whole_arm(arguments: Namespace) -> int:
                     given or models or arguments.figures == 'A' or any(
                         info.effort_is_current for parts in recordings.values()
                         for _, info in parts)), {
-                    name: Origin(warnings=notes_on(recordings[name]), notes={
+                    name: Origin(warnings=notes_on(recordings[name]), assumed=assumed_in(
+                        known, recordings[name]), notes={
                         'refined_from': names, 'urdf': str(arguments.urdf), **limits[name]})
                     for name in recorded})
         except InputError as error:

@@ -1,0 +1,123 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the user tells of a table: which column holds which signal, in which unit, at which rate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from friction_comp.column_names import plain_name
+from friction_comp.errors import InputError
+from friction_comp.units import Unit, unit_factor, unit_of
+
+# Suffixes of table files.
+TABLES = ('.csv', '.csv.gz', '.tsv', '.txt', '.dat', '.parquet', '.npz', '.npy', '.mat', '.json',
+          '.jsonl')
+SIGNALS = ('time', 'position', 'velocity', 'effort', 'current', 'command', 'direction', 'load',
+           'link_torque', 'temperature', 'reference_position', 'reference_velocity')
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The user's description of a table's columns, and of what no column holds.
+
+    Parameters
+    ----------
+    columns : dict of str to str
+        Signal to column; signals are time, position, velocity, effort, current, command,
+        direction, load, link_torque, temperature, reference_position and reference_velocity.
+        Columns of other signals are guessed.
+    units : dict of str to str
+        Signal to unit, such as ``{'position': 'deg', 'time': 'ms'}``; ``counts/4096`` means encoder
+        counts, 4096 per turn, and ``2.69mA`` that one count is 2.69 mA. The default is SI units.
+    rate : float, optional
+        Rows per second, Hz, of a table without times.
+    stiffness, damping : sequence of (float or str)
+        k_p in N·m/rad and k_d in N·m·s/rad of a position controller: numbers, or columns that hold
+        them. Effort is then k_p (target - position) - k_d velocity. One for all recordings, or one
+        for each.
+    joint : str
+        Name of the joint whose columns are given, where they do not name it.
+
+    Raises
+    ------
+    InputError
+        If a signal or a unit is not known.
+    """
+
+    columns: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    rate: float | None = None
+    stiffness: Sequence[float | str] = ()
+    damping: Sequence[float | str] = ()
+    joint: str = ''
+
+    def __post_init__(self) -> None:
+        for signal in (*self.columns, *self.units):
+            if signal not in SIGNALS:
+                raise InputError(f'there is no signal {signal!r}; signals are '
+                                 f'{", ".join(SIGNALS)}')
+        if 'effort' in self.columns and 'current' in self.columns:
+            raise InputError('columns name both effort and current: name only one of them, the '
+                             'measured one')
+        for signal, unit in self.units.items():
+            if signal != 'effort':
+                unit_factor(signal, unit)
+
+    @property
+    def describes_table(self) -> bool:
+        """Whether something is given that only a table needs."""
+        return bool(self.columns or self.units or self.rate)
+
+    @property
+    def linear(self) -> bool:
+        """Whether all that is given are the SI units of a linear axis, which need no columns."""
+        units = [unit_of(signal, text) for signal, text in self.units.items()]
+        return bool(units) and not (self.columns or self.rate or self.stiffness) and all(
+            unit in (Unit(1.0, 'length'), Unit(1.0, 'length/time'), Unit(1.0, 'force'))
+            for unit in units)
+
+    def naming(self, names: Sequence[str], where: str) -> Layout:
+        """Return the layout with the columns as they are called in a table.
+
+        Raises InputError if one is missing.
+        """
+        return replace(self, columns={signal: column_called(name, names, where)
+                                      for signal, name in self.columns.items()})
+
+    def gains(self, names: Sequence[str], where: str) -> tuple[float | str, ...]:
+        """Return stiffness and damping of one table, numbers or columns; empty if none are given.
+
+        Raises InputError if a column is missing.
+        """
+        if not self.stiffness:
+            return ()
+        if max(len(self.stiffness), len(self.damping)) > 1:
+            raise InputError(f'{where}: several gains are given for one recording')
+        gains = self.stiffness[0], self.damping[0] if self.damping else 0.0
+        return tuple(column_called(gain, names, where) if isinstance(gain, str) else gain
+                     for gain in gains)
+
+    def of_recording(self, index: int, count: int) -> Layout:
+        """Return the layout of one of several recordings, with its own gains."""
+        def own(values: Sequence[float | str], name: str) -> Sequence[float | str]:
+            if len(values) not in (0, 1, count):
+                raise InputError(f'{name}: {len(values)} values for {count} recordings; give one, '
+                                 'or one for each')
+            return values[index:index + 1] if len(values) == count else values
+        return replace(self, stiffness=own(self.stiffness, 'stiffness'),
+                       damping=own(self.damping, 'damping'))
+
+
+def column_called(name: str, names: Sequence[str], where: str) -> str:
+    """Return the column that the user means: that name, or the only one that is it with a unit.
+
+    Raises InputError if there is none.
+    """
+    if name in names:
+        return name
+    alike = [one for one in names if plain_name(one) == name.strip().casefold()]
+    if len(alike) == 1:
+        return alike[0]
+    raise InputError(f'{where}: has no column {name!r}, but {", ".join(map(repr, names))}')

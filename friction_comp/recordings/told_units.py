@@ -1,0 +1,80 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the values of a column tell of its unit, where neither its name nor the user gives one.
+
+Friction in a wrong unit of position or time fits a recording as well as in the right one: Coulomb
+friction is the same, and viscous friction and inertia are wrong by the factor. So what values tell
+against rad and s is asked, and what is taken for granted stands beside the results.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from friction_comp.statistics import smallest_step
+
+# Turns of units other than rad: values wrap around at them, and encoders divide them.
+_TURNS = {'turn': 1.0, 'deg': 360.0}
+# Bits of encoders; more are rounding errors of floating-point numbers.
+_BITS = range(8, 21)
+# Distance of values from the steps of an encoder, in steps, RMS: on them if below the first; values
+# that are not on them have 0.29.
+_ON_GRID, _OFF_GRID = 0.05, 0.2
+# Steps that values must cover, so that the sizes of steps of two units cannot be confused.
+_FEWEST_STEPS = 100
+# Dates of recordings, s since 1970: 1990 to 2040; and the times between two rows of one, s.
+_DATES, _ROWS = (6.3e8, 2.2e9), (1e-6, 1.0)
+_PER_SECOND = {'ms': 1e-3, 'µs': 1e-6, 'ns': 1e-9}
+
+
+def angle_fault(position: np.ndarray) -> str:
+    """Return what tells that positions, shape (N,), are not in rad; '' if nothing does."""
+    position = position[np.isfinite(position)]
+    if len(position) < _FEWEST_STEPS:
+        return ''
+    size = np.abs(np.diff(position))
+    for unit, turn in _TURNS.items():
+        around = np.ptp(position) <= 1.001 * turn and size.max() > 0.9 * turn
+        if around and np.quantile(size, 0.9) < 0.05 * turn:
+            return f'jumps by {turn:g}, as an angle in {unit} that wraps around'
+    if _distance(position, 2.0 * math.pi) < _OFF_GRID:
+        return ''
+    for unit, turn in _TURNS.items():
+        if _distance(position, turn) < _ON_GRID:
+            return (f'moves in steps of {smallest_step(position):.6g}, a turn divided by a power '
+                    f'of two if it is in {unit}')
+    return ''
+
+
+def _distance(position: np.ndarray, turn: float) -> float:
+    """Return how far values are from the steps of an encoder, in steps, RMS; 0.5 without steps."""
+    step = smallest_step(position)
+    bits = round(math.log2(turn / step)) if step else 0
+    if bits not in _BITS or abs(step * 2.0 ** bits / turn - 1.0) > 0.02:
+        return 0.5
+    steps = (position - position[0]) * 2.0 ** bits / turn
+    return float(np.sqrt(np.mean((steps - np.round(steps)) ** 2))) \
+        if np.ptp(steps) > _FEWEST_STEPS else 0.5
+
+
+def unit_of_dates(time: np.ndarray) -> str:
+    """Return the unit in which times, shape (N,), are dates; '' if none is a plausible one."""
+    time = time[np.isfinite(time)]
+    steps = np.diff(time)
+    steps = steps[steps > 0.0]
+    for unit, factor in _PER_SECOND.items():
+        if (time.size and steps.size and _DATES[0] < factor * np.median(time) < _DATES[1]
+                and _ROWS[0] < factor * np.median(steps) < _ROWS[1]):
+            return unit
+    return ''
+
+
+def time_fault(time: np.ndarray) -> str:
+    """Return what tells that times, shape (N,), are not in s; '' if nothing does."""
+    steps = np.diff(time[np.isfinite(time)])
+    # Half of the rows or more share their time with others if times are rounded to seconds.
+    usual = float(np.median(steps)) if steps.size else 0.0
+    return (f'has rows {usual:.3g} apart, which show no motion if these are seconds'
+            if usual >= _ROWS[1] else '')
