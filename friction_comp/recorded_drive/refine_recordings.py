@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from friction_comp.errors import errors_name, InputError
 from friction_comp.recorded_drive.given import drive_of, Given, unit_of, with_current_limit
+from friction_comp.recordings.told_units import unit_of_weight
 from friction_comp.results import output_folder, write_report
 from friction_comp.units import in_own_units
 
@@ -103,16 +104,20 @@ def notes_on(recordings: Iterable[tuple[Samples, RecordingInfo]], idle: bool = F
 
 
 def assumed_in(given: Given, recordings: Iterable[tuple[Samples, RecordingInfo]]) -> list[str]:
-    """Return the units of tables that are taken for granted, with what would show an error."""
-    found: dict[tuple[str, ...], tuple[float, float]] = {}
+    """Return the units of tables that are taken for granted, with what tells against them."""
+    lines: dict[str, None] = {}
     for samples, info in recordings:
-        columns = tuple(one for one in info.assumed if not (given.figures and 'N·m' in one))
-        if columns and len(samples):
-            span, step = found.get(columns, (0.0, 0.0))
-            found[columns] = (max(span, float(samples.position.max() - samples.position.min())),
-                              max(step, samples.sample_time))
-    return [f'{", ".join(columns)} (position covers {span:.3g} rad, {span / 6.2832:.2g} turns; rows '
-            f'are {1e3 * step:.3g} ms apart); --unit gives others' for columns, (span, step) in found.items()]
+        columns = [one for one in info.assumed if not (given.figures and 'N·m' in one)]
+        if not columns or len(samples) < 2:
+            continue
+        span = float(samples.position.max() - samples.position.min())
+        unit = unit_of_weight(samples.time, samples.position, samples.current) \
+            if any(one.endswith(' in rad') for one in columns) else ''
+        lines[f'{", ".join(columns)} (position covers {span:.3g} rad, {span / 6.2832:.2g} turns; '
+              f'rows are {1e3 * samples.sample_time:.3g} ms apart); --unit gives others' + (
+                  f'. A weight that repeats every turn explains the effort if position is in {unit}'
+                  if unit else '')] = None
+    return list(lines)
 
 
 def _idle(given: Given, recorded: Sequence[Samples]) -> bool:

@@ -26,6 +26,10 @@ _ON_GRID, _OFF_GRID = 0.05, 0.2
 _FEWEST_STEPS = 100
 # Dates of recordings, s since 1970: 1990 to 2040; and the times between two rows of one, s.
 _DATES, _ROWS = (6.3e8, 2.2e9), (1e-6, 1.0)
+# A weight in another unit must leave so much less than one in rad, and than none, of the variance.
+_LESS = 0.25
+# Time over which rates are averaged before accelerations are compared, s.
+_SMOOTHING = 0.05
 _PER_SECOND = {'ms': 1e-3, 'µs': 1e-6, 'ns': 1e-9}
 
 
@@ -57,6 +61,30 @@ def _distance(position: np.ndarray, turn: float) -> float:
     steps = (position - position[0]) * 2.0 ** bits / turn
     return float(np.sqrt(np.mean((steps - np.round(steps)) ** 2))) \
         if np.ptp(steps) > _FEWEST_STEPS else 0.5
+
+
+def unit_of_weight(time: np.ndarray, position: np.ndarray, effort: np.ndarray) -> str:
+    """Return the unit in which a link's weight repeats every turn and explains the effort.
+
+    Signals have shape (N,). It is '' where a weight in rad does as well, or none shows.
+    """
+    half = max(round(0.5 * _SMOOTHING / max(float(np.median(np.diff(time))), 1e-6)), 1)
+    kernel = np.full(2 * half + 1, 1.0 / (2 * half + 1))
+    velocity = np.convolve(np.gradient(position, time), kernel, 'same')
+    base = [velocity, np.sign(velocity), np.gradient(velocity, time), np.ones_like(time)]
+
+    def left(*more: np.ndarray) -> float:
+        columns = np.column_stack([*base, *more])[half:-half]
+        found = np.linalg.lstsq(columns, effort[half:-half], rcond=None)[0]
+        return float(np.var(effort[half:-half] - columns @ found))
+
+    def with_weight(turn: float) -> float:
+        angle = position * (2.0 * math.pi / turn)
+        return left(np.sin(angle), np.cos(angle))
+
+    found = {unit: with_weight(turn) for unit, turn in _TURNS.items()}
+    best = min(found, key=lambda unit: found[unit])
+    return best if found[best] < _LESS * min(left(), with_weight(2.0 * math.pi)) else ''
 
 
 def unit_of_dates(time: np.ndarray) -> str:
