@@ -143,11 +143,12 @@ def test_a_stamp_in_two_columns_is_one_time(tmp_path):
 @pytest.mark.parametrize('weight', [2.0, 0.0])
 def test_a_weight_tells_in_which_unit_a_turn_is_one(turn, unit, weight):
     time = 0.005 * np.arange(6000)
-    angle = 1.6 * np.sin(time) + 0.4 * np.sin(2.7 * time)
-    velocity = 1.6 * np.cos(time) + 1.08 * np.cos(2.7 * time)
+    angle = 2.6 * np.sin(time) + 0.4 * np.sin(2.7 * time)
+    velocity = 2.6 * np.cos(time) + 1.08 * np.cos(2.7 * time)
     # Ripple and a spring are no weight.
     holds = weight * np.sin(angle) if weight else 0.5 * angle
-    effort = (np.sign(velocity) + 0.5 * velocity + holds + 0.2 * np.sin(14.0 * angle) + 0.05 * np.random.default_rng(1).normal(size=6000))
+    effort = (np.sign(velocity) + 0.5 * velocity + holds + 0.2 * np.sin(14.0 * angle)
+              + 0.05 * np.random.default_rng(1).normal(size=6000))
     assert unit_of_weight(time, angle * turn / TURN, effort) == (unit if weight else '')
 
 

@@ -71,7 +71,9 @@ def unit_of_weight(time: np.ndarray, position: np.ndarray, effort: np.ndarray) -
     half = max(round(0.5 * _SMOOTHING / max(float(np.median(np.diff(time))), 1e-6)), 1)
     kernel = np.full(2 * half + 1, 1.0 / (2 * half + 1))
     velocity = np.convolve(np.gradient(position, time), kernel, 'same')
-    base = [velocity, np.sign(velocity), np.gradient(velocity, time), np.ones_like(time)]
+    # A spring, in proportion to position, tells no unit.
+    base = [velocity, np.sign(velocity), np.gradient(velocity, time), position,
+            np.ones_like(time)]
 
     def left(*more: np.ndarray) -> float:
         columns = np.column_stack([*base, *more])[half:-half]
