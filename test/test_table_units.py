@@ -143,8 +143,8 @@ def test_a_stamp_in_two_columns_is_one_time(tmp_path):
 @pytest.mark.parametrize('weight', [2.0, 0.0])
 def test_a_weight_tells_in_which_unit_a_turn_is_one(turn, unit, weight):
     time = 0.005 * np.arange(6000)
-    angle = 2.6 * np.sin(time) + 0.4 * np.sin(2.7 * time)
-    velocity = 2.6 * np.cos(time) + 1.08 * np.cos(2.7 * time)
+    angle = 3.5 * np.sin(time) + 0.4 * np.sin(2.7 * time)
+    velocity = 3.5 * np.cos(time) + 1.08 * np.cos(2.7 * time)
     # Ripple and a spring are no weight.
     holds = weight * np.sin(angle) if weight else 0.5 * angle
     effort = (np.sign(velocity) + 0.5 * velocity + holds + 0.2 * np.sin(14.0 * angle)
