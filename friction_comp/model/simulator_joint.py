@@ -25,6 +25,8 @@ from friction_comp.samples import Samples
 LINKS = ('gravity', 'rigid_body', 'other_joints', 'load_torque')
 """Effects of the links and of what they touch."""
 _OWN_ELEMENTS = ('inertia', 'spring')
+# Speeds of a table over which friction changes its sign, in units of the transition.
+_TURNING = np.array([0.2, 0.4, 0.6, 0.8, 1.0, 1.3, 1.7, 2.2, 3.0])
 # Speed as a share of the top speed above which a joint slides.
 _SLIDING = 0.02
 
@@ -174,15 +176,15 @@ class Loss:
     motion: str         # in which motion
 
 
-def loss_of(model: FrictionModel, joint: SimulatorJoint, form: str,
+def loss_of(model: FrictionModel, joint: SimulatorJoint | FrictionTable, form: str,
             recorded: Samples | None = None) -> Loss:
     """Return what a form misses of the model's torque without links, where the joint slides.
 
     `recorded` is the motion of a recording with velocity and acceleration; sweeps at the model's
-    speeds when omitted.
+    speeds when omitted. Friction alone is compared where the form is of friction alone.
     """
     gain = model.torque_per(model.unit) or 1.0
-    has_inertia = form != 'tanh'
+    has_inertia = form not in ('tanh', 'csv')
     kept = [effect for effect in model.effects if effect.name not in LINKS
             and (has_inertia or effect.name != 'inertia')]
     if recorded is None:
@@ -206,24 +208,50 @@ def loss_of(model: FrictionModel, joint: SimulatorJoint, form: str,
     return Loss(error, error / size if size else 0.0, words)
 
 
-def friction_table(model: FrictionModel, loads: np.ndarray, top_speed: float | None = None
-                   ) -> tuple[list[str], np.ndarray]:
-    """Return friction torque over speed, position and load, without weight and inertia.
+@dataclass(frozen=True)
+class FrictionTable:
+    """Friction torque over speed, position and load, without weight, spring and inertia."""
 
-    Names of the columns (velocity, position, load, torque), and the rows, shape (N, 4). Loads,
-    shape (L,), N·m, are used where friction depends on the load.
-    """
-    gain = model.torque_per(model.unit) or 1.0
-    kept, _ = joint_friction_only(model, ('acceleration', 'load'))
-    motion, late = Sliding.of(model, top_speed).samples()
-    if not any('load' in effect.needs for effect in kept.effects):
-        loads = np.zeros(1)
-    shown = late & (np.arange(len(motion)) % 8 == 0)
-    rows = []
-    for load in loads:
-        torque = gain * kept.current(motion.with_(load=np.full(len(motion), load)))
-        rows.append(np.column_stack((
-            np.asarray(motion.velocity), motion.position, np.full(len(motion), load),
-            torque))[shown])
-    return (['velocity (rad/s)', 'position (rad)', 'load (N·m)', 'torque (N·m)'],
-            np.concatenate(rows))
+    names: list[str]        # of the columns: velocity, position, load, torque
+    rows: np.ndarray        # (N, 4)
+
+    @classmethod
+    def of(cls, model: FrictionModel, loads: np.ndarray, top_speed: float | None = None
+           ) -> FrictionTable:
+        """Return the table of a model.
+
+        Loads, shape (L,), N·m, are used where friction depends on the load.
+        """
+        gain = model.torque_per(model.unit) or 1.0
+        kept, _ = joint_friction_only(model, ('acceleration', 'load'))
+        sliding = Sliding.of(model, top_speed)
+        # Between the slowest sweeps, friction changes its sign.
+        turning = _TURNING * 2.0 / model.sigmoid.steepness
+        motion, late = replace(sliding, speeds=tuple(sorted({
+            *sliding.speeds, *turning[turning < max(sliding.speeds)].tolist()}))).samples()
+        if not any('load' in effect.needs for effect in kept.effects):
+            loads = np.zeros(1)
+        every = 2 if any(effect.variable == 'position' for effect in kept.effects) else 8
+        shown = late & (np.arange(len(motion)) % every == 0)
+        rows = []
+        for load in loads:
+            torque = gain * kept.current(motion.with_(load=np.full(len(motion), load)))
+            rows.append(np.column_stack((
+                np.asarray(motion.velocity), motion.position, np.full(len(motion), load),
+                torque))[shown])
+        return cls(['velocity (rad/s)', 'position (rad)', 'load (N·m)', 'torque (N·m)'],
+                   np.concatenate(rows))
+
+    def torque(self, motion: Samples, form: str = 'csv') -> np.ndarray:
+        """Return the torque in a motion, N·m, shape (N,): linear between the rows."""
+        load = np.zeros(len(motion)) if motion.load is None else motion.load
+        speeds, loads = np.unique(self.rows[:, 0]), np.unique(self.rows[:, 2])
+        torque = np.zeros(len(motion))
+        for speed, one in zip(speeds, np.eye(len(speeds))):
+            for level, own in zip(loads, np.eye(len(loads))):
+                sweep = self.rows[(self.rows[:, 0] == speed) & (self.rows[:, 2] == level)]
+                sweep = sweep[np.argsort(sweep[:, 1])]
+                torque += (np.interp(np.asarray(motion.velocity), speeds, one)
+                           * np.interp(load, loads, own)
+                           * np.interp(motion.position, sweep[:, 1], sweep[:, 3]))
+        return torque

@@ -27,12 +27,14 @@ if TYPE_CHECKING:
     import numpy as np
 
     from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.model.simulator_joint import SimulatorJoint
+    from friction_comp.model.simulator_joint import Loss, SimulatorJoint
     from friction_comp.samples import Samples
 
 _FORMS = ('mujoco', 'urdf', 'sdf', 'csv', 'tanh', 'isaac', 'json')
 # Largest load of a table by default, N·m.
 _LOAD = 10.0
+# Share of the torque below which what is missed is a rounding error.
+_NOTHING = 1e-6
 # Names of the numbers in each form; a form lacks those that it does not name.
 _KEYS = {
     'mujoco': {'coulomb': 'frictionloss', 'viscous': 'damping', 'inertia': 'armature'},
@@ -100,6 +102,8 @@ def main(argv: list[str] | None = None) -> int:
     print(f'{arguments.output}: {name}')
     for line in remarks[1:]:
         print(f'  {line}')
+    if joint.inertia and 'inertia' in _KEYS[arguments.to] and not arguments.without_inertia:
+        print('  --without-inertia leaves out the inertia')
     return 0
 
 
@@ -107,18 +111,23 @@ def _write_table(arguments: Namespace, model: FrictionModel) -> int:
     import numpy as np
 
     from friction_comp.model.simulator_joint import (
-        friction_table,
+        FrictionTable,
         joint_friction_only,
+        loss_of,
         simulator_joint,
     )
 
     with errors_name(arguments.models[0]):
-        simulator_joint(model)
+        unit = simulator_joint(model).unit
     load = arguments.load or _LOAD
-    names, rows = friction_table(model, np.linspace(-load, load, 9), arguments.top_speed)
-    lines = [','.join(names), *(','.join(f'{value:.6g}' for value in row) for row in rows)]
+    table = FrictionTable.of(model, np.linspace(-load, load, 9), arguments.top_speed)
+    lines = [','.join(table.names), *(
+        ','.join(f'{value:.6g}' for value in row) for row in table.rows)]
+    motion, _, why_not = recorded_motion(arguments, model)
     write_atomically(arguments.output, '\n'.join(lines) + '\n')
-    print(f'{arguments.output}: {len(rows)} rows')
+    print(f'{arguments.output}: {len(table.rows)} rows')
+    for line in [_missed(loss_of(model, table, 'csv', motion), unit), *why_not]:
+        print(f'  {line}')
     for line in joint_friction_only(model, ('acceleration', 'load'))[1]:
         print(f'  Not in it: {line}')
     return 0
@@ -168,7 +177,7 @@ def remarks_on(joint: SimulatorJoint, arguments: Namespace, model: FrictionModel
     has_inertia = 'inertia' in _KEYS[form]
     if has_inertia and joint.inertia and not arguments.without_inertia:
         lines[-1] += f", inertia {joint.inertia:.6g} {'kg' if unit == 'N' else 'kg·m²'}"
-        lines.append(f'The inertia is of {inertia_holds(model)}: --without-inertia leaves it out')
+        lines.append(f'The inertia is of {inertia_holds(model)}')
     elif has_inertia and not arguments.without_inertia:
         lines.append('No inertia: the model has none')
     if form == 'isaac':
@@ -180,11 +189,17 @@ def remarks_on(joint: SimulatorJoint, arguments: Namespace, model: FrictionModel
         lines.append(f'Ranges: {joint.ranges_are}')
     motion, torque, why_not = recorded_motion(arguments, model)
     loss = loss_of(model, joint, form, motion)
-    lines.append(f'This form misses the model by {loss.torque:.3g} {unit} RMS, '
-                 f'{100 * loss.share:.2g} % of its torque without the links, in {loss.motion}')
-    lines += [*_played(joint, form, model, motion, torque), *why_not]
+    lines += [_missed(loss, unit), *_played(joint, form, model, motion, torque), *why_not]
     lines += [f'Not in it: {line}' for line in [*_lacking(joint, form), *joint.left_out]]
     return lines
+
+
+def _missed(loss: Loss, unit: str) -> str:
+    """Return a line on the torque that a form misses."""
+    if loss.share < _NOTHING:
+        return f'This form misses nothing of the model without the links, in {loss.motion}'
+    return (f'This form misses the model by {loss.torque:.3g} {unit} RMS, {100 * loss.share:.2g} % '
+            f'of its torque without the links, in {loss.motion}')
 
 
 def _lacking(joint: SimulatorJoint, form: str) -> list[str]:
@@ -192,8 +207,9 @@ def _lacking(joint: SimulatorJoint, form: str) -> list[str]:
     lines = []
     if form not in ('tanh', 'json') and abs(joint.offset) > 0.02 * abs(joint.coulomb):
         lines.append(f'offset {joint.offset:.3g} {joint.unit}: no place for it in this form')
-    if form in ('urdf', 'sdf') and joint.inertia:
-        lines.append(f'inertia {joint.inertia:.6g} kg·m²: belongs to the links of this form')
+    if form in ('urdf', 'sdf', 'tanh') and joint.inertia:
+        lines.append(f'inertia {joint.inertia:.6g} kg·m²: ' + (
+            'not in its formula' if form == 'tanh' else 'belongs to the links of this form'))
     if form in ('urdf', 'isaac', 'tanh') and joint.stiffness:
         lines.append(f'spring {joint.stiffness:.4g} {joint.unit}/rad at {joint.rest:.4g} rad')
     return lines
