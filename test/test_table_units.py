@@ -89,6 +89,14 @@ def test_a_percentage_stays_one(tmp_path):
     assert info.assumed == ('q in rad', 't in s')
 
 
+def test_means_in_per_cent_stay_so(tmp_path, capsys):
+    speed = np.array([-2.0, -1.0, -0.5, -0.2, 0.2, 0.5, 1.0, 2.0] * 2)
+    path = write(tmp_path / 'means.csv', **{
+        'speed [rad/s]': speed, 'Torque [%]': 8.0 * np.sign(speed) + 3.0 * speed})
+    assert main(['refine', str(path), '--output', str(tmp_path / 'out')]) == 0
+    assert 'Coulomb                     8.000 %' in capsys.readouterr().out
+
+
 def grid(turn):
     """Return a swing as an encoder of 14 bits measures it, in units of which a turn has so many."""
     return np.round(swing()[1] / TURN * 2 ** 14) * turn / 2 ** 14

@@ -24,6 +24,7 @@ def predict_plan(arguments: Namespace, plan: dict[str, Samples]) -> int:
     models = _models(arguments, plan)
     columns = {'time': next(iter(plan.values())).time}
     left_out: list[str] = []
+    units: dict[str, str] = {}
     for name, model in models.items():
         prefix = f'{name}.' if len(models) > 1 else ''
         kept, others = of_plan(model.effects)
@@ -33,9 +34,10 @@ def predict_plan(arguments: Namespace, plan: dict[str, Samples]) -> int:
         unit = model.unit
         gain = model.torque_per(unit)
         if gain is not None:
-            columns[f'{prefix}torque'] = gain * current
+            columns[f'{prefix}torque'], units['torque'] = gain * current, 'N·m'
         if unit == 'A' or gain is None:
-            columns[f'{prefix}{"current" if unit == "A" else "effort"}'] = current
+            what = 'current' if unit == 'A' else 'effort'
+            columns[f'{prefix}{what}'], units[what] = current, unit
     stream = io.StringIO()
     stream.write(','.join(columns) + '\n')
     np.savetxt(stream, np.column_stack(list(columns.values())), delimiter=',',
@@ -44,11 +46,8 @@ def predict_plan(arguments: Namespace, plan: dict[str, Samples]) -> int:
     print(f'{arguments.recording}: has no effort, so it is taken as a plan')
     if left_out:
         print(f"left out, since a plan does not tell their signals: {', '.join(left_out)}")
-    rows, units = len(columns['time']), ', '.join(dict.fromkeys(
-        f'{what} in {unit}' for column in columns for what, unit in (
-            ('torque', 'N·m'), ('current', 'A'), ('effort', next(iter(models.values())).unit))
-        if column.endswith(what)))
-    print(f'{arguments.output}: {rows} rows, {units}')
+    print(f'{arguments.output}: {len(columns["time"])} rows, '
+          + ', '.join(f'{what} in {unit}' for what, unit in units.items()))
     return 0
 
 
@@ -58,16 +57,15 @@ def _models(arguments: Namespace, plan: dict[str, Samples]) -> dict[str, Frictio
     names = joints_of(read_yaml(path))
     if names is None or arguments.joint:
         model = FrictionModel.load(path, arguments.joint)
-        wanted = arguments.joint or model.joint or next(iter(plan))
-        if wanted not in plan and list(plan) != ['']:
-            if len(plan) > 1 or arguments.joint or model.joint:
-                raise InputError(f'{arguments.recording}: no joint {wanted!r} in it, but '
-                                 f'{", ".join(map(repr, plan))}')
-        if not (arguments.joint or model.joint) and len(plan) > 1:
+        wanted = arguments.joint or model.joint
+        if wanted and wanted not in plan and list(plan) != ['']:
+            raise InputError(f'{arguments.recording}: no joint {wanted!r} in it, but '
+                             f'{", ".join(map(repr, plan))}')
+        if not wanted and len(plan) > 1:
             raise InputError(f'{arguments.recording}: several joints, name one with --joint: '
                              f'{", ".join(map(repr, plan))}')
         model.check_joint(arguments.joint, path)
-        return {wanted: model}
+        return {wanted or next(iter(plan)): model}
     known = [name for name in plan if name in names]
     if not known:
         raise InputError(f'{arguments.recording}: none of its joints '

@@ -46,6 +46,8 @@ def refine_table(arguments: Namespace, columns: tuple[Column, Column]) -> int:
     drive = drive_of(told, None)
     in_ampere = effort.dimension == 'current'
     unit = figures_unit(told, in_ampere, velocity.dimension == 'length/time')
+    if effort.stated and not effort.dimension:
+        unit = effort.unit
     with errors_name(path):
         fit = fit_steady_states(
             speeds, torques / (1.0 if in_ampere else drive.torque_per_current), drive)

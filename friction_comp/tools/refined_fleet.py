@@ -41,6 +41,8 @@ class RefinedPiece:
 class _Summed:
     """A joint of a recording whose sums are needed."""
 
+    group: tuple[str, str]  # joint, and unit of the figures
+    robot: str
     piece: Piece
     model: FrictionModel
     common: CommonModel
@@ -70,11 +72,11 @@ def fleet_of(arguments: Namespace, refined: Sequence[RefinedPiece], run: Runner,
         return []
     models = {key: [FrictionModel.from_dict(one.model) for one in group]
               for key, group in groups.items()}
-    items, owners = [], []
+    items = []
     for key, group in groups.items():
         common = CommonModel.of(models[key])
-        items += [_Summed(one.piece, model, common) for one, model in zip(group, models[key])]
-        owners += [(key, one.unit, common) for one in group]
+        items += [_Summed(key, one.unit, one.piece, model, common)
+                  for one, model in zip(group, models[key])]
     sums: dict[int, BlockSums] = {}
     work = partial(attempt, partial(_sums_of_one, given_of(arguments)))
     with closing(run(work, items)) as outcomes:
@@ -84,10 +86,11 @@ def fleet_of(arguments: Namespace, refined: Sequence[RefinedPiece], run: Runner,
             show(done, len(items))
     populations = []
     for key in groups:
-        own = [index for index in sorted(sums) if owners[index][0] == key]
-        if len({owners[index][1] for index in own}) >= FEWEST_UNITS:
+        own = [(items[index], sums[index]) for index in sorted(sums)
+               if items[index].group == key]
+        if len({item.robot for item, _ in own}) >= FEWEST_UNITS:
             populations.append(population_of(
-                [(owners[index][1], sums[index]) for index in own], owners[own[0]][2],
+                [(item.robot, sums_of_one) for item, sums_of_one in own], own[0][0].common,
                 models[key][0], key[1], len(groups)))
     return populations
 
