@@ -24,7 +24,7 @@ _QUANTITIES = {
                 'observation+state',
     'velocity': 'velocity velocities vel vels velo dq qd qdot qvel q+dot dot+q omega speed speeds '
                 'dtheta theta+dot thetadot',
-    'effort': 'effort efforts torque torques tau taus trq moment force forces frc qfrc tau+m '
+    'effort': 'effort efforts eff torque torques tau taus trq moment force forces frc qfrc tau+m '
               'tau+j',
     'current': 'current currents i iq im i+q i+m curr amp amps',
     'direction': 'direction dir',
@@ -258,12 +258,15 @@ def _quantity_in(words: list[str]) -> tuple[str | None, set[int]]:
         for size in (3, 2, 1):
             quantity = phrases.get(tuple(words[k:k + size]))
             if quantity is not None and k + size <= len(words):
-                if quantity == '':
+                numbered = words[k] == 'id' and ''.join(words[k + 1:k + 2]).isdigit()
+                if quantity == '' and not numbered:
                     return '', set()
-                # `load` beside a torque says where the torque acts.
-                if not (quantity == 'load' and found == 'effort'):
-                    found = quantity
-                used |= set(range(k, k + size))
+                # `load` beside a torque says where the torque acts, `id` beside a number which
+                # motor it is, not a current in the direction of the flux.
+                if not numbered:
+                    used |= set(range(k, k + size))
+                    if not (quantity == 'load' and found == 'effort'):
+                        found = quantity
                 k += size
                 break
         else:

@@ -38,10 +38,11 @@ TURN = 2.0 * math.pi
     ('qdes', 'reference_position', '', ''), ('actpos_2', 'position', '2', ''),
     ('tauact', 'effort', '', ''), ('time_since_start', 'time', '', ''),
     ('header.stamp.sec', 'time', '', ''), ('pos_estimate', 'position', '', ''),
+    ('id_1_present_position', 'position', 'id_1', ''), ('eff_2', 'effort', '2', ''),
     # No unit, and no signal.
     ('theta_in', 'position', 'in', ''), ('q_m', 'position', 'm', ''), ('phase_A', '', '', ''),
-    ('error_deg', '', '', ''), ('latency_ms', '', '', ''), ('us_1', '', '', ''),
-    ('test', '', '', ''), ('bus_current', '', '', '')])
+    ('error_deg', '', '', ''), ('latency_ms', '', '', ''), ('id [A]', '', '', ''),
+    ('us_1', '', '', ''), ('test', '', '', ''), ('bus_current', '', '', '')])
 def test_a_name_tells_its_unit_and_the_unit_its_quantity(name, signal, joint, unit):
     reading = read_name(name)
     assert (reading.signal, reading.joint, reading.unit) == (signal, joint, unit)
@@ -133,8 +134,9 @@ def test_times_that_cannot_be_seconds_are_asked(tmp_path, refuses):
     time, position, velocity = swing(300, 0.004)
     path = write(tmp_path / 'log.csv', t=1e3 * time, q=position, tau=velocity)
     refuses('has rows 4 apart, which show no motion if these are seconds', 'refine', path)
-    samples, = read_recording(path, layout=Layout(units={'time': 'ms'}))
-    np.testing.assert_allclose(samples.time, time, atol=1e-9)
+    for layout in (Layout(units={'time': 'ms'}), Layout(rate=250.0)):
+        samples, = read_recording(path, layout=layout)
+        np.testing.assert_allclose(samples.time, time, atol=1e-9)
 
 
 def test_a_stamp_in_two_columns_is_one_time(tmp_path):

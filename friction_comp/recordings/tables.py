@@ -106,7 +106,7 @@ class TableScanner:
             if column.signal == 'position' and not column.stated and (
                     fault := angle_fault(values)):
                 raise InputError(f'{said} {fault}: give its unit, --unit position=turn, deg or rad')
-            if column.signal != 'time':
+            if column.signal != 'time' or self._layout.rate:
                 continue
             unit = '' if column.stated else unit_of_dates(values)
             finite = values[np.isfinite(values)]
@@ -121,7 +121,7 @@ class TableScanner:
                                  f'in {column.unit}: give their unit, for instance --unit time=ns')
             elif not column.stated and (fault := time_fault(values)):
                 raise InputError(f'{said} {fault}: give its unit, for instance --unit time=ms, or '
-                                 'time=s')
+                                 'time=s, or the rows per second with --rate')
 
     def _leave_out_raw(self, columns: Columns) -> None:
         """Deal with whole numbers without a unit, such as a register's: they are no SI values.
