@@ -122,11 +122,13 @@ def test_a_position_that_is_not_in_rad_is_asked_unless_its_unit_is_given(tmp_pat
     np.testing.assert_allclose(samples.position, grid(TURN), atol=1e-9)
 
 
-@pytest.mark.parametrize('unit', [1e3, 1e6, 1e9])
+@pytest.mark.parametrize('unit', [1.0, 1e3, 1e6, 1e9])
 def test_times_that_are_dates_tell_their_unit(tmp_path, unit):
     time, position, velocity = swing(300, 0.004)
-    path = write(tmp_path / 'log.csv', t=np.round((1.7e9 + time) * unit), q=position, tau=velocity)
-    samples, = read_recording(path)
+    path = write(tmp_path / 'log.csv', t=np.round((1.7e9 + time) * unit, 6), q=position,
+                 tau=velocity)
+    (samples, info), = read_recording_with_info(path)
+    assert info.assumed == ('q in rad', 'tau in N·m')
     np.testing.assert_allclose(samples.time - samples.time[0], time, atol=1e-5)
 
 

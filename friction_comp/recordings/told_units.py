@@ -30,7 +30,7 @@ _DATES, _ROWS = (6.3e8, 2.2e9), (1e-6, 1.0)
 _LESS = 0.25
 # Time over which rates are averaged before accelerations are compared, s.
 _SMOOTHING = 0.05
-_PER_SECOND = {'ms': 1e-3, 'µs': 1e-6, 'ns': 1e-9}
+_UNITS_OF_TIME = {'s': 1.0, 'ms': 1e-3, 'µs': 1e-6, 'ns': 1e-9}
 
 
 def angle_fault(position: np.ndarray) -> str:
@@ -94,7 +94,7 @@ def unit_of_dates(time: np.ndarray) -> str:
     time = time[np.isfinite(time)]
     steps = np.diff(time)
     steps = steps[steps > 0.0]
-    for unit, factor in _PER_SECOND.items():
+    for unit, factor in _UNITS_OF_TIME.items():
         if (time.size and steps.size and _DATES[0] < factor * np.median(time) < _DATES[1]
                 and _ROWS[0] < factor * np.median(steps) < _ROWS[1]):
             return unit
