@@ -87,17 +87,19 @@ class Assignment:
         return controller_effort(time, target, position, velocity, stiffness, damping, rate)
 
 
-def assign(names: Sequence[str], layout: Layout | None, where: str) -> Assignment:
+def assign(names: Sequence[str], layout: Layout | None, where: str, of_plan: bool = False
+           ) -> Assignment:
     """Assign signals to a table's columns; `where` names the table in messages.
 
-    Columns without a name are left out. Raises InputError if a column is missing, or time, position
-    or effort cannot be found.
+    Columns without a name are left out. Targets are the positions and velocities of a plan. Raises
+    InputError if a column is missing, or time, position or effort cannot be found.
     """
     names = [name for name in names if name]
     layout = (layout or Layout()).naming(names, where)
     named = _named(layout, where)
     own = next((column.key for column in named if column.signal != 'time'), ())
-    used = _joint_columns([*named, *_guessed(names, named, own, layout)], own if named else None)
+    used = _joint_columns([*named, *_guessed(names, named, own, layout, of_plan)],
+                          own if named else None)
     used.sort(key=lambda c: (SIGNALS.index(c.signal), names.index(c.name)))
     _check_complete(used, names, layout, where)
     keys = list(dict.fromkeys(c.key for c in used if c.signal == 'position'))
@@ -212,7 +214,7 @@ def _column(name: str, reading: Reading, layout: Layout) -> Column:
 
 
 def _guessed(names: Sequence[str], named: Sequence[Column], own: tuple[str, ...],
-             layout: Layout) -> list[Column]:
+             layout: Layout, of_plan: bool = False) -> list[Column]:
     """Return the columns recognised by their names, the best of those for one signal of a joint."""
     patterns = {skeleton(column.name): column.signal for column in named
                 if skeleton(column.name) and column.signal != 'time'}
@@ -221,6 +223,8 @@ def _guessed(names: Sequence[str], named: Sequence[Column], own: tuple[str, ...]
     found: list[tuple[tuple[int, int, int], Column]] = []
     for place, name in enumerate(names):
         reading = read_name(name)
+        if of_plan:
+            reading = replace(reading, signal=reading.signal.removeprefix('reference_'))
         if skeleton(name) in patterns:
             reading = replace(reading, signal=patterns[skeleton(name)], key=_key(name),
                               joint=reading.joint or '_'.join(numbers(name)))

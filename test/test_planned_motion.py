@@ -65,10 +65,11 @@ def test_what_gives_no_torque_is_refused():
         MODEL.feed_forward(np.nan, 1.0)
 
 
-def test_a_plan_of_time_and_position_gives_the_torque(tmp_path, capsys):
+@pytest.mark.parametrize('name', ['position [deg]', 'goal_deg'])
+def test_a_plan_of_time_and_position_gives_the_torque(tmp_path, capsys, name):
     time, q, v, a = motion()
     MODEL.save(tmp_path / 'model.yaml')
-    write(tmp_path / 'plan.csv', **{'time [ms]': 1e3 * time, 'position [deg]': np.degrees(q)})
+    write(tmp_path / 'plan.csv', **{'time [ms]': 1e3 * time, name: np.degrees(q)})
     out = tmp_path / 'torque.csv'
     assert run('predict', [str(tmp_path / 'plan.csv'), '--model', str(tmp_path / 'model.yaml'),
                            '--output', str(out)]) == 0

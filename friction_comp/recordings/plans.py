@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from friction_comp.columns import assign
+from friction_comp.columns import assign, Assignment
 from friction_comp.errors import InputError
 from friction_comp.layout import Layout
 from friction_comp.recordings.storage import unreadable_on_error
@@ -43,11 +43,9 @@ def read_plan(path: Path, layout: Layout | None = None) -> dict[str, Samples] | 
         assign(table.names, layout, str(path))
         return None
     except InputError:
-        # Whatever else is wrong is told by whoever reads a recording.
-        try:
-            use = assign([*table.names, _EFFORT], layout, str(path))
-        except InputError:
-            return None
+        use = _plan_columns(table.names, layout, str(path))
+    if use is None:
+        return None
     wanted = [column.name for column in use.columns if column.name != _EFFORT]
     with unreadable_on_error(path):
         blocks = [columns for columns, _ in table.blocks(wanted, _ROWS)]
@@ -67,3 +65,14 @@ def read_plan(path: Path, layout: Layout | None = None) -> dict[str, Samples] | 
         raise InputError(f'{path}: some joints lack a position in some rows')
     arm = JointStates(tuple(joints), np.column_stack([one.position for one in joints.values()]))
     return {name: samples.with_(arm=arm) for name, samples in joints.items()}
+
+
+def _plan_columns(names: list[str], layout: Layout, where: str) -> Assignment | None:
+    """Return the columns of a plan: its positions, or targets if it has none; else None."""
+    for of_targets in (False, True):
+        try:
+            return assign([*names, _EFFORT], layout, where, of_targets)
+        except InputError:
+            # Whatever else is wrong is told by whoever reads a recording.
+            continue
+    return None
