@@ -41,6 +41,7 @@ ODD_EFFECT = 'format: friction_comp_undeclared\nversion: 1\neffects: [{name: gho
     ('plant', ONE, ('surplus',), 'surplus'),
     ('plant', {**ONE, 'clock': 'sundial'}, (), 'clock'),
     ('plant', {**ONE, 'sample_time': 1.0}, (), 'sample_time'),
+    ('plant', {**ONE, 'sensor': 'force', 'sample_time': 0.0015}, (), 'whole multiple of 0.001 s'),
     ('plant', {'joints': ['elbow']}, (), 'model_files'),
     ('compensator', {**ONE, 'model_files': ['none.yaml']}, (), 'none.yaml'),
     ('compensator', {'joints': ['a', 'a'], 'model_files': MODELS[:2]}, (), 'joints'),

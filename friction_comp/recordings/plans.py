@@ -67,7 +67,7 @@ def read_plan(path: Path, layout: Layout | None = None) -> dict[str, Samples] | 
     return {name: samples.with_(arm=arm) for name, samples in joints.items()}
 
 
-def _plan_columns(names: list[str], layout: Layout, where: str) -> Assignment | None:
+def _plan_columns(names: list[str], layout: Layout | None, where: str) -> Assignment | None:
     """Return the columns of a plan: its positions, or targets if it has none; else None."""
     for of_targets in (False, True):
         try:
