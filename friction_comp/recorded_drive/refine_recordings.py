@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 from friction_comp.errors import errors_name, InputError
 from friction_comp.recorded_drive.given import drive_of, Given, unit_of, with_current_limit
-from friction_comp.recordings.told_units import unit_of_weight
 from friction_comp.results import output_folder, write_report
 from friction_comp.units import in_own_units
 
@@ -105,6 +104,8 @@ def notes_on(recordings: Iterable[tuple[Samples, RecordingInfo]], idle: bool = F
 
 def assumed_in(given: Given, recordings: Iterable[tuple[Samples, RecordingInfo]]) -> list[str]:
     """Return the units of tables that are taken for granted, with what tells against them."""
+    from friction_comp.recordings.told_units import unit_of_weight
+
     lines: dict[str, None] = {}
     for samples, info in recordings:
         columns = [one for one in info.assumed if not (given.figures and 'N·m' in one)]
