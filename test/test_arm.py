@@ -68,15 +68,6 @@ def test_the_regressor_gives_the_same_torques(pinocchio, tmp_path):
     assert torque == pytest.approx(chain.tree.torques(q, v, a), abs=1e-9)
 
 
-def test_a_tree_survives_a_round_trip(pinocchio, tmp_path):
-    rng = np.random.default_rng(3)
-    text, names = random_urdf(rng, 4)
-    tree = chain_of(tmp_path, text, names).tree
-    q, v, a = rng.normal(size=(3, 5, 4))
-    again = Tree.from_dict(tree.to_dict())
-    assert again.torques(q, v, a) == pytest.approx(tree.torques(q, v, a), abs=1e-12)
-
-
 def test_a_hanging_rod_weighs_what_a_hanging_rod_weighs():
     # Mass 2 kg, centre 0.3 m out, axis horizontal: 2·9.81·0.3·cos(q) against gravity.
     tree = Tree(('rod',), ('revolute',), [-1], np.eye(3)[None], np.zeros((1, 3)),
@@ -291,11 +282,6 @@ def test_files_that_are_no_urdf_give_one_line(pinocchio, tmp_path, text, words):
         chain_of(tmp_path, text, PLANE)
     assert '\n' not in str(caught.value)
     assert 'arm.urdf' in str(caught.value)
-
-
-def test_a_missing_file_gives_one_line(pinocchio, tmp_path):
-    with pytest.raises(InputError, match=r'nowhere\.urdf: cannot be read'):
-        Chain(tmp_path / 'nowhere.urdf', PLANE)
 
 
 def test_without_pinocchio_the_error_says_how_to_get_it(monkeypatch, tmp_path):

@@ -238,18 +238,9 @@ def test_weeks_of_sessions_are_a_trend(tmp_path, capsys):
     assert all(0.2 < float(row['peak_torque']) < 1.2 for row in rows)
 
 
-def test_every_joint_is_evaluated(tmp_path):
-    first = trial([1.0] * 4)
-    second = trial([0.5] * 4).with_(joint='wrist')
-    write_samples(tmp_path / 'r', [first, second])
-    assert run('evaluate', [str(tmp_path / 'r'), '--output', str(tmp_path / 'out')]) == 0
-    report = json.loads((tmp_path / 'out' / 'report.json').read_text())
-    assert {one['joint']: round(one['conditions'][0]['peak_torque'], 2)
-            for one in report['joints']} == {'elbow': 1.0, 'wrist': 0.5}
-
-
-def test_each_joint_is_compared_with_its_own_model(tmp_path, capsys):
-    joints = [trial([1.0] * 4).with_(joint=joint) for joint in ('elbow', 'wrist', 'grip')]
+def test_each_joint_is_evaluated_and_compared_with_its_own_model(tmp_path, capsys):
+    joints = [trial([peak] * 4).with_(joint=joint)
+              for joint, peak in (('elbow', 1.0), ('wrist', 0.5), ('grip', 1.0))]
     write_samples(tmp_path / 'r', joints)
     models = {joint: replace(note_model(number), joint=joint).to_dict()
               for joint, number in (('elbow', 1), ('wrist', 2))}
@@ -258,7 +249,8 @@ def test_each_joint_is_compared_with_its_own_model(tmp_path, capsys):
                             '--output', str(tmp_path / 'out')]) == 0
     assert 'left out: ' in capsys.readouterr().out
     report = json.loads((tmp_path / 'out' / 'report.json').read_text())
-    assert [one['joint'] for one in report['joints']] == ['elbow', 'wrist']
+    assert {one['joint']: round(one['conditions'][0]['peak_torque'], 2)
+            for one in report['joints']} == {'elbow': 1.0, 'wrist': 0.5}
     elbow, wrist = (one['conditions'][0]['figures']['residual_current']['mean']
                     for one in report['joints'])
     assert elbow != wrist

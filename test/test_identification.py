@@ -166,18 +166,15 @@ def at_phase(phase, change, after=0.3):
     return alter
 
 
-def replaced(index, value):
+def replaced(index, value, kept=0.0):
     def change(sample, _):
-        sample[index] = value
+        sample[index] = kept * sample[index] + value
         return sample
     return change
 
 
 def shifted(index, value):
-    def change(sample, _):
-        sample[index] += value
-        return sample
-    return change
+    return replaced(index, value, 1.0)
 
 
 @pytest.mark.parametrize(('phase', 'change', 'words'), [
