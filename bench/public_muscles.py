@@ -15,6 +15,8 @@ of the contraction's for 0.15 s. Contractions that the labels do not know count 
 import argparse
 from pathlib import Path
 
+# Importing it lets the package beside this folder be used, not one that is installed.
+from bench_tools import ROOT  # noqa: F401
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import butter, sosfilt, sosfiltfilt

@@ -188,6 +188,8 @@ class DirectionNode(Node):
         """
         if not self._calibrating:
             self._calibrating = True
+            # What everybody gets who waits, should it raise an error.
+            self._failures = ['the calibration was broken off by an error']
             try:
                 self._failures = await self._calibrate()
             finally:

@@ -141,6 +141,7 @@ class StreamExecutor(executors.Executor):
     def shutdown(self, timeout_sec: Any = None) -> Any:
         """Release the node."""
         self._release()
+        self._fast = self._slow = None
         return super().shutdown(timeout_sec)
 
     def spin_once(self, timeout_sec: Any = None) -> None:

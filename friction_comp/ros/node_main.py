@@ -93,6 +93,8 @@ def run(name: str, make_node: Callable[[], Any], argv: Sequence[str]) -> int:
             # Publish what leaving has caused, such as the result of an action.
             for _ in range(_FINAL_SPINS):
                 executor.spin_once(0.0)
+            # Its wait sets hold the node's entities, and must not outlive the context.
+            executor.shutdown(0.0)
             node.destroy_node()
     finally:
         rclpy.try_shutdown()
