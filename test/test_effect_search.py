@@ -162,3 +162,18 @@ def test_every_threshold_has_a_unit_and_a_reason():
     assert len(rows) > 8
     assert all(np.isfinite(value) and len(reason) > 10 for _, value, _, reason in rows)
     assert all(unit for name, _, unit, _ in rows)
+
+
+def test_a_weight_that_an_offset_may_stand_in_for_is_certain_all_the_same():
+    """Over half a radian its constant part may be the offset's, but its slope may not."""
+    motion = swings(3)
+    position = 0.15 * motion.position / np.abs(motion.position).max() + 0.8
+    rng = np.random.default_rng(3)
+    samples = motion.with_(
+        position=position, velocity=np.gradient(position, motion.sample_time), acceleration=None,
+        current=motion.current + 0.1 * np.sin(position) + 0.02 * rng.standard_normal(len(motion)))
+    table = table_of(samples)
+    terms = table.add([Term(EFFECTS['gravity'])])
+    table.fit_transition(terms)
+    bounds = intervals(table, terms)
+    assert bounds.excludes_zero(table, terms[0])
