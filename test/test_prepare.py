@@ -195,6 +195,19 @@ def test_a_load_that_a_person_carries_belongs_to_what_is_measured(carried, is_kn
     assert gain == (-1.0 / DRIVE.torque_per_current if is_known else 0.0)
 
 
+def test_a_load_that_only_accelerates_the_limb_belongs_to_what_is_measured():
+    """Under a law that supplies the friction, the person's torque does no work."""
+    samples = swings(5)
+    rng = np.random.default_rng(6)
+    load = 2.0 * np.asarray(samples.acceleration) + 0.1 * rng.standard_normal(len(samples))
+    law = samples.with_(load=load)
+    gain = load_coefficient(law, clipped(law.current), DRIVE)
+    assert gain == -1.0 / DRIVE.torque_per_current
+    # One that the motion does not predict is noise of the sensor, or another's.
+    noise = samples.with_(load=rng.standard_normal(len(samples)))
+    assert load_coefficient(noise, clipped(noise.current), DRIVE) == 0.0
+
+
 def test_the_target_includes_the_torque_of_the_person():
     samples = swings(6)
     friction = samples.current

@@ -34,6 +34,7 @@ from friction_comp.refinement.recorded_motion import (
     choose_differentiation,
     choose_signals,
     plain_columns,
+    smooth_settings,
 )
 from friction_comp.refinement.search import adjust_constants, Search
 from friction_comp.refinement.stability import Intervals, Stability
@@ -219,10 +220,14 @@ def find_best_fit(problem: Problem) -> Fit:
     """
     best = search_with(problem)
     tried = [best.settings]
+    # A plain drive knows of no ripple, which a filter of the motion or of the load blurs.
+    wider = smooth_settings(problem.raw)
+    others = [{**best.settings, **wider}] if wider['bandwidth'] and (
+        best.settings['bandwidth'] or math.inf) < wider['bandwidth'] else []
     if best.settings.get('signals'):
-        # A plain drive knows of no ripple, which a filter of the load blurs.
-        settings = choose_differentiation(
-            problem.raw, best.rows.clipped, best.rows.joints, 0.0, filtered=False)
+        others.append(choose_differentiation(
+            problem.raw, best.rows.clipped, best.rows.joints, 0.0, filtered=False))
+    for settings in others:
         best = min(best, search_with(problem, settings), key=Fit.mean_error)
         tried.append(settings)
     for _ in range(2):

@@ -67,6 +67,16 @@ class BlockSums:
         scaled[np.diag_indices(len(scaled))] += 1e-12
         return np.asarray(1.0 / np.sqrt(np.abs(np.diag(np.linalg.inv(scaled)))))
 
+    def beside(self, columns: Sequence[int], others: Sequence[int]) -> np.ndarray:
+        """Return the sums of products of what columns have beside others, shape (S, S)."""
+        inner = [*others, *columns]
+        norms, size = self._norms(np.asarray(inner, dtype=int)), len(others)
+        sums = self.gram.sum(axis=0)[np.ix_(inner, inner)] / norms / norms[:, None]
+        sums[np.diag_indices(len(sums))] += _RIDGE
+        own = sums[size:, size:] - sums[size:, :size] @ np.linalg.solve(
+            sums[:size, :size], sums[:size, size:])
+        return np.asarray(own * norms[size:] * norms[size:, None])
+
     def _norms(self, columns: np.ndarray) -> np.ndarray:
         """Return the root of each column's sum of squares over all blocks."""
         norms = np.sqrt(self.gram[:, columns, columns].sum(axis=0))

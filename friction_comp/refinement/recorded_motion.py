@@ -186,10 +186,11 @@ def load_coefficient(samples: Samples, unusable: np.ndarray, drive: Drive) -> fl
     """Return -1/(k_t·n), A/(N·m), if the load must enter with this coefficient; 0 if it is fitted.
 
     By J·a = k_t·n·i + τ_b - F, friction is i + τ_b/(k_t·n). If the current shows the load, that is
-    if the load lowers the error of blocks that were not fitted, with the sign of mechanics, the
-    motor carries it, and its coefficient is fitted as that of an effect. If it does not, but the
-    load overcomes friction, then a person moves the joint, and the current is a function of the
-    motion (a compensation law) or zero: the known coefficient has to be used.
+    if the load lowers the error of blocks that were not fitted, with half to twice this
+    coefficient, the motor carries it, and its coefficient is fitted as that of an effect. If it
+    does not, but the load overcomes friction or accelerates the joint, then a person moves the
+    joint, and the current is a function of the motion (a compensation law) or zero: the known
+    coefficient has to be used.
     """
     if samples.load is None or not np.any(samples.load):
         return 0.0
@@ -203,17 +204,19 @@ def load_coefficient(samples: Samples, unusable: np.ndarray, drive: Drive) -> fl
     sums = sums_of(np.column_stack((columns, load)), part.current, block)
     without, fitted = (float(sums.held_out_errors(some).sum())
                        for some in (plain, [*plain, len(plain)]))
-    shown = fitted < (1.0 - thresholds.LEAST_SHARE) * without
-    if shown and sums.fit([*plain, len(plain)])[-1] < 0.0:
+    shown = sums.fit([*plain, len(plain)])[-1] / mechanics
+    if fitted < (1.0 - thresholds.LEAST_SHARE) * without and 0.5 < shown < 2.0:
         return 0.0
     # Its mean power against friction: that of its Coulomb and viscous columns, since gravity and
-    # inertia return what they take. The blocks left out in turn give its standard error.
-    resisting = slice(1, len(TRANSITIONS) + 2)
+    # inertia return what they take. The blocks left out in turn give its standard error, and that
+    # of the inertia, the column after these.
+    last = len(TRANSITIONS) + 2
     fits = sums_of(columns, load, block).fits(plain, 1.0 - np.eye(int(block.max()) + 1))
-    power = fits[:, resisting] @ (columns[:, resisting].T @ velocity)
-    error = np.sqrt((len(power) - 1) * np.var(power))
+    power = fits[:, 1:last] @ (columns[:, 1:last].T @ velocity)
     # With twice the usual margin, since a sensor's load of the wrong sign would count twice.
-    return mechanics if power.mean() > 2.0 * thresholds.STANDARD_ERRORS * error else 0.0
+    moves = any(values.mean() > 2.0 * thresholds.STANDARD_ERRORS * np.sqrt(
+        (len(values) - 1) * np.var(values)) for values in (power, fits[:, last]))
+    return mechanics if moves else 0.0
 
 
 def choose_differentiation(samples: Samples, unusable: np.ndarray, joints: Sequence[str],

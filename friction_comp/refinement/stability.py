@@ -117,18 +117,20 @@ class Intervals:
         return self.quantile * float(robust_std(sums - np.median(sums)))
 
     def excludes_zero(self, table: Table, term: Term) -> bool:
-        """Return whether the interval of a term's whole contribution excludes zero.
+        """Return whether the interval of a term's contribution excludes zero.
 
-        Its columns may stand in for each other, as Coulomb and viscous friction at one speed: no
-        coefficient is certain then, but their sum is. The contribution of each fit is projected on
-        that of the fit to all blocks, and its interval is as wide as the choice of this direction
-        requires (Scheffé). Where physics requires the sign of any coefficient, only these count.
+        Its columns may stand in for each other, as Coulomb and viscous friction at one speed, or
+        for other terms, as a weight over a short range for the offset: no coefficient is certain
+        then, but what they add to the other terms is. That of each fit is projected on that of the
+        fit to all blocks, and its interval is as wide as the choice of this direction requires
+        (Scheffé). Where physics requires the sign of any coefficient, only these count.
         """
         columns = table.columns_of[term]
         columns = [column for column in columns if table.sums.signs[column]] or columns
         middle = np.array([np.mean(self.coefficients[column]) for column in columns])
+        others = [column for column in self.coefficients if column not in columns]
         weights = np.zeros(len(table.columns))
-        weights[columns] = table.columns[columns] @ (middle @ table.columns[columns])
+        weights[columns] = table.sums.beside(columns, others) @ middle
         size = len(columns)
         wider = math.sqrt(size * stats.f.ppf(_LEVEL, size, table.rows.blocks - 1)) / self.quantile
         return bool(middle @ weights[columns] > wider * self.half_width(weights))
