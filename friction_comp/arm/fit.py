@@ -150,12 +150,10 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
             len(one) != len(joints[0]) or np.any(one.time != joints[0].time) for one in joints):
         raise InputError('the joints of an arm must be those of the URDF, on one time base')
     if len(joints[0]) < FEWEST:
-        raise InputError(f'{len(joints[0])} samples are too few for an arm: at least {FEWEST} '
-                         'are needed')
+        raise InputError(f'{len(joints[0])} samples are too few for an arm: give {FEWEST} or more')
     for one in joints:
         if not np.isfinite((one.position, one.current)).all():
-            raise InputError(f'joint {one.joint!r}: positions and currents of an arm must be '
-                             'finite numbers')
+            raise InputError(f'joint {one.joint!r}: positions and currents must be finite numbers')
     bodies = Bodies(chain.tree.parameters)
     problem = _Problem(chain, joints, bodies, declared)
     best = problem.best(lambda share: report(0.4 * share))
