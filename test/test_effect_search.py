@@ -8,7 +8,6 @@ from test_prepare import swings
 
 from friction_comp.drive import Drive
 from friction_comp.model.effects import EFFECTS
-from friction_comp.model.effects.position_effects import position_spectrum
 from friction_comp.refinement.effect_columns import eq6_columns, proposals, Table, Term
 from friction_comp.refinement.prepare import prepare
 from friction_comp.refinement.search import adjust_constants, Search, total
@@ -163,21 +162,6 @@ def test_every_threshold_has_a_unit_and_a_reason():
     assert len(rows) > 8
     assert all(np.isfinite(value) and len(reason) > 10 for _, value, _, reason in rows)
     assert all(unit for name, _, unit, _ in rows)
-
-
-def test_a_ripple_is_proposed_by_what_it_explains_beside_the_fit():
-    """Over two waves it resembles weight, spring and friction, which have taken most of it."""
-    position = 0.25 * np.sin(np.linspace(0.0, 12.0, 3000)) + 0.3
-    beside = np.linalg.qr(np.column_stack(
-        [np.ones(3000), position, position ** 2, np.cos(position)]))[0].T
-    ripple = np.cos(24.0 * position + 0.7)
-    residual = ripple - beside.T @ (beside @ ripple)
-    ones = np.ones(3000)
-    k, power = position_spectrum(position, residual, ones, 80.0, beside=beside)
-    assert k[np.argmax(power)] == pytest.approx(24.0, abs=0.5)
-    assert power.max() == pytest.approx(residual @ residual, rel=0.05)
-    k, power = position_spectrum(position, residual, ones, 80.0)
-    assert abs(k[np.argmax(power)] - 24.0) > 0.5
 
 
 def test_a_weight_that_an_offset_may_stand_in_for_is_certain_all_the_same():

@@ -271,12 +271,11 @@ class Table:
     def residual_view(self, terms: Sequence[Term]) -> ResidualView:
         """Return the residual of a fit, from which effects propose constants."""
         part, coverage = self.rows.at_rows, self.rows.coverage
-        velocity, columns = np.asarray(part.velocity), self.columns[self.indices(terms)]
-        norms = np.sqrt(np.einsum('ij,ij->i', columns, columns)) + 1e-300
+        velocity = np.asarray(part.velocity)
         return ResidualView(
             coverage, part.position, velocity, np.tanh(velocity / coverage.transition),
             self.residual(terms), self.rows.length * self.rows.samples.sample_time,
-            self.load_shares(terms), np.linalg.qr((columns / norms[:, None]).T)[0].T)
+            self.load_shares(terms))
 
 
 def signs_of(term: Term, count: int) -> list[int]:

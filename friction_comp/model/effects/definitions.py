@@ -72,8 +72,6 @@ class ResidualView:
     row_time: float                   # s over which each row was averaged
     # Loads of the terms of the fit, see `Effect.load_share`.
     load_shares: list[dict[str, float]]
-    # Orthonormal columns, shape (P, R), with the same span as those of the fit.
-    fitted: Any = ()
 
 
 @dataclass(frozen=True)

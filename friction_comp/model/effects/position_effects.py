@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 import math
 from typing import Any
 
@@ -23,8 +22,6 @@ from friction_comp.model.effects.definitions import (
 )
 
 _BINS_A_PERIOD = 4
-# Share of a ripple's squares that is added to what it has of its own: with less it is not seen.
-_LEAST_OWN = 1e-3
 _MOST_BINS = 1 << 17
 # Fewest waves over the range of position, to distinguish a wave from a slope.
 FEWEST_PERIODS = 1.5
@@ -42,14 +39,12 @@ def highest_frequency(velocity: np.ndarray, sample_time: float, resolution: floa
 
 
 def position_spectrum(position: np.ndarray, signal: np.ndarray, amplitude: np.ndarray,
-                      highest: float, periods: float = FEWEST_PERIODS,
-                      beside: Iterable[np.ndarray] = ()) -> tuple[np.ndarray, np.ndarray]:
+                      highest: float, periods: float = FEWEST_PERIODS
+                      ) -> tuple[np.ndarray, np.ndarray]:
     """Return spatial frequencies in rad/rad, and the sum of squares that each would explain, (M,).
 
     The signal, shape (N,), is modelled as amplitude · (a·cos(kq) + b·sin(kq)) for k from `periods`
-    over the range of position to `highest`, rad/rad (periods per turn). What columns `beside`, each
-    (N,), orthonormal, and orthogonal to the signal, have in common with it is not counted: over a
-    few periods, a ripple resembles a weight or friction.
+    over the range of position to `highest`, rad/rad (periods per turn).
     """
     span = float(np.ptp(position))
     energy = float(amplitude @ amplitude)
@@ -58,26 +53,12 @@ def position_spectrum(position: np.ndarray, signal: np.ndarray, amplitude: np.nd
     bins = min(math.ceil(_BINS_A_PERIOD * highest * span / (2.0 * math.pi)) + 1, _MOST_BINS)
     width = span / bins
     index = np.minimum(((position - position.min()) / width).astype(np.int64), bins - 1)
+    sums = np.bincount(index, amplitude * signal, minlength=bins)
     size = 1 << (4 * bins - 1).bit_length()
     k = 2.0 * math.pi * np.fft.rfftfreq(size, width)
-    keep = np.nonzero((k >= 2.0 * math.pi * periods / span) & (k <= highest))[0]
-
-    def transform(values: np.ndarray) -> np.ndarray:
-        return np.asarray(np.fft.rfft(np.bincount(index, values, minlength=bins), size))
-    # Sums of products of the two columns of each frequency with each other and with the signal.
-    double = transform(amplitude ** 2)[np.minimum(2 * keep, size // 2)]
-    cosine, sine, mixed = (0.5 * (energy + double.real), 0.5 * (energy - double.real),
-                           0.5 * double.imag)
-    for column in beside:
-        own = transform(amplitude * column)[keep]
-        cosine -= own.real ** 2
-        sine -= own.imag ** 2
-        mixed -= own.real * own.imag
-    cosine, sine = cosine + _LEAST_OWN * energy, sine + _LEAST_OWN * energy
-    goal = transform(amplitude * signal)[keep]
-    power = (goal.real ** 2 * sine - 2.0 * goal.real * goal.imag * mixed
-             + goal.imag ** 2 * cosine) / np.maximum(cosine * sine - mixed ** 2, 1e-300)
-    return k[keep], power
+    power = 2.0 * np.abs(np.fft.rfft(sums, size)) ** 2 / energy
+    keep = (k >= 2.0 * math.pi * periods / span) & (k <= highest)
+    return k[keep], power[keep]
 
 
 def peaks(k: np.ndarray, power: np.ndarray, count: int, separation: float) -> list[float]:
@@ -125,7 +106,7 @@ class Cogging(Effect):
 
     @classmethod
     def propose(cls, view: ResidualView) -> list[dict[str, float]]:
-        """Return the frequencies that explain most of the residual beside the terms of the fit.
+        """Return the frequencies of the largest peaks in the spectrum of the residual.
 
         Of a shaft that turns many times, these are harmonics of a turn.
         """
@@ -137,8 +118,7 @@ class Cogging(Effect):
             signals = Signals(position=view.position, velocity=view.velocity, sign=view.sign)
             # At frequency zero the first column is the amplitude itself.
             k, power = position_spectrum(
-                view.position, view.residual, cls.columns(signals, c)[0], highest,
-                beside=view.fitted)
+                view.position, view.residual, cls.columns(signals, c)[0], highest)
             if turns_often(coverage):
                 width = 0.5 * separation
                 harmonic = (np.abs(k - np.round(k)) < width) & (k > 1.0 - width)
