@@ -103,7 +103,8 @@ def certain(coefficients, draws):
     """Return whether two equal columns with these fits to resampled parts are certain."""
     columns = np.ones((2, 100))
     table = SimpleNamespace(columns=columns, columns_of={'term': [0, 1]}, rows=SimpleNamespace(
-        blocks=16), sums=SimpleNamespace(signs=np.zeros(2)))
+        blocks=16), sums=SimpleNamespace(
+            signs=np.zeros(2), beside=lambda own, others: columns[own] @ columns[own].T))
     ends = {k: (value - 20.0, value + 20.0) for k, value in enumerate(coefficients)}
     return Intervals(ends, {}, draws, 2.13).excludes_zero(table, 'term')
 
