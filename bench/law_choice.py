@@ -11,11 +11,11 @@ The second command writes them into README and docs/compensation_law.md. Even se
 on, odd seeds are kept for judging. It takes a few minutes of processor time.
 """
 
-import argparse
 import importlib
 import json
 from pathlib import Path
 
+from bench_tools import table_parser
 import numpy as np
 
 from law_judge.bank import Joints, make_bank
@@ -32,9 +32,7 @@ WAYS = {'announced': ('continuous', 'announced', True), 'unknown': ('continuous'
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
-    parser.add_argument('--seed', type=int, default=0)
-    parser.add_argument('--draws', type=int, default=1, help='gears of each kind')
+    parser = table_parser(__doc__, seed=0, draws=1)
     parser.add_argument('--output', type=Path, help='JSON file to write')
     options = parser.parse_args()
     found, gone = ({name: [] for name in WAYS} for _ in range(2))
