@@ -114,18 +114,18 @@ def pushed(p: Parameters, s: State) -> bool:
 
 @njit(cache=True)
 def turn_round(p: Parameters, s: State) -> None:
-    """Note where a way ends: where somebody pushes the joint back, R behind, or where it rests.
+    """Note where a way ends: where the joint is R behind its farthest point, is pushed, or rests.
 
     A joint that stops springs back, and may go on: neither is a turn. Half of R is enough where
-    presliding is known and help was given back before: less is left to spring back. Two R it must
-    be where presliding is unknown, and may be longer than R. A push has broken friction the other
-    way: z goes there as far as is saved.
+    presliding is known and help was given back before: less is left to spring back. Where it is
+    unknown, and may be longer than R, a turn is where somebody pushes the joint back, or two R
+    behind.
     """
     if s.mode == LEADING or s.still_time > 2.0 * p.rest_time:
         s.heading, s.farthest = 0.0, s.position
     beyond = s.position - s.farthest
     enough = p.turn_distance if s.slowed == 1 else max(p.distance, p.turn_distance)
-    push = pushed(p, s) and beyond * s.speed > 0.0
+    push = p.turn_distance > p.distance and pushed(p, s) and beyond * s.speed > 0.0
     turned = push or abs(beyond) > enough
     if beyond * s.heading > 0.0:
         s.farthest = s.position
@@ -137,8 +137,6 @@ def turn_round(p: Parameters, s: State) -> None:
         s.slowed = 0
         if turned:
             s.heading, s.farthest = math.copysign(1.0, beyond), s.position
-            if push:
-                spend(s, s.heading)
 
 
 @njit(cache=True)
