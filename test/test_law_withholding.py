@@ -85,6 +85,42 @@ def test_a_joint_that_springs_back_while_its_help_decays_is_not_pushed_on():
     assert drive_along(law, push, direction=0, begin=1400)[300] < -0.5 * LEVEL
 
 
+@pytest.mark.parametrize('hand', [False, True])
+def test_a_turn_is_where_the_joint_is_pushed_back_and_not_where_it_springs_back(hand):
+    """Presliding is unknown: 1.3 R is what a compliant gear may spring back.
+
+    Who pushes breaks friction first: the joint hardly moves, and then gains speed.
+    """
+    law = CompensationLaw([replace(small_model(), presliding=None)])
+    time = 1e-3 * np.arange(1000)
+    distance = law.parameters['distance'][0]
+    to = 0.1 * np.cumsum(np.interp(time[:700], [0.0, 0.5, 0.7], [3e-3, 3e-3, 0.0]))
+    assert drive_along(law, to, direction=0)[500] == pytest.approx(0.9 * LEVEL, rel=1e-2)
+    if hand:
+        back = 2e-4 * np.clip(time / 0.05, 0.0, 1.0) + 0.5 * np.maximum(0.0, time - 0.05)**2
+        back = back[back < 0.9 * distance]
+    else:
+        back = 0.65 * distance * (1.0 - np.cos(math.pi * np.clip(time[:100] / 0.04, 0.0, 1.0)))
+    current = drive_along(law, to[-1] - back, direction=0, begin=700)
+    if hand:
+        assert current[-1] < -0.3 * LEVEL
+    else:
+        assert current.min() >= 0.0
+
+
+def test_help_that_is_withdrawn_is_no_push():
+    """A gear springs back once more while help decays at a joint at rest, which is no turn."""
+    law = CompensationLaw([replace(small_model(), presliding=None)])
+    time = 1e-3 * np.arange(400)
+    distance = law.parameters['distance'][0]
+    slid = drive_along(law, 1e-4 * np.arange(1000), direction=0)
+    assert slid[-1] == pytest.approx(0.9 * LEVEL, rel=1e-2)
+    # From its first rebound it goes on where z decays from 0.15 s of rest on.
+    back = distance * (0.3 * np.clip(time / 0.01, 0.0, 1.0)
+                       + 0.5 * np.clip((time - 0.17) / 0.05, 0.0, 1.0)**2)
+    assert drive_along(law, slid.size * 1e-4 - 1e-4 - back, direction=0, begin=1000).min() >= 0.0
+
+
 def test_help_is_given_back_once_a_way_and_a_turn_is_where_the_joint_has_gone_back():
     """Else a heavy joint that a stiff hand leads stops and goes for the whole of its way."""
     law, time = CompensationLaw([small_model()]), 1e-3 * np.arange(4000)

@@ -22,6 +22,8 @@ from friction_comp.compensation.law_fields import DESIRED, FREE, HELD, LEADING, 
 
 TAKEN_TIME = 0.1
 """s in which trust falls from one to zero above the identified speeds."""
+PUSHED = 2.0
+"""Factor by which v²/x must have risen from its least where somebody pushes the joint."""
 AGAIN = 1.5
 """Multiple of the speed below which help is given back, above which a joint has not turned."""
 PATIENCE = 0.3
@@ -49,6 +51,8 @@ def spend(s: State, target: float) -> None:
     """Move z towards a target beyond what displacement does, as far as the way has paid for it."""
     change = min(2.0 * s.saved, max(-2.0 * s.saved, target - s.z))
     s.z += change
+    if change != 0.0:
+        s.swing = 0.0
     s.saved -= 0.5 * abs(change)
 
 
@@ -92,26 +96,46 @@ def _start_leading(p: Parameters, s: State, aim: float) -> None:
 
 
 @njit(cache=True)
+def pushed(p: Parameters, s: State) -> bool:
+    """Return whether somebody pushes the joint, which has broken friction.
+
+    A gear that springs back drives the joint ever less, so that v²/x falls, x since it stood. What
+    the law itself changes beyond displacement drives the joint, too: x begins again there.
+    """
+    if s.speed * s.swing <= 0.0:
+        s.swing, s.least = 0.0, math.inf
+    s.swing += s.speed * s.step
+    if abs(s.swing) <= p.still_distance:
+        return False
+    gain = s.speed * s.speed / abs(s.swing)
+    s.least = min(s.least, gain)
+    return gain > PUSHED * s.least and abs(s.speed) > p.lead_speed
+
+
+@njit(cache=True)
 def turn_round(p: Parameters, s: State) -> None:
-    """Note where a way ends: where the joint is R behind its farthest point, or rests.
+    """Note where a way ends: where the joint is R behind its farthest point, is pushed, or rests.
 
     A joint that stops springs back, and may go on: neither is a turn. Half of R is enough where
-    presliding is known and help was given back before: less is left to spring back. Two R it must
-    be where presliding is unknown, and may be longer than R.
+    presliding is known and help was given back before: less is left to spring back. Where it is
+    unknown, and may be longer than R, a turn is where somebody pushes the joint back, or two R
+    behind.
     """
     if s.mode == LEADING or s.still_time > 2.0 * p.rest_time:
         s.heading, s.farthest = 0.0, s.position
     beyond = s.position - s.farthest
     enough = p.turn_distance if s.slowed == 1 else max(p.distance, p.turn_distance)
+    push = p.turn_distance > p.distance and pushed(p, s) and beyond * s.speed > 0.0
+    turned = push or abs(beyond) > enough
     if beyond * s.heading > 0.0:
         s.farthest = s.position
-    elif s.heading == 0.0 or abs(beyond) > enough:
+    elif s.heading == 0.0 or turned:
         # A way without help is a movement by a person, as one from rest is.
         if s.way > p.moved_distance:
             s.displaced, s.trusted = 0, s.trust
         s.top = s.way = 0.0
         s.slowed = 0
-        if abs(beyond) > enough:
+        if turned:
             s.heading, s.farthest = math.copysign(1.0, beyond), s.position
 
 
@@ -163,7 +187,7 @@ def lead(p: Parameters, s: State, aim: float) -> None:
         # A gear that yields fast under the preload would overshoot.
         if abs(s.speed) < p.lead_speed:
             s.ramp = approach(s.ramp, aim, s.step / p.lead_time)
-        s.z = s.ramp
+        s.z, s.swing = s.ramp, 0.0
         s.backlash_position = s.rest_position = s.position
         if s.ramp != aim:
             s.still_time = 0.0
@@ -181,6 +205,8 @@ def lead(p: Parameters, s: State, aim: float) -> None:
         s.slowed, s.displaced, s.trusted = 2, 0, s.trust
         if aim == 0.0:
             # Displacement keeps driving the operator, since a push may come at any time.
+            if s.z != 0.0:
+                s.swing = 0.0
             s.z = approach(s.z, 0.0, s.step / p.lead_time)
             s.mode, s.ramp, s.rest_position = HELD, 0.0, s.position
         elif abs(aim - s.z) > 0.02 and (s.mode == FREE or aim != s.ramp):

@@ -99,6 +99,8 @@ class State:
     top: float
     way: float
     saved: float            # share of a reversal that the way has paid for
+    swing: float            # since it stood or the law changed z: way, rad, and least v²/x, rad/s²
+    least: float
     current: float          # given last, A, and its parts
     friction: float
     kinetic: float

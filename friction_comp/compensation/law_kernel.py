@@ -46,7 +46,7 @@ def settle(s: State, position: float) -> None:
     s.half_speed = s.speed = s.z = s.still_time = s.since = s.doubt = 0.0
     s.mode, s.displaced, s.slowed = FREE, 0, 0
     s.pace = s.slowest = s.usual = s.sliding = s.withheld = 0.0
-    s.heading = s.top = s.way = s.saved = 0.0
+    s.heading = s.top = s.way = s.saved = s.swing = 0.0
 
 
 @njit(cache=True)
