@@ -30,7 +30,7 @@ RULES = {
     'lead time': {PARAMETERS + 'LEAD_TIME': 1e-3},
     'savings': {PARAMETERS + 'SAVING': math.inf},
     'slowing down': {PARAMETERS + 'TURN_SHARE': 1e-9},
-    'turn told by the push': {OPERATOR + 'PUSHED': math.inf},
+    'turn told by the push': {'friction_comp.compensation.turns.PUSHED': math.inf},
     'known presliding': {PARAMETERS + 'KNOWN_COUNTS': math.inf},
     'start at breakaway friction': {PARAMETERS + 'START_DISTANCE': 1e-6},
     'withheld while speed changes': {PARAMETERS + 'LEAST_CHANGING': 1.0},
