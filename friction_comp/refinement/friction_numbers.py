@@ -127,7 +127,7 @@ def inertia_holds(model: FrictionModel) -> str:
 
 def formula_line(numbers: dict[str, Any], model: FrictionModel, unit: str) -> str:
     """Return the model as one line that a person can read, with its effects by name."""
-    symbol = 'torque' if unit == 'N·m' else 'current' if unit == 'A' else 'effort'
+    symbol = quantity_in(unit)
     parts = [f"{numbers['coulomb']:.4g}·tanh(v/{numbers['transition']:.2g})",
              f"{numbers['viscous']:+.4g}·v"]
     if numbers['offset']:
@@ -138,3 +138,14 @@ def formula_line(numbers: dict[str, Any], model: FrictionModel, unit: str) -> st
                            if effect.name not in ('inertia', 'hysteresis'))
     spaced = ' '.join(parts).replace(' +', ' + ').replace(' -', ' − ')
     return f'{symbol} = {" + ".join([spaced, *others])}   [{unit}, v in rad/s]'
+
+
+def quantity_in(unit: str) -> str:
+    """Return what an effort in a unit is called.
+
+    Examples
+    --------
+    >>> [quantity_in(unit) for unit in ('N·m', 'A', 'V')]
+    ['torque', 'current', 'effort']
+    """
+    return {'N·m': 'torque', 'A': 'current'}.get(unit, 'effort')

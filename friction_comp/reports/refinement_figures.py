@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 import numpy as np
 
 from friction_comp.model.effects.position_effects import highest_frequency, position_spectrum
+from friction_comp.refinement.friction_numbers import quantity_in
 from friction_comp.refinement.result import RefineResult
 from friction_comp.reports.figures import curve, new_figure, scatter, styled
 
@@ -48,8 +49,9 @@ def time_figure(result: RefineResult) -> Figure:
     for effect in model.effects:
         name = effect.name.replace('_', ' ')
         contributions[name] = contributions.get(name, 0.0) + effect.current(with_arm)[part]
-    figure, (above, below) = new_figure(rows=2, height=2.4, sharex=True, x='time (s)',
-                                        y=(f'current ({unit})', f'contributions ({unit})'))
+    figure, (above, below) = new_figure(
+        rows=2, height=2.4, sharex=True, x='time (s)',
+        y=(f'{quantity_in(unit)} ({unit})', f'contributions ({unit})'))
     for name, colour, values in (('measured', 'grey', measured),
                                  ('before', 'orange', measured - result.before[part]),
                                  ('after', 'blue', measured - result.after[part])):

@@ -15,6 +15,7 @@ from friction_comp.compensation.feed_forward import feed_forward
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sliding_friction import line_of
+from friction_comp.refinement.friction_numbers import quantity_in
 from friction_comp.refinement.judge import in_unit
 from friction_comp.refinement.result import FrictionNumbers, RefinementReport, RefineResult
 from friction_comp.refinement.thresholds import LEAST_SHARE
@@ -51,7 +52,8 @@ def refinement_report(result: RefineResult, names: list[str]) -> Report:
         (quantity(after.held_out_rmse, unit), 'error after, on data not fitted'),
         (quantity(after.elsewhere_motion_rmse, unit), 'error to expect in other movements'),
         (quantity(report.noise_floor, unit), 'noise from sample to sample'),
-        (f'{number(100 * max(after.held_out_r2, 0.0), 4)} %', 'of the current explained')])
+        (f'{number(100 * max(after.held_out_r2, 0.0), 4)} %',
+         f'of the {quantity_in(unit)} explained')])
     page.bullets(report.reasons, 'Why this verdict:')
     page.bullets(report.record_again, 'What to record:')
     page.text(rest)
