@@ -49,7 +49,31 @@ UR = ['timestamp', *(f'{name}_{k}' for name in ('actual_q', 'actual_qd', 'actual
     ('tau_h', 'effort', 'h', ''),
     # What looks like a signal and is none.
     ('position_error', '', '', ''), ('target_qdd_0', '', '', ''), ('Present Load', '', '', ''),
-    ('torque_limit', '', '', ''), ('actual_execution_time', '', '', '')])
+    ('torque_limit', '', '', ''), ('actual_execution_time', '', '', ''),
+    # The unit tells the quantity where no word does.
+    ('encoder_rad', 'position', '', 'rad'), ('Joint 2 (deg)', 'position', 'Joint 2', 'deg'),
+    ('motor_rpm', 'velocity', '', 'rpm'), ('M1 [Nm]', 'effort', 'M1', 'Nm'),
+    ('ms_today', 'time', '', 'ms'), ('micros', 'time', '', 'micros'),
+    ('cmd_deg', 'reference_position', '', 'deg'),
+    ('command [rad]', 'reference_position', '', 'rad'),
+    # It may stand anywhere, in any spelling.
+    ('pos_deg_1', 'position', '1', 'deg'), ('tau_Nm_3', 'effort', '3', 'Nm'),
+    ('TORQUE_NM', 'effort', '', 'Nm'), ('current_mA_2', 'current', '2', 'mA'),
+    ('i_mA', 'current', '', 'mA'), ('vel_deg_s', 'velocity', '', 'deg/s'),
+    ('velocity_rad_per_s', 'velocity', '', 'rad/s'), ('tau_N_m', 'effort', '', 'N·m'),
+    ('angle in deg', 'position', '', 'deg'), ('timeMs', 'time', '', 'ms'),
+    ('Torque [%]', 'effort', '', '%'), ('Position [ticks]', 'position', '', 'ticks'),
+    # What is in brackets may be something else.
+    ('Position (actual)', 'position', '', ''), ('position[elbow]', 'position', 'elbow', ''),
+    # Words that nothing separates; a time since something; estimates.
+    ('qdes', 'reference_position', '', ''), ('actpos_2', 'position', '2', ''),
+    ('tauact', 'effort', '', ''), ('time_since_start', 'time', '', ''),
+    ('header.stamp.sec', 'time', '', ''), ('pos_estimate', 'position', '', ''),
+    ('id_1_present_position', 'position', 'id_1', ''), ('eff_2', 'effort', '2', ''),
+    # No unit, and no signal.
+    ('theta_in', 'position', 'in', ''), ('q_m', 'position', 'm', ''), ('phase_A', '', '', ''),
+    ('error_deg', '', '', ''), ('latency_ms', '', '', ''), ('id [A]', '', '', ''),
+    ('us_1', '', '', ''), ('test', '', '', ''), ('bus_current', '', '', '')])
 def test_a_name_tells_signal_joint_and_unit(name, signal, joint, unit):
     reading = read_name(name)
     assert (reading.signal, reading.joint, reading.unit) == (signal, joint, unit)

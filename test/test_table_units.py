@@ -10,42 +10,11 @@ from table_maker import swing, write
 
 from friction_comp import InputError, Layout, read_recording
 from friction_comp.__main__ import main
-from friction_comp.column_names import read_name
 from friction_comp.columns import assign
 from friction_comp.recordings import read_recording_with_info
 from friction_comp.recordings.told_units import angle_fault, unit_of_weight
 
 TURN = 2.0 * math.pi
-
-
-@pytest.mark.parametrize(('name', 'signal', 'joint', 'unit'), [
-    # The unit tells the quantity where no word does.
-    ('encoder_rad', 'position', '', 'rad'), ('Joint 2 (deg)', 'position', 'Joint 2', 'deg'),
-    ('motor_rpm', 'velocity', '', 'rpm'), ('M1 [Nm]', 'effort', 'M1', 'Nm'),
-    ('ms_today', 'time', '', 'ms'), ('micros', 'time', '', 'micros'),
-    ('cmd_deg', 'reference_position', '', 'deg'),
-    ('command [rad]', 'reference_position', '', 'rad'),
-    # It may stand anywhere, in any spelling.
-    ('pos_deg_1', 'position', '1', 'deg'), ('tau_Nm_3', 'effort', '3', 'Nm'),
-    ('TORQUE_NM', 'effort', '', 'Nm'), ('current_mA_2', 'current', '2', 'mA'),
-    ('i_mA', 'current', '', 'mA'), ('vel_deg_s', 'velocity', '', 'deg/s'),
-    ('velocity_rad_per_s', 'velocity', '', 'rad/s'), ('tau_N_m', 'effort', '', 'N·m'),
-    ('angle in deg', 'position', '', 'deg'), ('timeMs', 'time', '', 'ms'),
-    ('Torque [%]', 'effort', '', '%'), ('Position [ticks]', 'position', '', 'ticks'),
-    # What is in brackets may be something else.
-    ('Position (actual)', 'position', '', ''), ('position[elbow]', 'position', 'elbow', ''),
-    # Words that nothing separates; a time since something; estimates.
-    ('qdes', 'reference_position', '', ''), ('actpos_2', 'position', '2', ''),
-    ('tauact', 'effort', '', ''), ('time_since_start', 'time', '', ''),
-    ('header.stamp.sec', 'time', '', ''), ('pos_estimate', 'position', '', ''),
-    ('id_1_present_position', 'position', 'id_1', ''), ('eff_2', 'effort', '2', ''),
-    # No unit, and no signal.
-    ('theta_in', 'position', 'in', ''), ('q_m', 'position', 'm', ''), ('phase_A', '', '', ''),
-    ('error_deg', '', '', ''), ('latency_ms', '', '', ''), ('id [A]', '', '', ''),
-    ('us_1', '', '', ''), ('test', '', '', ''), ('bus_current', '', '', '')])
-def test_a_name_tells_its_unit_and_the_unit_its_quantity(name, signal, joint, unit):
-    reading = read_name(name)
-    assert (reading.signal, reading.joint, reading.unit) == (signal, joint, unit)
 
 
 @pytest.mark.parametrize('head', ['Time,Angle,Speed,M\n[ms],[deg],[deg/s],[Nm]\n',
