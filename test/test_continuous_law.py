@@ -10,8 +10,8 @@ from hypothesis import given, settings, strategies as st
 import numpy as np
 import pytest
 
-from friction_comp.compensation.friction_operator import END_MARGIN
 from friction_comp.compensation.law import CompensationLaw, law_parameters
+from friction_comp.compensation.law_kernel import END_MARGIN
 from friction_comp.compensation.law_parameters import LONGER, START_TIME
 from friction_comp.model.effects.history_effects import Hysteresis
 from friction_comp.model.friction_model import Presliding

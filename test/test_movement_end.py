@@ -9,8 +9,8 @@ from helpers import note_model
 import numpy as np
 import pytest
 
-from friction_comp.compensation.friction_operator import END_MARGIN
 from friction_comp.compensation.law import CompensationLaw
+from friction_comp.compensation.law_kernel import END_MARGIN
 from friction_comp.simulation.joint import Plant
 from simulated_recordings.small_model import LEVEL, small_model
 

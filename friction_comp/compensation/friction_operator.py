@@ -1,15 +1,15 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The continuous law: friction knows distances, not times, and so does what is fed forward.
+"""The continuous law's operator: friction knows distances, not times, and so does help.
 
-``i = A(|ω|)·z``, where z in -1..1 is driven by displacement: an elastic-plastic element of distance
-R behind a small backlash. Where A does not exceed the gear's friction and R is at least its
-presliding distance, the law supplies over any path at most the energy that the gear dissipates,
-plus a bounded amount (proof in docs/compensation_law.md). What A leaves to the gear on a long way
-pays for z to go ahead of displacement at the next turn. At rest z is led to the announced direction
-(the preload), and one observation bounds the model's error: whether the joint holds it. What it has
-shown to hold is kept in one number, the trust in its drive. A slip lowers it, a movement by a
-person restores some of it.
+Its state z in -1..1 is the share of help and its direction. It is driven by displacement: an
+elastic-plastic element of distance R behind a small backlash. A current ``A·z``, where A does not
+exceed the gear's friction and R is at least its presliding distance, supplies over any path at most
+the energy that the gear dissipates, plus a bounded amount (proof in docs/compensation_law.md). What
+A leaves to the gear on a long way pays for z to go ahead of displacement at the next turn. At rest
+z is led to the announced direction (the preload), and one observation bounds the model's error:
+whether the joint holds it. What it has shown to hold is kept in one number, the trust in its drive.
+A slip lowers it, a movement by a person restores some of it.
 """
 
 from __future__ import annotations
@@ -18,29 +18,38 @@ import math
 
 from numba import njit
 
-from friction_comp.compensation.law_fields import DESIRED, FREE, HELD, LEADING, Parameters, State
-from friction_comp.compensation.turns import slow_down, turn_round
+from friction_comp.compensation.law_fields import FREE, HELD, LEADING, Parameters, State
 
-TAKEN_TIME = 0.1
-"""s in which trust falls from one to zero above the identified speeds."""
 PATIENCE = 0.3
 """s that a changed announcement must last at a joint that has not moved."""
-PACE_TIME, CHANGE_SHARE, CHANGE_SPEED = 0.05, 0.02, 0.003
-"""s over which the speed is averaged; relative change and absolute change in rad/s at which the
-largest share is withheld."""
-END_MARGIN, END_TIME = 0.03, 0.3
-"""rad, 1.7 deg, beyond the announced end of a movement, where nothing pushes outwards any more; and
-s before that place from which on help is given back. A person's arm and a trajectory controller
-come to rest within a degree or two of the goal; a smaller margin makes the arm heavier just there.
-Who brakes evenly for twice the time, or longer, keeps all help. A shorter one gives a joint that
-runs by itself no room to stop: with 0.25 s, 2 of 768 go farther than 5 deg.
-"""
+PUSHED = 2.0
+"""Factor by which v²/x must have risen from its least where somebody pushes the joint."""
+AGAIN = 1.5
+"""Multiple of the speed below which help is given back, above which a joint has not turned."""
 
 
 @njit(cache=True)
 def approach(value: float, target: float, most: float) -> float:
     """Return `value` moved towards `target` by at most `most`."""
     return value + min(most, max(-most, target - value))
+
+
+@njit(cache=True)
+def announced(p: Parameters, s: State, direction: float) -> float:
+    """Return the direction to act on.
+
+    Each announcement stores a bounded energy. It is spent by moving: the next one counts at once.
+    At a joint that has not moved since, it counts when it has lasted.
+    """
+    if s.aim * (s.position - s.aim_position) > p.moved_distance:
+        s.aim_position = -s.aim * math.inf
+    if direction != s.direction:
+        s.direction, s.lasted = direction, 0.0
+    s.lasted += s.step
+    moved = abs(s.position - s.aim_position) > p.moved_distance
+    if direction != s.aim and (moved or s.aim == 0.0 or s.lasted > PATIENCE):
+        s.aim, s.aim_position = direction, s.position
+    return s.aim
 
 
 @njit(cache=True)
@@ -141,188 +150,79 @@ def lead(p: Parameters, s: State, aim: float) -> None:
 
 
 @njit(cache=True)
-def amplitude(p: Parameters, s: State, positive: bool, speed: float, more: float
-              ) -> tuple[float, float]:
-    """Return A in A: the share of friction that is fed forward in one direction of sliding.
-
-    Parameters
-    ----------
-    positive : bool
-    speed : float
-        rad/s, not negative.
-    more : float
-        What effects add to sliding friction here, A.
-
-    Returns
-    -------
-    amplitude, start : float
-        A, and how far the joint is still starting, 1..0.
-    """
-    if positive:
-        plateau, mean = p.upper, p.break_positive
-    else:
-        plateau, mean = -p.lower, p.break_negative
-    settled = math.tanh(0.5 * p.steepness * speed)
-    # Refined effects may only sharpen the transition of Eq. 6: while it rises, their sum counts.
-    sliding = max(0.0, min(plateau + more, max(plateau, plateau * settled + more)))
-    near = p.slow_share * max(0.0, min(sliding, mean))
-    # Until the joint has left its position of rest, breakaway friction holds it.
-    moved = abs(s.position - s.rest_position)
-    start = max(0.0, min(1.0, 2.0 - moved / p.start_distance))
-    within = 0.0
-    if s.mode != LEADING:
-        within = max(0.0, min(1.0, 2.0 - moved / p.distance))
-    near += start * max(0.0, p.gain * mean - near)
-    # Speed within presliding is not sliding: A would follow a vibration, some samples late. (While
-    # z is led A does follow speed: it falls where the joint slips, before the slip is detected.)
-    rises = settled * min(1.0, speed / p.slow) * (1.0 - within)
-    level = near + (p.share * (sliding + p.viscous * speed) - near) * rises
-    return level, start
+def spend(s: State, target: float) -> None:
+    """Move z towards a target beyond what displacement does, as far as the way has paid for it."""
+    change = min(2.0 * s.saved, max(-2.0 * s.saved, target - s.z))
+    s.z += change
+    if change != 0.0:
+        s.swing = 0.0
+    s.saved -= 0.5 * abs(change)
 
 
 @njit(cache=True)
-def faded(p: Parameters, s: State, speed: float) -> float:
-    """Return the share of current left above the identified speeds, and lower the trust there.
+def pushed(p: Parameters, s: State) -> bool:
+    """Return whether somebody pushes the joint, which has broken friction.
 
-    A joint that fast is driven by more current than friction dissipates, or by a person in a hurry:
-    its drive is trusted less, until later movements have restored it.
+    A gear that springs back drives the joint ever less, so that v²/x falls, x since it stood. What
+    the law itself changes beyond displacement drives the joint, too: x begins again there.
     """
-    over = (speed - p.fade_from) / (p.fade_to - p.fade_from)
-    if over > 0.0:
-        s.overspeed += s.step
-        s.trust = max(p.least_trust, s.trust - s.step / TAKEN_TIME)
-    return 1.0 - min(1.0, max(0.0, over))
+    if s.speed * s.swing <= 0.0:
+        s.swing, s.least = 0.0, math.inf
+    s.swing += s.speed * s.step
+    if abs(s.swing) <= p.still_distance:
+        return False
+    gain = s.speed * s.speed / abs(s.swing)
+    s.least = min(s.least, gain)
+    return gain > PUSHED * s.least and abs(s.speed) > p.lead_speed
 
 
 @njit(cache=True)
-def while_steady(p: Parameters, s: State, speed: float) -> float:
-    """Return the share of current left to a joint whose speed changes.
+def turn_round(p: Parameters, s: State) -> None:
+    """Note where a way ends: where the joint is R behind its farthest point, is pushed, or rests.
 
-    Every movement starts with acceleration. After the start, a joint that becomes faster than it
-    has been since then gains energy: from a person, where friction is below its mean, or because
-    the model is too large. The law does not add to that. Nor does it sustain a joint that slows
-    down, because that joint is meant to stop.
+    A joint that stops springs back, and may go on: neither is a turn. Half of R is enough where
+    presliding is known and help was given back before: less is left to spring back. Where it is
+    unknown, and may be longer than R, a turn is where somebody pushes the joint back, or two R
+    behind.
     """
-    s.pace += (s.speed - s.pace) * min(1.0, s.step / PACE_TIME)
-    pace = abs(s.pace)
-    # A movement begins with motion and ends with rest: neither creep nor a short stop is either.
-    if s.mode != FREE or s.z * s.pace <= 0.0:
-        s.sliding = 0.0
-    elif s.sliding > 0.0 or speed > p.lead_speed:
-        s.sliding += s.step
-    s.slowest = min(s.slowest, pace) if s.sliding > p.start_time else pace
-    weight = min(1.0, s.step / p.start_time) if s.sliding > 0.0 else 1.0
-    s.usual += (pace - s.usual) * weight
-    changed = max((pace - s.slowest) / (CHANGE_SHARE * s.slowest + CHANGE_SPEED),
-                  (s.usual - pace) / (CHANGE_SHARE * s.usual + CHANGE_SPEED))
-    # Slowly: otherwise the law would respond to a trembling hand at its own frequency.
-    most = 1.0 - p.least_changing
-    s.withheld = approach(s.withheld, most * min(1.0, changed), most * s.step / p.start_time)
-    return 1.0 - s.withheld
+    if s.mode == LEADING or s.still_time > 2.0 * p.rest_time:
+        s.heading, s.farthest = 0.0, s.position
+    beyond = s.position - s.farthest
+    enough = p.turn_distance if s.slowed == 1 else max(p.distance, p.turn_distance)
+    push = p.turn_distance > p.distance and pushed(p, s) and beyond * s.speed > 0.0
+    turned = push or abs(beyond) > enough
+    if beyond * s.heading > 0.0:
+        s.farthest = s.position
+    elif s.heading == 0.0 or turned:
+        # A way without help is a movement by a person, as one from rest is.
+        if s.way > p.moved_distance:
+            s.displaced, s.trusted = 0, s.trust
+        s.top = s.way = 0.0
+        s.slowed = 0
+        if turned:
+            s.heading, s.farthest = math.copysign(1.0, beyond), s.position
 
 
 @njit(cache=True)
-def announced(p: Parameters, s: State, direction: float) -> float:
-    """Return the direction to act on.
+def slow_down(p: Parameters, s: State, aim: float) -> None:
+    """Give help back while the joint slows down below a share of this way's top speed.
 
-    Each announcement stores a bounded energy. It is spent by moving: the next one counts at once.
-    At a joint that has not moved since, it counts when it has lasted.
+    The hand then breaks friction alone at the turn, not what still helps in the old direction, too.
+    Where the other direction is announced, z goes there before the joint does. Once a way: a joint
+    that speeds up again was not about to turn, and would stop and go on again for ever.
     """
-    if s.aim * (s.position - s.aim_position) > p.moved_distance:
-        s.aim_position = -s.aim * math.inf
-    if direction != s.direction:
-        s.direction, s.lasted = direction, 0.0
-    s.lasted += s.step
-    moved = abs(s.position - s.aim_position) > p.moved_distance
-    if direction != s.aim and (moved or s.aim == 0.0 or s.lasted > PATIENCE):
-        s.aim, s.aim_position = direction, s.position
-    return s.aim
-
-
-@njit(cache=True)
-def bound_of(p: Parameters, forward: float, backward: float, carried: float) -> float:
-    """Return the limit of the current in A: the drive's, and near friction by the model.
-
-    What effects carry is beside friction, so that the bound takes nothing from it.
-    """
-    sliding = max(p.upper, -p.lower) + max(0.0, p.viscous) * p.fade_from
-    friction = max(sliding + max(0.0, forward, -backward), p.break_positive, p.break_negative)
-    return min(p.limit, p.bound * friction + abs(carried))
-
-
-@njit(cache=True)
-def in_doubt(p: Parameters, s: State) -> bool:
-    """Return whether samples have been implausible for so long that the current is zero."""
-    return s.doubt > p.bad_time
-
-
-@njit(cache=True)
-def soft_end(p: Parameters, s: State, current: float) -> float:
-    """Return the current in A, reduced where it pushes out of the announced movement or the limits.
-
-    Outside, the joint moves outwards with its bare friction, and inwards with help.
-    """
-    if current * s.outward > 0.0 and not math.isnan(s.end):
-        room = END_MARGIN - s.outward * (s.position - s.end)
-        current *= min(1.0, max(0.0, room / max(END_MARGIN, END_TIME * abs(s.speed))))
-    if p.soft_end > 0.0:
-        room = p.highest - s.position if current > 0.0 else s.position - p.lowest
-        current *= min(1.0, max(0.0, room / p.soft_end))
-    return current
-
-
-@njit(cache=True)
-def continuous_current(p: Parameters, s: State, direction: float, forward: float, backward: float,
-                       carried: float) -> float:
-    """Return the current of the continuous law in A.
-
-    Parameters
-    ----------
-    p, s : records of PARAMETERS and STATE
-    direction : float
-        -1, 0 or 1.
-    forward, backward : float
-        Signed contribution of friction effects in each direction of sliding, A.
-    carried : float
-        Current of the other effects, A: added outside the operator.
-    """
-    limit = bound_of(p, forward, backward, carried)
-    if s.step == 0.0:
-        return min(limit, max(-limit, s.current))
-    s.bump = 0.0
-    heard = announced(p, s, direction)
-    turn = 0.0
-    desired = p.law == DESIRED
-    if desired:
-        # Friction of the reference's motion: what the joint does is its controller's affair.
-        s.z, s.trust = direction, 1.0
-    elif s.doubt == 0.0:
-        aim = heard if p.gain > 0.0 else 0.0
-        # A movement in its direction spends an announcement, so a joint cannot swing on it.
-        turn = aim if math.isfinite(s.aim_position) else 0.0
-        follow(p, s)
-        lead(p, s, aim)
-        turn_round(p, s)
-        slow_down(p, s, turn)
-    speed = abs(s.speed)
-    positive = s.z > 0.0
-    level, start = amplitude(p, s, positive, speed, forward if positive else -backward)
-    share = (1.0 if desired else while_steady(p, s, speed)) * faded(p, s, speed)
-    # Before the turn z against this way is a gear that springs back, not a push: one that yields
-    # farther than R would swing for ever.
-    if not desired and s.z * s.heading < 0.0 and s.z * turn <= 0.0:
-        share = 0.0
-    friction = s.trust * share * level * s.z
-    if in_doubt(p, s):
-        s.friction = wanted = 0.0
-    elif s.doubt > 0.0:
-        wanted = s.current
-    else:
-        s.friction = soft_end(p, s, friction)
-        wanted = s.friction + carried
-    wanted = min(limit, max(-limit, wanted))
-    current = approach(s.current, wanted, p.slope * s.step)
-    friction = current - carried
-    s.breakaway = start * friction
-    s.kinetic = friction - s.breakaway
-    return current
+    speed = max(0.0, s.speed * s.heading)
+    s.top = max(s.top, speed)
+    left = (speed + p.lead_speed) / (p.turn_share * s.top + 1e-9)
+    s.slowing = 0
+    if s.mode != FREE or s.heading == 0.0:
+        return
+    if s.slowed == 1 and left > AGAIN:
+        s.slowed = 2
+    if left < 1.0 and s.slowed < 2:
+        s.slowing = 1
+        if s.heading * s.z > left:
+            s.slowed = 1
+        if aim * s.heading < 0.0:
+            left = 2.0 * left - 1.0
+        spend(s, s.heading * min(left, s.heading * s.z))

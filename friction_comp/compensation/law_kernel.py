@@ -1,8 +1,10 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""All compensation laws for one joint and one sample, compiled.
+"""The compensation laws for one joint and one sample, compiled, from its position to its current.
 
-`CompensationLaw` calls these functions for the motor, and `reproduce` for thousands of runs.
+The continuous law's current is ``A(|ω|)·z``, the amplitude times the state of the operator
+(`friction_operator`), plus what other effects carry, within limits. `CompensationLaw` calls these
+functions for the motor, and `reproduce` for thousands of runs.
 """
 
 from __future__ import annotations
@@ -12,20 +14,47 @@ import math
 from numba import njit
 import numpy as np
 
-from friction_comp.compensation.friction_operator import continuous_current, END_MARGIN
-from friction_comp.compensation.law_fields import CONTINUOUS, FREE, KINETIC, NONE, Parameters, State
-from friction_comp.low_pass import low_pass_weight
+from friction_comp.compensation.friction_operator import (
+    announced,
+    approach,
+    follow,
+    lead,
+    slow_down,
+    turn_round,
+)
+from friction_comp.compensation.law_fields import (
+    CONTINUOUS,
+    DESIRED,
+    FREE,
+    KINETIC,
+    LEADING,
+    NONE,
+    Parameters,
+    State,
+)
 from friction_comp.model.sigmoid import compiled_kinetic_current
 
-BUMP_TIME = 0.05
-"""s; time constant with which an exchanged model or law takes effect under one without slope limit.
-"""
 LONGEST_STEP = 0.1
 """s; after a longer pause, or a clock that was set, the operator is reset."""
 AGREEING = 5
 """Consecutive samples that must agree before an implausible position is accepted."""
 FILTER_TIME = 0.004
 """s of each of the two filters that the law's speed goes through."""
+TAKEN_TIME = 0.1
+"""s in which trust falls from one to zero above the identified speeds."""
+PACE_TIME, CHANGE_SHARE, CHANGE_SPEED = 0.05, 0.02, 0.003
+"""s over which the speed is averaged; relative change and absolute change in rad/s at which the
+largest share is withheld."""
+END_MARGIN, END_TIME = 0.03, 0.3
+"""rad, 1.7 deg, beyond the announced end of a movement, where nothing pushes outwards any more; and
+s before that place from which on help is given back. A person's arm and a trajectory controller
+come to rest within a degree or two of the goal; a smaller margin makes the arm heavier just there.
+Who brakes evenly for twice the time, or longer, keeps all help. A shorter one gives a joint that
+runs by itself no room to stop: with 0.25 s, 2 of 768 go farther than 5 deg.
+"""
+BUMP_TIME = 0.05
+"""s; time constant with which an exchanged model or law takes effect under one without slope limit.
+"""
 
 
 @njit(cache=True)
@@ -110,35 +139,191 @@ def observe(p: Parameters, s: State, time: float, position: float, velocity: flo
     s.doubt = 0.0
     s.position = position
     # Filtered twice, so that a single encoder count causes neither a step nor a kink.
-    weight = low_pass_weight(step, FILTER_TIME)
+    weight = 1.0 - math.exp(-step / FILTER_TIME)
     s.half_speed += (travel / step - s.half_speed) * weight
     s.speed += (s.half_speed - s.speed) * weight
     return True
 
 
 @njit(cache=True)
-def printed_current(p: Parameters, speed: float) -> float:
-    """Return the kinetic term of the printed law in A.
+def amplitude(p: Parameters, s: State, positive: bool, speed: float, more: float
+              ) -> tuple[float, float]:
+    """Return A in A: the share of friction that is fed forward in one direction of sliding.
 
-    Eq. 6, but only in motion: the look-up table has no points around standstill, so that the value
-    of the fit there, up to half of the breakaway current, is arbitrary.
+    Parameters
+    ----------
+    positive : bool
+    speed : float
+        rad/s, not negative.
+    more : float
+        What effects add to sliding friction here, A.
+
+    Returns
+    -------
+    amplitude, start : float
+        A, and how far the joint is still starting, 1..0.
     """
-    if speed == 0.0:
-        return 0.0
-    return compiled_kinetic_current(
-        speed, p.upper, p.lower, p.steepness, p.shift, p.viscous)
+    if positive:
+        plateau, mean = p.upper, p.break_positive
+    else:
+        plateau, mean = -p.lower, p.break_negative
+    settled = math.tanh(0.5 * p.steepness * speed)
+    # Refined effects may only sharpen the transition of Eq. 6: while it rises, their sum counts.
+    sliding = max(0.0, min(plateau + more, max(plateau, plateau * settled + more)))
+    near = p.slow_share * max(0.0, min(sliding, mean))
+    # Until the joint has left its position of rest, breakaway friction holds it.
+    moved = abs(s.position - s.rest_position)
+    start = max(0.0, min(1.0, 2.0 - moved / p.start_distance))
+    within = 0.0
+    if s.mode != LEADING:
+        within = max(0.0, min(1.0, 2.0 - moved / p.distance))
+    near += start * max(0.0, p.gain * mean - near)
+    # Speed within presliding is not sliding: A would follow a vibration, some samples late. (While
+    # z is led A does follow speed: it falls where the joint slips, before the slip is detected.)
+    rises = settled * min(1.0, speed / p.slow) * (1.0 - within)
+    level = near + (p.share * (sliding + p.viscous * speed) - near) * rises
+    return level, start
+
+
+@njit(cache=True)
+def faded(p: Parameters, s: State, speed: float) -> float:
+    """Return the share of current left above the identified speeds, and lower the trust there.
+
+    A joint that fast is driven by more current than friction dissipates, or by a person in a hurry:
+    its drive is trusted less, until later movements have restored it.
+    """
+    over = (speed - p.fade_from) / (p.fade_to - p.fade_from)
+    if over > 0.0:
+        s.overspeed += s.step
+        s.trust = max(p.least_trust, s.trust - s.step / TAKEN_TIME)
+    return 1.0 - min(1.0, max(0.0, over))
+
+
+@njit(cache=True)
+def while_steady(p: Parameters, s: State, speed: float) -> float:
+    """Return the share of current left to a joint whose speed changes.
+
+    Every movement starts with acceleration. After the start, a joint that becomes faster than it
+    has been since then gains energy: from a person, where friction is below its mean, or because
+    the model is too large. The law does not add to that. Nor does it sustain a joint that slows
+    down, because that joint is meant to stop.
+    """
+    s.pace += (s.speed - s.pace) * min(1.0, s.step / PACE_TIME)
+    pace = abs(s.pace)
+    # A movement begins with motion and ends with rest: neither creep nor a short stop is either.
+    if s.mode != FREE or s.z * s.pace <= 0.0:
+        s.sliding = 0.0
+    elif s.sliding > 0.0 or speed > p.lead_speed:
+        s.sliding += s.step
+    s.slowest = min(s.slowest, pace) if s.sliding > p.start_time else pace
+    weight = min(1.0, s.step / p.start_time) if s.sliding > 0.0 else 1.0
+    s.usual += (pace - s.usual) * weight
+    changed = max((pace - s.slowest) / (CHANGE_SHARE * s.slowest + CHANGE_SPEED),
+                  (s.usual - pace) / (CHANGE_SHARE * s.usual + CHANGE_SPEED))
+    # Slowly: otherwise the law would respond to a trembling hand at its own frequency.
+    most = 1.0 - p.least_changing
+    s.withheld = approach(s.withheld, most * min(1.0, changed), most * s.step / p.start_time)
+    return 1.0 - s.withheld
+
+
+@njit(cache=True)
+def bound_of(p: Parameters, forward: float, backward: float, carried: float) -> float:
+    """Return the limit of the current in A: the drive's, and near friction by the model.
+
+    What effects carry is beside friction, so that the bound takes nothing from it.
+    """
+    sliding = max(p.upper, -p.lower) + max(0.0, p.viscous) * p.fade_from
+    friction = max(sliding + max(0.0, forward, -backward), p.break_positive, p.break_negative)
+    return min(p.limit, p.bound * friction + abs(carried))
+
+
+@njit(cache=True)
+def soft_end(p: Parameters, s: State, current: float) -> float:
+    """Return the current in A, reduced where it pushes out of the announced movement or the limits.
+
+    Outside, the joint moves outwards with its bare friction, and inwards with help.
+    """
+    if current * s.outward > 0.0 and not math.isnan(s.end):
+        room = END_MARGIN - s.outward * (s.position - s.end)
+        current *= min(1.0, max(0.0, room / max(END_MARGIN, END_TIME * abs(s.speed))))
+    if p.soft_end > 0.0:
+        room = p.highest - s.position if current > 0.0 else s.position - p.lowest
+        current *= min(1.0, max(0.0, room / p.soft_end))
+    return current
+
+
+@njit(cache=True)
+def continuous_current(p: Parameters, s: State, direction: float, forward: float, backward: float,
+                       carried: float) -> float:
+    """Return the current of the continuous law in A.
+
+    Parameters
+    ----------
+    p, s : records of PARAMETERS and STATE
+    direction : float
+        -1, 0 or 1.
+    forward, backward : float
+        Signed contribution of friction effects in each direction of sliding, A.
+    carried : float
+        Current of the other effects, A: added outside the operator.
+    """
+    limit = bound_of(p, forward, backward, carried)
+    if s.step == 0.0:
+        return min(limit, max(-limit, s.current))
+    s.bump = 0.0
+    heard = announced(p, s, direction)
+    turn = 0.0
+    desired = p.law == DESIRED
+    if desired:
+        # Friction of the reference's motion: what the joint does is its controller's affair.
+        s.z, s.trust = direction, 1.0
+    elif s.doubt == 0.0:
+        aim = heard if p.gain > 0.0 else 0.0
+        # A movement in its direction spends an announcement, so a joint cannot swing on it.
+        turn = aim if math.isfinite(s.aim_position) else 0.0
+        follow(p, s)
+        lead(p, s, aim)
+        turn_round(p, s)
+        slow_down(p, s, turn)
+    speed = abs(s.speed)
+    positive = s.z > 0.0
+    level, start = amplitude(p, s, positive, speed, forward if positive else -backward)
+    share = (1.0 if desired else while_steady(p, s, speed)) * faded(p, s, speed)
+    # Before the turn z against this way is a gear that springs back, not a push: one that yields
+    # farther than R would swing for ever.
+    if not desired and s.z * s.heading < 0.0 and s.z * turn <= 0.0:
+        share = 0.0
+    friction = s.trust * share * level * s.z
+    if s.doubt > p.bad_time:
+        s.friction = wanted = 0.0
+    elif s.doubt > 0.0:
+        wanted = s.current
+    else:
+        s.friction = soft_end(p, s, friction)
+        wanted = s.friction + carried
+    wanted = min(limit, max(-limit, wanted))
+    current = approach(s.current, wanted, p.slope * s.step)
+    friction = current - carried
+    s.breakaway = start * friction
+    s.kinetic = friction - s.breakaway
+    return current
 
 
 @njit(cache=True)
 def paper_current(p: Parameters, s: State, direction: float) -> float:
-    """Return the current of section 2.5 as printed; `kinetic` is the same with direction 0."""
-    s.kinetic = printed_current(p, s.speed)
-    s.breakaway = 0.0
-    if s.speed == 0.0:
-        if direction > 0.0:
-            s.breakaway = p.gain * p.break_positive
-        elif direction < 0.0:
-            s.breakaway = -p.gain * p.break_negative
+    """Return the current of section 2.5 as printed; `kinetic` is the same with direction 0.
+
+    Eq. 6 counts only in motion: the look-up table has no points around standstill, so that the
+    value of the fit there, up to half of the breakaway current, is arbitrary.
+    """
+    s.kinetic = s.breakaway = 0.0
+    if s.speed != 0.0:
+        s.kinetic = compiled_kinetic_current(
+            s.speed, p.upper, p.lower, p.steepness, p.shift, p.viscous)
+    elif direction > 0.0:
+        s.breakaway = p.gain * p.break_positive
+    elif direction < 0.0:
+        s.breakaway = -p.gain * p.break_negative
     return s.kinetic + s.breakaway
 
 

@@ -152,7 +152,7 @@ class ConfiguredCompensator:
                                       nanoseconds(message.header.stamp), self._now())
 
     def _on_joint_states(self, message: Any, info: dict[str, Any]) -> None:
-        self._rate.tick()
+        self._rate.count += 1
         if not self.active:
             return
         now = self._now()

@@ -196,7 +196,7 @@ class IdentificationNode(Node):
     # Topics.
 
     def _on_joint_states(self, message: Any, info: Any) -> None:
-        self._rate.tick()
+        self._rate.count += 1
         now = self.get_clock().now().nanoseconds
         simulated = self.get_clock().ros_time_is_active
         if self._goal is not None and not self._port.ready:

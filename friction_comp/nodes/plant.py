@@ -216,7 +216,7 @@ class PlantNode(Node):
             active = np.isfinite(position) & np.isfinite(velocity)
         self._plant.step(self._command, position, velocity, active)
         self._samples += 1
-        self._rate.tick()
+        self._rate.count += 1
 
     def _publish(self) -> None:
         """Publish the sensor values: joint states last, since a command answers them."""

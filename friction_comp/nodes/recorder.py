@@ -77,7 +77,7 @@ class RecorderNode(Node):
             # Its publishers are known now.
             self._writer.add_topic(source.name, kind, source.offered())
         self._counts[topic] += 1
-        self._rate.tick()
+        self._rate.count += 1
         with self._note_failure():
             # With the resolved name, so that namespaces and remappings are kept in playback.
             self._writer.write(source.name, kind, stamp, cdr)

@@ -142,7 +142,7 @@ class RefinementNode(Node):
         cdr = bytes(cdr)
         self._past.add(Message(stamp, self._topics[topic].name, RECORDED[topic], cdr))
         if topic == STATES:
-            self._rate.tick()
+            self._rate.count += 1
             self._signals.add_state(stamp, cdr)
         elif topic in ('interaction_wrench', 'motor_temperature'):
             self._signals.add_message(topic, stamp, cdr)

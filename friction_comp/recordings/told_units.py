@@ -59,8 +59,9 @@ def _distance(position: np.ndarray, turn: float) -> float:
     if bits not in _BITS or abs(step * 2.0 ** bits / turn - 1.0) > 0.02:
         return 0.5
     steps = (position - position[0]) * 2.0 ** bits / turn
-    return float(np.sqrt(np.mean((steps - np.round(steps)) ** 2))) \
-        if np.ptp(steps) > _FEWEST_STEPS else 0.5
+    if np.ptp(steps) <= _FEWEST_STEPS:
+        return 0.5
+    return float(np.sqrt(np.mean((steps - np.round(steps)) ** 2)))
 
 
 def unit_of_weight(time: np.ndarray, position: np.ndarray, effort: np.ndarray) -> str:

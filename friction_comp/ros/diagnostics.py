@@ -51,18 +51,14 @@ def per_joint(joints: Sequence[str], key: str, values: Iterable[float]) -> dict[
 
 
 class Rate:
-    """Counts events and returns their rate in Hz since the last call."""
+    """The rate of events, of which `count` is the number so far."""
 
     def __init__(self) -> None:
         self.count = 0
         self._last_call = (time.monotonic(), 0)
 
-    def tick(self) -> None:
-        """Count one."""
-        self.count += 1
-
     def per_second(self) -> float:
-        """Return the rate."""
+        """Return the rate in Hz since the last call."""
         now = time.monotonic()
         before, count = self._last_call
         self._last_call = (now, self.count)
