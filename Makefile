@@ -24,6 +24,9 @@ fetch = { $(BIN)/uv pip install -q --python $(BIN)/python $(1) || $(PIP) install
 SOURCES := $(shell find friction_comp friction_comp_interfaces build_tools resource launch config sros2 \
 	msg_docs -type f -not -path '*/__pycache__/*' 2>/dev/null) \
 	setup.py setup.cfg pyproject.toml package.xml
+# Folders with compiled functions, which also hold the constants that these import.
+COMPILED := $(foreach folder,$(sort $(dir $(shell grep -rl --include='*.py' 'njit.cache' friction_comp \
+	bench harness))),$(wildcard $(folder)*.py))
 
 # The whole loop stays on this machine, and so do its logs.
 ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
@@ -111,12 +114,16 @@ else
 endif
 	@touch $@
 
-$(VENV)/installed: $(VENV)/requirements $(SOURCES)
+# Compiled functions are cached beside the module, and the cache does not see that a function they
+# call in another module has changed.
+$(VENV)/compiled: $(MADE) $(COMPILED)
+	@find $(VENV)/lib friction_comp bench harness test -name '*.nb[ic]' -delete
+	@touch $@
+
+$(VENV)/installed: $(VENV)/requirements $(VENV)/compiled $(SOURCES)
 	@echo 'Installing friction_comp into $(VENV)/'
 	@rm -rf build/lib* build/bdist*
-# Compiled functions are cached beside the module, and the cache does not see that a function they
-# call in another module has changed. Nobody is to wait for it when nodes start.
-	@find $(VENV)/lib friction_comp -path '*friction_comp/*' -name '*.nb[ic]' -delete
 	@$(PIP) install --no-build-isolation .
+# Nobody is to wait for it when nodes start.
 	@$(BIN)/python -m friction_comp.nodes.compile_nodes
 	@touch $@

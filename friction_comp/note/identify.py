@@ -62,8 +62,7 @@ def identify_table(experiment: Experiment, seed: int) -> tuple[IdentificationRes
 
 @njit(cache=True, parallel=True)
 def _ramp_runs(joints: np.ndarray, random: np.ndarray, states: np.ndarray, outs: np.ndarray,
-               slope: float, period: float, count: int, sample_time: float, log: np.ndarray
-               ) -> None:
+               slope: float, count: int, sample_time: float, log: np.ndarray, held: bool) -> None:
     for r in prange(len(random)):
         p, s, out = joints[r], states[r], outs[r]
         table, memory = np.zeros((0, COLUMNS)), np.zeros(1)
@@ -74,7 +73,7 @@ def _ramp_runs(joints: np.ndarray, random: np.ndarray, states: np.ndarray, outs:
         for k in range(count):
             t = k * sample_time
             position = out.position
-            now = int(t / (0.5 * period))
+            now = int(t / (0.5 * RAMP_PERIOD))
             if now != half:
                 half, home, free = now, position, False
                 past[:] = position
@@ -82,12 +81,12 @@ def _ramp_runs(joints: np.ndarray, random: np.ndarray, states: np.ndarray, outs:
             past[k % CUT_SAMPLES] = position
             if abs(position - home) > CUT_COUNTS * p.resolution and abs(speed) > CUT_SPEED:
                 free = True
-            ramp = ramp_current(t - math.floor(t / period) * period, slope, period)
+            ramp = ramp_current(t - math.floor(t / RAMP_PERIOD) * RAMP_PERIOD, slope, RAMP_PERIOD)
             command = 0.0 if free else ramp
             log[r, k, 0] = position
             log[r, k, 1] = out.current
             log[r, k, 2] = command
-            joint_sample(p, s, random[r], table, memory, sample_time, command, 0.0, 0.0, False, out)
+            joint_sample(p, s, random[r], table, memory, sample_time, command, 0.0, 0.0, held, out)
 
 
 def identify_breakaway(experiment: Experiment, cycles: int, seed: int) -> Ramps:
@@ -97,9 +96,11 @@ def identify_breakaway(experiment: Experiment, cycles: int, seed: int) -> Ramps:
     runs = -(-cycles // each)
     count = round(each * RAMP_PERIOD / SAMPLE_TIME)
     log = np.zeros((runs, count, 3))
+    # Nobody holds the joint. If compiled code said so, it would compile `joint_sample` once more,
+    # for a constant.
     _ramp_runs(np.tile(joint_parameters(model), runs), random_states(seed, runs),
                np.zeros(runs, JOINT_STATE), np.zeros(runs, MEASURED), experiment.ramp_slope,
-               RAMP_PERIOD, count, SAMPLE_TIME, log)
+               count, SAMPLE_TIME, log, False)
     time = np.arange(count) * SAMPLE_TIME
     parts = [breakaway_currents(time, position, current, command,
                                 model.drive.position_resolution or 1e-6)

@@ -126,17 +126,20 @@ def _hinge_errors(t: np.ndarray, x: np.ndarray, weight: np.ndarray, knees: np.nd
                   ) -> np.ndarray:
     """Return weighted squared errors of a parabola plus powers of (t - knee)₊, shape (K,)."""
     slide = np.maximum(t - knees[:, None], 0.0)
-    creep = [np.broadcast_to(t ** power, slide.shape) for power in range(3)]
-    design = weight[:, None] * np.stack((*creep, slide ** 2, slide ** 3), axis=2)
-    scaled = design / (np.sqrt(np.sum(design ** 2, axis=1)) + 1e-300)[:, None]
-    target, turned = weight * x, np.swapaxes(scaled, 1, 2)
-    gram, goal = turned @ scaled + 1e-12 * np.eye(5), turned @ target[:, None]
+    design = np.empty((len(knees), 5, len(t)))
+    design[:, :3] = np.ones_like(t), t, t ** 2
+    design[:, 3] = slide ** 2
+    design[:, 4] = design[:, 3] * slide
+    design *= weight
+    design /= np.sqrt(np.sum(design ** 2, axis=2, keepdims=True)) + 1e-300
+    target = weight * x
+    gram, goal = design @ np.swapaxes(design, 1, 2) + 1e-12 * np.eye(5), design @ target
     best = np.full(len(knees), np.inf)
     for columns in ([0, 1, 2, 3, 4], [0, 1, 2, 3], [0, 1, 2, 4], [0, 1, 2]):
         coefficients = np.zeros(goal.shape)
         coefficients[:, columns] = np.linalg.solve(
-            gram[:, columns][:, :, columns], goal[:, columns])
-        error = np.sum((target[:, None] - scaled @ coefficients)[:, :, 0] ** 2, axis=1)
-        forwards = (coefficients[:, 3:, 0] >= 0.0).all(axis=1)
+            gram[:, columns][:, :, columns], goal[:, columns, None])[:, :, 0]
+        error = np.sum((target - (coefficients[:, None] @ design)[:, 0]) ** 2, axis=1)
+        forwards = (coefficients[:, 3:] >= 0.0).all(axis=1)
         best = np.where(forwards, np.minimum(best, error), best)
     return best

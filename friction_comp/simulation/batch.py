@@ -37,7 +37,8 @@ def _log(row: np.ndarray, columns: np.ndarray, out: Record, s: Record, command: 
 def _run_all(parameters: np.ndarray, random: np.ndarray, laws: np.ndarray, own: np.ndarray,
              reference: np.ndarray, which: np.ndarray, disturbance: np.ndarray, speed: float,
              released: int, sample_time: float, every: int, columns: np.ndarray,
-             log: np.ndarray, extremes: np.ndarray, states: np.ndarray, outs: np.ndarray) -> None:
+             log: np.ndarray, extremes: np.ndarray, states: np.ndarray, outs: np.ndarray,
+             known: bool) -> None:
     for r in prange(len(parameters)):
         p, law, s, out, shown = parameters[r], laws[r], states[r], outs[r], reference[which[r]]
         added = disturbance[r % disturbance.shape[0]]
@@ -48,7 +49,7 @@ def _run_all(parameters: np.ndarray, random: np.ndarray, laws: np.ndarray, own: 
         lowest = highest = s.rotor
         for k in range(shown.shape[1]):
             command = 0.0
-            if observe(law, own[r], k * sample_time, out.position + added[k], out.velocity, True):
+            if observe(law, own[r], k * sample_time, out.position + added[k], out.velocity, known):
                 command = decide(law, own[r], shown[2, k], math.nan, 0.0, 0.0, 0.0)
             else:
                 own[r].current = 0.0
@@ -109,7 +110,8 @@ def closed_loops(
     log = np.zeros((runs, -(-length // every) if every else 0, len(columns)))
     extremes, own = np.zeros((runs, 2)), np.zeros(runs, STATE)
     release = length if released is None else int(released)
+    # The velocity is known. As a constant in compiled code, it would compile `observe` once more.
     _run_all(np.ascontiguousarray(parameters), random.copy(), laws.copy(), own, movements, chosen,
              added, float(speed), release, float(sample_time), int(every), columns, log, extremes,
-             np.zeros(runs, JOINT_STATE), np.zeros(runs, MEASURED))
+             np.zeros(runs, JOINT_STATE), np.zeros(runs, MEASURED), True)
     return {name: log[:, :, c] for c, name in enumerate(logged)}, extremes, own
