@@ -266,20 +266,20 @@ class _Problem:
         return self.with_effects(min(trials, key=lambda trial: trial.error))
 
     def with_effects(self, trial: _Trial, rounds: int = _ROUNDS) -> _Trial:
-        """Return a fit with the effects that are found beside the links, if any."""
+        """Return a fit of links and effects in turn, until a round finds the same effects."""
         if trial.error == math.inf:
             return trial
         rows = rows_of(self.chain, self.joints, trial.settings, _MOST_ROWS['choice'])
         for _ in range(rounds):
-            tree, _ = self.arm_of(trial.x)
-            search = ArmSearch(rows, tree, trial.prior, trial.x, trial.sums.variance, trial.terms)
-            # Other links than those before may ask for other constants.
-            begin = search.after_addition(trial.terms) if trial.terms else []
+            before = trial.terms
+            links, _ = self.arm_of(trial.x)
+            search = ArmSearch(rows, links, trial.prior, trial.x, trial.sums.variance, before)
+            # Other links than those before may ask for other constants of the same effects.
+            begin = search.after_addition(before) if before else []
             terms = search.backward(search.forward(begin))
-            done = [term.choice for term in terms] == [term.choice for term in trial.terms]
-            if terms != trial.terms:
-                trial = self.trial(trial.settings, terms, tree)
-            if done:
+            if terms != before:
+                trial = self.trial(trial.settings, terms, links)
+            if [term.choice for term in terms] == [term.choice for term in before]:
                 break
         return trial
 

@@ -86,14 +86,14 @@ def _largest_lasting_current(samples: Samples) -> float:
 def unit_of(given: Given, model: FrictionModel | None, infos: Sequence[RecordingInfo] = ()) -> str:
     """Return the unit of the fitted signal: A if the drive is known, else that of the effort.
 
-    If effort is a servo's voltage, ``--unit`` must name its unit, which is then
-    `given.figures`.
+    `given.figures` is a unit that the user named, as ``--unit`` must where effort is a servo's
+    voltage. Next come what says what the drive is, the recordings, and the name of the column.
     """
     if model is not None and not (given.figures or given.torque_constant or given.gear_ratio):
         return str(model.notes.get('unit', 'A'))
-    own = next((info.effort_unit for info in infos if info.effort_unit), '')
-    if own and not given.figures:
-        return own
+    recorded = next((info.effort_unit for info in infos if info.effort_unit), '')
+    if recorded and not given.figures:
+        return recorded
     return figures_unit(given, any(info.effort_is_current for info in infos),
                         any(info.linear for info in infos))
 

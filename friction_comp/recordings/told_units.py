@@ -67,27 +67,30 @@ def _distance(position: np.ndarray, turn: float) -> float:
 def unit_of_weight(time: np.ndarray, position: np.ndarray, effort: np.ndarray) -> str:
     """Return the unit in which a link's weight repeats every turn and explains the effort.
 
-    Signals have shape (N,). It is '' where a weight in rad does as well, or none shows.
+    The effort is fitted by friction, inertia and a weight, with the position in each unit. Signals
+    have shape (N,). It is '' where a weight in rad does as well, or none shows.
     """
     half = max(round(0.5 * _SMOOTHING / max(float(np.median(np.diff(time))), 1e-6)), 1)
-    kernel = np.full(2 * half + 1, 1.0 / (2 * half + 1))
-    velocity = np.convolve(np.gradient(position, time), kernel, 'same')
+    average = np.full(2 * half + 1, 1.0 / (2 * half + 1))
+    velocity = np.convolve(np.gradient(position, time), average, 'same')
     # A spring, in proportion to position, tells no unit.
     base = [velocity, np.sign(velocity), np.gradient(velocity, time), position,
             np.ones_like(time)]
 
-    def left(*more: np.ndarray) -> float:
-        columns = np.column_stack([*base, *more])[half:-half]
-        found = np.linalg.lstsq(columns, effort[half:-half], rcond=None)[0]
-        return float(np.var(effort[half:-half] - columns @ found))
+    def unexplained(*weight: np.ndarray) -> float:
+        """Return the variance of effort that remains, without the ends, which have no average."""
+        columns = np.column_stack([*base, *weight])[half:-half]
+        coefficients = np.linalg.lstsq(columns, effort[half:-half], rcond=None)[0]
+        return float(np.var(effort[half:-half] - columns @ coefficients))
 
     def with_weight(turn: float) -> float:
         angle = position * (2.0 * math.pi / turn)
-        return left(np.sin(angle), np.cos(angle))
+        return unexplained(np.sin(angle), np.cos(angle))
 
-    found = {unit: with_weight(turn) for unit, turn in _TURNS.items()}
-    best = min(found, key=lambda unit: found[unit])
-    return best if found[best] < _LESS * min(left(), with_weight(2.0 * math.pi)) else ''
+    variances = {unit: with_weight(turn) for unit, turn in _TURNS.items()}
+    best = min(variances, key=lambda unit: variances[unit])
+    least = min(unexplained(), with_weight(2.0 * math.pi))
+    return best if variances[best] < _LESS * least else ''
 
 
 def unit_of_dates(time: np.ndarray) -> str:

@@ -150,29 +150,31 @@ class Intervals:
 def intervals(table: Table, terms: Sequence[Term]) -> Intervals:
     """Return intervals from fits to resampled blocks.
 
-    Constants enter through their derivatives, so that the interval of a coefficient includes the
-    uncertainty of the constants.
+    Beside the columns of the terms, each fit has one column for each constant: the derivative of
+    its term, so that the interval of a coefficient includes the uncertainty of the constants. The
+    coefficient of such a column is a change of the constant, in steps of `step_size`.
     """
     free = free_constants(terms)
     indices = table.indices(terms)
-    full = np.vstack(
+    columns = np.vstack(
         (table.columns[indices], constant_derivatives(table, terms, free), table.target))
     signs = np.append(table.sums.signs[indices], np.zeros(len(free), dtype=int))
-    sums = BlockSums.over(full, table.block_rows, signs)
+    sums, both = BlockSums.over(columns, table.block_rows, signs), range(len(signs))
     rng = np.random.default_rng(1)
     weights = np.array([table.draw_blocks(rng) for _ in range(_DRAWS)], dtype=float)
-    draws = sums.fits(range(len(signs)), weights)
+    draws = sums.fits(both, weights)
     quantile = float(stats.t.ppf(0.5 + 0.5 * _LEVEL, table.rows.blocks - 1))
     # By the median: samples that lack a direction of motion give outlying fits.
-    half = quantile * robust_std(draws - np.median(draws, axis=0), axis=0)
-    middle = {**dict(zip(indices, sums.fit(range(len(signs))))), **table.coefficients(terms)}
-    coefficients = {column: (float(middle[column] - h), float(middle[column] + h))
-                    for column, h in zip(indices, half)}
+    half_widths = quantile * robust_std(draws - np.median(draws, axis=0), axis=0)
+    # About the fit of the terms alone; the derivatives of Eq. 6 have no part in that.
+    middle = {**dict(zip(indices, sums.fit(both))), **table.coefficients(terms)}
+    coefficients = {column: (float(middle[column] - half), float(middle[column] + half))
+                    for column, half in zip(indices, half_widths)}
     constants = {}
-    for (index, name), h in zip(free, half[len(indices):]):
+    for (index, name), steps in zip(free, half_widths[len(indices):]):
         term = terms[index]
-        value, width = term.constants[name], h * step_size(term, name, table.rows.coverage)
-        constants[term, name] = float(value - width), float(value + width)
+        value, half = term.constants[name], steps * step_size(term, name, table.rows.coverage)
+        constants[term, name] = float(value - half), float(value + half)
     return Intervals(coefficients, constants, draws, quantile)
 
 
@@ -236,6 +238,7 @@ class LeftOutThirds:
         terms = list(terms)
         while True:
             errors = self.mean_errors(terms)
+            # Growth of the errors, number and terms; of equal ones, the first is the least.
             trials: list[tuple[float, int, list[Term]]] = []
             # Two terms that cancel each other have to be removed together.
             for removed in (some for size in (1, 2)
