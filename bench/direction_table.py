@@ -20,7 +20,7 @@ from cheap_sensors.intention import intention
 from cheap_sensors.taught import taught
 import numpy as np
 
-from friction_comp.direction.sensed_direction import KINDS
+from friction_comp.direction import KINDS
 from law_judge.bank import make_bank
 from world import gear as world
 

@@ -66,12 +66,9 @@ def load_compiled_code() -> None:
     # Effects with memory and the arm are what is compiled beside the law itself.
     effects = [effect({**dict.fromkeys(effect.constants, 1.0),
                        'coefficients': [0.0] * len(effect.coefficient_names)})
-               for effect in EFFECTS.values() if effect.has_memory and _is_ours(effect)]
+               for effect in EFFECTS.values()
+               if effect.has_memory and effect.__module__.startswith('friction_comp.')]
     link = Tree(('joint',), ('revolute',), np.array([-1]), np.eye(3)[None], np.zeros((1, 3)),
                 np.eye(3)[:1], np.zeros((1, PARAMETERS)), np.array(FREE_FALL))
     model = FrictionModel.load(package_file('config', 'armin_configuration_1.yaml'))
     try_model(replace(model, joint='joint', arm=Arm(link), effects=effects), 'feed_forward', '')
-
-
-def _is_ours(effect: type) -> bool:
-    return effect.__module__.startswith('friction_comp.')

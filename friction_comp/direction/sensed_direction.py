@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from friction_comp.direction import KINDS
 from friction_comp.direction.announcement import Announcement
 from friction_comp.direction.attempt import Attempt, REARM
 from friction_comp.direction.channel import Channel, FORCE
@@ -24,7 +25,6 @@ from friction_comp.errors import InputError
 
 CALIBRATION_TIME = 3.0
 """s at rest."""
-KINDS = ('force', 'muscle_envelope', 'muscle_raw')
 # Samples on the same side that an onset needs; raw signals, in which hum has to be told from a
 # muscle, need that many blocks.
 _AGREE, _AGREE_RAW = 3, 4

@@ -20,10 +20,11 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from friction_comp.control.joint_states import JointColumns
+from friction_comp.direction import KINDS
 from friction_comp.direction.announcement import Announcement
 from friction_comp.direction.desired_motion import DesiredMotion
 from friction_comp.direction.planned_direction import PlannedDirection
-from friction_comp.direction.sensed_direction import CALIBRATION_TIME, KINDS, SensedDirection
+from friction_comp.direction.sensed_direction import CALIBRATION_TIME, SensedDirection
 from friction_comp.errors import InputError
 from friction_comp.ros.diagnostics import Diagnostics, OK, per_joint, WARN
 from friction_comp.ros.executor import yield_to_executor

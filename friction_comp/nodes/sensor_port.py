@@ -13,7 +13,7 @@ import numpy as np
 from rcl_interfaces.msg import SetParametersResult
 from std_msgs.msg import Float64MultiArray
 
-from friction_comp.direction.sensed_direction import KINDS
+from friction_comp.direction import KINDS
 from friction_comp.errors import InputError
 from friction_comp.ros.joint_io import RELIABLE
 from friction_comp.ros.parameters import declare, declare_choice

@@ -21,7 +21,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.signal import butter, sosfilt
 
 FAULTS = ('flat', 'saturated', 'silent', 'unplugged', 'hum')
 COUNTS = 1024
@@ -118,6 +117,10 @@ class CheapMuscles:
 
     def __init__(self, breakaway: np.ndarray, seed: int | Sequence[int],
                  envelope: bool = False) -> None:
+        # Loaded where muscles are simulated: a plant without them starts in half the time.
+        from scipy.signal import butter, sosfilt
+
+        self._filter = sosfilt
         random = self._random = np.random.default_rng(seed)
         joints = len(breakaway)
         self.delay = random.uniform(0.03, 0.08, joints)
@@ -155,7 +158,7 @@ class CheapMuscles:
         both = np.stack([np.maximum(intended, 0.0), np.maximum(-intended, 0.0)], axis=2)
         both = both + self._antagonist[:, None] * both[..., ::-1]
         both = both + np.broadcast_to(co_contraction, intended.shape)[..., None]
-        noise, self._state = sosfilt(
+        noise, self._state = self._filter(
             self._band, self._random.normal(size=both.shape), axis=0, zi=self._state)
         muscle = noise / self._kept * both * self._gain
         muscle = muscle + self._cross_talk * muscle[..., ::-1]
@@ -172,7 +175,7 @@ class CheapMuscles:
             values = np.clip(np.rint(raw / _MUSCLE_STEP) * _MUSCLE_STEP, *self.range)
         else:
             # The converter is behind the filter, whose gain makes its steps ten times finer.
-            values, self._smooth = sosfilt(
+            values, self._smooth = self._filter(
                 self._envelope, np.abs(np.nan_to_num(raw)), axis=0, zi=self._smooth)
             values = np.where(np.isfinite(raw), np.round(values / _MUSCLE_STEP, 1) * _MUSCLE_STEP,
                               np.nan)
