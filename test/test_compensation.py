@@ -206,6 +206,8 @@ def test_arguments_are_checked():
             CompensationLaw([model], **options)
     with pytest.raises(InputError, match='position'):
         CompensationLaw([model]).update(0.0, [0.0, 0.0], [0.0], [0])
+    with pytest.raises(InputError, match='temperature'):
+        CompensationLaw([model]).update(0.0, [0.0], [0.0], [0], temperature=[20.0, 30.0])
 
 
 @pytest.mark.parametrize('last', ['none', 'kinetic', 'paper', 'continuous'])

@@ -86,12 +86,8 @@ class CompensationLaw:
             raise InputError(f'gravity must be one of {", ".join(GRAVITY)}, not {gravity!r}')
         self._gravity = gravity
         self.joints = len(self.models)
-        limits: Any = [None] * self.joints
-        if current_limit is not None:
-            limits = np.broadcast_to(np.asarray(current_limit, dtype=float), self.joints)
-        self._options: list[dict[str, Any]] = [
-            {'law': law, 'breakaway_gain': float(breakaway_gain), 'sample_time': sample_time,
-             'current_limit': None if limit is None else float(limit)} for limit in limits]
+        self._sample_time = sample_time
+        self._options = self._options_of(law, breakaway_gain, current_limit)
         self._parameters = zeros(self.joints, PARAMETERS)
         self._states = zeros(self.joints, STATE)
         self._usable = np.zeros(self.joints, dtype=bool)
@@ -207,6 +203,8 @@ class CompensationLaw:
         velocity = self._still if velocity is None else self._row(velocity, 'velocity')
         direction = self._row(direction, 'direction')
         end = self._endless if end is None else self._row(end, 'end')
+        temperature = None if temperature is None else self._row(temperature, 'temperature')
+        load = None if load is None else self._row(load, 'load')
         kernel.observe_bank(self._parameters, self._states, float(time), position, velocity,
                             known, self._usable)
         forward, backward, carried = np.zeros((3, self.joints))
@@ -260,17 +258,21 @@ class CompensationLaw:
         law, breakaway_gain, current_limit
             As for the class.
         """
-        limits: Any = [None] * self.joints
-        if current_limit is not None:
-            limits = np.broadcast_to(np.asarray(current_limit, dtype=float), self.joints)
-        options = [{**old, 'law': law, 'breakaway_gain': float(breakaway_gain),
-                    'current_limit': None if limit is None else float(limit)}
-                   for old, limit in zip(self._options, limits)]
+        options = self._options_of(law, breakaway_gain, current_limit)
         for model, new in zip(self.models, options):
             law_parameters(model, **new)
         self._options = options
         for joint, model in enumerate(self.models):
             self.set_model(joint, model)
+
+    def _options_of(self, law: str, breakaway_gain: float, current_limit: ArrayLike | None
+                    ) -> list[dict[str, Any]]:
+        """Return the arguments of `law_parameters` for each joint, but its model."""
+        limits: list[float | None] = [None] * self.joints
+        if current_limit is not None:
+            limits = self._row(current_limit, 'current_limit').tolist()
+        return [{'law': law, 'breakaway_gain': float(breakaway_gain), 'current_limit': limit,
+                 'sample_time': self._sample_time} for limit in limits]
 
     def _take_parameters(self, joint: int) -> None:
         self._parameters[joint] = law_parameters(self.models[joint], **self._options[joint])[0]
@@ -323,10 +325,6 @@ class CompensationLaw:
         return np.broadcast_to(row, self.joints).astype(float)
 
 
-def _entry(values: ArrayLike | None, joint: int) -> float | None:
-    """Return one joint's finite value of an optional signal, else None."""
-    if values is None:
-        return None
-    value = float(np.broadcast_to(np.asarray(values, dtype=float), joint + 1)[joint]
-                  if np.ndim(values) == 0 else np.asarray(values, dtype=float)[joint])
-    return value if math.isfinite(value) else None
+def _entry(row: np.ndarray | None, joint: int) -> float | None:
+    """Return a joint's value of an optional signal, None where it is not known."""
+    return float(row[joint]) if row is not None and math.isfinite(row[joint]) else None
