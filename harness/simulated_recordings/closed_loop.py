@@ -58,10 +58,11 @@ def closed_loop(plant: Plant, law: CompensationLaw, movement: ReferenceMovement,
     log['time'] = np.zeros(count)
     hold = ReferenceHold()
     direction, end = np.zeros(plant.joints), np.full(plant.joints, np.nan)
+    shown = np.transpose(movement.at(np.arange(0, count, every) * plant.sample_time))
     for k in range(count):
         state = plant.state
         if k % every == 0:
-            position, velocity, d = movement.at(state.time)
+            position, velocity, d = shown[k // every]
             direction = np.full(plant.joints, float(d))
             end = np.full(plant.joints, movement.end(d))
             hold.update(state.time, np.full(plant.joints, position),
