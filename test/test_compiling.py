@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled code gives the currents of plain Python, and none is loaded while a motor is driven."""
 
-from helpers import printed_by
+import ast
+
+from helpers import printed_by, ROOT
 import pytest
 
 LAW = """
@@ -75,3 +77,31 @@ def test_no_model_loads_code_or_modules_while_a_motor_is_driven():
     """).split()
     assert int(printed[0]) > 100
     assert printed[1:] == []
+
+
+def compiled_functions(tree):
+    """Return the functions of a module that are compiled, decorated or by a call."""
+    by_call = {argument.id for node in ast.walk(tree) if isinstance(node, ast.Call)
+               and 'njit(' in ast.unparse(node.func) for argument in node.args}
+    return [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef) and (
+        node.name in by_call or any('njit' in ast.unparse(one) for one in node.decorator_list))]
+
+
+def test_compiled_code_uses_nothing_whose_change_would_leave_its_cache():
+    """The Makefile deletes the cache after a change in a folder with compiled functions."""
+    roots = [ROOT, ROOT / 'bench', ROOT / 'harness']
+    trees = {path: ast.parse(path.read_text(encoding='utf-8'))
+             for folder in ('friction_comp', 'bench', 'harness')
+             for path in (ROOT / folder).rglob('*.py')
+             if 'njit(cache' in path.read_text(encoding='utf-8')}
+    folders = {path.parent for path in trees}
+    for path, tree in trees.items():
+        origins = {alias.asname or alias.name: node.module.replace('.', '/')
+                   for node in tree.body if isinstance(node, ast.ImportFrom)
+                   for alias in node.names}
+        used = {name.id for function in compiled_functions(tree) for name in ast.walk(function)
+                if isinstance(name, ast.Name)}
+        assert used
+        for name in used & set(origins):
+            for file in (root / f'{origins[name]}.py' for root in roots):
+                assert not file.exists() or file.parent in folders, (path, name)
