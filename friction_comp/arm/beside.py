@@ -178,7 +178,6 @@ class ArmSearch(Search):
         return columns, replace(sums, sums=sums.sums * weights[:, None, None]), indices
 
     def _table(self, terms: Sequence[Term]) -> ArmTable:
-        """Return a table of some terms."""
         _, sums, indices = self._measured(terms)
         return ArmTable(sums, self._prior, self._x, indices)
 

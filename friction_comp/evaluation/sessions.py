@@ -131,7 +131,6 @@ def _in_order(outcomes: Iterable[tuple[int, MeasuredJoint | Failure]], count: in
 
 
 def _measure_piece(piece: Piece, model: str | Path | None, seconds: float) -> MeasuredJoint:
-    """Measure the repetitions of a piece."""
     path, friction = piece.path, None
     if model is not None:
         friction = FrictionModel.load(model, piece.joint)

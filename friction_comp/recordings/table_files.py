@@ -157,7 +157,6 @@ class Csv:
             len(known) == len(cells) == len(self.names)) else [])
 
     def _text(self, file: IO[bytes]) -> IO[str]:
-        """Return the text of the opened file."""
         compressed = self._path.name.lower().endswith('.gz')
         plain: Any = gzip.GzipFile(fileobj=file) if compressed else file
         return io.TextIOWrapper(plain, encoding='utf-8-sig', errors='replace', newline='')

@@ -109,7 +109,6 @@ class MujocoPlant(Plant):
 
 
 def _model(mujoco: Any, file: str | Path) -> Any:
-    """Return MuJoCo's model of a file."""
     if not Path(file).is_file():
         raise InputError(f'{file}: there is no such file')
     try:

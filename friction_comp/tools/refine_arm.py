@@ -86,7 +86,6 @@ def refine_whole_arm(arguments: Namespace) -> int:
 
 
 def _start_models(arguments: Namespace) -> dict[str, FrictionModel]:
-    """Return the models to start from by joint."""
     from friction_comp.files import read_yaml
     from friction_comp.model.friction_model import FrictionModel, joints_of
 
