@@ -36,7 +36,7 @@ def test_a_constant_is_kept_where_the_effect_is_what_its_name_says(name, constan
 @pytest.mark.parametrize('name, changes', [
     ('gravity', {'lowest': 0.0, 'highest': 0.034}), ('rest_time', {'rest_duration': 0.2}),
     ('warm_up', {'duration': 27.0}), ('hysteresis', {'distinct_positions': 28.0}),
-    ('hysteresis', {'reversals': 0.0}),
+    ('hysteresis', {'reversals': 0.0}), ('backlash', {'reversals': 2.0}),
     ('stribeck', {'slow': 0.9}), ('temperature', {'temperature_span': 1.0}),
     ('direction_asymmetry', {'both_directions': False})])
 def test_each_effect_says_if_the_data_cannot_show_it(name, changes):

@@ -11,7 +11,8 @@ import pytest
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.effects import EFFECTS
-from friction_comp.model.effects.history_effects import Hysteresis
+from friction_comp.model.effects.definitions import Signals
+from friction_comp.model.effects.history_effects import Backlash, Hysteresis
 from friction_comp.model.effects.live_term import LiveTerm, SHARPEST_LIVE
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
@@ -24,7 +25,7 @@ RANGES = {
     'reference': (0.1, 2.0), 'offset': (0.0, 1.0), 'position': (-2.0, 2.0),
     'frequency': (0.5, 500.0), 'growth': (0.0, 2.0), 'speed': (0.1, 2.0), 'width': (0.005, 1.0),
     'directional': (0.0, 1.0), 'reference_temperature': (10.0, 40.0),
-    'time_constant': (0.1, 1000.0), 'distance': (1e-4, 1.0),
+    'time_constant': (0.1, 1000.0), 'distance': (1e-4, 1.0), 'gap': (1e-4, 1.0),
     'cosine': (-2.0, 2.0), 'sine': (-2.0, 2.0), 'slope': (-1.0, 1.0), 'fading': (0.0, 1.0),
     # Live there is no acceleration: with it, live and offline are not the same.
     'inertia': (0.0, 0.0), 'with_inertia': (0.0, 1.0),
@@ -61,7 +62,7 @@ def defaults(name, /, **changes):
     middle = {'transition': TRANSITION, 'exponent': 2.0, 'offset': 0.0, 'directional': 1.0,
               'growth': 0.0, 'position': 0.3, 'width': 0.1, 'speed': 1.0,
               'reference': 1.0, 'velocity': 0.1, 'frequency': 12.0, 'time_constant': 2.0,
-              'distance': 0.05, 'reference_temperature': 25.0,
+              'distance': 0.05, 'gap': 0.04, 'reference_temperature': 25.0,
               'cosine': 0.5, 'sine': 0.2, 'slope': 0.1, 'inertia': 0.0, 'with_inertia': 0.0,
               'fading': 0.0}
     if name in ('hysteresis', 'viscous_shape'):
@@ -286,7 +287,7 @@ def test_live_no_friction_at_standstill_and_nothing_infinite_anywhere(name, data
 
 @pytest.mark.parametrize('name', LIVE)
 def test_live_and_offline_are_the_same_in_motion_on_the_same_samples(name):
-    """Equal to rounding where both know the whole past, else once Dahl's start is forgotten."""
+    """Equal to rounding where both know the whole past, else once the start is forgotten."""
     time = np.arange(0.0, 8.0, 0.005)
     position = 0.8 * np.sin(1.1 * time)
     samples = samples_of(position, np.gradient(position, time), step=0.005)
@@ -298,7 +299,7 @@ def test_live_and_offline_are_the_same_in_motion_on_the_same_samples(name):
         samples.rigid_body, samples.coupling)])
     offline = effect.current(samples)
     fast = np.abs(samples.velocity) > 0.1
-    if name == 'hysteresis':
+    if name in ('hysteresis', 'backlash'):
         fast &= samples.time > 1.0
     tolerance = 1e-4 * np.abs(offline).max() if name == 'hysteresis' else 1e-12
     assert np.abs(offline[fast]).max() > 1e-3
@@ -361,6 +362,23 @@ def test_hysteresis_reverses_as_its_exponent_says(exponent, left):
     assert halves == pytest.approx(turned(-1.0, 0.05))
     assert turned(0.3, 0.0) == 0.3
     assert turned(0.3, -1e3) == pytest.approx(-1.0, abs=1e-3)
+
+
+def test_behind_a_backlash_friction_returns_after_the_gap_however_finely_it_is_sampled():
+    c = Backlash.Constants(0.02, 0.005, 0.02)
+
+    def friction(state):
+        return Backlash.columns(Signals(memory=state), c)[0]
+
+    def after(way, steps):
+        state = Backlash.start(-1.0, c)
+        for _ in range(steps):
+            state = Backlash.step(state, 0.0, way / steps, 0.0, c)
+        return friction(state)
+    ways = [0.0, 0.0025, 0.005, 0.025, 0.0275, 0.03, 0.5]
+    for steps in (1, 7):
+        assert [after(way, steps) for way in ways] == pytest.approx(
+            [-1.0, -0.5, 0.0, 0.0, 0.5, 1.0, 1.0])
 
 
 def test_damping_of_the_bristles_is_the_change_of_their_state():

@@ -179,6 +179,20 @@ def test_hysteresis_depends_on_the_path_and_not_on_speed_or_sampling():
     assert -first == pytest.approx(20.0 * 1e-4, rel=0.01)
 
 
+def test_friction_behind_a_backlash_is_absent_across_the_gap_after_a_reversal():
+    effect = {'name': 'backlash', 'parameters': {'torque': 0.5, 'gap': 0.02, 'stiffness': 100.0}}
+    table, memory = _table([effect])
+
+    def torque(x):
+        return -undeclared_torque(table, memory, 0.0, x, 1.0, 0.0, 25.0, 0.0, 1.0)[0]
+    # It starts in the middle; 0.5 N·m at 100 N·m/rad are another 5 mrad.
+    assert [torque(x) for x in (0.0, 0.009, 0.0125, 0.015, 0.3)] == pytest.approx(
+        [0.0, 0.0, 0.25, 0.5, 0.5])
+    # Back: released over 5 mrad, nothing over 20, taken up over 5 again.
+    assert [torque(x) for x in (0.2975, 0.295, 0.275, 0.2725, 0.27, 0.1)] == pytest.approx(
+        [0.25, 0.0, 0.0, -0.25, -0.5, -0.5])
+
+
 def test_the_motor_approaches_the_temperature_set_by_its_current():
     thermal = np.array([20.0, 25.0, 60.0, 100.0])
     assert warmed_up(25.0, 0.5, 1e6, thermal) == pytest.approx(20.0 + 60.0 * 0.25)

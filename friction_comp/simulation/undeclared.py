@@ -26,7 +26,7 @@ _KEYS = ('format', 'version', 'effects', 'thermal', 'notes')
 COLUMNS = 10
 
 (STRIBECK, VISCOUS_SHAPE, DIRECTION, OFFSET, GRAVITY, COGGING, FRICTION_RIPPLE, BUMP, LOAD,
- TEMPERATURE, WARM_UP, HYSTERESIS, REST) = range(13)
+ TEMPERATURE, WARM_UP, HYSTERESIS, REST, BACKLASH) = range(14)
 
 Bounds = tuple[float | None, float, float]
 """Default of a parameter, None where it must be given; lowest and highest value."""
@@ -71,6 +71,9 @@ EFFECTS: dict[str, tuple[int, dict[str, Bounds]]] = {
     'warm_up': (WARM_UP, {'share': _any(), 'time_constant': _positive()}),
     # a second Dahl element: torque z, dz/dx = stiffness·(1 - z·sgn(dx)/torque)
     'hysteresis': (HYSTERESIS, {'torque': _positive(), 'stiffness': _positive()}),
+    # torque ±`torque` behind a backlash: none across the gap, rising with stiffness where it ends
+    'backlash': (BACKLASH, {
+        'torque': _positive(), 'gap': _positive(), 'stiffness': _positive()}),
     # level·(1 + share·s); s grows to 1 with the time at rest and decays with the distance slid
     'rest': (REST, {'share': _any(), 'time_constant': _positive(), 'distance': _positive(0.05)}),
 }
@@ -86,7 +89,7 @@ THERMAL: dict[str, Bounds] = {
     'heating': (0.0, 0.0, math.inf), 'time_constant': _positive(600.0)}
 
 # Number of state variables of each effect that has any.
-_MEMORY = {HYSTERESIS: 3, REST: 4}
+_MEMORY = {HYSTERESIS: 3, REST: 4, BACKLASH: 2}
 
 
 @dataclass
@@ -231,6 +234,15 @@ def undeclared_torque(table: np.ndarray, memory: np.ndarray, t: float, x: float,
                 memory[m + 1] = memory[m]
             memory[m + 2] = x
             level += base_level * a * memory[m]
+        elif code == BACKLASH:
+            # memory: where the friction's body is, whether it is initialised; first in its middle
+            if memory[m + 1] == 0.0:
+                memory[m] = x
+                memory[m + 1] = 1.0
+            reach = 0.5 * b + a / c
+            memory[m] = min(x + reach, max(x - reach, memory[m]))
+            away = x - memory[m]
+            resisting += math.copysign(c * max(0.0, abs(away) - 0.5 * b), away)
     return -resisting, level
 
 

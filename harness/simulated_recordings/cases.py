@@ -104,6 +104,12 @@ def _hysteresis(rng, level):
     return _effect('hysteresis', torque=torque, stiffness=torque / _log(rng, 0.03, 0.2))
 
 
+def _backlash(rng, level):
+    torque, gap = level * rng.uniform(0.25, 0.6), _log(rng, 0.02, 0.1)
+    return _effect('backlash', torque=torque, gap=gap,
+                   stiffness=torque / (gap * rng.uniform(0.1, 0.8)))
+
+
 def _rest(rng, level):
     return _effect('rest', share=rng.uniform(0.3, 0.6), time_constant=_log(rng, 0.4, 2.0),
                    distance=_log(rng, 0.05, 0.2))
@@ -129,6 +135,7 @@ CASES = {
                         {'temperature': True, 'recordings': 3, 'duration': 80.0}),
     'warm_up': Case('time', _warm_up),
     'hysteresis': Case('history', _hysteresis),
+    'backlash': Case('history', _backlash),
     'rest': Case('history', _rest),
     'actuation_lag': Case('history', _lag),
 }

@@ -14,6 +14,7 @@ from friction_comp.model.effects.definitions import (
     VARIABLES,
 )
 from friction_comp.model.effects.history_effects import (
+    Backlash,
     Hysteresis,
     OffsetDrift,
     RestTime,
@@ -48,7 +49,8 @@ def register(effect: type[Effect]) -> type[Effect]:
 for _effect in (
         Stribeck, ViscousShape, DirectionAsymmetry, Gravity, Spring, Cogging, FrictionRipple, Bump,
         Inertia, RigidBody, OtherJoints, LoadTorque, LoadFriction, CarriedLoadFriction,
-        InnerLoadFriction, Temperature, WarmUp, OffsetDrift, Hysteresis, RestTime):
+        InnerLoadFriction, Temperature, WarmUp, OffsetDrift, Hysteresis, Backlash,
+        RestTime):
     register(_effect)
 
 __all__ = [

@@ -25,7 +25,7 @@ from friction_comp.model.effects.definitions import (
 from friction_comp.samples import Samples
 
 _POSITIVE = ('transition', 'velocity', 'reference', 'exponent', 'frequency', 'width', 'distance',
-             'time_constant', 'speed')
+             'gap', 'time_constant', 'speed')
 
 
 class Effect(ABC):

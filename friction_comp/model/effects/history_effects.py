@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Friction that depends on the past: presliding hysteresis, rest time, warm-up and drift."""
+"""Friction that depends on the past: hysteresis, backlash, rest time, warm-up and drift."""
 
 from __future__ import annotations
 
@@ -123,6 +123,89 @@ class Hysteresis(Effect):
         p = self.values['exponent']
         reach = math.log(2.0) if abs(p - 1.0) < 1e-6 else (0.5 ** (1.0 - p) - 1.0) / (p - 1.0)
         return self.coefficients[0], reach / math.log(2.0) * self.values['distance']
+
+
+@njit(cache=True)
+def backlash_step(state: float, dt: float, dq: float, velocity: float, c: Any) -> float:
+    """Return how far the joint is from the middle of its backlash, rad; see `Effect.step`."""
+    reach = 0.5 * c.gap + c.distance
+    return min(reach, max(-reach, state + dq))
+
+
+@njit(cache=True)
+def _backlash_states(position: np.ndarray, is_start: np.ndarray, start: np.ndarray,
+                     c: Any) -> np.ndarray:
+    states = np.empty(len(position))
+    for k in range(len(position)):
+        states[k] = start[k] if is_start[k] else backlash_step(
+            states[k - 1], 0.0, position[k] - position[k - 1], 0.0, c)
+    return states
+
+
+class Backlash(Effect):
+    """``A·z``, with z = 0 across a gap after each reversal, then rising to ±1 over a distance.
+
+    What rubs lies behind a backlash: it is pushed from one side or from the other, elastically, and
+    slides where it is pushed with A. The sigmoid keeps the friction before the backlash.
+    """
+
+    name = 'backlash'
+    coefficient_names = (('friction behind the backlash', 'A'),)
+    variable = 'history'
+    # Both over steps that the encoder resolves, and well within the range, since the joint must
+    # cross them at each reversal.
+    constants = {
+        'gap': SearchRange(1.6, limits=lambda coverage, _: (
+            _shortest_reversal(coverage),
+            max(0.4 * coverage.span, 2.0 * _shortest_reversal(coverage)))),
+        'distance': SearchRange(2.5, limits=lambda coverage, _: (
+            _shortest_reversal(coverage),
+            max(0.25 * coverage.span, 2.0 * _shortest_reversal(coverage)))),
+        'transition': None}
+    signs = (1,)
+    has_memory = True
+    fed_back_in_motion = True
+    summary = ('Backlash: {A:.3g} A of friction are absent over {gap:.3g} rad after a reversal, '
+               'and return over {distance:.3g} rad')
+    equation = ('{A:+.4g}·z, z = sgn(u)·max(0, |u| - {gap:.3g}/2)/{distance:.3g}, '
+                'u moves with q up to |z| = 1')
+
+    @classmethod
+    def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
+        """Return gaps from a few steps of position to a quarter of the range, sharp and soft."""
+        span = coverage.span
+        if not span > 0:
+            return []
+        shortest = _shortest_reversal(coverage)
+        return [{'gap': gap, 'distance': max(share * gap, shortest),
+                 'transition': coverage.transition}
+                for gap in np.geomspace(min(10.0 * shortest, 0.02 * span), 0.25 * span, 6).tolist()
+                for share in (0.1, 0.7)]
+
+    step = staticmethod(backlash_step)
+
+    @staticmethod
+    def start(sign: Any, c: Any) -> Any:
+        """At the start of a segment in motion, the reversal is complete."""
+        return sign * (0.5 * c.gap + c.distance)
+
+    @classmethod
+    def memory(cls, samples: Samples, sign: Any, c: Any) -> Any:
+        position = np.ascontiguousarray(samples.position, dtype=float)
+        return _backlash_states(position, segment_starts(samples), cls.start(sign, c), c)
+
+    @staticmethod
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
+        pushed = np.maximum(np.abs(x.memory) - 0.5 * c.gap, 0.0) / c.distance
+        return (np.sign(x.memory) * pushed,)
+
+    @classmethod
+    def insufficient_data(cls, coverage: Coverage) -> str:
+        return Hysteresis.insufficient_data(coverage)
+
+    def dahl_friction(self) -> tuple[float, float]:
+        """Return the friction, and the distance within which it has gone after a reversal."""
+        return self.coefficients[0], self.values['distance'] + 0.5 * self.values['gap']
 
 
 @njit(cache=True)
