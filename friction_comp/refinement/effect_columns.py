@@ -49,8 +49,8 @@ class Term:
         """Return the term's columns on all samples, shape (N, M)."""
         if self.group is not None:
             assert rows.motion is not None, 'groups are made of the motion of several joints'
-            return self.group.columns(rows.joints, *rows.motion)
-        return self.kind.matrix(rows.samples, self.constants)
+            return rows.as_recorded(self.group.columns(rows.joints, *rows.motion))
+        return rows.as_recorded(self.kind.matrix(rows.samples, self.constants))
 
     @property
     def choice(self) -> tuple[Any, ...]:
@@ -86,9 +86,9 @@ def eq6_columns(rows: Rows, steepness: float, shift: float) -> np.ndarray:
     slope = 1.0 - transition ** 2
     # In motion in one direction, an offset and Coulomb friction are the same.
     bidirectional = 1.0 if rows.coverage.both_directions else 0.0
-    return np.column_stack((
+    return rows.as_recorded(np.column_stack((
         np.full(len(v), bidirectional), transition, v, half * slope,
-        -0.5 * bidirectional * steepness * slope))
+        -0.5 * bidirectional * steepness * slope)))
 
 
 class Table:
