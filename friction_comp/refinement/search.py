@@ -24,7 +24,7 @@ from friction_comp.refinement.effect_columns import Table, Term
 _STEP = 1e-3
 _RIDGE = 1e-6
 # Constants that define an effect; the others only say how it fades.
-_DEFINING = ('time_constant', 'width', 'distance')
+_DEFINING = ('time_constant', 'width', 'distance', 'velocity')
 
 
 def total(errors: Sequence[np.ndarray]) -> float:
