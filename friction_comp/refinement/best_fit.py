@@ -288,7 +288,9 @@ def _other_settings(problem: Problem, fit: Fit) -> list[dict[str, Any]]:
     plain = plain_columns(
         samples, [rows.coverage.transition, _PLAIN_TRANSITION * rows.coverage.speed])
     current_lag, _ = fit.lag
-    own = columns(replace(rows, time_constant=0.0))
+    # Viscous friction after a low pass has an inertia, which must not be the only one.
+    own = np.column_stack((columns(replace(rows, time_constant=0.0)),
+                           np.asarray(rows.samples.acceleration)))
     for matrix in [own] if any(fit.lag) else [plain, own]:
         def error_with_lag(lag: float, slow: float, matrix: np.ndarray = matrix) -> float:
             return error_of(matrix, lag - current_lag, slow)

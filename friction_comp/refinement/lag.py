@@ -9,6 +9,7 @@ Either has one constant, so the one with less error is chosen.
 from __future__ import annotations
 
 from collections.abc import Callable
+import math
 
 import numpy as np
 from scipy import optimize
@@ -55,8 +56,9 @@ def best_response(error: Callable[[float, float], float], step: float,
     least, response = error(whole, 0.0), (whole, 0.0)
     # A shorter lag is due to sampling, and a delay.
     if abs(whole) >= step:
+        longest = math.copysign(min(2.0 * abs(whole), thresholds.LONGEST_LAG), whole)
         low_pass = optimize.minimize_scalar(
-            lambda size: error(0.0, size), bounds=sorted((0.0, 2.0 * whole)), method='bounded',
+            lambda size: error(0.0, size), bounds=sorted((0.0, longest)), method='bounded',
             options={'xatol': 0.02 * step, 'maxiter': 12})
         least, response = min((least, response), (float(low_pass.fun), (0.0, float(low_pass.x))))
     allowed = 1.0 - thresholds.EQUIVALENT if fine else 1.0
