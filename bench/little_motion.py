@@ -17,6 +17,7 @@ start     the same of the sigmoid fitted to the recording
 
 from bench_tools import processes, table_parser
 import numpy as np
+from refine_table import moving
 
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.exercise.reference_movement import ReferenceMovement
@@ -26,7 +27,6 @@ from friction_comp.refinement import refine
 from friction_comp.samples import Samples
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.undeclared import Undeclared
-from refine_table import moving
 from simulated_recordings.cases import CASES
 from simulated_recordings.closed_loop import closed_loop
 
@@ -75,9 +75,9 @@ def own(effect, model):
     presliding = 3.0 * model.sigmoid.upper * model.drive.torque_per_current / (
         model.simulation['presliding_stiffness'])
     return (effect.name == 'load_torque'
-            or effect.name == 'stribeck' and effect.parameters['coefficients'][0] > 0.0
-            and effect.parameters['velocity'] < near_rest
-            or effect.name == 'hysteresis' and effect.parameters['distance'] < presliding)
+            or (effect.name == 'stribeck' and effect.parameters['coefficients'][0] > 0.0
+            and effect.parameters['velocity'] < near_rest)
+            or (effect.name == 'hysteresis' and effect.parameters['distance'] < presliding))
 
 
 def error(model, samples):
@@ -88,7 +88,6 @@ def error(model, samples):
 
 def judged(seed, law):
     """Return what is named on one recording, and how well its model does on another one."""
-    model, hidden, _ = joint_of(seed)
     rng = np.random.default_rng([seed, 22])
     amplitude, speed = np.radians((rng.uniform(30.0, 60.0), rng.uniform(20.0, 40.0)))
     return judged_on(seed, law, evaluation(seed, law, amplitude, speed),

@@ -111,7 +111,7 @@ class FrictionModel:
             raise InputError(f'the position at {first:g} s is not finite')
         effects = [effect for effect in self.effects
                    if same_recording or effect.holds_on_another_day]
-        settings = self.differentiation or DEFAULT_SETTINGS
+        settings: dict[str, Any] = dict(self.differentiation or DEFAULT_SETTINGS)
         moved = differentiate(self.with_arm(samples), settings)
         current = as_recorded(replace(self, effects=effects).current(moved), moved,
                               settings.get('time_constant'))

@@ -81,7 +81,7 @@ class LiveResidual:
         # Even if they cannot be compared: rows that are not done are kept.
         self._done = ready
         samples = self._samples(rows)
-        settings = self.model.differentiation or DEFAULT_SETTINGS
+        settings: dict[str, Any] = dict(self.model.differentiation or DEFAULT_SETTINGS)
         if settings.get('source') == 'velocity' and samples.velocity is None:
             settings = DEFAULT_SETTINGS
         differentiated = differentiate(samples, settings)

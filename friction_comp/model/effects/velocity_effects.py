@@ -29,7 +29,9 @@ class Stribeck(Effect):
     # Near the top speed it would be curved viscous friction; speeds that only starts and stops
     # pass do not show it.
     constants = {'velocity': SearchRange(1.6, limits=lambda coverage, _: (
-        max(0.5 * coverage.slowest, coverage.slow), 0.7 * coverage.speed)), 'exponent': None, 'transition': None}
+        max(0.5 * coverage.slowest, coverage.slow), 0.7 * coverage.speed)),
+        'exponent': None, 'transition': None}
+    defining = ('velocity',)
     equation = '{A:+.4g}·tanh(v/{transition:.3g})·exp(-(|v|/{velocity:.3g})^{exponent:g})'
 
     @classmethod
