@@ -265,10 +265,12 @@ def at_limit(term: Term, coverage: Coverage) -> bool:
     A warm-up slower than the recording is a drift; a bump as wide as the range is a spring;
     Stribeck friction below the slowest speed that lasts is what starts and stops do.
     """
-    # A step beyond the limit leaves the term unchanged.
-    return any(with_step(term, name, step, coverage) == term
-               for _, name in free_constants([term]) if name in term.kind.defining
-               for step in (_STEP, -_STEP))
+    # A step beyond the limit leaves the term unchanged; from outside, both end at the same limit.
+    for _, name in free_constants([term]):
+        up, down = (with_step(term, name, step, coverage) for step in (_STEP, -_STEP))
+        if name in term.kind.defining and (term in (up, down) or up == down):
+            return True
+    return False
 
 
 def constant_derivatives(table: Table, terms: Sequence[Term], free: Sequence[tuple[int, str]]

@@ -37,8 +37,7 @@ class Stribeck(Effect):
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
         """Return Stribeck velocities from just above standstill to two thirds of the top speed."""
-        lowest = max(1.5 * coverage.transition, 1.5 * coverage.slowest, 0.003 * coverage.speed,
-                     coverage.slow)
+        lowest = max(1.5 * coverage.transition, 1.5 * coverage.slowest, 0.003 * coverage.speed)
         return [{'velocity': velocity, 'exponent': exponent, 'transition': coverage.transition}
                 for velocity in np.geomspace(
                     min(lowest, 0.3 * coverage.speed), 0.7 * coverage.speed, 9).tolist()
