@@ -229,24 +229,3 @@ def test_bumps_are_not_looked_for_where_every_place_is_passed_in_one_motion():
                           current=np.tanh(velocity / 0.02))
         coverage = coverage_of(samples, np.abs(velocity) > 0.01, 0.01, samples)
         assert ('bumps' in EFFECTS['bump'].insufficient_data(coverage)) is one
-
-
-def test_speeds_that_only_starts_and_stops_pass_do_not_show_friction_over_speed():
-    step = 0.005
-    ramp = np.linspace(0.0, 1.0, 100)
-    for plateaus, told in (((0.5,), False), ((0.1, 0.5), True)):
-        # To and fro with a rest between, each ramp half a second long.
-        velocity = np.tile(np.concatenate([
-            side * speed * np.concatenate((np.zeros(200), ramp, np.ones(300), ramp[::-1]))
-            for speed in plateaus for side in (1.0, -1.0)]), 6)
-        velocity = np.append(velocity, np.zeros(200))
-        time = np.arange(len(velocity)) * step
-        samples = Samples(time=time, position=np.cumsum(velocity) * step, velocity=velocity,
-                          current=np.tanh(velocity / 0.02))
-        coverage = coverage_of(samples, np.abs(velocity) > 0.005, 0.005, samples)
-        assert coverage.slow == pytest.approx(plateaus[0], rel=0.02)
-        for name in ('stribeck', 'viscous_shape'):
-            assert ('starts and stops' in EFFECTS[name].insufficient_data(coverage)) is not told
-        if told:
-            # Nor does a velocity below those that last.
-            assert EFFECTS['stribeck'].limited('velocity', 0.01, {}, coverage) == coverage.slow

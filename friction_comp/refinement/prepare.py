@@ -31,7 +31,6 @@ from friction_comp.refinement.recorded_motion import (
     in_motion,
     load_coefficient,
     moving_joints,
-    near_rest,
     plain_columns,
     row_starts,
     standstill_speed,
@@ -250,10 +249,8 @@ def coverage_of(samples: Samples, usable: np.ndarray, slowest: float, raw: Sampl
     lowest, highest = np.percentile(moving.position, (1, 99))
     velocity = np.asarray(moving.velocity)
     moves = np.abs(velocity)
-    speed = np.percentile(moves, 95)
+    slow, speed = np.percentile(moves, (5, 95))
     resting = np.abs(np.asarray(samples.velocity)) < slowest
-    apart = ~near_rest(resting, samples.sample_time, thresholds.START)
-    slow = np.percentile(moves[apart[usable]] if apart[usable].any() else moves, 1)
     temperature, temperature_span = 25.0, 0.0
     if samples.temperature is not None:
         temperature = float(np.median(samples.temperature))

@@ -96,13 +96,6 @@ def standstill_speed(samples: Samples) -> float:
     return float(min(max(0.01 * top, noise), 0.05 * top))
 
 
-def near_rest(still: np.ndarray, step: float, time: float) -> np.ndarray:
-    """Return which samples lie within a time, s, of a rest; `step` is that of a sample."""
-    # Opening removes runs that are shorter than a rest.
-    rest = grey_opening(still, max(round(thresholds.REST / step), 1), mode='constant')
-    return np.asarray(maximum_filter1d(rest, 2 * round(time / step) + 1))
-
-
 def in_motion(samples: Samples, unusable: np.ndarray, slowest: float,
               bandwidth: float | None) -> np.ndarray:
     """Return which samples show friction: the joint moves, and the filter does not blur its motion.
@@ -118,7 +111,10 @@ def in_motion(samples: Samples, unusable: np.ndarray, slowest: float,
     for part in samples.segments():
         ends[[part.start, part.stop - 1]] = True
     filter_samples = round(0.5 / (bandwidth * samples.sample_time)) if bandwidth else 0
-    starts = near_rest(still, samples.sample_time, thresholds.REST)
+    rest_samples = round(thresholds.REST / samples.sample_time)
+    # Opening removes runs that are shorter than a rest.
+    rest = grey_opening(still, max(rest_samples, 1), mode='constant')
+    starts = maximum_filter1d(rest, 2 * rest_samples + 1)
     starts &= speed < thresholds.PRESLIDING_SPEED * top_speed(speed)
     blurred = 2 * filter_samples + 1
     for mask in (maximum_filter1d(still, blurred), maximum_filter1d(ends, blurred), starts):

@@ -23,6 +23,8 @@ from friction_comp.refinement.effect_columns import Table, Term
 
 _STEP = 1e-3
 _RIDGE = 1e-6
+# Constants that define an effect; the others only say how it fades.
+_DEFINING = ('time_constant', 'width', 'distance')
 
 
 def total(errors: Sequence[np.ndarray]) -> float:
@@ -262,15 +264,12 @@ def free_constants(terms: Sequence[Term]) -> list[tuple[int, str]]:
 def at_limit(term: Term, coverage: Coverage) -> bool:
     """Return whether a defining constant is at its limit, where the effect becomes another one.
 
-    A warm-up slower than the recording is a drift; a bump as wide as the range is a spring;
-    Stribeck friction below the slowest speed that lasts is what starts and stops do.
+    A warm-up slower than the recording is a drift; a bump as wide as the range is a spring.
     """
-    # A step beyond the limit leaves the term unchanged; from outside, both end at the same limit.
-    for _, name in free_constants([term]):
-        up, down = (with_step(term, name, step, coverage) for step in (_STEP, -_STEP))
-        if name in term.kind.defining and (term in (up, down) or up == down):
-            return True
-    return False
+    # A step beyond the limit leaves the term unchanged.
+    return any(with_step(term, name, step, coverage) == term
+               for _, name in free_constants([term]) if name in _DEFINING
+               for step in (_STEP, -_STEP))
 
 
 def constant_derivatives(table: Table, terms: Sequence[Term], free: Sequence[tuple[int, str]]

@@ -23,8 +23,6 @@ FEWEST_SAMPLES = Threshold(
     200, 'samples', 'fewest in motion; with less, little but Coulomb and viscous friction shows')
 REST = Threshold(
     0.1, 's', 'shortest rest; slow motion within this time of a rest is presliding')
-START = Threshold(
-    0.5, 's', 'of a rest are starts and stops, which do not show friction over speed')
 PRESLIDING_SPEED = Threshold(
     0.05, 'of the top speed', 'faster motion near a rest is not presliding')
 ROWS = Threshold(

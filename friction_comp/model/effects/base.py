@@ -51,8 +51,6 @@ class Effect(ABC):
     # searched. `transition` is the velocity over which friction changes sign, common to all effects
     # of a fit.
     constants: dict[str, SearchRange | None] = {}
-    # The constants at whose limits it becomes another effect; others only say how it fades.
-    defining: tuple[str, ...] = ('time_constant', 'width', 'distance')
     # Meaning and unit of each coefficient; A stands for the unit of the recording.
     coefficient_names: tuple[tuple[str, str], ...] = ()
     # The effect in one sentence, and its formula in A, as templates for `str.format`: {A}, {B}, ...

@@ -46,7 +46,7 @@ class Coverage:
     temperature: float = 25.0         # median, degrees Celsius
     resolution: float = 0.0           # smallest step of the recorded position, rad
     both_directions: bool = True      # whether there is motion in both
-    slow: float = 0.0     # rad/s, 1st percentile of the speed apart from starts and stops
+    slow: float = 0.0                 # 5th percentile of the speed while moving, rad/s
     reversals: float = math.inf       # of the direction of motion
     rest_duration: float = math.inf          # how long the joint stood still, s
     distinct_positions: float = math.inf       # distinct positions that the encoder gave

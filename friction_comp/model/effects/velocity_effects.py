@@ -15,8 +15,8 @@ from friction_comp.model.effects.definitions import Coverage, SearchRange, Signa
 def _speed_hardly_varied(coverage: Coverage) -> str:
     if coverage.speed >= 1.5 * coverage.slow:
         return ''
-    return (f'Speed hardly varied ({coverage.slow:.3g} to {coverage.speed:.3g} rad/s) apart from '
-            'starts and stops: effects of velocity cannot be seen.')
+    return (f'Speed hardly varied ({coverage.slow:.3g} to {coverage.speed:.3g} rad/s): effects of '
+            'velocity cannot be seen.')
 
 
 class Stribeck(Effect):
@@ -26,12 +26,9 @@ class Stribeck(Effect):
     fades_in_sliding = True
     coefficient_names = (('height at standstill', 'A'),)
     variable = 'velocity'
-    # Near the top speed it would be curved viscous friction; speeds that only starts and stops
-    # pass do not show it.
+    # Near the top speed it would be curved viscous friction; near standstill it cannot be seen.
     constants = {'velocity': SearchRange(1.6, limits=lambda coverage, _: (
-        max(0.5 * coverage.slowest, coverage.slow), 0.7 * coverage.speed)),
-        'exponent': None, 'transition': None}
-    defining = ('velocity',)
+        0.5 * coverage.slowest, 0.7 * coverage.speed)), 'exponent': None, 'transition': None}
     equation = '{A:+.4g}·tanh(v/{transition:.3g})·exp(-(|v|/{velocity:.3g})^{exponent:g})'
 
     @classmethod
