@@ -29,7 +29,8 @@ _MOTION = ('position', 'velocity', 'acceleration', 'load', 'temperature', 'rigid
 
 def settings_of(section: Any, name: str) -> dict[str, Any]:
     """Return the differentiation settings of a section of a model file, called `name` in errors."""
-    check_mapping(section, name, ('method', 'source', 'bandwidth', 'lag', 'signals'))
+    check_mapping(section, name,
+                  ('method', 'source', 'bandwidth', 'lag', 'time_constant', 'signals'))
     method = section.get('method', METHOD)
     if method != METHOD:
         raise InputError(f'{name}.method must be {METHOD!r}, not {method!r}')
@@ -39,8 +40,9 @@ def settings_of(section: Any, name: str) -> dict[str, Any]:
     for where, part in parts.items():
         if part.get('bandwidth') is not None:
             check_number(part['bandwidth'], f'{where}.bandwidth', above=0.0)
-        if part.get('lag') is not None:
-            check_number(part['lag'], f'{where}.lag')
+        for key in ('lag', 'time_constant'):
+            if part.get(key) is not None:
+                check_number(part[key], f'{where}.{key}')
     return dict(section)
 
 
@@ -56,8 +58,8 @@ def differentiate(samples: Samples, settings: dict[str, Any]) -> Samples:
     Settings are ``source``, 'position' or 'velocity'; ``bandwidth``, Hz, the -3 dB point of one
     pass, None without filter; ``lag``, s by which torque follows the recorded current: motion,
     load and temperature are then those of the time t + lag; and ``signals``, how each of `MEASURED`
-    is prepared before, see `prepared_signal`. Raises InputError if a setting is unknown, or the
-    velocity is needed and not recorded.
+    is prepared before, see `prepared_signal`. ``time_constant`` is left to `as_recorded`. Raises
+    InputError if a setting is unknown, or the velocity is needed and not recorded.
     """
     source, bandwidth = settings.get('source', 'position'), settings.get('bandwidth')
     if source not in ('position', 'velocity'):
@@ -168,6 +170,31 @@ def shifted_in_time(values: np.ndarray, samples: Samples, lag: float) -> np.ndar
     return shifted.T.reshape(np.shape(values))
 
 
+def as_recorded(current: np.ndarray, samples: Samples, time_constant: float | None) -> np.ndarray:
+    """Return the recorded current that belongs to a torque, in its unit, shape (N,) or (N, M).
+
+    Where the torque τ follows the current i by a first-order low pass of the time constant T,
+    ``i = τ + T·dτ/dt``. Where T is negative, the recorded current follows the torque by a low pass
+    of ``-T``. Both are linear, so that columns of a fit can be given as well.
+    """
+    if not time_constant:
+        return current
+    result = np.array(current, dtype=float)
+    for part in samples.segments():
+        values, step = result[part], samples.sample_time
+        if len(values) < 3:
+            continue
+        if time_constant > 0.0:
+            values += time_constant * _derivative(values, _increasing(samples.time[part]))
+        else:
+            from scipy.signal import lfilter
+
+            gain = step / (step - 2.0 * time_constant)
+            result[part] = values[0] + lfilter(
+                (gain, gain), (1.0, 2.0 * gain - 1.0), values - values[0], axis=0)
+    return result
+
+
 def _smooth(signal: np.ndarray, sample_time: float, bandwidth: float | None) -> np.ndarray:
     if bandwidth is None or sample_time <= 0 or 2.0 * bandwidth * sample_time >= 0.95:
         return signal
@@ -181,14 +208,14 @@ def _smooth(signal: np.ndarray, sample_time: float, bandwidth: float | None) -> 
 
 
 def _derivative(values: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """Return the slope by central differences of second order, one-sided at both ends, (N,).
+    """Return the slope by central differences of second order, one-sided at both ends, (N, ...).
 
     Samples that were delayed may arrive together, with hardly any time between their stamps, though
     the motion between them took longer: a step counts as a quarter of the median step at least.
     """
     step = np.diff(time)
     step = np.maximum(step, 0.25 * float(np.median(step)))
-    return np.asarray(np.gradient(values, np.concatenate(([0.0], np.cumsum(step)))))
+    return np.asarray(np.gradient(values, np.concatenate(([0.0], np.cumsum(step))), axis=0))
 
 
 def _increasing(time: np.ndarray) -> np.ndarray:

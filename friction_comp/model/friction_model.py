@@ -16,7 +16,12 @@ from friction_comp.drive import Drive
 from friction_comp.errors import errors_name, InputError
 from friction_comp.files import plain, read_yaml, write_yaml
 from friction_comp.model.arm.arm import Arm
-from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate, settings_of
+from friction_comp.model.differentiation import (
+    as_recorded,
+    DEFAULT_SETTINGS,
+    differentiate,
+    settings_of,
+)
 from friction_comp.model.effects import Effect, EFFECTS
 from friction_comp.model.planned_motion import planned_current
 from friction_comp.model.recorded import Recorded
@@ -106,8 +111,10 @@ class FrictionModel:
             raise InputError(f'the position at {first:g} s is not finite')
         effects = [effect for effect in self.effects
                    if same_recording or effect.holds_on_another_day]
-        current = replace(self, effects=effects).current(
-            differentiate(self.with_arm(samples), self.differentiation or DEFAULT_SETTINGS))
+        settings: dict[str, Any] = dict(self.differentiation or DEFAULT_SETTINGS)
+        moved = differentiate(self.with_arm(samples), settings)
+        current = as_recorded(replace(self, effects=effects).current(moved), moved,
+                              settings.get('time_constant'))
         return np.nan_to_num(current, nan=0.0, posinf=0.0, neginf=0.0)
 
     def feed_forward(self, position: ArrayLike, velocity: ArrayLike,

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from friction_comp.errors import InputError
-from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
+from friction_comp.model.differentiation import as_recorded, DEFAULT_SETTINGS, differentiate
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.monitoring.residual_monitor import ModelFit, ResidualMonitor
 from friction_comp.samples import Samples
@@ -81,7 +81,7 @@ class LiveResidual:
         # Even if they cannot be compared: rows that are not done are kept.
         self._done = ready
         samples = self._samples(rows)
-        settings = self.model.differentiation or DEFAULT_SETTINGS
+        settings: dict[str, Any] = dict(self.model.differentiation or DEFAULT_SETTINGS)
         if settings.get('source') == 'velocity' and samples.velocity is None:
             settings = DEFAULT_SETTINGS
         differentiated = differentiate(samples, settings)
@@ -91,7 +91,8 @@ class LiveResidual:
         # Time counts from the beginning of the run, not of the rows that are kept.
         differentiated = differentiated.with_(time=rows[:, 0] - self._origin)
         try:
-            predicted = self.model.current(differentiated)
+            predicted = as_recorded(self.model.current(differentiated), differentiated,
+                                    settings.get('time_constant'))
         except InputError as error:
             # For instance, a model of an arm needs the motion of other joints.
             self.blind = str(error)

@@ -6,14 +6,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-import functools
 import math
 from typing import Any
 
 import numpy as np
 
 from friction_comp.drive import Drive
-from friction_comp.model.differentiation import shifted_in_time
+from friction_comp.model.differentiation import as_recorded, shifted_in_time
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
@@ -27,9 +26,9 @@ from friction_comp.refinement.effect_columns import (
     Table,
     Term,
 )
+from friction_comp.refinement.lag import best_response
 from friction_comp.refinement.prepare import blocks_of_samples, prepare, Rows, with_settings
 from friction_comp.refinement.recorded_motion import (
-    best_lag,
     candidate_settings,
     choose_differentiation,
     choose_signals,
@@ -42,6 +41,8 @@ from friction_comp.samples import Samples
 
 # Share of the top speed over which the friction of a plain drive changes sign.
 _PLAIN_TRANSITION = 0.1
+# Settings of the lag between current and torque.
+_LAG = ('lag', 'time_constant')
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,11 @@ class Fit:
         """The fitted rows."""
         return self.table.rows
 
+    @property
+    def lag(self) -> tuple[float, float]:
+        """Delay and time constant between current and torque, s."""
+        return self.settings.get('lag', 0.0), self.settings.get('time_constant', 0.0)
+
     def errors(self) -> np.ndarray:
         """Return the squared error of each cell by a fit to all other blocks, shape (K,)."""
         return self.table.held_out_errors(self.table.indices(self.terms))
@@ -103,9 +109,14 @@ class Fit:
             'ns,ns->n', columns, fits[blocks_of_samples(rows)]))
 
 
+def without_lag(settings: dict[str, Any]) -> dict[str, Any]:
+    """Return differentiation settings without delay and low pass."""
+    return {name: value for name, value in settings.items() if name not in _LAG}
+
+
 def fit_eq6_alone(problem: Problem, settings: dict[str, Any]) -> Fit:
     """Fit Eq. 6 to the recordings, without effects and without a lag."""
-    settings = {name: value for name, value in settings.items() if name != 'lag'}
+    settings = without_lag(settings)
     rows, settings = prepare(problem.raw, problem.drive, settings, problem.declared)
     table = Table(rows, 2.0 / rows.coverage.transition)
     table.fit_transition([])
@@ -236,7 +247,7 @@ def find_best_fit(problem: Problem) -> Fit:
             if settings in tried:
                 continue
             tried.append(settings)
-            first_lag = bool(settings.get('lag')) and not best.settings.get('lag')
+            first_lag = without_lag(settings) != settings and not any(best.lag)
             # Terms that stood in for a lag are a poor start; another bandwidth changes little.
             begin = None if first_lag else best.terms[best.initial_count:]
             other = search_with(problem, settings, begin)
@@ -269,17 +280,24 @@ def _other_settings(problem: Problem, fit: Fit) -> list[dict[str, Any]]:
         return np.column_stack([eq6_columns(other, *fit.table.transition),
                                 *(term.columns(other) for term in fit.terms)])
 
-    def error_of(matrix: np.ndarray, lag: float = 0.0) -> float:
+    def error_of(matrix: np.ndarray, lag: float = 0.0, slow: float = 0.0) -> float:
         shifted = shifted_in_time(matrix, rows.samples, lag) if lag else matrix
-        return held_out_error(rows.averaged(shifted), target, rows.block)
+        return held_out_error(rows.averaged(as_recorded(shifted, rows.samples, slow)), target,
+                              rows.block)
     samples = rows.samples.with_(load=None) if rows.load_coefficient else rows.samples
     plain = plain_columns(
         samples, [rows.coverage.transition, _PLAIN_TRANSITION * rows.coverage.speed])
-    current_lag = settings.get('lag', 0.0)
-    for matrix in [columns(rows)] if current_lag else [plain, columns(rows)]:
-        lag, gain = best_lag(functools.partial(error_of, matrix), step, fine=bool(current_lag))
-        if gain > (thresholds.EQUIVALENT if current_lag else 0.5 * (1.0 - thresholds.LAG_ERROR)):
-            others.append({**settings, 'lag': current_lag + lag})
+    current_lag, _ = fit.lag
+    # Viscous friction after a low pass has an inertia, which must not be the only one.
+    own = np.column_stack((columns(replace(rows, time_constant=0.0)),
+                           np.asarray(rows.samples.acceleration)))
+    for matrix in [own] if any(fit.lag) else [plain, own]:
+        def error_with_lag(lag: float, slow: float, matrix: np.ndarray = matrix) -> float:
+            return error_of(matrix, lag - current_lag, slow)
+        response = best_response(error_with_lag, step, fit.lag)
+        if response != fit.lag:
+            others.append({**without_lag(settings), **{
+                name: value for name, value in zip(_LAG, response) if value}})
     if not rows.load_coefficient:
         def error_with(changed: dict[str, np.ndarray]) -> float:
             changed = {name: shifted_in_time(values, problem.raw, current_lag)
@@ -290,7 +308,7 @@ def _other_settings(problem: Problem, fit: Fit) -> list[dict[str, Any]]:
             others.append({**settings, 'signals': signals})
     errors: list[tuple[float, int, dict[str, Any]]] = []
     for choice in candidate_settings(problem.raw):
-        choice |= {name: settings[name] for name in ('lag', 'signals') if settings.get(name)}
+        choice |= {name: settings[name] for name in (*_LAG, 'signals') if settings.get(name)}
         matrix = columns(with_settings(rows, problem.raw, choice))
         if np.isfinite(matrix).all():
             errors.append((error_of(matrix), len(errors), choice))

@@ -43,18 +43,29 @@ class BlockSums:
         train = fold_of_block != np.arange(int(fold_of_block.max()) + 1)[:, None]
         return self.squared_errors(columns, self.fits(columns, train.astype(float))[fold_of_block])
 
-    def squared_errors(self, columns: Sequence[int], coefficients: np.ndarray) -> np.ndarray:
-        """Return the squared error of each block, (K,), by its own coefficients, shape (K, S)."""
+    def squared_errors(self, columns: Sequence[int], coefficients: np.ndarray,
+                       blocks: np.ndarray | None = None) -> np.ndarray:
+        """Return the squared error of each block, (K,), by its own coefficients, shape (K, S).
+
+        Only of some `blocks`, by their indices, where given.
+        """
         inner = np.append(np.asarray(columns, dtype=int), self.gram.shape[1] - 1)
         combination = np.concatenate((coefficients, np.full((len(coefficients), 1), -1.0)), axis=1)
-        return np.asarray((combination[:, None] @ self.gram[:, inner[:, None], inner]
-                           @ combination[:, :, None])[:, 0, 0])
+        gram = self.gram[:, inner[:, None], inner] if blocks is None else self.gram[
+            blocks[:, None, None], inner[:, None], inner]
+        return np.asarray((combination[:, None] @ gram @ combination[:, :, None])[:, 0, 0])
 
     def fits(self, columns: Sequence[int], weights: np.ndarray) -> np.ndarray:
         """Return the coefficients, shape (F, S), of fits to blocks with weights, shape (F, K)."""
         inner = np.append(np.asarray(columns, dtype=int), self.gram.shape[1] - 1)
         mixed = np.tensordot(weights, self.gram[:, inner[:, None], inner], 1)
         return solve(mixed, self._norms(inner[:-1]), self.signs[inner[:-1]])
+
+    def fit_mixed(self, columns: Sequence[int], mixed: np.ndarray) -> np.ndarray:
+        """Return the coefficients, shape (S,), of a fit to the sums of all columns over blocks."""
+        inner = np.append(np.asarray(columns, dtype=int), self.gram.shape[1] - 1)
+        return solve(mixed[None, inner[:, None], inner], self._norms(inner[:-1]),
+                     self.signs[inner[:-1]])[0]
 
     def fit(self, columns: Sequence[int]) -> np.ndarray:
         """Return the coefficients fitted to all blocks, shape (S,)."""

@@ -10,6 +10,7 @@ their derivatives.
 from __future__ import annotations
 
 from collections.abc import Container, Sequence
+import copy
 from dataclasses import dataclass, field, replace
 import functools
 from itertools import combinations
@@ -49,8 +50,8 @@ class Term:
         """Return the term's columns on all samples, shape (N, M)."""
         if self.group is not None:
             assert rows.motion is not None, 'groups are made of the motion of several joints'
-            return self.group.columns(rows.joints, *rows.motion)
-        return self.kind.matrix(rows.samples, self.constants)
+            return rows.as_recorded(self.group.columns(rows.joints, *rows.motion))
+        return rows.as_recorded(self.kind.matrix(rows.samples, self.constants))
 
     @property
     def choice(self) -> tuple[Any, ...]:
@@ -86,9 +87,9 @@ def eq6_columns(rows: Rows, steepness: float, shift: float) -> np.ndarray:
     slope = 1.0 - transition ** 2
     # In motion in one direction, an offset and Coulomb friction are the same.
     bidirectional = 1.0 if rows.coverage.both_directions else 0.0
-    return np.column_stack((
+    return rows.as_recorded(np.column_stack((
         np.full(len(v), bidirectional), transition, v, half * slope,
-        -0.5 * bidirectional * steepness * slope))
+        -0.5 * bidirectional * steepness * slope)))
 
 
 class Table:
@@ -116,20 +117,28 @@ class Table:
     def _base(self, steepness: float, shift: float) -> np.ndarray:
         return self.rows.averaged(eq6_columns(self.rows, steepness, shift)).T
 
-    def _columns_for(self, term: Term) -> np.ndarray | None:
-        """Return a term's columns, shape (M, R); None where they are not finite."""
+    def part(self, terms: Sequence[Term]) -> Table:
+        """Return a table of some of the terms alone, in which others are tried for less."""
+        part = copy.copy(self)
+        part.columns_of = dict(self.columns_of)
+        part.keep(terms)
+        return part
+
+    def _columns_for(self, term: Term) -> np.ndarray:
+        """Return a term's columns, shape (M, R)."""
         if term in self.columns_of:
             return self.columns[self.columns_of[term]]
-        columns = self.rows.averaged(term.columns(self.rows)).T
-        return columns if np.isfinite(columns).all() else None
+        return self.rows.averaged(term.columns(self.rows)).T
 
-    def add(self, terms: Sequence[Term]) -> list[Term]:
-        """Add terms; return those whose columns are finite."""
+    def add(self, terms: Sequence[Term], part: Table | None = None) -> list[Term]:
+        """Add terms, whose columns a part of the table may have; return the finite ones."""
         fresh: list[np.ndarray] = []
         signs: list[int] = []
         for term in terms:
-            columns = None if term in self.columns_of else self._columns_for(term)
-            if columns is not None:
+            if term in self.columns_of:
+                continue
+            columns = (part or self)._columns_for(term)
+            if np.isfinite(columns).all():
                 first = len(self.columns) + len(fresh)
                 self.columns_of[term] = list(range(first, first + len(columns)))
                 fresh += list(columns)
@@ -182,18 +191,11 @@ class Table:
         indices = self.indices(terms, derivatives)
         return np.asarray(self.target - self.sums.fit(indices) @ self.columns[indices])
 
-    def error_with(self, terms: Sequence[Term]) -> float:
-        """Return the squared error of a fit of terms, which need not be in the table."""
-        parts, signs = [self.columns[:EQ6_LINEAR]], list(_EQ6_SIGNS[:EQ6_LINEAR])
-        for term in terms:
-            own_columns = self._columns_for(term)
-            if own_columns is None:
-                return math.inf
-            parts.append(own_columns)
-            signs += signs_of(term, len(own_columns))
-        sums = BlockSums.over(np.vstack((*parts, self.target)), [slice(None)], np.array(signs))
-        columns = range(len(signs))
-        return float(sums.squared_errors(columns, sums.fit(columns)[None])[0])
+    def error(self, terms: Sequence[Term]) -> float:
+        """Return the squared error of a fit of some terms to all blocks."""
+        columns, cells = self.indices(terms, derivatives=False), len(self._cells)
+        fitted = self.sums.fit(columns)
+        return float(self.sums.squared_errors(columns, np.tile(fitted, (cells, 1))).sum())
 
     def coefficients(self, terms: Sequence[Term]) -> dict[int, float]:
         """Return the coefficient of each column index, fitted to all blocks."""

@@ -20,7 +20,7 @@ from scipy.cluster.vq import kmeans2
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.model.differentiation import differentiate
+from friction_comp.model.differentiation import as_recorded, differentiate
 from friction_comp.model.effects import Coverage
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.block_sums import held_out_error
@@ -65,6 +65,7 @@ class Rows:
     # Position, velocity and acceleration, each (N, J), of all joints where others moved too.
     motion: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
     joints: tuple[str, ...] = ()  # names of these joints
+    time_constant: float = 0.0  # of the drive's low pass, s, see `differentiation.as_recorded`
 
     @property
     def blocks(self) -> int:
@@ -79,6 +80,10 @@ class Rows:
                       if getattr(self.samples, name) is not None}
         return Samples(current=self.averaged(self.samples.current), joint=self.samples.joint,
                        recording=self.samples.recording[self.start], **known)
+
+    def as_recorded(self, columns: np.ndarray) -> np.ndarray:
+        """Return columns of a torque, shape (N, M), as the recorded current shows them."""
+        return as_recorded(columns, self.samples, self.time_constant)
 
     def averaged(self, values: np.ndarray) -> np.ndarray:
         """Return averages of values, shape (N,) or (N, M), over each row's samples."""
@@ -195,7 +200,9 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
     length = samples_per_row(moved, int(usable.sum()))
     start = thinned(row_starts(moved, usable, length))
     block = blocks_of(moved, start)
-    target = moved.current - load * np.asarray(moved.load) if load else moved.current
+    slow = settings.get('time_constant', 0.0)
+    target = moved.current - as_recorded(
+        load * np.asarray(moved.load), moved, slow) if load else moved.current
     # Of smaller numbers, as an uninitialised effort has them, squares vanish.
     if not np.abs(target[usable]).max() > math.sqrt(np.finfo(float).tiny):
         constants = '' if samples.load is None or declared else (
@@ -208,14 +215,15 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
     unknown = motion if samples.rigid_body is None else None
     region = regions_of(unknown[0][start]) if unknown else np.zeros_like(block)
     rows = Rows(moved, target, usable, unusable, coverage, start, length, block, region, load,
-                motion, joints)
+                motion, joints, slow)
     return replace(rows, coverage=replace(coverage, transition=choose_transition(rows))), settings
 
 
 def with_settings(rows: Rows, raw: Samples, settings: dict[str, Any]) -> Rows:
     """Return the rows with the motion of other differentiation settings."""
     return replace(rows, samples=differentiate(raw, settings),
-                   motion=arm_motion(raw, rows.joints, settings))
+                   motion=arm_motion(raw, rows.joints, settings),
+                   time_constant=settings.get('time_constant', 0.0))
 
 
 def choose_transition(rows: Rows) -> float:

@@ -14,7 +14,6 @@ import math
 from typing import Any
 
 import numpy as np
-from scipy import optimize
 from scipy.ndimage import grey_opening, maximum_filter1d
 
 from friction_comp.drive import Drive
@@ -23,14 +22,13 @@ from friction_comp.model.arm.arm import moving_states
 from friction_comp.model.differentiation import differentiate, MEASURED, METHOD, prepared_signal
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.block_sums import held_out_error, sums_of
+from friction_comp.refinement.lag import best_lag
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms, top_speed
 
 _BANDWIDTHS = (5.0, 10.0, 20.0, 40.0, 80.0, 120.0, 200.0)
 # Of measured signals: a thermometer is slow.
 _SIGNAL_BANDWIDTHS = (0.03, 0.1, 0.3, 1.0, 2.5, 5.0, 7.0, 10.0, 15.0, *_BANDWIDTHS[2:])
-# Number of lags that are tried on each side, from half a sample to the longest.
-_LAGS = 16
 _EXCERPT = 150_000
 # Shares of the top speed over which friction may change sign.
 TRANSITIONS = (0.3, 0.1, 0.03, 0.01, 0.003)
@@ -303,28 +301,10 @@ def _choose_signal(samples: Samples, name: str, present: dict[str, Any],
     return {} if as_recorded else {'bandwidth': bandwidth, 'lag': lag}
 
 
-def best_lag(error: Callable[[float], float], step: float, fine: bool) -> tuple[float, float]:
-    """Return the lag of the least error, s, and the share of the error that it removes.
-
-    `step` is the time of a sample; with `fine`, only lags of up to two samples are tried.
-    """
-    sizes = (1.0, 2.0) if fine else np.geomspace(
-        0.5, max(thresholds.LONGEST_LAG / step, 1.0), _LAGS)
-    lags = np.array(sorted([0.0, *(side * size * step for size in sizes for side in (1, -1))]))
-    errors = [error(lag) for lag in lags]
-    index = int(np.argmin(errors))
-    # Between the neighbours of the best lag on the grid.
-    best = optimize.minimize_scalar(
-        error, bounds=(lags[max(index - 1, 0)], lags[min(index + 1, len(lags) - 1)]),
-        method='bounded', options={'xatol': 0.02 * step, 'maxiter': 12})
-    least, lag = min((errors[index], float(lags[index])), (float(best.fun), float(best.x)))
-    without_lag = errors[int(np.argmin(np.abs(lags)))]
-    return lag, 1.0 - least / without_lag
-
-
 def settings_for_arm(samples: Samples, settings: dict[str, Any]) -> dict[str, Any]:
     """Return settings for the motion of all joints, from position if velocity was not recorded."""
-    settings = {name: value for name, value in settings.items() if name != 'signals'}
+    settings = {name: value for name, value in settings.items()
+                if name not in ('signals', 'time_constant')}
     if samples.arm is not None and samples.arm.velocity is None:
         return {**settings, 'source': 'position'}
     return settings

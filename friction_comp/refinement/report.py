@@ -164,13 +164,9 @@ def effects_of(problem: Problem, fit: Fit, unit: str) -> list[FoundEffect]:
     """
     chosen, remaining = fit.terms[:fit.initial_count], fit.terms[fit.initial_count:]
     entries: list[FoundEffect] = []
-    lag = fit.settings.get('lag', 0.0)
-    # A shorter lag is due to sampling; a negative one, due to a filter of the motion's sensor.
-    if lag >= fit.rows.samples.sample_time:
-        entries.append(FoundEffect(
-            'actuation_lag', 'history', fit.rmse_with(chosen), fit.lag_confidence, {'lag': lag},
-            {}, None, f'Lag: the torque is {1e3 * lag:.3g} ms later than the current',
-            f'i(t + {lag:.4g} s)'))
+    # A shorter lag is due to sampling; a negative one, due to a filter of a sensor.
+    if sum(fit.lag) >= fit.rows.samples.sample_time:
+        entries.append(lag_effect(*fit.lag, fit.rmse_with(chosen), fit.lag_confidence))
     while remaining:
         groups = [term for term in remaining if term.group and term.group.kind != 'friction']
         candidates = [[term] for term in remaining if term not in groups]
@@ -184,6 +180,20 @@ def effects_of(problem: Problem, fit: Fit, unit: str) -> list[FoundEffect]:
         if terms is groups or not is_known_load(problem, fit, terms[0]):
             entries.append(_found_effect(fit, terms, error, unit))
     return entries
+
+
+def lag_effect(delay: float, time_constant: float, error: float, chosen: float) -> FoundEffect:
+    """Return the lag between current and torque: a delay, a first-order low pass or both, s."""
+    parts = {'lag': delay, 'time_constant': time_constant}
+    late = f'is {1e3 * delay:.3g} ms later than the current'
+    slow = f'follows the current by a first-order low pass of {1e3 * time_constant:.3g} ms'
+    said = ', and '.join([slow] * bool(time_constant) + [late] * bool(delay))
+    formula = f'i(t + {delay:.4g} s)' if delay else 'i(t)'
+    return FoundEffect(
+        'actuation_lag', 'history', error, chosen,
+        {name: value for name, value in parts.items() if value}, {}, None,
+        f'Lag: the torque {said}',
+        f'(1 + {time_constant:.4g} s·d/dt) {formula}' if time_constant else formula)
 
 
 def is_known_load(problem: Problem, fit: Fit, term: Term) -> bool:

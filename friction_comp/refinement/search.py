@@ -78,9 +78,18 @@ class Search:
         self.table, self.candidates, self.fixed = table, candidates, fixed
         self._resampled = weights is not None
         self._weights = np.ones(len(table.block)) if weights is None else weights[table.block]
+        self._held_out = np.nonzero(self._weights == 0.0)[0]
+        # The table of a resampled search stays as it is.
+        self._fitted = np.tensordot(self._weights, table.sums.gram, 1) if self._resampled else None
         self._regions = len(np.unique(table.region)) > 1
         # A resampled sample holds out too few blocks to test their mean.
         self._standard_errors = 1.0 if self._resampled else float(thresholds.STANDARD_ERRORS)
+
+    def _mixed(self) -> np.ndarray:
+        """Return the sums of products over the fitted blocks, shape (P + 1, P + 1)."""
+        if self._fitted is not None:
+            return self._fitted
+        return np.asarray(np.tensordot(self._weights, self.table.sums.gram, 1))
 
     def after_addition(self, terms: list[Term]) -> list[Term]:
         """Return terms to which one was just added; called by `forward`.
@@ -93,10 +102,9 @@ class Search:
         """Return the squared errors of held-out blocks and, if any, of held-out regions."""
         table, sums, columns = self.table, self.table.sums, self.table.indices(terms)
         if self._resampled:
-            coefficients = sums.fits(columns, self._weights[None])
-            errors = sums.squared_errors(
-                columns, np.repeat(coefficients, len(self._weights), axis=0))
-            return [errors[self._weights == 0.0]]
+            fitted = sums.fit_mixed(columns, self._mixed())
+            return [sums.squared_errors(
+                columns, np.tile(fitted, (len(self._held_out), 1)), self._held_out)]
         blocks = np.bincount(table.block, table.held_out_errors(columns))
         return [blocks, sums.held_out_errors(columns, table.region)] if self._regions else [blocks]
 
@@ -157,10 +165,9 @@ class Search:
             counts[term.choice] < term.kind.max_count)]
         if not allowed:
             return []
-        sums = np.tensordot(self._weights, self.table.sums.gram, 1)
         reductions = error_reductions(
-            sums, self.table.indices(terms), [self.table.columns_of[term] for term in allowed],
-            self.table.sums.signs)
+            self._mixed(), self.table.indices(terms),
+            [self.table.columns_of[term] for term in allowed], self.table.sums.signs)
         best: dict[Any, Term] = {}
         for index in np.argsort(-reductions, kind='stable'):
             term = allowed[index]
@@ -288,6 +295,7 @@ def adjust_constants(table: Table, terms: Sequence[Term], rounds: int) -> list[T
     halves the step until the error decreases. Terms that depend on the load of others get the loads
     of the new fit.
     """
+    every, table = table, table.part(terms)
     terms = _with_current_loads(table, list(terms))
     for _ in range(rounds):
         free = free_constants(terms)
@@ -308,14 +316,15 @@ def adjust_constants(table: Table, terms: Sequence[Term], rounds: int) -> list[T
             for (index, name), size in zip(free, share * step):
                 changed[index] = with_step(changed[index], name, float(size), table.rows.coverage)
             distinct = len(set(changed)) == len(changed)
-            if distinct and (error := table.error_with(changed)) < initial:
+            if distinct and len(table.add(changed)) == len(changed) and (
+                    error := table.error(changed)) < initial:
                 break
         else:
-            return terms
-        terms = _with_current_loads(table, table.add(changed))
+            break
+        terms = _with_current_loads(table, changed)
         if error > (1.0 - 1e-3) * initial:
             break
-    return terms
+    return every.add(terms, table)
 
 
 def _with_current_loads(table: Table, terms: list[Term]) -> list[Term]:

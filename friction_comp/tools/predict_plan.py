@@ -13,7 +13,7 @@ import numpy as np
 
 from friction_comp.errors import errors_name, InputError
 from friction_comp.files import read_yaml, write_atomically
-from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
+from friction_comp.model.differentiation import as_recorded, DEFAULT_SETTINGS, differentiate
 from friction_comp.model.friction_model import FrictionModel, joints_of
 from friction_comp.model.planned_motion import of_plan
 from friction_comp.samples import Samples
@@ -77,14 +77,16 @@ def _models(arguments: Namespace, plan: dict[str, Samples]) -> dict[str, Frictio
 def _current(model: FrictionModel, samples: Samples) -> np.ndarray:
     """Return the current of a plan, shape (N,), with acceleration as planned where it is known.
 
-    The motion of the recordings lagged behind the current by the model's `lag`: what is commanded
-    at a time is what the motion needs that much later. A sensor's own delay is not the plan's.
+    The motion of the recordings lagged behind the current by the model's `lag` and
+    `time_constant`: what is commanded at a time is what the motion needs that much later. A
+    sensor's own lag is not the plan's.
     """
-    if samples.acceleration is not None and model.arm is None:
-        return model.current(samples)
     settings = dict(model.differentiation or DEFAULT_SETTINGS)
+    slow = max(settings.get('time_constant') or 0.0, 0.0)
+    if samples.acceleration is not None and model.arm is None:
+        return as_recorded(model.current(samples), samples, slow)
     settings['source'] = 'position' if samples.velocity is None else 'velocity'
     if settings.get('lag', 0.0) is None or settings.get('lag', 0.0) < 0.0:
         settings.pop('lag', None)
-    return replace(model, differentiation=settings).current(
-        differentiate(model.with_arm(samples), settings))
+    moved = differentiate(model.with_arm(samples), settings)
+    return as_recorded(model.current(moved), moved, slow)

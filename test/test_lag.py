@@ -1,0 +1,106 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""A lag between current and torque: a delay, or a first-order low pass of drive or sensor."""
+
+from helpers import sines
+import numpy as np
+import pytest
+
+from friction_comp.drive import Drive
+from friction_comp.errors import InputError
+from friction_comp.model.differentiation import as_recorded, settings_of
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.refinement import refine
+from friction_comp.samples import Samples
+from friction_comp.statistics import rms
+
+STEP, NOISE = 0.004, 0.02
+
+
+def followed(signal, step, time_constant):
+    """Return what follows a signal by a first-order low pass, by its exact step response."""
+    result, weight = np.array(signal), 1.0 - np.exp(-step / time_constant)
+    for k in range(1, len(signal)):
+        result[k] = result[k - 1] + weight * (signal[k] - result[k - 1])
+    return result
+
+
+def recorded(seed, delay=0.0, drive=0.0, sensor=0.0):
+    """Return a joint with 0.8 A of Coulomb friction, late by a delay or a low pass, in s."""
+    rng, step = np.random.default_rng(seed), 1e-3
+    time = np.arange(0.0, 24.0, step)
+    position, velocity, acceleration = sines(time, (
+        (0.35 / frequency ** 1.3, 2 * np.pi * frequency * rng.uniform(0.9, 1.1),
+         rng.uniform(0.0, 6.28)) for frequency in np.geomspace(0.15, 2.0, 7)))
+    current = 0.8 * np.tanh(velocity / 0.1) + 0.3 * velocity + 0.05 * acceleration
+    if drive:
+        current += drive * np.gradient(current, step)
+    if sensor:
+        current = followed(current, step, sensor)
+    current = np.interp(time + delay, time, current)
+    kept = slice(None, None, round(STEP / step))
+    return Samples(time=time[kept], position=position[kept],
+                   current=current[kept] + NOISE * rng.standard_normal(len(time[kept])))
+
+
+@pytest.mark.parametrize(('late', 'name', 'value'), [
+    ({'drive': 0.03}, 'time_constant', 0.03), ({'sensor': 0.03}, 'time_constant', -0.03),
+    ({'delay': 0.03}, 'lag', 0.03), ({}, None, 0.0)])
+def test_a_low_pass_is_told_from_a_delay_and_named_only_if_the_drive_has_it(
+        late, name, value, tmp_path):
+    # As a delay alone, the low pass of the drive made Coulomb friction 0.98 A, and a hysteresis.
+    result = refine([recorded(2, **late)], drive=Drive(0.1, 100.0))
+    found = {effect.name: effect for effect in result.report.effects}
+    settings = result.report.differentiation
+    assert {key for key in ('lag', 'time_constant') if key in settings} == ({name} - {None})
+    if name:
+        assert settings[name] == pytest.approx(value, rel=0.2)
+    named = value > 0.0
+    assert set(found) == ({'inertia', 'actuation_lag'} if named else {'inertia'})
+    if named:
+        assert found['actuation_lag'].parameters == {name: settings[name]}
+        assert ('low pass' in found['actuation_lag'].in_words) == (name == 'time_constant')
+        assert ('d/dt' in found['actuation_lag'].formula) == (name == 'time_constant')
+    assert result.report.friction.coulomb == pytest.approx(0.8, rel=0.01)
+    assert result.report.friction.inertia == pytest.approx(0.05, rel=0.05)
+    # The file says it, too: it predicts as the report states.
+    result.model.save(tmp_path / 'model.yaml')
+    samples = recorded(2, **late)
+    error = samples.current - FrictionModel.load(tmp_path / 'model.yaml').predict(samples)
+    assert rms(error[result.usable]) == pytest.approx(result.report.after.fit_rmse, rel=1e-6)
+    assert result.report.after.held_out_rmse < 1.7 * NOISE
+
+
+def test_a_low_pass_is_undone_and_ends_with_the_recording():
+    time = np.arange(4000) * 1e-3
+    samples = Samples(time=time, position=time, current=0 * time,
+                      recording=(np.arange(4000) >= 2000).astype(int))
+    torque = np.sin(2.0 * time) + (time >= 2.0)
+    # The current follows the torque: each recording begins in its own state.
+    late = as_recorded(torque, samples, -0.05)
+    for part in (slice(0, 2000), slice(2000, 4000)):
+        assert late[part] == pytest.approx(followed(torque[part], 1e-3, 0.05), abs=2e-3)
+    # The torque follows the current: what it followed comes back; columns are as good.
+    columns = as_recorded(np.column_stack((late, -2.0 * late)), samples, 0.05)
+    for part in (slice(10, 1990), slice(2010, 3990)):
+        assert columns[part, 0] == pytest.approx(torque[part], abs=2e-3)
+        assert columns[part, 1] == pytest.approx(-2.0 * torque[part], abs=4e-3)
+    assert as_recorded(torque, samples, None) is torque
+
+
+def test_a_prediction_leads_by_the_low_pass_of_the_drive():
+    samples = recorded(3)
+    motion = {'source': 'position', 'bandwidth': 20.0}
+    plain = FrictionModel(Drive(0.1, 100.0), Sigmoid(0.8, -0.8, 20.0, 0.0, 0.3),
+                          differentiation=motion)
+    late = FrictionModel(Drive(0.1, 100.0), plain.sigmoid,
+                         differentiation={**motion, 'time_constant': 0.03})
+    expected = plain.predict(samples)
+    expected = expected + 0.03 * np.gradient(expected, STEP)
+    assert late.predict(samples)[2:-2] == pytest.approx(expected[2:-2], abs=1e-6)
+
+
+def test_a_wrong_time_constant_is_named():
+    with pytest.raises(InputError, match='differentiation.time_constant'):
+        settings_of({'time_constant': 'slow'}, 'differentiation')
