@@ -118,22 +118,13 @@ def read_gestures(person):
 
 
 def chosen(tables):
-    """Return the channels of flexor and extensor, from tables with movements 1 and -1.
-
-    Those that dominate most clearly in the first movement of either direction; each has at least
-    a third of the strongest channel's signal.
-    """
+    """Return the channels of flexor and extensor, from tables with movements 1 and -1."""
     power = []
     for table, side in zip(tables, (1, -1)):
         begin, end = next((b, e) for b, e, label in stretches(table[:, 8]) if label == side)
         begin += min(200, (end - begin) // 2)
         power.append(np.std(sosfiltfilt(HIGH_PASS, table[:, :8], axis=0)[begin:end], axis=0))
-    flexed, extended = power
-    strong = [np.flatnonzero(own > own.max() / 3.0) for own in power]
-    return list(max(
-        ((i, j) for i in strong[0] for j in strong[1] if i != j),
-        key=lambda pair: min(flexed[pair[0]] / flexed[pair[1]],
-                             extended[pair[1]] / extended[pair[0]])))
+    return [int(np.argmax(a / b * (a > 0.3 * a.max()))) for a, b in (power, power[::-1])]
 
 
 def stretches(labels):

