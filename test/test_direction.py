@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from friction_comp.direction.desired_motion import DesiredMotion
 from friction_comp.direction.onset_test import alarm_limit, ALLOWANCE, OnsetTest, Rest
@@ -54,6 +55,23 @@ def test_three_seconds_show_the_scatter_of_any_noise_well_enough(kind):
             test.follow()
     # 40 minutes at 0.25 an hour and channel.
     assert false <= 1
+
+
+def test_the_lag_of_a_low_pass_does_not_delay_an_onset():
+    random, samples = np.random.default_rng(1), []
+    for _ in range(40):
+        signal = random.normal(size=460) + 4.0 * (np.arange(460) >= 400)
+        values = lfilter([0.1], [1.0, -0.9], signal)
+        test = OnsetTest(Rest.of(values[:300], 100.0))
+        alarms = []
+        for value in values[300:]:
+            alarms.append(test.add(value))
+            test.follow()
+        samples.append(alarms.index(1) - 99)
+    # As a test of the values before the low pass would take: the limit over what each adds to it.
+    assert test.limit / (4.0 - ALLOWANCE) == pytest.approx(2.0, abs=0.1)
+    assert np.median(samples) <= 3
+    assert min(samples) > 0
 
 
 class Hand:
