@@ -3,17 +3,26 @@
 # SPDX-License-Identifier: Apache-2.0
 """Onsets in public recordings of forearm muscles: found, missed, late, without cause.
 
-The folder is a copy of the repository aljazfrancic/myo-readings-dataset: bracelets of eight
-channels, 200 samples per second, 8 bit; five seconds of rest and five of a wrist's flexion or
-extension in turn. Two of the channels are used, chosen on the first contraction. Nobody recorded
-the wrist: it is taken to move 0.6 s after the muscle, as a joint does that friction holds.
+The folder is a copy of one of two sets of bracelets of eight channels, 8 bit:
+
+- aljazfrancic/myo-readings-dataset: 200 samples per second; five seconds of rest and five of a
+  wrist's flexion or extension in turn.
+- EMG_data of cechava/EMG_gestures (Lobov et al. 2018): a fist, flexion, extension and other
+  gestures, three seconds each. Half of the samples were lost on the way, at irregular times, so
+  that only envelopes can be had of them. A label begins after the onset that it belongs to.
+
+Two of the channels are used, chosen on the first flexion and extension. Nobody recorded the wrist:
+it is taken to move 0.6 s after the muscle, as a joint does that friction holds, and back when the
+muscle lets go.
 
 The truth is found with the whole recording: when the smoothed energy of both channels passes 15 %
-of the contraction's for 0.15 s. Contractions that the labels do not know count as no rest.
+of the contraction's for 0.15 s. Contractions that the labels do not know count as no rest. The
+simplest rival knows the onset, waits for 0.6 s and tells the `stronger` muscle.
 """
 
 import argparse
 from pathlib import Path
+from typing import NamedTuple
 
 # Importing it lets the package beside this folder be used, not one that is installed.
 from bench_tools import ROOT  # noqa: F401
@@ -27,45 +36,95 @@ from friction_comp.errors import InputError
 RATE = 200.0
 # s of the muscle before the joint moves, and of that movement, rad.
 DELAY, DURATION, TRAVEL = 0.6, 0.5, 0.6
-# s after which the first onset may be judged, and about an onset, before and after it.
-BEGIN, BEFORE, AFTER = 3.8, 0.1, 0.6
+# s about an onset, before and after it.
+BEFORE, AFTER = 0.1, 0.6
 HIGH_PASS = butter(2, 20.0, 'high', fs=RATE, output='sos')
+# Labels: the movements are 1 and -1, rest is 0.
+OTHER = 9
+
+
+class Recording(NamedTuple):
+    """Values and labels of two muscles.
+
+    `calibrated` is the first and the last sample of the calibration; `calm` is where a person who
+    does as told rests; labels are `trimmed` where they begin after the onset, not before.
+    """
+
+    values: np.ndarray
+    labels: np.ndarray
+    calibrated: tuple[int, int]
+    calm: np.ndarray
+    trimmed: bool
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('folder', type=Path)
-    parser.add_argument('--every', type=int, default=8, help='of so many sessions, one is used')
+    parser.add_argument('--every', type=int, help='of so many sessions or people, one is used')
     parser.add_argument('--first', type=int, default=0)
-    parser.add_argument('--kind', default='muscle_raw', choices=('muscle_raw', 'muscle_envelope'))
+    parser.add_argument('--kind', choices=('muscle_raw', 'muscle_envelope'))
     options = parser.parse_args()
-    counts, delays = dict.fromkeys(
-        ('onsets', 'found', 'other muscle', 'missed', 'refused', 'without cause'), 0), []
-    rest = 0.0
+    read, every, kind = read_pair, 8, 'muscle_raw'
     sessions = sorted(path.parent for path in options.folder.glob('_readings_right*/*/1.txt'))
-    for session in sessions[options.first::options.every]:
-        pair = read_pair(session)
-        for values, labels, side in pair or ():
-            rest += judge(values, labels, side, options.kind, counts, delays)
+    if not sessions:
+        read, every, kind = read_gestures, 2, 'muscle_envelope'
+        sessions = sorted(path for path in options.folder.glob('[0-9]*') if path.is_dir())
+    counts, delays = dict.fromkeys(
+        ('onsets', 'found', 'other muscle', 'missed', 'stronger', 'refused', 'without cause'),
+        0), []
+    rest = 0.0
+    for session in sessions[options.first::options.every or every]:
+        for recording in read(session):
+            rest += judge(recording, options.kind or kind, counts, delays)
         print(session.name, counts, flush=True)
     if delays:
         print(f'{rest:.0f} s at rest; delay {1e3 * np.median(delays):.0f} ms (median)')
 
 
 def read_pair(session):
-    """Return values of flexor and extensor, labels and side of both movements; None if unusable."""
+    """Return the recordings of both movements in a session; none if they are unusable."""
     try:
         tables = [np.loadtxt(session / f'{movement}.txt', delimiter=',') for movement in (1, 2)]
     except ValueError:
-        return None
+        return []
     if any(stretches(table[:, 8])[0][2] for table in tables):
-        return None
-    power = []
+        return []
+    for table, side in zip(tables, (1, -1)):
+        table[:, 8] = side * (table[:, 8] != 0)
+    own, found = chosen(tables), []
     for table in tables:
-        begin, end = next((b, e) for b, e, label in stretches(table[:, 8]) if label)
-        power.append(np.std(sosfiltfilt(HIGH_PASS, table[:, :8], axis=0)[begin + 200:end], axis=0))
-    own = [int(np.argmax(a / b * (a > 0.3 * a.max()))) for a, b in (power, power[::-1])]
-    return [(table[:, own], table[:, 8], side) for table, side in zip(tables, (1, -1))]
+        calm = np.zeros(len(table), dtype=bool)
+        for begin, end, label in stretches(table[:, 8]):
+            calm[begin + 300:end - 150] = not label and end - begin > 600
+        found.append(Recording(table[:, own], table[:, 8], (
+            round(0.5 * RATE), round((0.6 + CALIBRATION_TIME) * RATE)), calm, False))
+    return found
+
+
+def read_gestures(person):
+    """Return the recordings of a person; each value is held until the next one."""
+    found = []
+    for path in sorted(person.glob('*.txt')):
+        table = np.genfromtxt(path, skip_header=1, invalid_raise=False)
+        at = np.searchsorted(table[:, 0], np.arange(table[0, 0], table[-1, 0], 1e3 / RATE))
+        labels = np.array([OTHER, 0, OTHER, 1, -1, OTHER, OTHER, OTHER])[table[at, 9].astype(int)]
+        if {0, 1, -1} <= {*labels.tolist()}:
+            values = np.column_stack([1e5 * table[at, 1:9], labels])
+            begin = np.flatnonzero(labels == 0)[0]
+            rest = begin + np.flatnonzero(labels[begin:])[0]
+            found.append(Recording(values[:, chosen([values, values])], labels, (
+                round(0.2 * RATE), rest), labels == 0, True))
+    return found
+
+
+def chosen(tables):
+    """Return the channels of flexor and extensor, from tables with movements 1 and -1."""
+    power = []
+    for table, side in zip(tables, (1, -1)):
+        begin, end = next((b, e) for b, e, label in stretches(table[:, 8]) if label == side)
+        begin += min(200, (end - begin) // 2)
+        power.append(np.std(sosfiltfilt(HIGH_PASS, table[:, :8], axis=0)[begin:end], axis=0))
+    return [int(np.argmax(a / b * (a > 0.3 * a.max()))) for a, b in (power, power[::-1])]
 
 
 def stretches(labels):
@@ -74,72 +133,80 @@ def stretches(labels):
     return [(b, e, labels[b]) for b, e in zip(cuts[:-1], cuts[1:])]
 
 
-def contractions(values, labels):
-    """Return first and last sample of each contraction, and the samples that are certainly rest."""
+def contractions(recording):
+    """Return first and last sample and side of each movement, and what is certainly rest."""
+    labels = recording.labels
+    # Of movements one after the other, a label's onset is the last before it.
+    before, after = (700, 0) if recording.trimmed else (150, 250)
     energy = np.sqrt(uniform_filter1d(
-        np.mean(sosfiltfilt(HIGH_PASS, values, axis=0)**2, axis=1), 10))
-    calm = np.concatenate([energy[b + 300:e - 150] for b, e, label in stretches(labels)
-                           if not label and e - b > 600])
+        np.mean(sosfiltfilt(HIGH_PASS, recording.values, axis=0)**2, axis=1), 10))
+    calm = energy[recording.calm]
     level, scatter = np.median(calm), np.percentile(calm, 84) - np.median(calm)
     found = []
     resting = energy < level + 4.0 * scatter
     for begin, end, label in stretches(labels):
         strength = np.percentile(energy[begin:end], 70) - level
-        if not label or begin < 150 or strength < 6.0 * scatter:
+        if label not in (1, -1) or begin < before or strength < 6.0 * scatter:
             continue
         active = energy > level + max(0.15 * strength, 4.0 * scatter)
         lasting = [uniform_filter1d(flags.astype(float), 30, origin=-15) > 0.9
                    for flags in (active, ~active)]
-        on = np.flatnonzero(lasting[0][begin - 150:begin + 250])
+        on = np.flatnonzero(lasting[0][begin - before:begin + after])
+        if recording.trimmed:
+            on = np.flatnonzero(lasting[1][begin - before:begin])[-1:] + 30
         off = np.flatnonzero(lasting[1][end - 100:end + 300]) if end < len(labels) else []
         if len(on):
-            found.append((begin - 150 + on[0], end - 100 + off[0] if len(off) else end))
+            found.append((begin - before + on[0], end - 100 + off[0] if len(off) else end, label))
     # Rest begins 1.5 s after a contraction and ends 0.2 s before the next.
-    near = uniform_filter1d((~resting).astype(float), 60) > 1e-9
-    for begin, end in found:
+    near = (uniform_filter1d((~resting).astype(float), 60) > 1e-9) | (labels == OTHER)
+    for begin, end, _ in found:
         near[max(0, begin - 40):end + 300] = True
-    near[:round(BEGIN * RATE)] = True
+    near[:recording.calibrated[1] + 40] = True
     return found, ~near
 
 
-def announced(values, found, side, kind):
+def announced(recording, found, kind):
     """Return what is announced at each sample."""
-    place = np.zeros(len(values))
-    for begin, end in found:
-        for at, way in ((begin, 1.0), (end, -1.0)):
-            u = np.clip((np.arange(len(values)) / RATE - at / RATE - DELAY) / DURATION, 0.0, 1.0)
+    values, place = recording.values, np.zeros(len(recording.values))
+    for begin, end, side in found:
+        for at, way in ((begin / RATE + DELAY, side), (end / RATE, -side)):
+            u = np.clip((np.arange(len(values)) / RATE - at) / DURATION, 0.0, 1.0)
             place += way * TRAVEL * u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
     if kind == 'muscle_envelope':
         values = np.abs(sosfilt(butter(2, 5.0, fs=RATE, output='sos'), np.abs(
             sosfilt(HIGH_PASS, values, axis=0)), axis=0))
     source, said = SensedDirection(kind, (-128.5, 128.5)), np.zeros(len(values), dtype=int)
+    begin, end = recording.calibrated
     for k, row in enumerate(values):
         time = (k + 1) / RATE
-        source.motion.add(time, side * place[k])
-        if k == round(0.5 * RATE):
+        source.motion.add(time, place[k])
+        if k == begin:
             source.begin_calibration()
-        elif k == round((0.6 + CALIBRATION_TIME) * RATE):
+        elif k == end:
             source.end_calibration()
         source.add(time, row[None])
         said[k] = source.at(time).direction
     return said
 
 
-def judge(values, labels, side, kind, counts, delays):
+def judge(recording, kind, counts, delays):
     """Add a recording to counts and delays; return how long the person rested, s."""
-    found, resting = contractions(values, labels)
+    found, resting = contractions(recording)
     try:
-        said = announced(values, found, side, kind)
+        said = announced(recording, found, kind)
     except InputError:
         counts['refused'] += 1
         return 0.0
-    for begin, _ in found:
-        if begin < BEGIN * RATE:
-            continue
+    for begin, _, side in found:
         first = begin - round(BEFORE * RATE)
+        if first < recording.calibrated[1] + round(0.1 * RATE):
+            continue
         window = said[first:begin + round(AFTER * RATE)]
         at = np.flatnonzero(window)
         counts['onsets'] += 1
+        counts['stronger'] += int(side * np.diff(np.var(
+            sosfilt(HIGH_PASS, recording.values, axis=0)[begin:begin + round(AFTER * RATE)],
+            axis=0))[0] < 0.0)
         outcome = 'missed' if not len(at) else (
             'found' if window[at[0]] == side else 'other muscle')
         counts[outcome] += 1

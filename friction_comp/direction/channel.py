@@ -151,14 +151,16 @@ class Channel:
         rough = float(np.mean(np.square(np.diff(values, 2))))
         return rough > (_ROUGH * self._rough)**2 and rough > _ROUGH_SHARE**2 * float(np.var(values))
 
-    def jumped(self) -> bool:
+    def jumped(self) -> bool | None:
         """Return whether the last samples left their rest in a single step, or stand still.
 
-        A step within the scatter of a push that grows is none.
+        A step within the scatter of a push that grows is none; None while only the next sample can
+        tell a step from the beginning of a push.
         """
         values = [self.test.level, *list(self._recent)[-4:]]
         rise = values[-1] - values[0]
         steps = [(after - before) * math.copysign(1.0, rise)
                  for before, after in zip(values, values[1:])]
-        return (max(steps[1:]) > max(_JUMP * abs(rise), _CLEAR * self.test.scatter)
-                or len(set(values[-3:])) == 1)
+        if max(steps[1:]) > max(_JUMP * abs(rise), _CLEAR * self.test.scatter):
+            return None if steps[-1] == max(steps[1:]) else True
+        return len(set(values[-3:])) == 1

@@ -4,62 +4,57 @@
 
 The test is a cumulative sum (CUSUM; Page 1954): deviations from the level at rest, in units of
 their scatter, are summed as far as they exceed an allowance, and an alarm is given when the sum
-passes a limit. The limit follows from the rate of false alarms (Siegmund 1985).
+passes a limit. The limit follows from the rate of false alarms, which is at most as stated
+(Lorden 1971).
 
-Noise of a sensor is neither white nor known: three seconds show its scatter only roughly. The
-scatter is therefore that of sums, which correlated noise makes larger, at its upper confidence
-limit, and at least one step of the converter.
+Deviations add up like this only if they are independent, which those of a low-passed or trembling
+sensor are not. Values are therefore filtered with the inverse of the filter that would make those
+of the calibration from independent ones (an autoregressive model); that also takes back the lag of
+an envelope. Three seconds show the scatter only roughly: it is taken at its upper confidence limit,
+and as at least one step of the converter.
 """
 
 from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-import functools
 import math
+import operator
 
 import numpy as np
-from scipy.optimize import brentq
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.signal import detrend
 from scipy.stats import chi2
 
 FALSE_ALARMS = 0.25
-"""Alarms per hour and channel at rest without cause. Fewer delay every onset: a tenth of it makes
-the limit 1.2 standard deviations larger."""
-ALLOWANCE = 1.0
+"""Alarms per hour and channel at rest without cause, at most. Fewer delay every onset: a tenth of
+it makes the limit 0.8 standard deviations larger."""
+ALLOWANCE = 1.5
 """Standard deviations by which a sample may deviate without adding to the sum: half of the smallest
-change that is to be found. A trembling hand, a sine that the scatter at rest includes, exceeds it
-by at most 0.4 and for a quarter of its period, so that it never accumulates."""
+change that is to be found. With 1.0, a hand whose trembling changes gives 11 false onsets an hour;
+with 1.5 none, and the delay of an onset is the same."""
 # Probability that the true scatter is smaller than the assumed one.
 _CONFIDENCE = 0.99
-# Time over which noise is correlated at most, s.
-_MEMORY = 0.3
+# Order of the autoregressive model, two poles each for a low pass and for a trembling hand; and the
+# largest sum of its weights: what is slower than a low pass of about 2 Hz is drift.
+_ORDER, _SLOWEST = 4, 0.98
 # Time constants of the level at rest, and of the scatter when it grows and when it shrinks, s. A
 # push that grows by less than the allowance within the first is taken for drift; a hand that begins
 # to tremble is known after one or two cycles, and not forgotten between two bouts.
-_LEVEL_TIME, _GROWS, _SHRINKS = 1.0, 0.3, 30.0
+_LEVEL_TIME, _GROWS, _SHRINKS = 1.0, 0.2, 30.0
 # s by which level and scatter are behind, so that an onset does not hide itself.
 _BEHIND = 0.15
 # Largest sum in units of the limit: a signal that has been away for long is back soon.
 _MOST = 2.0
 
 
-@functools.cache
-def alarm_limit(samples: float, memory: float = 1.0) -> float:
+def alarm_limit(samples: float) -> float:
     """Return the limit of a one-sided sum, in standard deviations.
 
-    Parameters
-    ----------
-    samples : float
-        Mean number of normal samples from one false alarm to the next.
-    memory : float
-        Number of samples that are as good as one independent sample. A sum of independent samples
-        passes the limit by 1.166 on average, one of dependent samples by less.
+    `samples` is the least mean number of normal samples from one false alarm to the next: the sum
+    times `2·ALLOWANCE` is that of log likelihood ratios (Lorden 1971).
     """
-    def excess(limit: float) -> float:
-        x = 2.0 * ALLOWANCE * (limit + 1.166 / memory)
-        return math.log((math.exp(x) - x - 1.0) / (2.0 * ALLOWANCE**2)) - math.log(samples)
-    return float(brentq(excess, 0.0, 200.0))
+    return math.log(samples) / (2.0 * ALLOWANCE)
 
 
 @dataclass(frozen=True)
@@ -69,39 +64,38 @@ class Rest:
     Attributes
     ----------
     level, scatter : float
-        In the channel's unit; `scatter` is that of sums, divided by the root of their length.
+        Mean and standard deviation of the independent values, in the channel's unit.
     rate : float
         Samples per second.
     memory : float
-        See `alarm_limit`.
+        Number of values whose mean is as uncertain as one independent value.
+    inverse : ndarray, shape (N,)
+        Filter that makes values independent, the newest first, with a gain of 1 for the level.
     """
 
     level: float
     scatter: float
     rate: float
     memory: float
+    inverse: np.ndarray
 
     @classmethod
     def of(cls, values: np.ndarray, rate: float) -> Rest:
         """Return level and scatter of values at rest, shape (N,)."""
         # The level follows a drift.
         deviations = detrend(values)
-        variance = float(np.mean(deviations**2))
-        # The variance of sums: all autocorrelations, with the weights of Bartlett.
-        most = min(round(_MEMORY * rate), len(values) // 4)
-        memory = 1.0 + 2.0 * sum(
-            (1.0 - lag / (most + 1)) * float(np.mean(deviations[lag:] * deviations[:-lag]))
-            for lag in range(1, most + 1)) / max(variance, 1e-300)
-        # What alternates, as tremor does, is no reason for confidence.
-        memory = max(memory, 1.0)
-        # As many independent values stand behind it; fewer the more the autocorrelations count.
-        count = max(len(values) / memory**3, 1.5 * len(values) / most)
-        scatter = math.sqrt(variance * memory * count / chi2.ppf(1.0 - _CONFIDENCE, count - 1.0))
+        before = sliding_window_view(deviations[:-1], _ORDER)[:, ::-1]
+        weights = np.linalg.lstsq(before, deviations[_ORDER:], rcond=None)[0]
+        weights *= min(1.0, _SLOWEST / max(float(weights.sum()), 1e-9))
+        inverse = np.concatenate([[1.0], -weights]) / (1.0 - float(weights.sum()))
+        own = np.convolve(deviations, inverse, 'valid')
+        scatter = math.sqrt(float(own @ own) / chi2.ppf(1.0 - _CONFIDENCE, len(own) - _ORDER))
+        memory = float(own @ own / (deviations @ deviations))
         steps = np.abs(np.diff(values))
         step = float(steps[steps > 0.0].min()) if (steps > 0.0).any() else 0.0
         # Rare bursts, as of a trembling hand, count in full.
-        burst = float(np.abs(deviations).max()) / math.sqrt(2.0 * math.log(len(values)))
-        return cls(float(values.mean()), max(scatter, step, burst), rate, memory)
+        burst = float(np.abs(own).max()) / math.sqrt(2.0 * math.log(len(own)))
+        return cls(float(values.mean()), max(scatter, step, burst), rate, memory, inverse)
 
 
 class OnsetTest:
@@ -120,8 +114,10 @@ class OnsetTest:
         self.rest, self.level, self.alarm = rest, rest.level, 0
         self._proportional = proportional
         # Two sides; the level and the scatter follow the signal, so that they have errors, too.
-        self.limit = alarm_limit(2.0 * 3600.0 * rest.rate / per_hour, rest.memory)
-        self._variance = rest.scatter**2
+        self.limit = alarm_limit(2.0 * 3600.0 * rest.rate / per_hour)
+        self._variance = self._lately = rest.scatter**2
+        self._last = deque([rest.level] * len(rest.inverse), maxlen=len(rest.inverse))
+        self._inverse, self._own = rest.inverse.tolist(), rest.level
         self._sums = [0.0, 0.0]
         self._waiting: deque[float] = deque()
         self._behind = round(_BEHIND * rest.rate)
@@ -138,7 +134,9 @@ class OnsetTest:
 
     def add(self, value: float) -> int:
         """Add a sample and return the alarm."""
-        z = (value - self.level) / self.scatter
+        self._last.appendleft(value)
+        self._own = sum(map(operator.mul, self._inverse, self._last))
+        z = (self._own - self.level) / self.scatter
         most = _MOST * self.limit
         up, down = self._sums
         up = min(most, max(0.0, up + z - ALLOWANCE))
@@ -150,17 +148,17 @@ class OnsetTest:
             self._waiting.clear()
         return self.alarm
 
-    def follow(self, value: float) -> None:
-        """Let level and scatter follow a sample at rest, when some more have come."""
-        self._waiting.append(value)
+    def follow(self) -> None:
+        """Let level and scatter follow the last sample, at rest, when some more have come."""
+        self._waiting.append(self._own)
         if len(self._waiting) <= self._behind:
             return
         step = 1.0 / self.rest.rate
         deviation = self._waiting.popleft() - self.level
         self.level += deviation * min(1.0, step / _LEVEL_TIME)
-        change = (deviation / self._gain)**2 - self._variance
-        weight = min(1.0, step / (_GROWS if change > 0.0 else _SHRINKS))
-        self._variance = max(self.rest.scatter**2, self._variance + weight * change)
+        self._lately += min(1.0, step / _GROWS) * ((deviation / self._gain)**2 - self._lately)
+        shrunk = self._variance * (1.0 - min(1.0, step / _SHRINKS))
+        self._variance = max(self.rest.scatter**2, self._lately, shrunk)
 
     def settle(self, level: float) -> None:
         """Begin anew at another level of rest."""

@@ -136,8 +136,8 @@ class SensedDirection:
             for test, own in zip(tests, zip(*self._recent)):
                 test.settle(math.fsum(own) / len(own))
         elif self._attempt.resting and not any(alarms):
-            for test, value in zip(tests, row):
-                test.follow(value)
+            for test in tests:
+                test.follow()
 
     def _quiet(self) -> bool:
         """Return whether the channels have not changed for as long as they are remembered."""
@@ -205,8 +205,10 @@ class SensedDirection:
             return 0
         if self._raw and channel.hums(SHORT):
             return 0
-        if not self._raw and self._attempt.resting and channel.jumped():
+        jumped = not self._raw and self._attempt.resting and channel.jumped()
+        if jumped:
             self._attempt.stop(time, f'{channel.name}: a jump, no push')
+        if jumped is not False:
             return 0
         return alarm if index == 0 else -alarm
 
