@@ -133,8 +133,11 @@ class BegunLate:
         self._movement = ReferenceMovement(**MOVEMENT)
 
     def at(self, time):
-        since = round(time * 1e9) - LATE * SAMPLE
-        return self._movement.at(since / 1e9) if since >= 0 else (np.nan, np.nan, 0)
+        since = np.round(time * 1e9) - LATE * SAMPLE
+        position, velocity, direction = self._movement.at(since / 1e9)
+        early = since < 0.0
+        return (np.where(early, np.nan, position), np.where(early, np.nan, velocity),
+                np.where(early, 0, direction))
 
     def end(self, direction):
         return self._movement.end(direction)
