@@ -55,8 +55,8 @@ class Term:
 
     @property
     def choice(self) -> tuple[Any, ...]:
-        """What it is, of which the constants or the width of a group are one choice."""
-        return self.kind, self.group and replace(self.group, width=0.0)
+        """What it is, of which form, constants or the width of a group are one choice."""
+        return self.kind.form_of or self.kind, self.group and replace(self.group, width=0.0)
 
     def same_effect(self, other: Term, span: float) -> bool:
         """Return whether another term is the same effect with similar constants.

@@ -58,6 +58,8 @@ class Effect(ABC):
     summary = equation = ''
     # Physically possible sign of the first coefficients: 1, -1, or 0 for either.
     signs: tuple[int, ...] = ()
+    # Effect of which it is another form: a model has one of them at most.
+    form_of: type[Effect] | None = None
     max_count = 1       # of effects of the class in a model, with different constants
     # Whether every drive may have it: refinement starts with it, and removes it if the data do not
     # support it.

@@ -150,6 +150,7 @@ class Backlash(Effect):
     """
 
     name = 'backlash'
+    form_of = Hysteresis
     coefficient_names = (('friction behind the backlash', 'A'),)
     variable = 'history'
     # Both over steps that the encoder resolves, and well within the range, since the joint must
