@@ -51,6 +51,19 @@ def test_the_columns_of_a_term_are_its_effect_and_their_sums_those_of_the_rows(r
     assert rippled.residual(terms) == pytest.approx(rippled.target - matrix @ fit, abs=1e-4)
 
 
+def test_of_two_forms_of_an_effect_a_search_compares_the_better_one():
+    """Else one more effect displaces another from those that are compared."""
+    where = {'distance': 0.05, 'transition': 0.01}
+    forms = [Term(EFFECTS['hysteresis'], {**where, 'exponent': 1.0}),
+             Term(EFFECTS['backlash'], {**where, 'gap': 0.02})]
+    samples = swings(2)
+    friction = EFFECTS['hysteresis']({**forms[0].constants, 'coefficients': [0.2, 0.0]})
+    reverses = table_of(samples.with_(current=samples.current + friction.current(samples)))
+    search = Search(reverses, reverses.add(forms))
+    assert search.shortlist([]) == forms[:1]
+    assert search.shortlist(forms[:1]) == []
+
+
 def test_the_transition_goes_where_friction_changes_its_sign():
     samples = swings(3)
     shifted = 0.5 * np.tanh((samples.velocity - 0.006) / 0.05) + 0.2 * samples.velocity

@@ -183,17 +183,16 @@ def effects_of(problem: Problem, fit: Fit, unit: str) -> list[FoundEffect]:
 
 
 def lag_effect(delay: float, time_constant: float, error: float, chosen: float) -> FoundEffect:
-    """Return the lag between current and torque: a delay, a first-order low pass or both, s."""
-    parts = {'lag': delay, 'time_constant': time_constant}
-    late = f'is {1e3 * delay:.3g} ms later than the current'
-    slow = f'follows the current by a first-order low pass of {1e3 * time_constant:.3g} ms'
-    said = ', and '.join([slow] * bool(time_constant) + [late] * bool(delay))
-    formula = f'i(t + {delay:.4g} s)' if delay else 'i(t)'
-    return FoundEffect(
-        'actuation_lag', 'history', error, chosen,
-        {name: value for name, value in parts.items() if value}, {}, None,
-        f'Lag: the torque {said}',
-        f'(1 + {time_constant:.4g} s·d/dt) {formula}' if time_constant else formula)
+    """Return the lag between current and torque: a delay or a first-order low pass, s."""
+    if time_constant:
+        parameters = {'time_constant': time_constant}
+        said = f'follows the current by a first-order low pass of {1e3 * time_constant:.3g} ms'
+        formula = f'(1 + {time_constant:.4g} s·d/dt) i(t)'
+    else:
+        parameters = {'lag': delay}
+        said, formula = f'is {1e3 * delay:.3g} ms later than the current', f'i(t + {delay:.4g} s)'
+    return FoundEffect('actuation_lag', 'history', error, chosen, parameters, {}, None,
+                       f'Lag: the torque {said}', formula)
 
 
 def is_known_load(problem: Problem, fit: Fit, term: Term) -> bool:
