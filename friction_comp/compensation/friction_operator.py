@@ -53,6 +53,21 @@ def announced(p: Parameters, s: State, direction: float) -> float:
 
 
 @njit(cache=True)
+def _drive(p: Parameters, s: State, displacement: float) -> None:
+    """Let help rise over one distance and fall over another, two R for both.
+
+    Help that rises sooner than friction of the gear gives energy at a start, and takes it back at
+    the next turn. Two elements, so that a trembling joint does not raise help step by step.
+    """
+    s.kept = min(1.0, max(-1.0, s.kept + displacement / p.fall))
+    z = s.z + displacement / p.rise
+    if s.kept > 0.0 or (s.kept == 0.0 and z > 0.0):
+        s.z = min(1.0, max(s.kept, z))
+    else:
+        s.z = max(-1.0, min(s.kept, z))
+
+
+@njit(cache=True)
 def follow(p: Parameters, s: State) -> None:
     """Drive the operator by the displacement of this sample, and detect rest.
 
@@ -64,11 +79,8 @@ def follow(p: Parameters, s: State) -> None:
     s.way += abs(displacement)
     if s.way > p.saving_distance:
         s.saved = min(1.0, s.saved + abs(displacement) / p.saving_distance)
-    if s.mode != LEADING:
-        before = s.z
-        s.z = min(1.0, max(-1.0, before + displacement / p.distance))
-        if s.slowing == 1 and s.heading * (s.z - before) > 0.0:
-            s.z = before
+    if s.mode != LEADING and not (s.slowing == 1 and s.heading * displacement > 0.0):
+        _drive(p, s, displacement)
     if abs(s.position - s.still_position) > p.still_distance:
         s.still_position = s.position
         s.still_time = 0.0
@@ -114,7 +126,7 @@ def lead(p: Parameters, s: State, aim: float) -> None:
         # A gear that yields fast under the preload would overshoot.
         if abs(s.speed) < p.lead_speed:
             s.ramp = approach(s.ramp, aim, s.step / p.lead_time)
-        s.z, s.swing = s.ramp, 0.0
+        s.z, s.kept, s.swing = s.ramp, s.ramp, 0.0
         s.backlash_position = s.rest_position = s.position
         if s.ramp != aim:
             s.still_time = 0.0
@@ -135,6 +147,7 @@ def lead(p: Parameters, s: State, aim: float) -> None:
             if s.z != 0.0:
                 s.swing = 0.0
             s.z = approach(s.z, 0.0, s.step / p.lead_time)
+            s.kept = approach(s.kept, 0.0, s.step / p.lead_time)
             s.mode, s.ramp, s.rest_position = HELD, 0.0, s.position
         elif abs(aim - s.z) > 0.02 and (s.mode == FREE or aim != s.ramp):
             _start_leading(p, s, aim)
@@ -153,9 +166,9 @@ def lead(p: Parameters, s: State, aim: float) -> None:
 def spend(s: State, target: float) -> None:
     """Move z towards a target beyond what displacement does, as far as the way has paid for it."""
     change = min(2.0 * s.saved, max(-2.0 * s.saved, target - s.z))
-    s.z += change
     if change != 0.0:
-        s.swing = 0.0
+        s.z += change
+        s.kept, s.swing = s.z, 0.0
     s.saved -= 0.5 * abs(change)
 
 

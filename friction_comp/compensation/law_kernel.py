@@ -72,7 +72,7 @@ def settle(s: State, position: float) -> None:
     """Reset to a joint at rest at this position, with the operator relaxed."""
     s.position = s.backlash_position = s.still_position = position
     s.rest_position = s.lead_position = s.farthest = position
-    s.half_speed = s.speed = s.z = s.still_time = s.since = s.doubt = 0.0
+    s.half_speed = s.speed = s.z = s.kept = s.still_time = s.since = s.doubt = 0.0
     s.mode, s.displaced, s.slowed = FREE, 0, 0
     s.pace = s.slowest = s.usual = s.sliding = s.withheld = 0.0
     s.heading = s.top = s.way = s.saved = s.swing = 0.0
