@@ -53,18 +53,29 @@ def announced(p: Parameters, s: State, direction: float) -> float:
 
 
 @njit(cache=True)
-def _drive(p: Parameters, s: State, displacement: float) -> None:
-    """Let help rise over one distance and fall over another, two R for both.
+def close_gap(p: Parameters, s: State) -> None:
+    """Close the operator's play around the joint but for the small backlash."""
+    s.lower_edge, s.upper_edge = s.position - p.backlash, s.position + p.backlash
 
-    Help that rises sooner than friction of the gear gives energy at a start, and takes it back at
-    the next turn. Two elements, so that a trembling joint does not raise help step by step.
+
+@njit(cache=True)
+def _through_gap(p: Parameters, s: State) -> float:
+    """Return the displacement that passes the play, in rad.
+
+    A joint that leaves its rest pushes one edge ahead of it; the other edge stays until the gap is
+    fully open. It has to be crossed before help falls.
     """
-    s.kept = min(1.0, max(-1.0, s.kept + displacement / p.fall))
-    z = s.z + displacement / p.rise
-    if s.kept > 0.0 or (s.kept == 0.0 and z > 0.0):
-        s.z = min(1.0, max(s.kept, z))
+    if s.position > s.upper_edge:
+        displacement = s.position - s.upper_edge
+        s.upper_edge = s.position
+        s.lower_edge = max(s.lower_edge, s.position - p.gap)
+    elif s.position < s.lower_edge:
+        displacement = s.position - s.lower_edge
+        s.lower_edge = s.position
+        s.upper_edge = min(s.upper_edge, s.position + p.gap)
     else:
-        s.z = max(-1.0, min(s.kept, z))
+        displacement = 0.0
+    return displacement
 
 
 @njit(cache=True)
@@ -73,14 +84,12 @@ def follow(p: Parameters, s: State) -> None:
 
     A long way saves for its turn; a vibration is too short to.
     """
-    driven = min(s.position + p.backlash, max(s.position - p.backlash, s.backlash_position))
-    displacement = driven - s.backlash_position
-    s.backlash_position = driven
+    displacement = _through_gap(p, s)
     s.way += abs(displacement)
     if s.way > p.saving_distance:
         s.saved = min(1.0, s.saved + abs(displacement) / p.saving_distance)
     if s.mode != LEADING and not (s.slowing == 1 and s.heading * displacement > 0.0):
-        _drive(p, s, displacement)
+        s.z = min(1.0, max(-1.0, s.z + displacement / p.rise))
     if abs(s.position - s.still_position) > p.still_distance:
         s.still_position = s.position
         s.still_time = 0.0
@@ -126,14 +135,15 @@ def lead(p: Parameters, s: State, aim: float) -> None:
         # A gear that yields fast under the preload would overshoot.
         if abs(s.speed) < p.lead_speed:
             s.ramp = approach(s.ramp, aim, s.step / p.lead_time)
-        s.z, s.kept, s.swing = s.ramp, s.ramp, 0.0
-        s.backlash_position = s.rest_position = s.position
+        s.z, s.swing, s.rest_position = s.ramp, 0.0, s.position
+        close_gap(p, s)
         if s.ramp != aim:
             s.still_time = 0.0
         elif s.still_time >= p.rest_time:
             s.mode = HELD
     elif s.still_time >= p.rest_time:
         if s.mode == FREE:
+            close_gap(p, s)
             moved = s.position - s.rest_position
             if s.z * aim > 0.0 and p.slip < moved * aim < p.moved_distance:
                 _slipped(p, s, p.lowered)
@@ -147,7 +157,6 @@ def lead(p: Parameters, s: State, aim: float) -> None:
             if s.z != 0.0:
                 s.swing = 0.0
             s.z = approach(s.z, 0.0, s.step / p.lead_time)
-            s.kept = approach(s.kept, 0.0, s.step / p.lead_time)
             s.mode, s.ramp, s.rest_position = HELD, 0.0, s.position
         elif abs(aim - s.z) > 0.02 and (s.mode == FREE or aim != s.ramp):
             _start_leading(p, s, aim)
@@ -163,12 +172,13 @@ def lead(p: Parameters, s: State, aim: float) -> None:
 
 
 @njit(cache=True)
-def spend(s: State, target: float) -> None:
+def spend(p: Parameters, s: State, target: float) -> None:
     """Move z towards a target beyond what displacement does, as far as the way has paid for it."""
     change = min(2.0 * s.saved, max(-2.0 * s.saved, target - s.z))
     if change != 0.0:
         s.z += change
-        s.kept, s.swing = s.z, 0.0
+        s.swing = 0.0
+        close_gap(p, s)
     s.saved -= 0.5 * abs(change)
 
 
@@ -238,4 +248,4 @@ def slow_down(p: Parameters, s: State, aim: float) -> None:
             s.slowed = 1
         if aim * s.heading < 0.0:
             left = 2.0 * left - 1.0
-        spend(s, s.heading * min(left, s.heading * s.z))
+        spend(p, s, s.heading * min(left, s.heading * s.z))
