@@ -178,7 +178,7 @@ def spend(p: Parameters, s: State, target: float) -> None:
     if change != 0.0:
         s.z += change
         s.swing = 0.0
-        left = 0.5 * p.gap * (1.0 + s.heading * s.z)
+        left = 0.25 * p.gap * (1.0 + s.heading * s.z)
         if s.heading > 0.0:
             s.lower_edge = max(s.lower_edge, s.upper_edge - left)
         else:
