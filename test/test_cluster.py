@@ -13,8 +13,6 @@ from friction_comp.parallel import Failure
 from friction_comp.recordings import write_samples
 from simulated_recordings.drives import excitation_for, random_drive, record
 
-distributed = pytest.importorskip('distributed', reason='Dask is not installed')
-
 
 def write_recording(path):
     write_samples(path, record(random_drive(3, ['gravity']), 4, excitation_for(
@@ -22,6 +20,8 @@ def write_recording(path):
 
 
 def cluster(workers, processes):
+    # Not by every process that collects this module: it takes a second.
+    distributed = pytest.importorskip('distributed', reason='Dask is not installed')
     return distributed.LocalCluster(n_workers=workers, threads_per_worker=1, processes=processes,
                                     dashboard_address=None)
 
