@@ -19,11 +19,16 @@ def write_recording(path):
         ['gravity'], duration=4.0, rate=60.0))[0].samples)
 
 
+@pytest.fixture(autouse=True)
+def distributed():
+    """Dask, which takes a second: not imported by every process that collects this module."""
+    return pytest.importorskip('distributed', reason='Dask is not installed')
+
+
 def cluster(workers, processes):
-    # Not by every process that collects this module: it takes a second.
-    distributed = pytest.importorskip('distributed', reason='Dask is not installed')
-    return distributed.LocalCluster(n_workers=workers, threads_per_worker=1, processes=processes,
-                                    dashboard_address=None)
+    from distributed import LocalCluster
+    return LocalCluster(n_workers=workers, threads_per_worker=1, processes=processes,
+                        dashboard_address=None)
 
 
 @pytest.mark.slow
