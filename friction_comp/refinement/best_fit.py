@@ -129,18 +129,24 @@ class EffectSearch(Search):
     def __init__(self, table: Table, fixed: list[Term]) -> None:
         super().__init__(table, [], fixed)
         self._retained = set(fixed)
+        # The latest proposals, and the transition and terms whose fit they are for.
+        self._proposed: list[Term] = []
+        self._fitted_terms: tuple[tuple[float, float], list[Term]] = (math.nan, math.nan), fixed
         self._time_effects = False
         self.update_candidates(fixed)
 
     def update_candidates(self, terms: Sequence[Term]) -> None:
         """Replace the candidates by the terms proposed for the residual of a fit."""
-        table = self.table
-        proposed = proposals(table, terms)
-        self._retained.update(terms)
-        table.keep(self._retained.union(proposed))
+        table, fitted = self.table, (self.table.transition, list(terms))
+        if fitted != self._fitted_terms:
+            self._proposed = proposals(table, terms)
+        # A search may go back to the terms before.
+        table.keep({*self._retained, *self._fitted_terms[1], *terms, *self._proposed})
+        self._fitted_terms = fitted
         kinds = {term.kind for term in self.fixed if term.kind.max_count == 1}
-        self.candidates = [term for term in table.add(proposed) if term.kind not in kinds and (
-            (term.kind.variable == 'time') == self._time_effects)]
+        self.candidates = [
+            term for term in table.add(self._proposed) if term.kind not in kinds and (
+                (term.kind.variable == 'time') == self._time_effects)]
 
     def after_addition(self, terms: list[Term]) -> list[Term]:
         """Adjust all constants and the transition; update the candidates."""

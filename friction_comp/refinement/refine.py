@@ -158,14 +158,15 @@ def _fit_transition_to_all_samples(table: Table, terms: Sequence[Term]) -> None:
         (2.0 / width, trial) for width in widths for trial in dict.fromkeys((shift, 0.0))]
     others = np.column_stack([term.columns(rows) for term in terms]
                              or [np.empty((len(rows.samples), 0))])[index]
-    columns = table.indices(terms, derivatives=False)
+    columns, target = table.indices(terms, derivatives=False), rows.target[index]
     trials = []
     for steepness, shift in grid:
         limit = MAX_SHIFT / steepness
         table.set_transition(steepness, float(np.clip(shift, -limit, limit)))
         error = float(table.held_out_errors(columns).sum())
         base = eq6_columns(rows, *table.transition)[index, :EQ6_LINEAR]
-        residual = rows.target[index] - np.column_stack((base, others)) @ table.sums.fit(columns)
+        fitted = table.sums.fit(columns)
+        residual = target - base @ fitted[:EQ6_LINEAR] - others @ fitted[EQ6_LINEAR:]
         # Limit the influence of outliers.
         size = np.abs(residual)
         size = np.minimum(size, np.quantile(size, 0.999))
