@@ -21,6 +21,7 @@ from friction_comp.refinement.block_sums import held_out_error
 from friction_comp.refinement.effect_columns import (
     eq6_columns,
     EQ6_LINEAR,
+    first_model,
     neighbourhood,
     proposals,
     Table,
@@ -128,12 +129,11 @@ class EffectSearch(Search):
 
     def __init__(self, table: Table, fixed: list[Term]) -> None:
         super().__init__(table, [], fixed)
-        self._retained = set(fixed)
+        self._retained, self._time_effects = set(fixed), False
+        self._known = {term.kind for term in fixed if term.kind.max_count == 1}
         # The latest proposals, and the transition and terms whose fit they are for.
         self._proposed: list[Term] = []
         self._fitted_terms: tuple[tuple[float, float], list[Term]] = (math.nan, math.nan), fixed
-        self._time_effects = False
-        self.update_candidates(fixed)
 
     def update_candidates(self, terms: Sequence[Term]) -> None:
         """Replace the candidates by the terms proposed for the residual of a fit."""
@@ -143,9 +143,8 @@ class EffectSearch(Search):
         # A search may go back to the terms before.
         table.keep({*self._retained, *self._fitted_terms[1], *terms, *self._proposed})
         self._fitted_terms = fitted
-        kinds = {term.kind for term in self.fixed if term.kind.max_count == 1}
         self.candidates = [
-            term for term in table.add(self._proposed) if term.kind not in kinds and (
+            term for term in table.add(self._proposed) if term.kind not in self._known and (
                 (term.kind.variable == 'time') == self._time_effects)]
 
     def after_addition(self, terms: list[Term]) -> list[Term]:
@@ -164,7 +163,7 @@ class EffectSearch(Search):
         Weight, spring and inertia may cancel in a motion, so that each helps only with the others.
         """
         table, rows = self.table, self.table.rows
-        plain = [term for term in self.candidates if term.kind.in_first_model]
+        plain = [term for term in table.add(first_model(table)) if term.kind not in self._known]
         starts: list[list[Term]] = [plain]
         if rows.joints and rows.samples.rigid_body is None:
             kind = EFFECTS['other_joints']

@@ -9,7 +9,7 @@ their derivatives.
 
 from __future__ import annotations
 
-from collections.abc import Container, Sequence
+from collections.abc import Container, Iterable, Sequence
 import copy
 from dataclasses import dataclass, field, replace
 import functools
@@ -287,25 +287,34 @@ def signs_of(term: Term, count: int) -> list[int]:
     return wanted + [0] * (count - len(wanted))
 
 
-def proposals(table: Table, terms: Sequence[Term]) -> list[Term]:
-    """Return candidate terms to add to a fit, of effects whose signals were recorded and varied."""
+def first_model(table: Table) -> list[Term]:
+    """Return the terms with which a search begins: every drive may have them."""
+    return _proposed(table, [], [kind for kind in EFFECTS.values() if kind.in_first_model])
+
+
+def _proposed(table: Table, terms: Sequence[Term], kinds: Iterable[type[Effect]]) -> list[Term]:
     rows, view = table.rows, table.residual_view(terms)
-    terms = [
-        Term(kind, constants) for kind in EFFECTS.values()
+    return [
+        Term(kind, constants) for kind in kinds
         if all(getattr(rows.samples, signal) is not None for signal in kind.needs)
         and not kind.insufficient_data(rows.coverage)
         and (view.load_shares or not kind.uses_inner_load)
         # The person's torque responds to friction: it correlates with every missing effect.
         and not (rows.load_coefficient and 'load' in kind.needs)
         for constants in kind.propose(view)]
+
+
+def proposals(table: Table, terms: Sequence[Term]) -> list[Term]:
+    """Return candidate terms to add to a fit, of effects whose signals were recorded and varied."""
+    rows, proposed = table.rows, _proposed(table, terms, EFFECTS.values())
     if rows.joints:
         # Rigid bodies of a URDF are all weight and inertia of other joints.
         known = rows.samples.rigid_body is not None
-        terms += [Term(EFFECTS['other_joints'], {}, group) for group in (
+        proposed += [Term(EFFECTS['other_joints'], {}, group) for group in (
             *(() if known else groups_for(rows.joints, rows.samples.joint)),
             *friction_groups(rows.joints, rows.samples.joint,
                              [share * rows.coverage.speed for share in TRANSITIONS]))]
-    return terms
+    return proposed
 
 
 def friction_groups(names: Sequence[str], joint: str, widths: Sequence[float]) -> list[Group]:

@@ -23,7 +23,7 @@ from friction_comp.model.effects.definitions import RESISTS, too_coarse
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.best_fit import Fit
 from friction_comp.refinement.dependence import Dependence, rank_correlation
-from friction_comp.refinement.effect_columns import proposals, Table
+from friction_comp.refinement.effect_columns import first_model, Table
 from friction_comp.refinement.prepare import blocks_of_samples, Rows
 from friction_comp.refinement.result import (
     AGAIN,
@@ -242,7 +242,7 @@ def friction_would_push(rows: Rows) -> bool:
     response, something that was not recorded moves the joint, or a signal has the wrong sign.
     """
     table = Table(rows, 2.0 / rows.coverage.transition)
-    terms = table.add([term for term in proposals(table, []) if term.kind.in_first_model])
+    terms = table.add(first_model(table))
     columns = table.indices(terms, derivatives=False)
     free = replace(table.sums, signs=np.zeros_like(table.sums.signs))
     bounded, unbounded = (float(sums.held_out_errors(columns, table.block).sum())
