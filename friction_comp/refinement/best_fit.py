@@ -74,6 +74,8 @@ class Fit:
     # How often repeated searches choose each term, and intervals; filled when terms are named.
     stability: Stability = field(default_factory=Stability)
     intervals: Intervals = field(default_factory=Intervals)
+    # Other effects from which the recording cannot tell each term; see `rivals_of`.
+    rivals: dict[Term, list[str]] = field(default_factory=dict)
 
     @property
     def rows(self) -> Rows:
@@ -147,11 +149,8 @@ class EffectSearch(Search):
             term for term in table.add(self._proposed) if term.kind not in self._known and (
                 (term.kind.variable == 'time') == self._time_effects)]
 
-    def after_addition(self, terms: list[Term]) -> list[Term]:
+    def after_addition(self, terms: Sequence[Term], rounds: int = 3) -> list[Term]:
         """Adjust all constants and the transition; update the candidates."""
-        return self._adjust(terms, 3)
-
-    def _adjust(self, terms: Sequence[Term], rounds: int) -> list[Term]:
         terms = adjust_constants(self.table, terms, rounds)
         self.table.fit_transition(terms)
         self.update_candidates(terms)
@@ -184,11 +183,11 @@ class EffectSearch(Search):
         terms = self.without_collinear(list(dict.fromkeys([*self.fixed, *start])))
         self.table.fit_transition(terms)
         self.update_candidates(terms)
-        terms = self._adjust(self.forward(terms), 5)
+        terms = self.after_addition(self.forward(terms), 5)
         terms = self.backward(self.exchange(terms))
         self._time_effects = True
         self.update_candidates(terms)
-        terms = self.backward(self._adjust(self.forward(terms), 5))
+        terms = self.backward(self.after_addition(self.forward(terms), 5))
         self._retained.update(terms)
         return terms
 

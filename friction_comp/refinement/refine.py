@@ -27,7 +27,7 @@ from friction_comp.refinement.recorded_motion import settings_for_arm
 from friction_comp.refinement.report import report_of
 from friction_comp.refinement.result import Origin, Predicted, RefineResult
 from friction_comp.refinement.search import adjust_constants, at_limit
-from friction_comp.refinement.stability import intervals, LeftOutThirds, repeat_search
+from friction_comp.refinement.stability import intervals, LeftOutThirds, repeat_search, rivals_of
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
 
@@ -128,7 +128,8 @@ def select_named(fit: Fit) -> Fit:
         certain = [term for k, term in enumerate(terms) if k < fit.initial_count or (
             bounds.excludes_zero(table, term) and not at_limit(term, coverage))]
         if len(certain) == len(terms):
-            return replace(fit, stability=stability, intervals=bounds)
+            return replace(fit, stability=stability, intervals=bounds,
+                           rivals=rivals_of(table, terms, fit.initial_count))
         terms = certain
 
 

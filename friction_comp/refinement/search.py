@@ -102,17 +102,16 @@ class Search:
 
     def errors(self, terms: Sequence[Term]) -> list[np.ndarray]:
         """Return the squared errors of held-out blocks and, if any, of held-out regions."""
-        key = self.table.transition, frozenset(terms)
+        table, sums, key = self.table, self.table.sums, (self.table.transition, frozenset(terms))
         if key not in self._errors:
-            self._errors[key] = self._errors_of(self.table.indices(terms))
+            columns = table.indices(terms)
+            if self._resampled:
+                errors = [sums.errors_of_fit(columns, self._weights)[self._held_out]]
+            else:
+                errors = [np.bincount(table.block, table.held_out_errors(columns))]
+                errors += [sums.held_out_errors(columns, table.region)] if self._regions else []
+            self._errors[key] = errors
         return self._errors[key]
-
-    def _errors_of(self, columns: list[int]) -> list[np.ndarray]:
-        table, sums = self.table, self.table.sums
-        if self._resampled:
-            return [sums.errors_of_fit(columns, self._weights)[self._held_out]]
-        blocks = np.bincount(table.block, table.held_out_errors(columns))
-        return [blocks, sums.held_out_errors(columns, table.region)] if self._regions else [blocks]
 
     def error(self, terms: Sequence[Term]) -> float:
         """Return the sum of the held-out squared errors of a fit of some terms."""
@@ -194,9 +193,9 @@ class Search:
         while len(terms) < thresholds.MOST_EFFECTS:
             trials = [(self.errors(self.with_own_terms([*terms, term])), term)
                       for term in self.shortlist(terms)]
-            best = next((term for after, term in sorted(trials, key=lambda trial: total(trial[0]))
-                         if self.is_improvement(before, after) and self.is_independent(term, terms)
-                         ), None)
+            trials.sort(key=lambda trial: total(trial[0]))
+            best = next((term for after, term in trials if self.is_improvement(before, after)
+                         and self.is_independent(term, terms)), None)
             if best is None:
                 break
             transition = self.table.transition

@@ -26,8 +26,14 @@ from scipy import stats
 
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.block_sums import BlockSums
-from friction_comp.refinement.effect_columns import Table, Term
-from friction_comp.refinement.search import constant_derivatives, free_constants, Search, step_size
+from friction_comp.refinement.effect_columns import proposals, Table, Term
+from friction_comp.refinement.search import (
+    adjust_constants,
+    constant_derivatives,
+    free_constants,
+    Search,
+    step_size,
+)
 from friction_comp.statistics import robust_std
 
 # A column of the table, or a constant of a term.
@@ -99,6 +105,33 @@ def repeat_search(table: Table, terms: Sequence[Term], initial_count: int,
         alternatives[term] = [(name, count / len(searches)) for name, count in counts.most_common()
                               if count >= thresholds.ALTERNATIVE_SHARE * len(searches)]
     return Stability(chosen, alternatives)
+
+
+def rivals_of(table: Table, terms: Sequence[Term], initial_count: int) -> dict[Term, list[str]]:
+    """Return by term the effects in whose place it is no improvement, most of them with none.
+
+    The motion of the recording cannot tell such a term from them: a fit with one of them, all
+    constants adjusted, predicts blocks that were not fitted as well. The first `initial_count`
+    terms are those of the initial model, and stay.
+    """
+    rivals: dict[Term, list[str]] = {}
+
+    def errors(trial: Table, some: Sequence[Term]) -> list[np.ndarray]:
+        trial.fit_transition(some)
+        return [np.bincount(trial.block, trial.held_out_errors(
+            trial.indices(some, derivatives=False)))]
+    for term in terms[initial_count:]:
+        trial, rest = table.part(terms), [other for other in terms if other != term]
+        own, now = errors(trial, terms), trial.transition
+        search = Search(trial, trial.add([
+            other for other in proposals(trial, rest) if other.choice != term.choice]))
+        rivals[term] = []
+        for other in search.shortlist(rest):
+            instead = errors(trial, adjust_constants(trial, [*rest, other], 3))
+            if not search.is_improvement(instead, own):
+                rivals[term].append(other.kind.name)
+            trial.set_transition(*now)
+    return rivals
 
 
 @dataclass(frozen=True)
