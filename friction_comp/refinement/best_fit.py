@@ -37,7 +37,7 @@ from friction_comp.refinement.recorded_motion import (
     smooth_settings,
 )
 from friction_comp.refinement.search import adjust_constants, Search
-from friction_comp.refinement.stability import Intervals, Stability
+from friction_comp.refinement.stability import Intervals
 from friction_comp.samples import Samples
 
 # Share of the top speed over which the friction of a plain drive changes sign.
@@ -71,8 +71,8 @@ class Fit:
     # error of blocks that were not fitted, A².
     found: tuple[Term, ...] = ()
     found_error: float = math.nan
-    # How often repeated searches choose each term, and intervals; filled when terms are named.
-    stability: Stability = field(default_factory=Stability)
+    # Share of repeated searches that choose each term, and intervals; filled when terms are named.
+    chosen: dict[Term, float] = field(default_factory=dict)
     intervals: Intervals = field(default_factory=Intervals)
     # Other effects from which the recording cannot tell each term; see `rivals_of`.
     rivals: dict[Term, list[str]] = field(default_factory=dict)

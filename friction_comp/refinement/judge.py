@@ -222,11 +222,6 @@ def ambiguities(fit: Fit) -> list[Question]:
             add(term.kind.variable, EFFECTS[name].variable,
                 f"'{name}' in the place of '{term.kind.name}' predicts parts that were not fitted "
                 'as well')
-        for name, share in fit.stability.alternatives.get(term, ()):
-            if EFFECTS[name].variable != term.kind.variable:
-                add(term.kind.variable, EFFECTS[name].variable,
-                    f'{100 * share:.0f} % of the searches repeated on parts of the recording '
-                    f"choose '{name}' instead of '{term.kind.name}'")
     samples = fit.rows.at_rows
     variables = {term.kind.variable for term in fit.terms}
     if samples.temperature is not None and variables & {'time', 'temperature'}:

@@ -106,29 +106,29 @@ def with_numbers(model: FrictionModel, fit: Fit) -> FrictionModel:
 
 
 def select_named(fit: Fit) -> Fit:
-    """Return a fit of the terms that can be named, with their stability and intervals.
+    """Return a fit of the terms that can be named, with what is certain of them.
 
     A term is named where most repeated searches choose it, where the interval of one of its
     coefficients excludes zero, and where none of its defining constants is at its limit.
     """
     fit = replace(fit, found=tuple(fit.terms), found_error=fit.mean_error())
-    stability = repeat_search(fit.table, fit.terms, fit.initial_count, fit.candidates)
+    chosen = repeat_search(fit.table, fit.terms, fit.initial_count, fit.candidates)
     # The links of a URDF are all weight: another beside them makes up for what is wrong with them.
     links = any('rigid_body' in term.kind.needs for term in fit.terms)
     terms = [term for k, term in enumerate(fit.terms)
-             if k < fit.initial_count or (stability.named(term) and not (
+             if k < fit.initial_count or (chosen[term] >= thresholds.NAMED_SHARE and not (
                  links and term.kind.weight and term.kind.needs == ()))]
     terms = LeftOutThirds(fit.table, terms).without_harmful(terms, fit.initial_count)
     while True:
         fit = refit(fit, terms)
         # The constants were adjusted again, so terms have changed.
-        stability = stability.with_new_terms(dict(zip(terms, fit.terms)))
+        chosen = {new: chosen[term] for term, new in zip(terms, fit.terms)}
         terms, table, coverage = fit.terms, fit.table, fit.rows.coverage
         bounds = intervals(table, terms)
         certain = [term for k, term in enumerate(terms) if k < fit.initial_count or (
             bounds.excludes_zero(table, term) and not at_limit(term, coverage))]
         if len(certain) == len(terms):
-            return replace(fit, stability=stability, intervals=bounds,
+            return replace(fit, chosen=chosen, intervals=bounds,
                            rivals=rivals_of(table, terms, fit.initial_count))
         terms = certain
 

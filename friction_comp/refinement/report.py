@@ -212,7 +212,7 @@ def _found_effect(fit: Fit, terms: Sequence[Term], error: float, unit: str) -> F
     """Return the effect of one term, or of all terms of other joints."""
     term, table = terms[0], fit.table
     kind = term.kind
-    chosen = min(fit.stability.chosen.get(term, 0.0) for term in terms)
+    chosen = min(fit.chosen.get(term, 0.0) for term in terms)
     columns, values = table.columns_of[term], table.coefficients(fit.terms)
     own = [values[column] for column in columns]
     bounds = [list(fit.intervals.coefficients[column]) for column in columns]

@@ -3,8 +3,8 @@
 """Which terms can be named: repeated searches, intervals, and thirds that were not fitted.
 
 The search is repeated on resampled blocks, and an effect is named where most searches choose it.
-Effects that other searches choose in its place are those that the recording cannot distinguish
-from it. The scatter of the coefficients over resampled blocks gives their intervals.
+Effects that predict as well in its place are those that the recording cannot distinguish from it.
+The scatter of the coefficients over resampled blocks gives their intervals.
 
 The next recording will differ from this one in speed, position, time, load or posture. Therefore
 each third of the samples, ordered by each of these, is predicted by a fit to the other thirds. The
@@ -15,7 +15,6 @@ lower without it.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
@@ -43,29 +42,9 @@ _DRAWS = 200
 _PARTS = 'parts'
 
 
-@dataclass(frozen=True)
-class Stability:
-    """The results of repeated searches."""
-
-    # Share of the searches that choose each term.
-    chosen: dict[Term, float] = field(default_factory=dict)
-    # Effects that searches without a term choose instead, and the share of all searches.
-    alternatives: dict[Term, list[tuple[str, float]]] = field(default_factory=dict)
-
-    def with_new_terms(self, new: dict[Term, Term]) -> Stability:
-        """Return the same results for new terms, which replace those with other constants."""
-        return Stability(
-            {new.get(term, term): share for term, share in self.chosen.items()},
-            {new.get(term, term): others for term, others in self.alternatives.items()})
-
-    def named(self, term: Term) -> bool:
-        """Return whether a term is chosen often enough to be named."""
-        return self.chosen.get(term, 0.0) >= thresholds.NAMED_SHARE
-
-
 def repeat_search(table: Table, terms: Sequence[Term], initial_count: int,
-                  candidates: Sequence[Term]) -> Stability:
-    """Repeat the whole search on resampled blocks and count how often it chooses each term.
+                  candidates: Sequence[Term]) -> dict[Term, float]:
+    """Repeat the whole search on resampled blocks; return the share that chooses each term.
 
     The first `initial_count` of the terms of the fit are those of the initial model; all others,
     and the candidates, may be chosen.
@@ -91,20 +70,8 @@ def repeat_search(table: Table, terms: Sequence[Term], initial_count: int,
         search.candidates = late
         searches.append(search.forward(better))
 
-    def contains(some: Sequence[Term], term: Term) -> bool:
-        return any(term.same_effect(other, span) for other in some)
-    chosen = {term: float(np.mean([contains(result, term) for result in searches]))
-              for term in terms}
-    alternatives: dict[Term, list[tuple[str, float]]] = {}
-    for term in terms[initial_count:]:
-        counts: Counter[str] = Counter()
-        for result in searches:
-            if not contains(result, term):
-                counts.update(sorted({other.kind.name for other in result
-                                      if not contains(terms, other)}))
-        alternatives[term] = [(name, count / len(searches)) for name, count in counts.most_common()
-                              if count >= thresholds.ALTERNATIVE_SHARE * len(searches)]
-    return Stability(chosen, alternatives)
+    return {term: float(np.mean([any(term.same_effect(other, span) for other in result)
+                                 for result in searches])) for term in terms}
 
 
 def rivals_of(table: Table, terms: Sequence[Term], initial_count: int) -> dict[Term, list[str]]:
