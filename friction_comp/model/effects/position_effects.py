@@ -72,17 +72,6 @@ def peaks(k: np.ndarray, power: np.ndarray, count: int, separation: float) -> li
     return highest
 
 
-def waves(phase: Any) -> tuple[Any, Any]:
-    """Return the cosine and the sine of a phase in rad, to one part in ten million.
-
-    A search spends most of its time on them, and single precision takes a fifth of it. The phase,
-    which may be that of thousands of turns, is reduced to one turn before.
-    """
-    turns = phase / (2.0 * math.pi)
-    rest = np.asarray(2.0 * math.pi * (turns - np.rint(turns)), dtype=np.float32)
-    return np.cos(rest), np.sin(rest)
-
-
 # Frequencies proposed for each shape of ripple.
 _PEAKS = 4
 # Positions of bumps proposed for each width, and the fewest rows by which one is judged.
@@ -140,9 +129,8 @@ class Cogging(Effect):
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
-        amplitude = (abs(x.velocity) / c.speed) ** c.growth
-        cosine, sine = waves(c.frequency * x.position)
-        return (amplitude * cosine, amplitude * sine)
+        amplitude, phase = (abs(x.velocity) / c.speed) ** c.growth, c.frequency * x.position
+        return (amplitude * np.cos(phase), amplitude * np.sin(phase))
 
     def describe(self) -> str:
         size = math.hypot(*self.coefficients)
@@ -169,8 +157,8 @@ class FrictionRipple(Cogging):
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         amplitude = x.sign * (abs(x.velocity) / c.speed) ** c.growth
-        cosine, sine = waves(c.frequency * x.position)
-        return (amplitude * cosine, amplitude * sine)
+        phase = c.frequency * x.position
+        return (amplitude * np.cos(phase), amplitude * np.sin(phase))
 
     def formula(self) -> str:
         return f'{super().formula()}·tanh(v/{self.values["transition"]:.3g})'
