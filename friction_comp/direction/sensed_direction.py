@@ -135,10 +135,10 @@ class SensedDirection:
         if self.kind != FORCE and not self._attempt.direction and min(alarms) < 0:
             # A muscle rests lower than was thought.
             last = list(self._recent)[-_AVERAGED:]
-            for index, test in enumerate(tests):
+            for test, own in zip(tests, zip(*last)):
                 if test.alarm < 0:
-                    test.settle(sum(own[index] for own in last) / len(last))
-                    alarms[index] = 0
+                    test.settle(min(test.level, math.fsum(own) / len(own)))
+            alarms = [test.alarm for test in tests]
         strength, certain = self._push()
         side = self._side(time, alarms, strength) if certain else 0
         if self._attempt.add(time, self.motion, side, strength, self._quiet(),
