@@ -127,8 +127,9 @@ def taught_rows(options):
 
 # rad: height of stairs that count as such, and a count of the encoder.
 STUCK, COUNT = 5e-3, 5e-4
-ROWS = {'attempts': attempts_rows, 'earliest': earliest_rows, 'rest': rest_rows, 'intention': intention_rows,
-        'follow': follow_rows, 'ends': ends_rows, 'taught': taught_rows}
+ROWS = {'attempts': attempts_rows, 'earliest': earliest_rows, 'rest': rest_rows,
+        'intention': intention_rows, 'follow': follow_rows, 'ends': ends_rows,
+        'taught': taught_rows}
 
 
 if __name__ == '__main__':

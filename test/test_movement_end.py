@@ -53,11 +53,10 @@ def test_outside_the_announced_movement_help_is_inwards_only():
 
 
 def test_who_brakes_gently_to_the_end_keeps_all_help_and_who_runs_to_it_does_not():
-    path, brake = Path(), 0.9 * END_BRAKE
+    path, endless, brake = Path(), Path(), 0.9 * END_BRAKE
     for left in np.arange(0.45, 0.04, -1e-3):
-        current = path.to(1.0 - 0.5 * brake * left**2, 1, 1.0, speed=brake * left)
-        if left < 0.4:
-            assert current > 0.84 * LEVEL
+        place, speed = 1.0 - 0.5 * brake * left**2, brake * left
+        assert path.to(place, 1, 1.0, speed) == endless.to(place, 1, speed=speed) > 0.5 * LEVEL
     # At such a speed as far before the place where all help ends, half of it is enough.
     speed = 2.0 * END_BRAKE * 0.4
     path = Path()

@@ -2,8 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """One attempt to move after the other: when a sensed direction begins, and when it ends.
 
-A direction begins only from rest, since only there is a push an attempt, and ends with the signal,
-with the motion, or if no motion follows. The next attempt needs a rest again.
+A direction begins only at rest, since only there is a push an attempt, and stands while the push
+does, unless no motion follows. What a force sensor shows at rest depends on the pose: its attempt
+ends with the motion, and the next needs a sensor that is quiet. A muscle that pushes nothing is
+silent in any pose: one that still acts where the joint has stopped, or acts again, is an attempt.
 """
 
 from __future__ import annotations
@@ -25,6 +27,11 @@ _CONTRADICTIONS = 3
 
 class Attempt:
     """Follows the attempts to move one joint.
+
+    Parameters
+    ----------
+    silent : bool
+        Whether the sensor is silent at rest in any pose, as a muscle.
 
     Attributes
     ----------
