@@ -62,16 +62,22 @@ lint: setup
 	@$(BIN)/python -m mypy
 
 # Tests start a hundred interpreters: what these import is kept as bytecode, even where Python is
-# told to write none beside its sources.
+# told to write none beside its sources. One process makes it before several would make the same.
 check test: export PYTHONPYCACHEPREFIX = $(CURDIR)/build/bytecode
-pytest := env -u PYTHONDONTWRITEBYTECODE $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+pytest := env -u PYTHONDONTWRITEBYTECODE $(BIN)/python -m pytest
+# Of three workers, one waits for nodes or processes for most of the time.
+shared := $(pytest) -n 3 --dist loadfile --no-loadscope-reorder
 
-check: setup
+check: setup build/bytecode
 	@$(BIN)/python -m ruff check .
-	@$(pytest) -q -m 'not slow and not processes' $(TESTS)
+	@$(shared) -q -m 'not slow and not processes' $(TESTS)
 
-test: lint
-	@$(pytest) $(TESTS)
+test: setup
+	@$(MAKE) --no-print-directory -j 2 lint build/bytecode
+	@$(shared) $(TESTS)
+
+build/bytecode: $(VENV)/requirements
+	@$(pytest) -q --collect-only >/dev/null; touch $@
 
 docs: setup
 	@$(PIP) install -r requirements/docs.txt

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Judges where directions come from: every floor of plans, leaders, sensors and ends.
 
-    python3 bench/direction_table.py [--rows attempts rest intention follow ends taught]
+    python3 bench/direction_table.py [--rows attempts earliest rest intention follow ends taught]
                                      [--seed S] [--draws N] [--hours H]
 
 --draws are gears of each kind, --hours are of rest. Even seeds are for tuning on, odd seeds are
@@ -17,6 +17,7 @@ from cheap_sensors.attempts import attempts, co_contractions, hours_at_rest
 from cheap_sensors.ends import beyond_ends
 from cheap_sensors.follower import follow, follower_bank, WAYS
 from cheap_sensors.intention import intention
+from cheap_sensors.oracle import earliest
 from cheap_sensors.taught import taught
 import numpy as np
 
@@ -52,6 +53,18 @@ def attempts_rows(options):
         if kind != 'force':
             announced, number = co_contractions(kind, 10, 10, options.seed)
             yield f'{kind}: co-contraction announced', f'{announced} of {number}', '0'
+
+
+def earliest_rows(options):
+    found = earliest(20, 5, options.seed)
+    for name, own in zip(('no test can be earlier', 'an oracle that knows all densities',
+                          'that oracle, and it tells a co-contraction'), found):
+        yield (f'muscle_raw: delay, {name}', f'{1e3 * np.nanmedian(own):.0f}, '
+               f'{1e3 * np.nanpercentile(own, 90):.0f} ms', '')
+    for kind in KINDS[1:]:
+        own = 1e3 * attempts(kind, 20, 5, options.seed)[0]
+        yield (f'{kind}: delay, ours on the same attempts',
+               f'{np.median(own):.0f}, {np.percentile(own, 90):.0f} ms', '100 ms')
 
 
 def rest_rows(options):
@@ -114,8 +127,9 @@ def taught_rows(options):
 
 # rad: height of stairs that count as such, and a count of the encoder.
 STUCK, COUNT = 5e-3, 5e-4
-ROWS = {'attempts': attempts_rows, 'rest': rest_rows, 'intention': intention_rows,
-        'follow': follow_rows, 'ends': ends_rows, 'taught': taught_rows}
+ROWS = {'attempts': attempts_rows, 'earliest': earliest_rows, 'rest': rest_rows,
+        'intention': intention_rows, 'follow': follow_rows, 'ends': ends_rows,
+        'taught': taught_rows}
 
 
 if __name__ == '__main__':

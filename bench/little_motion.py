@@ -9,7 +9,9 @@ the sigmoid of the joint. Beside inertia the joint has one or two effects, or no
 lacks. Even seeds are for tuning, odd ones for reports. Columns:
 
 named     effects of the joint, inertia among them, that are named
+open      of these, those for which the report says what else it may be
 false     effects named that it does not have
+certain   of these, those said without another that it may be
 calm      recordings in which nothing false is named
 error     on a longer movement of the same joint without compensation, over the noise; the median
 start     the same of the sigmoid fitted to the recording
@@ -98,9 +100,11 @@ def judged_on(seed, law, samples, other):
     """Return the same for recordings at hand."""
     model, hidden, _ = joint_of(seed)
     result = refine([samples], drive=model.drive)
-    named = [effect.name for effect in result.report.effects if not own(effect, model)]
+    found = [effect for effect in result.report.effects if not own(effect, model)]
     noise = model.simulation['current_noise']
-    return {'seed': seed, 'law': law, 'wanted': hidden | {'inertia'}, 'named': named,
+    return {'seed': seed, 'law': law, 'wanted': hidden | {'inertia'},
+            'named': [effect.name for effect in found],
+            'open': [effect.name for effect in found if effect.instead],
             'words': [effect.in_words for effect in result.report.effects],
             'error': error(result.model, other) / noise,
             'start': error(result.start, other) / noise}
@@ -108,15 +112,18 @@ def judged_on(seed, law, samples, other):
 
 def table(draws):
     """Return the table in Markdown, a row for each law."""
-    lines = ['| law | recordings | named | false | calm | error | start |',
-             '|---|---|---|---|---|---|---|']
+    lines = ['| law | recordings | named | open | false | certain | calm | error | start |',
+             '|---|---|---|---|---|---|---|---|---|']
     for law in dict.fromkeys(draw['law'] for draw in draws):
         own = [draw for draw in draws if draw['law'] == law]
         false = [sum(name not in draw['wanted'] for name in draw['named']) for draw in own]
         right = sum(len(draw['wanted'] & set(draw['named'])) for draw in own)
         wanted = sum(len(draw['wanted']) for draw in own)
+        doubted, doubts = (sum((name in draw['wanted']) == true for draw in own
+                               for name in draw['open']) for true in (True, False))
         errors, starts = ([draw[key] for draw in own] for key in ('error', 'start'))
-        lines.append(f'| {law} | {len(own)} | {right} of {wanted} | {sum(false)} '
+        lines.append(f'| {law} | {len(own)} | {right} of {wanted} | {doubted} '
+                     f'| {sum(false)} | {sum(false) - doubts} '
                      f'| {sum(not one for one in false)} | {np.median(errors):.2f} '
                      f'| {np.median(starts):.2f} |')
     return '\n'.join(lines)

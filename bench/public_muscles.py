@@ -16,8 +16,10 @@ it is taken to move 0.6 s after the muscle, as a joint does that friction holds,
 muscle lets go.
 
 The truth is found with the whole recording: when the smoothed energy of both channels passes 15 %
-of the contraction's for 0.15 s. Contractions that the labels do not know count as no rest. The
-simplest rival knows the onset, waits for 0.6 s and tells the `stronger` muscle.
+of the contraction's for 0.15 s. What is announced where no label asks for a movement is `unasked`;
+`without cause` is what is announced while both muscles are quiet: less than three times as large as
+in the quietest fifth of the recording. The simplest rival knows the onset, waits for 0.6 s and
+tells the `stronger` muscle.
 """
 
 import argparse
@@ -70,15 +72,15 @@ def main():
         read, every, kind = read_gestures, 2, 'muscle_envelope'
         sessions = sorted(path for path in options.folder.glob('[0-9]*') if path.is_dir())
     counts, delays = dict.fromkeys(
-        ('onsets', 'found', 'other muscle', 'missed', 'stronger', 'refused', 'without cause'),
-        0), []
+        ('onsets', 'found', 'other muscle', 'missed', 'stronger', 'refused', 'unasked',
+         'without cause'), 0), []
     rest = 0.0
     for session in sessions[options.first::options.every or every]:
         for recording in read(session):
             rest += judge(recording, options.kind or kind, counts, delays)
         print(session.name, counts, flush=True)
     if delays:
-        print(f'{rest:.0f} s at rest; delay {1e3 * np.median(delays):.0f} ms (median)')
+        print(f'{rest:.0f} s quiet; delay {1e3 * np.median(delays):.0f} ms (median)')
 
 
 def read_pair(session):
@@ -134,16 +136,16 @@ def stretches(labels):
 
 
 def contractions(recording):
-    """Return first and last sample and side of each movement, and what is certainly rest."""
+    """Return first and last sample and side of each movement, where none is asked, and quiet."""
     labels = recording.labels
     # Of movements one after the other, a label's onset is the last before it.
     before, after = (700, 0) if recording.trimmed else (150, 250)
-    energy = np.sqrt(uniform_filter1d(
-        np.mean(sosfiltfilt(HIGH_PASS, recording.values, axis=0)**2, axis=1), 10))
+    energies = np.sqrt(uniform_filter1d(
+        sosfiltfilt(HIGH_PASS, recording.values, axis=0)**2, 10, axis=0))
+    energy = np.sqrt(np.mean(energies**2, axis=1))
     calm = energy[recording.calm]
     level, scatter = np.median(calm), np.percentile(calm, 84) - np.median(calm)
     found = []
-    resting = energy < level + 4.0 * scatter
     for begin, end, label in stretches(labels):
         strength = np.percentile(energy[begin:end], 70) - level
         if label not in (1, -1) or begin < before or strength < 6.0 * scatter:
@@ -157,12 +159,13 @@ def contractions(recording):
         off = np.flatnonzero(lasting[1][end - 100:end + 300]) if end < len(labels) else []
         if len(on):
             found.append((begin - before + on[0], end - 100 + off[0] if len(off) else end, label))
-    # Rest begins 1.5 s after a contraction and ends 0.2 s before the next.
-    near = (uniform_filter1d((~resting).astype(float), 60) > 1e-9) | (labels == OTHER)
+    # None is asked from 1.5 s after a contraction until 0.2 s before the next.
+    unasked = labels == 0
+    unasked[:recording.calibrated[1] + 40] = False
     for begin, end, _ in found:
-        near[max(0, begin - 40):end + 300] = True
-    near[:recording.calibrated[1] + 40] = True
-    return found, ~near
+        unasked[max(0, begin - 40):end + 300] = False
+    active = (energies > 3.0 * np.percentile(energies, 20, axis=0)).any(axis=1)
+    return found, unasked, unasked & (uniform_filter1d(active.astype(float), 60) < 1e-9)
 
 
 def announced(recording, found, kind):
@@ -190,8 +193,8 @@ def announced(recording, found, kind):
 
 
 def judge(recording, kind, counts, delays):
-    """Add a recording to counts and delays; return how long the person rested, s."""
-    found, resting = contractions(recording)
+    """Add a recording to counts and delays; return how long both muscles were quiet, s."""
+    found, unasked, quiet = contractions(recording)
     try:
         said = announced(recording, found, kind)
     except InputError:
@@ -212,9 +215,10 @@ def judge(recording, kind, counts, delays):
         counts[outcome] += 1
         if outcome == 'found':
             delays.append(at[0] / RATE - BEFORE)
-    counts['without cause'] += int(
-        np.sum((said[1:] != 0) & (said[:-1] == 0) & resting[1:]))
-    return float(resting.sum()) / RATE
+    onsets = (said[1:] != 0) & (said[:-1] == 0)
+    counts['unasked'] += int(np.sum(onsets & unasked[1:]))
+    counts['without cause'] += int(np.sum(onsets & quiet[1:]))
+    return float(quiet.sum()) / RATE
 
 
 if __name__ == '__main__':

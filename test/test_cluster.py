@@ -13,17 +13,22 @@ from friction_comp.parallel import Failure
 from friction_comp.recordings import write_samples
 from simulated_recordings.drives import excitation_for, random_drive, record
 
-distributed = pytest.importorskip('distributed', reason='Dask is not installed')
-
 
 def write_recording(path):
     write_samples(path, record(random_drive(3, ['gravity']), 4, excitation_for(
         ['gravity'], duration=4.0, rate=60.0))[0].samples)
 
 
+@pytest.fixture(autouse=True)
+def distributed():
+    """Dask, which takes a second: not imported by every process that collects this module."""
+    return pytest.importorskip('distributed', reason='Dask is not installed')
+
+
 def cluster(workers, processes):
-    return distributed.LocalCluster(n_workers=workers, threads_per_worker=1, processes=processes,
-                                    dashboard_address=None)
+    from distributed import LocalCluster
+    return LocalCluster(n_workers=workers, threads_per_worker=1, processes=processes,
+                        dashboard_address=None)
 
 
 @pytest.mark.slow

@@ -174,7 +174,7 @@ def test_a_person_whose_force_is_sensed_needs_less_torque_than_one_who_is_not(
     # The muscles' path differs in the plant and in the node only; both have tests of their own.
     monkeypatch.setattr(demo_directions, 'SENSORS', demo_directions.SENSORS[:1])
     monkeypatch.setattr(demo_directions, 'ATTEMPTS', {
-        **demo_directions.ATTEMPTS, 'amplitude': np.radians(20.0), 'standstill': 1.0})
+        **demo_directions.ATTEMPTS, 'amplitude': np.radians(20.0)})
     peaks = scene('intention')['peak_torque']
     assert peaks['announced'] < peaks['force'] < 0.7 * peaks['unknown']
     path = tmp_path / 'recordings' / 'force'

@@ -281,6 +281,28 @@ def test_a_contraction_that_holds_the_arm_after_a_movement_does_not_hide_the_nex
         assert 1 in said[-100:-60]
 
 
+def test_a_muscle_that_still_acts_where_the_joint_stops_or_acts_again_is_an_attempt():
+    for seed in range(2):
+        begin = (5.0, 1.0, 1.0, False), (0.3, 30.0, 2.0, False), (0.3, 30.0, 2.0, True)
+        said, _ = forearm(seed, *begin, (1.0, 30.0, 2.0, False))
+        assert {*said[-240:]} == {1}
+        # The next push grows while the joint comes to rest, so that the sensor is never quiet.
+        grows = [(0.05, 1.0 + 1.5 * k, 1.0, False) for k in range(8)]
+        said, _ = forearm(seed, *begin, (0.4, 1.0, 1.0, True), *grows)
+        assert {0, 1} == {*said[-160:]}
+        assert said[-1] == 1
+
+
+def test_a_weak_muscle_is_told_by_all_that_the_alarm_is_made_of():
+    delays = []
+    for seed in range(6):
+        said, _ = forearm(seed, (4.0, 1.5, 1.5, False), (0.5, 2.5, 1.5, False), rate=1000)
+        assert not any(said[:4000])
+        delays.append(said.index(1) - 4000 if 1 in said else 500)
+    # ms: 40 ms of the other muscle's noise alone would leave half of them in doubt for long.
+    assert np.median(delays) <= 120
+
+
 def test_a_calibration_while_a_muscle_is_active_is_refused():
     with pytest.raises(InputError, match='flexor: the muscle was active'):
         forearm(0, (2.0, 1.0, 1.0, False), (0.4, 40.0, 1.0, False), (2.0, 1.0, 1.0, False))

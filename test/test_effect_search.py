@@ -11,7 +11,7 @@ from friction_comp.model.effects import EFFECTS
 from friction_comp.refinement.effect_columns import eq6_columns, proposals, Table, Term
 from friction_comp.refinement.prepare import prepare
 from friction_comp.refinement.search import adjust_constants, Search, total
-from friction_comp.refinement.stability import intervals, repeat_search, Stability
+from friction_comp.refinement.stability import intervals, repeat_search
 from friction_comp.refinement.thresholds import table as thresholds
 
 COGGING = {'frequency': 14.0, 'growth': 0.0, 'speed': 1.0, 'transition': 0.01}
@@ -151,23 +151,11 @@ def test_repeated_searches_choose_what_is_there_and_hardly_ever_what_is_not(ripp
     candidates = rippled.add(proposals(rippled, []))
     terms = rippled.add([Term(EFFECTS['cogging'], COGGING), Term(EFFECTS['inertia'])])
     found = repeat_search(rippled, terms, 0, candidates)
-    assert found.chosen[terms[0]] > 0.9
-    assert found.chosen[terms[1]] < 0.2
-    assert found.named(terms[0])
-    assert not found.named(terms[1])
+    assert found[terms[0]] > 0.9
+    assert found[terms[1]] < 0.2
     candidates = plain.add(proposals(plain, []))
     nothing = repeat_search(plain, candidates, 0, candidates)
-    assert max(nothing.chosen.values()) < 0.3
-
-
-@pytest.mark.parametrize(('own', 'instead', 'named'), [
-    (0.65, 0.0, True), (0.5, 0.0, False), (0.5, 0.45, False), (0.65, 0.3, True)])
-def test_a_name_is_given_where_most_searches_choose_it_whatever_the_others_have(own, instead,
-                                                                                named):
-    term, other = (Term(EFFECTS['cogging'], {'frequency': value}) for value in (14.0, 14.1))
-    found = Stability({term: own}, {term: [('bump', instead)]})
-    assert found.named(term) is named
-    assert found.with_new_terms({term: other}).named(other) is named
+    assert max(nothing.values()) < 0.3
 
 
 def test_every_threshold_has_a_unit_and_a_reason():

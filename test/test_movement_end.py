@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from friction_comp.compensation.law import CompensationLaw
-from friction_comp.compensation.law_kernel import END_MARGIN
+from friction_comp.compensation.law_kernel import END_BRAKE, END_MARGIN
 from friction_comp.simulation.joint import Plant
 from simulated_recordings.small_model import LEVEL, small_model
 
@@ -43,13 +43,26 @@ def test_outside_the_announced_movement_help_is_inwards_only():
     assert path.to(0.3, 1, 0.5) == pytest.approx(0.9 * LEVEL, rel=0.01)
     # As the direction ceases where a movement decelerates, its end remains.
     within = path.to(0.51, 0)
-    assert 0.0 < within < 0.5 * LEVEL
+    assert within == pytest.approx(0.9 * LEVEL * (1.0 - 0.01 / END_MARGIN), rel=0.03)
     assert path.to(0.5 + 1.1 * END_MARGIN, 0) == 0.0
     assert path.beyond
     assert path.to(0.4, 0) == pytest.approx(-0.9 * LEVEL, rel=0.01)
     # A movement without an end has none.
     assert path.to(0.6, 1) == pytest.approx(0.9 * LEVEL, rel=0.01)
     assert path.to(0.8, 0) == pytest.approx(0.9 * LEVEL, rel=0.01)
+
+
+def test_who_brakes_gently_to_the_end_keeps_all_help_and_who_runs_to_it_does_not():
+    path, endless, brake = Path(), Path(), 0.9 * END_BRAKE
+    for left in np.arange(0.45, 0.04, -1e-3):
+        place, speed = 1.0 - 0.5 * brake * left**2, brake * left
+        assert path.to(place, 1, 1.0, speed) == endless.to(place, 1, speed=speed) > 0.5 * LEVEL
+    # At such a speed as far before the place where all help ends, half of it is enough.
+    speed = 2.0 * END_BRAKE * 0.4
+    path = Path()
+    path.to(0.0, 1, 1.0)
+    place = 1.0 + END_MARGIN - 0.25 * speed**2 / END_BRAKE
+    assert path.to(place, 1, 1.0, speed=speed) == pytest.approx(0.45 * LEVEL, rel=0.05)
 
 
 def test_the_end_holds_until_another_movement_is_announced_or_the_joint_rests():

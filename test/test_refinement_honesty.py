@@ -100,6 +100,24 @@ def test_coarse_velocities_are_not_mistaken_for_a_lag():
     assert names(report) == []
 
 
+@pytest.mark.parametrize('reach, rivals', [(0.2, ['bump']), (1.5, [])])
+def test_what_the_motion_cannot_tell_apart_is_said_together(reach, rivals):
+    # Over 20 degrees, a weight looks like a spring or a bump, over 150 like nothing else.
+    t = np.arange(0.0, 40.0, 0.005)
+    q = reach * (0.6 * np.sin(1.1 * t) + 0.4 * np.sin(2.9 * t + 0.4))
+    v = np.gradient(q, t)
+    current = (0.8 * np.tanh(v / 0.02) + 0.3 * v + 0.05 * np.gradient(v, t) + 0.5 * np.cos(q - 0.3)
+               + np.random.default_rng(1).normal(0.0, 0.02, len(t)))
+    report = refine([Samples(time=t, position=q, velocity=v, current=current)]).report
+    found = {effect.name: effect for effect in report.effects}
+    weight = found.pop('spring' if rivals else 'gravity')
+    assert weight.instead == rivals
+    assert ('or bump' in weight.in_words) == bool(rivals)
+    assert [name for name, effect in found.items() if not effect.instead] == ['inertia']
+    assert [one.code for one in report.findings].count('ambiguous') == len(rivals)
+    assert report.verdict == ('trust in part' if rivals else 'trust')
+
+
 @pytest.mark.slow
 def test_a_bump_that_a_fold_crosses_one_way_only_is_still_found():
     t, q, v, _ = strokes(8, duration=100.0)

@@ -243,7 +243,7 @@ def test_ur10e_is_predicted_better_than_by_plain_least_squares():
     pytest.importorskip('pinocchio', reason='Pinocchio is not installed')
     folder = DATA / 'ur10e_all_joints'
     fit, score = (
-        {name: [samples.take(slice(None, None, 4)) for samples, _ in parts]
+        {name: [samples.take(slice(None, None, 8)) for samples, _ in parts]
          for name, parts in read_arm(folder / which).items()} for which in ('fit', 'score'))
     # All joints give information on the links; friction of one joint is enough.
     name, = only = ['wrist_1_joint']

@@ -78,16 +78,9 @@ def attempts(kind, joints, each, seed):
 
     The torque grows at 0.5 to 5 times breakaway per second, to 0.3 to 1 times breakaway.
     """
-    random, breakaway, sensors = held_joints(kind, joints, seed)
     delays, wrong, missed = [], 0, 0
-    time = np.arange(round((BEFORE + ATTEMPT + PAUSE) / STEP)) * STEP - BEFORE
-    for _ in range(each):
-        side = random.choice([-1.0, 1.0], joints)
-        speed = np.exp(random.uniform(math.log(0.5), math.log(5.0), joints))
-        most = random.uniform(0.3, 1.0, joints)
-        push = np.minimum(most, speed * np.maximum(0.0, time[:, None])) * (time < ATTEMPT)[:, None]
-        noise = rest_torque(random, joints, len(time) * STEP)
-        found = sensors.play((noise + side * push) * breakaway)
+    for sensors, side, _, torque in pushes(kind, joints, each, seed):
+        found = sensors.play(torque)
         at = (np.arange(len(found)) + 1) * 10.0 * STEP - BEFORE
         during = found * ((at > 0.0) & (at < ATTEMPT))[:, None]
         first = np.argmax(during != 0, axis=0)
@@ -96,6 +89,19 @@ def attempts(kind, joints, each, seed):
         wrong += int((said == -side).sum())
         delays += at[first[said == side]].tolist()
     return np.array(delays), missed, wrong
+
+
+def pushes(kind, joints, each, seed):
+    """Yield sensors, sides, pushes and what the sensors get, N·m, shape (N, J), of each attempt."""
+    random, breakaway, sensors = held_joints(kind, joints, seed)
+    time = np.arange(round((BEFORE + ATTEMPT + PAUSE) / STEP)) * STEP - BEFORE
+    for _ in range(each):
+        side = random.choice([-1.0, 1.0], joints)
+        speed = np.exp(random.uniform(math.log(0.5), math.log(5.0), joints))
+        most = random.uniform(0.3, 1.0, joints)
+        push = np.minimum(most, speed * np.maximum(0.0, time[:, None])) * (time < ATTEMPT)[:, None]
+        noise = rest_torque(random, joints, len(time) * STEP)
+        yield sensors, side, push * breakaway, (noise + side * push) * breakaway
 
 
 def held_joints(kind, joints, seed):

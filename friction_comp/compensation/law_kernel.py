@@ -46,12 +46,13 @@ TAKEN_TIME = 0.1
 PACE_TIME, CHANGE_SHARE, CHANGE_SPEED = 0.05, 0.02, 0.003
 """s over which the speed is averaged; relative change and absolute change in rad/s at which the
 largest share is withheld."""
-END_MARGIN, END_TIME = 0.03, 0.3
+END_MARGIN, END_BRAKE = 0.03, 1.25
 """rad, 1.7 deg, beyond the announced end of a movement, where nothing pushes outwards any more; and
-s before that place from which on help is given back. A person's arm and a trajectory controller
-come to rest within a degree or two of the goal; a smaller margin makes the arm heavier just there.
-Who brakes evenly for twice the time, or longer, keeps all help. A shorter one gives a joint that
-runs by itself no room to stop: with 0.25 s, 2 of 768 go farther than 5 deg.
+rad/s², the deceleration with which a joint without help would stop there: from where it takes more,
+help is given back. A person's arm and a trajectory controller come to rest within a degree or two
+of the goal; a smaller margin makes the arm heavier just there. Who brakes with less than
+`END_BRAKE` keeps all help. With 2 rad/s², 4 of 256 joints that run by themselves go farther than
+5 deg.
 """
 BUMP_TIME = 0.05
 """s; time constant with which an exchanged model or law takes effect under one without slope limit.
@@ -247,7 +248,7 @@ def soft_end(p: Parameters, s: State, current: float) -> float:
     """
     if current * s.outward > 0.0 and not math.isnan(s.end):
         room = END_MARGIN - s.outward * (s.position - s.end)
-        current *= min(1.0, max(0.0, room / max(END_MARGIN, END_TIME * abs(s.speed))))
+        current *= min(1.0, max(0.0, room / max(END_MARGIN, 0.5 * s.speed * s.speed / END_BRAKE)))
     if p.soft_end > 0.0:
         room = p.highest - s.position if current > 0.0 else s.position - p.lowest
         current *= min(1.0, max(0.0, room / p.soft_end))

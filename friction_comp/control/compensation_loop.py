@@ -32,15 +32,18 @@ class CompensationLoop:
     """Answers joint states with currents.
 
     Age or silence of joint states beyond `timeout` (ns) leads to zero current; `direction_timeout`
-    is in s. If `simulated`, time may stop: silence then does not mean that the driver is gone.
-    Messages but joint states go to its `inputs`.
+    is in s. `now` is the node's clock in ns; if it is `simulated`, time may stop: silence then does
+    not mean that the driver is gone. Messages but joint states go to its `inputs`. `heard` is the
+    number of joint states so far.
     """
 
     def __init__(self, joints: Sequence[str], law: Any, port: Port, faults: Faults,
                  timeout: int, direction_timeout: float, simulated: bool = False,
-                 clock: Callable[[], float] = time.monotonic) -> None:
+                 clock: Callable[[], float] = time.monotonic,
+                 now: Callable[[], int] = time.time_ns) -> None:
         self._joints, self._law, self._port, self._faults = list(joints), law, port, faults
-        self._simulated, self._clock = simulated, clock
+        self._simulated, self._clock, self._now = simulated, clock, now
+        self.heard = 0
         self.inputs = Inputs(joints, timeout, direction_timeout, faults, port.zero, clock)
         self._zeros = np.zeros(len(joints))
         self._set_limits()
@@ -82,6 +85,12 @@ class CompensationLoop:
 
     # Joint states.
 
+    def hear(self, message: Any, info: dict[str, Any]) -> None:
+        """Answer a joint state; `info` is what the middleware says of the message."""
+        self.heard += 1
+        self.take(message, self._now(), 0 if self._simulated else info['received_timestamp'],
+                  info['source_timestamp'], info['publication_sequence_number'] or 0)
+
     def take(self, message: Any, now: int, received: int = 0, sent: int = 0,
              sequence: int = 0) -> None:
         """Answer a joint state; `sent` is the system time in ns of its publication.
@@ -89,6 +98,10 @@ class CompensationLoop:
         The other arguments are those of `JointStateInput.take`.
         """
         if self.yields or not self._port.ready:
+            return
+        if now == 0:
+            # Simulated time before its first tick: the age of states is not known yet.
+            self._faults.report('clock', 'no /clock, although use_sim_time is set', WARN)
             return
         inputs, ticket = self.inputs, self._port.ticket
         verdict = inputs.take(message, now, received, sequence)

@@ -20,7 +20,7 @@ from friction_comp.control.faults import Faults, WARN
 from friction_comp.control.joint_states import JointStateInput, within
 from friction_comp.control.slow_inputs import Direction, MotorTemperature
 from friction_comp.control.watchdog import Watchdog
-from friction_comp.signal_checks import beyond, LIMITS, VelocityCheck
+from friction_comp.signal_checks import beyond, BLOCK, LIMITS, VelocityCheck
 from friction_comp.stamps import NANO
 
 # Largest ratio of velocity and rate of position, which smoothing and delay change too, and number
@@ -74,6 +74,8 @@ class Inputs:
             self._first = 0
             self._velocities = [VelocityCheck(_VELOCITY_FACTOR, _VELOCITY_BLOCKS, resolution)
                                 for resolution in resolutions]
+            self._block: list[tuple[float, np.ndarray, np.ndarray]] = []
+            self._due: list[tuple[VelocityCheck, list[np.ndarray]]] = []
 
     def forget_directions(self) -> None:
         """Count all directions as 0 until they are announced again."""
@@ -180,17 +182,21 @@ class Inputs:
         self._faults.report('missing', f'joint_states lack {", ".join(self.states.missing)}')
 
     def compare_velocities(self) -> None:
-        """Compare velocity and position of the new state; to be called after its answer."""
-        states, due = self.states, None
-        for j, check in enumerate(self._velocities):
-            if self.anew or states.velocity is None:
-                check.interrupt()
-            elif math.isfinite(states.velocity[j]) and math.isfinite(states.position[j]):
-                if check.add(self.time, float(states.position[j]), float(states.velocity[j])):
-                    due = check
+        """Compare velocity and position, block by block; to be called after an answer."""
+        states, block = self.states, self._block
+        if self.anew or states.velocity is None:
+            block.clear()
+        if states.velocity is not None:
+            block.append((self.time, states.position, states.velocity))
         # One joint per answer, so that the next answer is not delayed.
-        if due is not None:
-            due.judge()
+        if self._due:
+            check, signals = self._due.pop()
+            check.judge(*signals)
+        elif block and self.time - block[0][0] >= BLOCK:
+            time, *rows = map(np.array, zip(*block))
+            self._due = [(check, [time, *(signal[:, j] for signal in rows)])
+                         for j, check in enumerate(self._velocities)]
+            del block[:-1]
 
     # Silence and doubt.
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.stamps import NANO, nanoseconds
+from friction_comp.stamps import NANO
 
 # Verdicts on a joint state; only a new one is used.
 NEW = 'new'
@@ -131,7 +131,8 @@ class JointStateInput:
         the middleware has none.
         """
         self.wrong = ''
-        stamp = nanoseconds(message.header.stamp)
+        header = message.header.stamp
+        stamp = header.sec * NANO + header.nanosec
         has_stamp = stamp != 0
         stamp = stamp or received or now
         self._columns.find(message.name)

@@ -2,8 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """One attempt to move after the other: when a sensed direction begins, and when it ends.
 
-A direction begins only from rest, since only there is a push an attempt, and ends with the signal,
-with the motion, or if no motion follows. The next attempt needs a rest again.
+A direction begins only at rest, since only there is a push an attempt, and stands while the push
+does, unless no motion follows. What a force sensor shows at rest depends on the pose: its attempt
+ends with the motion, and the next needs a sensor that is quiet. A muscle that pushes nothing is
+silent in any pose: one that still acts where the joint has stopped, or acts again, is an attempt.
 """
 
 from __future__ import annotations
@@ -26,6 +28,11 @@ _CONTRADICTIONS = 3
 class Attempt:
     """Follows the attempts to move one joint.
 
+    Parameters
+    ----------
+    silent : bool
+        Whether the sensor is silent at rest in any pose, as a muscle.
+
     Attributes
     ----------
     direction : int
@@ -37,7 +44,8 @@ class Attempt:
         Whether the joint has moved against the sensor several times in a row.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, silent: bool = False) -> None:
+        self._silent = silent
         self.direction, self.reason = 0, 'at rest'
         self.resting = self.contradicted = False
         self._against = 0
@@ -49,7 +57,7 @@ class Attempt:
         self._stopped = time
 
     def add(self, time: float, motion: JointMotion, side: int, strength: float,
-            quiet: bool) -> bool:
+            quiet: bool, calm: bool) -> bool:
         """Take what the sensor says; return whether its level at rest has to be found anew.
 
         Parameters
@@ -63,22 +71,31 @@ class Attempt:
             How much, positive in the direction +1; any unit.
         quiet : bool
             Whether the sensor has not changed for `REARM`.
+        calm : bool
+            Whether the sensor is at the level at rest that was known last.
         """
         if self.direction:
             self._continue(time, motion, side, strength)
             return False
         if not self.resting:
-            if min(motion.rest(time), time - self._stopped) < REARM or not quiet:
-                return False
-            self.resting, self.reason = True, 'at rest'
-            return True
+            again = min(motion.rest(time), time - self._stopped) >= REARM and quiet
+            self.resting = again or (self._silent and calm)
+            if self.resting:
+                self.reason = 'at rest'
+            return again
         if motion.rest(time) == 0.0:
-            self.stop(time, 'moves')
+            if self._silent:
+                self.reason = 'moves'
+            else:
+                self.stop(time, 'moves')
         elif side:
-            self.direction, self.reason, self.resting = side, 'onset of a push', False
-            self._begin = self._strong = time
-            self._largest, self._moved = abs(strength), False
+            self._start(time, side, strength)
         return False
+
+    def _start(self, time: float, side: int, strength: float) -> None:
+        self.direction, self.reason, self.resting = side, 'onset of a push', False
+        self._begin = self._strong = time
+        self._largest, self._moved = abs(strength), False
 
     def _continue(self, time: float, motion: JointMotion, side: int, strength: float) -> None:
         own = strength * self.direction
@@ -88,17 +105,22 @@ class Attempt:
         speed = motion.speed * self.direction
         if speed > STILL:
             self._moved, self._against = True, 0
+            self._begin = time
         if side == -self.direction:
-            self.stop(time, 'pushed the other way')
+            if self._silent and motion.rest(time) > OVER:
+                self._start(time, side, strength)
+            else:
+                self.stop(time, 'pushed the other way')
         elif speed < -STILL and not self._moved:
             self._against += 1
             self.contradicted = self._against >= _CONTRADICTIONS
             self.stop(time, 'moved against the push')
-        elif speed < -STILL or (self._moved and motion.rest(time) > OVER):
+        elif speed < -STILL or (
+                self._moved and motion.rest(time) > OVER and not self._silent):
             self.stop(time, 'the movement is over')
         elif time - self._strong > _RELEASED:
             self.stop(time, 'the push is over')
-        elif not self._moved and time - self._begin > _PATIENCE:
+        elif time - self._begin > _PATIENCE:
             self.stop(time, 'no movement followed')
         elif not motion.known(time) or not math.isfinite(strength):
             self.stop(time, 'joint_states are missing')

@@ -107,11 +107,13 @@ class OnsetTest:
         The level at rest, which follows the signal slowly while `follow` is called.
     alarm : int
         +1 or -1 while the signal is above or below the level at rest, else 0.
+    rising : int
+        Number of samples of which the sum of what is above the level is made.
     """
 
     def __init__(self, rest: Rest, per_hour: float = FALSE_ALARMS,
                  proportional: bool = False) -> None:
-        self.rest, self.level, self.alarm = rest, rest.level, 0
+        self.rest, self.level, self.alarm, self.rising = rest, rest.level, 0, 0
         self._proportional = proportional
         # Two sides; the level and the scatter follow the signal, so that they have errors, too.
         self.limit = alarm_limit(2.0 * 3600.0 * rest.rate / per_hour)
@@ -142,6 +144,7 @@ class OnsetTest:
         up = min(most, max(0.0, up + z - ALLOWANCE))
         down = min(most, max(0.0, down - z - ALLOWANCE))
         self._sums = [up, down]
+        self.rising = self.rising + 1 if up else 0
         self.alarm = 1 if up > self.limit else -1 if down > self.limit else 0
         if self.alarm:
             # What came before an alarm belongs to it.
@@ -162,5 +165,5 @@ class OnsetTest:
 
     def settle(self, level: float) -> None:
         """Begin anew at another level of rest."""
-        self.level, self.alarm, self._sums = level, 0, [0.0, 0.0]
+        self.level, self.alarm, self.rising, self._sums = level, 0, 0, [0.0, 0.0]
         self._waiting.clear()

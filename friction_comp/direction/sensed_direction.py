@@ -28,15 +28,17 @@ CALIBRATION_TIME = 3.0
 # Samples on the same side that an onset needs; raw signals, in which hum has to be told from a
 # muscle, need that many blocks.
 _AGREE, _AGREE_RAW = 3, 4
-# Factor by which the dominant muscle's energy must exceed the other's. Through cross-talk a quarter
-# of a muscle's signal appears in the other channel, and electrodes differ by half.
-_DOMINANT = 6.0
+# Factor by which the dominant muscle's energy must exceed the other's, by that one's scatter more:
+# half way, as factors go, from muscles that act alike, 2.4 where electrodes differ by half, to one
+# alone, a quarter of whose signal appears in the other channel, and 0.15 of it as the other's: 8.5.
+_DOMINANT = 4.5
 # Change between the halves of the last 0.3 s, in units of the scatter, below which a sensor rests.
 _QUIET = 2.0
 # Excess, in units of the scatter, and its variation within 0.3 s as a share of it, beyond and below
 # which an envelope is that of hum. That of a muscle varies by a fifth.
 _HIGH, _STEADY = 10.0, 0.03
-# Blocks over which the strength of a muscle is averaged.
+# Values over which the strength of a muscle is averaged, at least; at an onset, all that the alarm
+# is made of.
 _AVERAGED = 4
 
 
@@ -64,7 +66,7 @@ class SensedDirection:
         self.motion = JointMotion()
         self._channels = [Channel(name, low, high, kind != 'muscle_raw') for name in names]
         self._raw, self._ready = kind == 'muscle_raw', False
-        self._attempt = Attempt()
+        self._attempt = Attempt(self.kind != FORCE)
         self._collected: list[np.ndarray] | None = None
         self._since = self._until = math.nan
         self._fault = 'not calibrated'
@@ -80,7 +82,7 @@ class SensedDirection:
         """Collect values from now on; nothing is announced until the calibration has ended."""
         self._collected, self._since = [], math.nan
         self._ready, self._fault = False, 'calibrating'
-        self._attempt = Attempt()
+        self._attempt = Attempt(self.kind != FORCE)
 
     def end_calibration(self) -> None:
         """Learn from the values collected; raises InputError if they are not usable."""
@@ -130,12 +132,20 @@ class SensedDirection:
         self._recent.append(row)
         tests = [channel.test for channel in self._channels]
         alarms = [test.add(value) for test, value in zip(tests, row)]
+        if self.kind != FORCE and not self._attempt.direction and min(alarms) < 0:
+            # A muscle rests lower than was thought.
+            last = list(self._recent)[-_AVERAGED:]
+            for test, own in zip(tests, zip(*last)):
+                if test.alarm < 0:
+                    test.settle(min(test.level, math.fsum(own) / len(own)))
+            alarms = [test.alarm for test in tests]
         strength, certain = self._push()
         side = self._side(time, alarms, strength) if certain else 0
-        if self._attempt.add(time, self.motion, side, strength, self._quiet()):
+        if self._attempt.add(time, self.motion, side, strength, self._quiet(),
+                             not any(alarms)):
             for test, own in zip(tests, zip(*self._recent)):
                 test.settle(math.fsum(own) / len(own))
-        elif self._attempt.resting and not any(alarms):
+        elif self._attempt.resting and not any(alarms) and self.motion.rest(time):
             for test in tests:
                 test.follow()
 
@@ -173,7 +183,9 @@ class SensedDirection:
     def _energy(self, index: int) -> tuple[float, float]:
         """Return by how much a muscle's energy exceeds that at rest of late, and how surely."""
         test, power = self._channels[index].test, 3.0 if self._raw else 2.0
-        values = [max(row[index], 0.0) for row in list(self._recent)[-_AVERAGED:]]
+        made_of = 0 if self._attempt.direction else max(
+            channel.test.rising for channel in self._channels)
+        values = [max(row[index], 0.0) for row in list(self._recent)[-max(_AVERAGED, made_of):]]
         energy = sum(value**power for value in values) / len(values)
         mean = sum(values) / len(values)
         # The scatter is that of sums: fewer values than noise remembers have that of one sum.
@@ -189,7 +201,7 @@ class SensedDirection:
             flexor > extensor) else (-1.0, extensor, flexor, of_flexor)
         if most <= _DOMINANT * max(least, 0.0):
             return 0.0, False
-        return sign * math.sqrt(most), most > _DOMINANT * (max(least, 0.0) + 2.0 * doubt)
+        return sign * math.sqrt(most), most > _DOMINANT * (max(least, 0.0) + doubt)
 
     def _side(self, time: float, alarms: list[int], strength: float) -> int:
         """Return the direction of a push, 0 unless it is certain."""

@@ -164,9 +164,13 @@ def shifted_in_time(values: np.ndarray, samples: Samples, lag: float) -> np.ndar
     source = np.reshape(np.asarray(values, dtype=float), (len(values), -1)).T
     shifted = np.empty_like(source)
     for part in samples.segments():
-        time = samples.time[part]
-        for column, result in zip(source, shifted):
-            result[part] = np.interp(time + lag, time, column[part])
+        time, own = samples.time[part], source[:, part]
+        # The same for all columns: the sample before each time, and the share of the step to it.
+        place = np.interp(time + lag, time, np.arange(len(time)))
+        index = place.astype(int)
+        before = own.take(index, axis=1)
+        after = own.take(np.minimum(index + 1, len(time) - 1), axis=1)
+        shifted[:, part] = before + (place - index) * (after - before)
     return shifted.T.reshape(np.shape(values))
 
 

@@ -18,7 +18,7 @@ from friction_comp.control.model_trial import load_compiled_code, Loaded, try_mo
 from friction_comp.errors import InputError
 from friction_comp.model.motor_check import TORQUE, unit_of
 from friction_comp.nodes.configured_compensator import ConfiguredCompensator
-from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK, Rate
+from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK
 from friction_comp.ros.joint_io import command_interface, input_qos
 from friction_comp.ros.model_loading import Loading, PatientParameterService
 from friction_comp.ros.node_main import run
@@ -54,7 +54,6 @@ class CompensatorNode(LifecycleNode):
         self.loaded: Loading | None = None
         self._candidates: list[Loaded] | None = None
         self._failure = ''
-        self._rate = Rate()
         self._faults = Faults(self.get_logger())
         self._joints = declare_joints(self)
         self._qos = input_qos(self)
@@ -161,7 +160,7 @@ class CompensatorNode(LifecycleNode):
             _check_law(self._value('law'))
             self._configured = ConfiguredCompensator(
                 self, self._joints, self._load(names_in(self._value('model_files'))), self._qos,
-                self._faults, self._rate)
+                self._faults)
         except InputError as error:
             self._failure = str(error)
             self.get_logger().error(self._failure)
@@ -255,7 +254,7 @@ class CompensatorNode(LifecycleNode):
 
     def _report(self) -> tuple[Any, ...]:
         configured = self._configured
-        values = {'state': self._state, 'joint_states rate [Hz]': self._rate.per_second()}
+        values = {'state': self._state, 'joint_states rate [Hz]': 0.0}
         if configured is not None:
             values.update(configured.values())
         fault = self._faults.worst

@@ -22,14 +22,14 @@ from friction_comp.stamps import NANO, nanoseconds
 
 
 class ConfiguredCompensator:
-    """Takes the messages of a compensator to its loop; exists only while it is configured.
+    """Connects the topics of a compensator with its loop; exists only while it is configured.
 
-    Joint states are answered while it is `active`.
+    Joint states go to the loop itself. They are answered while it is `active`.
     """
 
     def __init__(self, node: Any, joints: list[str], loaded: Sequence[Loaded], qos: Any,
-                 faults: Faults, rate: Rate) -> None:
-        self._node, self._joints, self._faults, self._rate = node, joints, faults, rate
+                 faults: Faults) -> None:
+        self._node, self._joints, self._rate = node, joints, Rate()
         self._feeds = [one.feed for one in loaded]
         self._tell([f'{joint} {text}' for joint, one in zip(joints, loaded)
                     for text in one.told()])
@@ -38,10 +38,12 @@ class ConfiguredCompensator:
                               gravity=self._value('gravity'))
         zeros = [0.0] * len(joints)
         self._port = CommandPort(node, zeros, zeros, self._value('command_interface'))
-        self._simulated = self._value('use_sim_time')
+        simulated = self._value('use_sim_time')
+        # Equal to the node's clock without simulated time, at a third of the cost.
+        self._now = (lambda: node.get_clock().now().nanoseconds) if simulated else time.time_ns
         self._loop = CompensationLoop(
             joints, law, self._port, faults, round(NANO * self._value('joint_state_timeout')),
-            self._value('direction_timeout'), self._simulated)
+            self._value('direction_timeout'), simulated, now=self._now)
         self._inputs = self._loop.inputs
         self._inputs.watchdog.start()
         # The direction comes first: the executor takes its messages before the states.
@@ -49,7 +51,7 @@ class ConfiguredCompensator:
             (Int8MultiArray, 'direction', self._on_direction),
             (JointState, 'direction_stamped', self._on_stamped_direction),
             (Temperature, 'motor_temperature', self._on_temperature),
-            (JointState, 'joint_states', self._on_joint_states))]
+            (JointState, 'joint_states', self._loop.hear))]
 
     def _value(self, name: str) -> Any:
         return self._node.get_parameter(name).value
@@ -134,11 +136,6 @@ class ConfiguredCompensator:
 
     # Topics.
 
-    def _now(self) -> int:
-        # Equal to the node's clock without simulated time, at a third of the cost.
-        clock = self._node.get_clock()
-        return clock.now().nanoseconds if clock.ros_time_is_active else time.time_ns()
-
     def _on_direction(self, message: Any) -> None:
         self._inputs.take_direction(message.data, self._now())
 
@@ -150,18 +147,6 @@ class ConfiguredCompensator:
     def _on_temperature(self, message: Any) -> None:
         self._inputs.take_temperature(message.header.frame_id, message.temperature,
                                       nanoseconds(message.header.stamp), self._now())
-
-    def _on_joint_states(self, message: Any, info: dict[str, Any]) -> None:
-        self._rate.count += 1
-        if not self.active:
-            return
-        now = self._now()
-        if now == 0:
-            # Simulated time before its first tick: the age of states is not known yet.
-            self._faults.report('clock', 'no /clock, although use_sim_time is set', WARN)
-            return
-        self._loop.take(message, now, 0 if self._simulated else info['received_timestamp'],
-                        info['source_timestamp'], info['publication_sequence_number'] or 0)
 
     def supervise(self) -> None:
         """Check for other publishers of states, directions and commands."""
@@ -182,7 +167,9 @@ class ConfiguredCompensator:
 
     def values(self) -> dict[str, Any]:
         """Return the values for diagnostics."""
+        self._rate.count = self._loop.heard
         values: dict[str, Any] = {
+            'joint_states rate [Hz]': self._rate.per_second(),
             'law': self._value('law'), 'model_files': list(self._value('model_files')),
             'fed forward otherwise': '; '.join(self._told),
             'listeners to the command': self._port.listeners}

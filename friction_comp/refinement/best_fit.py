@@ -21,6 +21,7 @@ from friction_comp.refinement.block_sums import held_out_error
 from friction_comp.refinement.effect_columns import (
     eq6_columns,
     EQ6_LINEAR,
+    first_model,
     neighbourhood,
     proposals,
     Table,
@@ -36,7 +37,7 @@ from friction_comp.refinement.recorded_motion import (
     smooth_settings,
 )
 from friction_comp.refinement.search import adjust_constants, Search
-from friction_comp.refinement.stability import Intervals, Stability
+from friction_comp.refinement.stability import Intervals
 from friction_comp.samples import Samples
 
 # Share of the top speed over which the friction of a plain drive changes sign.
@@ -70,9 +71,11 @@ class Fit:
     # error of blocks that were not fitted, A².
     found: tuple[Term, ...] = ()
     found_error: float = math.nan
-    # How often repeated searches choose each term, and intervals; filled when terms are named.
-    stability: Stability = field(default_factory=Stability)
+    # Share of repeated searches that choose each term, and intervals; filled when terms are named.
+    chosen: dict[Term, float] = field(default_factory=dict)
     intervals: Intervals = field(default_factory=Intervals)
+    # Other effects from which the recording cannot tell each term; see `rivals_of`.
+    rivals: dict[Term, list[str]] = field(default_factory=dict)
 
     @property
     def rows(self) -> Rows:
@@ -128,25 +131,26 @@ class EffectSearch(Search):
 
     def __init__(self, table: Table, fixed: list[Term]) -> None:
         super().__init__(table, [], fixed)
-        self._retained = set(fixed)
-        self._time_effects = False
-        self.update_candidates(fixed)
+        self._retained, self._time_effects = set(fixed), False
+        self._known = {term.kind for term in fixed if term.kind.max_count == 1}
+        # The latest proposals, and the transition and terms whose fit they are for.
+        self._proposed: list[Term] = []
+        self._fitted_terms: tuple[tuple[float, float], list[Term]] = (math.nan, math.nan), fixed
 
     def update_candidates(self, terms: Sequence[Term]) -> None:
         """Replace the candidates by the terms proposed for the residual of a fit."""
-        table = self.table
-        proposed = proposals(table, terms)
-        self._retained.update(terms)
-        table.keep(self._retained.union(proposed))
-        kinds = {term.kind for term in self.fixed if term.kind.max_count == 1}
-        self.candidates = [term for term in table.add(proposed) if term.kind not in kinds and (
-            (term.kind.variable == 'time') == self._time_effects)]
+        table, fitted = self.table, (self.table.transition, list(terms))
+        if fitted != self._fitted_terms:
+            self._proposed = proposals(table, terms)
+        # A search may go back to the terms before.
+        table.keep({*self._retained, *self._fitted_terms[1], *terms, *self._proposed})
+        self._fitted_terms = fitted
+        self.candidates = [
+            term for term in table.add(self._proposed) if term.kind not in self._known and (
+                (term.kind.variable == 'time') == self._time_effects)]
 
-    def after_addition(self, terms: list[Term]) -> list[Term]:
+    def after_addition(self, terms: Sequence[Term], rounds: int = 3) -> list[Term]:
         """Adjust all constants and the transition; update the candidates."""
-        return self._adjust(terms, 3)
-
-    def _adjust(self, terms: Sequence[Term], rounds: int) -> list[Term]:
         terms = adjust_constants(self.table, terms, rounds)
         self.table.fit_transition(terms)
         self.update_candidates(terms)
@@ -158,7 +162,7 @@ class EffectSearch(Search):
         Weight, spring and inertia may cancel in a motion, so that each helps only with the others.
         """
         table, rows = self.table, self.table.rows
-        plain = [term for term in self.candidates if term.kind.in_first_model]
+        plain = [term for term in table.add(first_model(table)) if term.kind not in self._known]
         starts: list[list[Term]] = [plain]
         if rows.joints and rows.samples.rigid_body is None:
             kind = EFFECTS['other_joints']
@@ -179,11 +183,11 @@ class EffectSearch(Search):
         terms = self.without_collinear(list(dict.fromkeys([*self.fixed, *start])))
         self.table.fit_transition(terms)
         self.update_candidates(terms)
-        terms = self._adjust(self.forward(terms), 5)
+        terms = self.after_addition(self.forward(terms), 5)
         terms = self.backward(self.exchange(terms))
         self._time_effects = True
         self.update_candidates(terms)
-        terms = self.backward(self._adjust(self.forward(terms), 5))
+        terms = self.backward(self.after_addition(self.forward(terms), 5))
         self._retained.update(terms)
         return terms
 

@@ -20,7 +20,7 @@ _RIDGE = 1e-7
 
 @dataclass
 class BlockSums:
-    """Sums of products over K blocks. In its methods, `columns` are S indices of P columns."""
+    """Sums of products over K blocks. In its methods, `columns` are S of P columns."""
 
     gram: np.ndarray  # (K, P + 1, P + 1): sums of products of all columns, the target last
     rows: np.ndarray  # (K,): number of rows in each block
@@ -34,6 +34,17 @@ class BlockSums:
         return cls(np.array([own @ own.T for own in blocks]),
                    np.array([own.shape[1] for own in blocks]), signs)
 
+    @property
+    def norms(self) -> np.ndarray:
+        """Root of each column's sum of squares over all blocks, 1 if that is zero, shape (P,)."""
+        norms = np.sqrt(np.einsum('kii->i', self.gram)[:-1])
+        return np.where(norms > 0.0, norms, 1.0)
+
+    def part(self, columns: Sequence[int]) -> BlockSums:
+        """Return the sums of some columns alone."""
+        inner = np.array([*columns, -1])
+        return BlockSums(self.gram[:, inner[:, None], inner], self.rows, self.signs[inner[:-1]])
+
     def held_out_errors(self, columns: Sequence[int], fold: np.ndarray | None = None) -> np.ndarray:
         """Return the squared error of each block by the fit to all blocks of other folds.
 
@@ -41,31 +52,21 @@ class BlockSums:
         """
         fold_of_block = np.arange(len(self.rows)) if fold is None else fold
         train = fold_of_block != np.arange(int(fold_of_block.max()) + 1)[:, None]
-        return self.squared_errors(columns, self.fits(columns, train.astype(float))[fold_of_block])
+        own = self.part(columns)
+        return _squared_errors(own, _fits(own, train.astype(float))[fold_of_block])
 
-    def squared_errors(self, columns: Sequence[int], coefficients: np.ndarray,
-                       blocks: np.ndarray | None = None) -> np.ndarray:
-        """Return the squared error of each block, (K,), by its own coefficients, shape (K, S).
+    def errors_of_fit(self, columns: Sequence[int], weights: np.ndarray) -> np.ndarray:
+        """Return the squared error of each block by one fit to all, with weights, shape (K,)."""
+        own = self.part(columns)
+        return _squared_errors(own, _fits(own, weights[None]))
 
-        Only of some `blocks`, by their indices, where given.
-        """
-        inner = np.append(np.asarray(columns, dtype=int), self.gram.shape[1] - 1)
-        combination = np.concatenate((coefficients, np.full((len(coefficients), 1), -1.0)), axis=1)
-        gram = self.gram[:, inner[:, None], inner] if blocks is None else self.gram[
-            blocks[:, None, None], inner[:, None], inner]
-        return np.asarray((combination[:, None] @ gram @ combination[:, :, None])[:, 0, 0])
+    def squared_errors(self, columns: Sequence[int], coefficients: np.ndarray) -> np.ndarray:
+        """Return the squared error of each block, (K,), by its own coefficients, shape (K, S)."""
+        return _squared_errors(self.part(columns), coefficients)
 
     def fits(self, columns: Sequence[int], weights: np.ndarray) -> np.ndarray:
         """Return the coefficients, shape (F, S), of fits to blocks with weights, shape (F, K)."""
-        inner = np.append(np.asarray(columns, dtype=int), self.gram.shape[1] - 1)
-        mixed = np.tensordot(weights, self.gram[:, inner[:, None], inner], 1)
-        return solve(mixed, self._norms(inner[:-1]), self.signs[inner[:-1]])
-
-    def fit_mixed(self, columns: Sequence[int], mixed: np.ndarray) -> np.ndarray:
-        """Return the coefficients, shape (S,), of a fit to the sums of all columns over blocks."""
-        inner = np.append(np.asarray(columns, dtype=int), self.gram.shape[1] - 1)
-        return solve(mixed[None, inner[:, None], inner], self._norms(inner[:-1]),
-                     self.signs[inner[:-1]])[0]
+        return _fits(self.part(columns), weights)
 
     def fit(self, columns: Sequence[int]) -> np.ndarray:
         """Return the coefficients fitted to all blocks, shape (S,)."""
@@ -73,25 +74,30 @@ class BlockSums:
 
     def independent_share(self, columns: Sequence[int]) -> np.ndarray:
         """Return the share of each column's norm that is independent of the others, shape (S,)."""
-        norms = self._norms(np.asarray(columns, dtype=int))
-        scaled = self.gram.sum(axis=0)[np.ix_(columns, columns)] / norms / norms[:, None]
+        own = self.part(columns)
+        norms = own.norms
+        scaled = own.gram.sum(axis=0)[:-1, :-1] / norms / norms[:, None]
         scaled[np.diag_indices(len(scaled))] += 1e-12
         return np.asarray(1.0 / np.sqrt(np.abs(np.diag(np.linalg.inv(scaled)))))
 
     def beside(self, columns: Sequence[int], others: Sequence[int]) -> np.ndarray:
         """Return the sums of products of what columns have beside others, shape (S, S)."""
-        inner = [*others, *columns]
-        norms, size = self._norms(np.asarray(inner, dtype=int)), len(others)
-        sums = self.gram.sum(axis=0)[np.ix_(inner, inner)] / norms / norms[:, None]
+        both, size = self.part([*others, *columns]), len(others)
+        norms = both.norms
+        sums = both.gram.sum(axis=0)[:-1, :-1] / norms / norms[:, None]
         sums[np.diag_indices(len(sums))] += _RIDGE
         own = sums[size:, size:] - sums[size:, :size] @ np.linalg.solve(
             sums[:size, :size], sums[:size, size:])
         return np.asarray(own * norms[size:] * norms[size:, None])
 
-    def _norms(self, columns: np.ndarray) -> np.ndarray:
-        """Return the root of each column's sum of squares over all blocks."""
-        norms = np.sqrt(self.gram[:, columns, columns].sum(axis=0))
-        return np.where(norms > 0.0, norms, 1.0)
+
+def _fits(own: BlockSums, weights: np.ndarray) -> np.ndarray:
+    return solve(np.tensordot(weights, own.gram, 1), own.norms, own.signs)
+
+
+def _squared_errors(own: BlockSums, coefficients: np.ndarray) -> np.ndarray:
+    combination = np.concatenate((coefficients, np.full((len(coefficients), 1), -1.0)), axis=1)
+    return np.asarray((combination[:, None] @ own.gram @ combination[:, :, None])[:, 0, 0])
 
 
 def sums_of(columns: np.ndarray, target: np.ndarray, block: np.ndarray) -> BlockSums:
@@ -119,16 +125,18 @@ def solve(sums: np.ndarray, norms: np.ndarray, signs: np.ndarray) -> np.ndarray:
     scaled.reshape(len(sums), -1)[:, ::size + 1] += _RIDGE
     goal = sums[:, :-1, -1] / norms
     solution = np.linalg.solve(scaled, goal[:, :, None])[:, :, 0]
-    bounded = np.nonzero(signs)[0]
-    for case in np.nonzero((solution[:, bounded] < 0.0).any(axis=1))[0]:
-        free = np.ones(size, dtype=bool)
-        while True:
-            values = np.where(free[bounded], solution[case, bounded], 0.0)
-            if not (values < 0.0).any():
-                break
-            free[bounded[int(np.argmin(values))]] = False
-            indices = np.nonzero(free)[0]
-            solution[case] = 0.0
-            solution[case, indices] = np.linalg.solve(
-                scaled[case][indices[:, None], indices], goal[case, indices])
-    return np.asarray(solution / norms)
+    bounded, free, inverse = signs > 0, np.ones(solution.shape, dtype=bool), None
+    while True:
+        wrong = np.where(bounded & free, solution, 0.0)
+        cases = np.nonzero((wrong < 0.0).any(axis=1))[0]
+        if not len(cases):
+            return np.asarray(solution / norms)
+        if inverse is None:
+            inverse = np.linalg.inv(scaled)
+        worst = wrong[cases].argmin(axis=1)
+        free[cases, worst] = False
+        # What the others are without it follows from its row of the inverse.
+        row, pivot = inverse[cases, worst], inverse[cases, worst, worst][:, None]
+        solution[cases] -= row * (solution[cases, worst][:, None] / pivot)
+        solution[~free] = 0.0
+        inverse[cases] -= row[:, :, None] * (row / pivot)[:, None]

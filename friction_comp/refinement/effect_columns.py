@@ -9,7 +9,7 @@ their derivatives.
 
 from __future__ import annotations
 
-from collections.abc import Container, Sequence
+from collections.abc import Container, Iterable, Sequence
 import copy
 from dataclasses import dataclass, field, replace
 import functools
@@ -106,10 +106,10 @@ class Table:
         cells, cell = np.unique(
             rows.block * (int(rows.region.max()) + 1) + rows.region, return_inverse=True)
         order = np.argsort(cell, kind='stable')
-        self._cells = np.split(order, np.searchsorted(cell[order], np.arange(1, len(cells))))
-        self.block_rows = [np.nonzero(rows.block == k)[0] for k in range(rows.blocks)]
-        first = [cell_rows[0] for cell_rows in self._cells]
-        self.block, self.region = rows.block[first], rows.region[first]
+        self._cells = [_as_slice(rows) for rows in np.split(order, np.searchsorted(
+            cell[order], np.arange(1, len(cells))))]
+        self.block_rows = [_as_slice(np.nonzero(rows.block == k)[0]) for k in range(rows.blocks)]
+        self.block, self.region = np.divmod(cells, int(rows.region.max()) + 1)
         self.sums = BlockSums.over(self.target[None], self._cells, np.empty(0, dtype=int))
         self.columns = np.empty((0, len(self.target)))
         self._append(self._base(steepness, shift), _EQ6_SIGNS)
@@ -120,8 +120,7 @@ class Table:
     def part(self, terms: Sequence[Term]) -> Table:
         """Return a table of some of the terms alone, in which others are tried for less."""
         part = copy.copy(self)
-        part.columns_of = dict(self.columns_of)
-        part.keep(terms)
+        part._keep_only(terms)
         return part
 
     def _columns_for(self, term: Term) -> np.ndarray:
@@ -150,26 +149,26 @@ class Table:
     def keep(self, terms: Container[Term]) -> None:
         """Remove all other terms."""
         remaining = [term for term in self.columns_of if term in terms]
-        if len(remaining) == len(self.columns_of):
-            return
+        if len(remaining) < len(self.columns_of):
+            self._keep_only(remaining)
+
+    def _keep_only(self, remaining: Sequence[Term]) -> None:
         sizes = [len(self.columns_of[term]) for term in remaining]
         columns = self.indices(remaining)
-        retained = [*columns, len(self.columns)]
-        self.sums = BlockSums(self.sums.gram[:, retained][:, :, retained], self.sums.rows,
-                              self.sums.signs[columns])
+        self.sums = self.sums.part(columns)
         self.columns, self.columns_of = self.columns[columns], {}
         for term, stop, size in zip(remaining, np.cumsum(sizes), sizes):
             last = EQ6_COLUMNS + int(stop)
             self.columns_of[term] = list(range(last - size, last))
 
     def _append(self, fresh: np.ndarray, signs: Sequence[int]) -> None:
-        old = len(self.columns)
+        old, known = len(self.columns), self.sums.gram
         self.columns = np.vstack((self.columns, fresh))
         size = len(self.columns)
-        cells = len(self._cells)
-        gram = np.empty((cells, size + 1, size + 1))
-        keep = [*range(old), size]
-        gram[np.ix_(range(cells), keep, keep)] = self.sums.gram
+        gram = np.empty((len(self._cells), size + 1, size + 1))
+        gram[:, :old, :old] = known[:, :old, :old]
+        gram[:, :old, size] = gram[:, size, :old] = known[:, :old, old]
+        gram[:, size, size] = known[:, old, old]
         self.sums = BlockSums(gram, self.sums.rows, np.append(self.sums.signs, signs).astype(int))
         self._update_sums(slice(old, size))
 
@@ -193,9 +192,8 @@ class Table:
 
     def error(self, terms: Sequence[Term]) -> float:
         """Return the squared error of a fit of some terms to all blocks."""
-        columns, cells = self.indices(terms, derivatives=False), len(self._cells)
-        fitted = self.sums.fit(columns)
-        return float(self.sums.squared_errors(columns, np.tile(fitted, (cells, 1))).sum())
+        columns, all_cells = self.indices(terms, derivatives=False), np.ones(len(self._cells))
+        return float(self.sums.errors_of_fit(columns, all_cells).sum())
 
     def coefficients(self, terms: Sequence[Term]) -> dict[int, float]:
         """Return the coefficient of each column index, fitted to all blocks."""
@@ -213,20 +211,16 @@ class Table:
 
     def fit_transition(self, terms: Sequence[Term], rounds: int = 4) -> None:
         """Move the transition of Eq. 6 to its optimum beside some terms, by Gauss-Newton steps."""
-        speed = self.rows.coverage.speed
-        others = self.columns[self.indices(terms)[EQ6_COLUMNS:]]
-        signs = self.sums.signs[self.indices(terms)]
-        without_derivatives = [
-            *range(EQ6_LINEAR), *range(EQ6_COLUMNS, EQ6_COLUMNS + len(others))]
+        speed, part = self.rows.coverage.speed, self.part(terms)
+        columns = part.indices(terms, derivatives=False)
 
-        def sums_at(steepness: float, shift: float) -> tuple[float, BlockSums]:
-            full = np.vstack((self._base(steepness, shift), others, self.target))
-            sums = BlockSums.over(full, self.block_rows, signs)
-            return float(sums.held_out_errors(without_derivatives).sum()), sums
+        def error_at(transition: tuple[float, float]) -> float:
+            part.set_transition(*transition)
+            return float(part.held_out_errors(columns).sum())
         current = self.transition
-        best, sums = sums_at(*current)
+        best = error_at(current)
         for _ in range(rounds):
-            before, coefficients = best, sums.fit(range(EQ6_COLUMNS + len(others)))
+            before, coefficients = best, part.sums.fit(part.indices(terms))
             if not coefficients[1] > 0.0:
                 break
             # Columns 3 and 4 are the derivatives of column 1, Coulomb friction, by the logarithm of
@@ -239,9 +233,9 @@ class Table:
                                           _STEEPEST / speed))
                 limit = MAX_SHIFT / steepness
                 trial = steepness, float(np.clip(current[1] + share * step, -limit, limit))
-                error, other = sums_at(*trial)
+                error = error_at(trial)
                 if error < best:
-                    best, sums, current = error, other, trial
+                    best, current = error, trial
                     break
             if best > (1.0 - 1e-4) * before:
                 break
@@ -280,6 +274,12 @@ class Table:
             self.load_shares(terms))
 
 
+def _as_slice(rows: np.ndarray) -> np.ndarray | slice:
+    """Return ascending indices as a slice, which copies nothing, where they are consecutive."""
+    first, last = int(rows[0]), int(rows[-1])
+    return slice(first, last + 1) if last - first == len(rows) - 1 else rows
+
+
 def signs_of(term: Term, count: int) -> list[int]:
     """Return the required sign of each of a term's coefficients, 0 where it is free."""
     wanted = list(term.kind.signs[:count]) if term.group is None else [
@@ -287,25 +287,34 @@ def signs_of(term: Term, count: int) -> list[int]:
     return wanted + [0] * (count - len(wanted))
 
 
-def proposals(table: Table, terms: Sequence[Term]) -> list[Term]:
-    """Return candidate terms to add to a fit, of effects whose signals were recorded and varied."""
+def first_model(table: Table) -> list[Term]:
+    """Return the terms with which a search begins: every drive may have them."""
+    return _proposed(table, [], [kind for kind in EFFECTS.values() if kind.in_first_model])
+
+
+def _proposed(table: Table, terms: Sequence[Term], kinds: Iterable[type[Effect]]) -> list[Term]:
     rows, view = table.rows, table.residual_view(terms)
-    terms = [
-        Term(kind, constants) for kind in EFFECTS.values()
+    return [
+        Term(kind, constants) for kind in kinds
         if all(getattr(rows.samples, signal) is not None for signal in kind.needs)
         and not kind.insufficient_data(rows.coverage)
         and (view.load_shares or not kind.uses_inner_load)
         # The person's torque responds to friction: it correlates with every missing effect.
         and not (rows.load_coefficient and 'load' in kind.needs)
         for constants in kind.propose(view)]
+
+
+def proposals(table: Table, terms: Sequence[Term]) -> list[Term]:
+    """Return candidate terms to add to a fit, of effects whose signals were recorded and varied."""
+    rows, proposed = table.rows, _proposed(table, terms, EFFECTS.values())
     if rows.joints:
         # Rigid bodies of a URDF are all weight and inertia of other joints.
         known = rows.samples.rigid_body is not None
-        terms += [Term(EFFECTS['other_joints'], {}, group) for group in (
+        proposed += [Term(EFFECTS['other_joints'], {}, group) for group in (
             *(() if known else groups_for(rows.joints, rows.samples.joint)),
             *friction_groups(rows.joints, rows.samples.joint,
                              [share * rows.coverage.speed for share in TRANSITIONS]))]
-    return terms
+    return proposed
 
 
 def friction_groups(names: Sequence[str], joint: str, widths: Sequence[float]) -> list[Group]:

@@ -23,7 +23,7 @@ from friction_comp.model.effects.definitions import RESISTS, too_coarse
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.best_fit import Fit
 from friction_comp.refinement.dependence import Dependence, rank_correlation
-from friction_comp.refinement.effect_columns import proposals, Table
+from friction_comp.refinement.effect_columns import first_model, Table
 from friction_comp.refinement.prepare import blocks_of_samples, Rows
 from friction_comp.refinement.result import (
     AGAIN,
@@ -126,6 +126,11 @@ _EXPERIMENTS = {
         'record the same positions at several accelerations, such as two different tempos',
     ('position', 'velocity'):
         'record the same positions at several speeds and in both directions',
+    ('position', 'position'):
+        'move over a wider range, at a slow constant speed and in both directions',
+    ('history', 'velocity'):
+        'record slow constant speeds that last, and reversals without a rest',
+    ('velocity', 'velocity'): 'record more constant speeds, slow ones among them',
     ('position', 'time'): 'record the same positions early and late, several times over',
     ('time', 'velocity'): 'record the same speeds early and late, in another order',
     ('temperature', 'velocity'): 'record the same speeds cold and warm',
@@ -141,6 +146,8 @@ def finding(code: str, **values: Any) -> Finding:
 def experiment(first: str, second: str) -> str:
     """Return the recording that would distinguish two variables."""
     known = _EXPERIMENTS.get((min(first, second), max(first, second)))
+    if first == second:
+        return known or f'record a wider range of {first}'
     return known or (f'record motion in which {first} changes while {second} does not, and the '
                      'other way round')
 
@@ -208,14 +215,13 @@ def ambiguities(fit: Fit) -> list[Question]:
     entries: dict[frozenset[str], Question] = {}
 
     def add(first: str, second: str, why: str) -> None:
-        if first != second:
-            entries.setdefault(frozenset((first, second)), Question(
-                [first, second], why, experiment(first, second)))
+        entries.setdefault(frozenset((first, second)), Question(
+            [first, second], why, experiment(first, second)))
     for term in fit.terms[fit.initial_count:]:
-        for name, share in fit.stability.alternatives.get(term, ()):
+        for name in fit.rivals.get(term, ()):
             add(term.kind.variable, EFFECTS[name].variable,
-                f'{100 * share:.0f} % of the searches repeated on parts of the recording choose '
-                f"'{name}' instead of '{term.kind.name}'")
+                f"'{name}' in the place of '{term.kind.name}' predicts parts that were not fitted "
+                'as well')
     samples = fit.rows.at_rows
     variables = {term.kind.variable for term in fit.terms}
     if samples.temperature is not None and variables & {'time', 'temperature'}:
@@ -242,7 +248,7 @@ def friction_would_push(rows: Rows) -> bool:
     response, something that was not recorded moves the joint, or a signal has the wrong sign.
     """
     table = Table(rows, 2.0 / rows.coverage.transition)
-    terms = table.add([term for term in proposals(table, []) if term.kind.in_first_model])
+    terms = table.add(first_model(table))
     columns = table.indices(terms, derivatives=False)
     free = replace(table.sums, signs=np.zeros_like(table.sums.signs))
     bounded, unbounded = (float(sums.held_out_errors(columns, table.block).sum())
@@ -329,8 +335,8 @@ def findings(fit: Fit, raw: Samples, after: Errors, growth: dict[str, float],
         if entry.strength > thresholds.UNEXPLAINED:
             yield finding('unexplained', variable=entry.variable, note=entry.note)
     for question in open_questions:
-        yield finding('ambiguous', variables=' or '.join(question.between), why=question.why,
-                      experiment=question.experiment)
+        yield finding('ambiguous', variables=' or '.join(dict.fromkeys(question.between)),
+                      why=question.why, experiment=question.experiment)
     yield from findings_on_recording(rows, raw)
     yield from notes_on_coverage(rows.samples, rows.coverage)
     # The fit's error comes from block sums, that of the model from `predict` on the recording. Rows

@@ -17,7 +17,7 @@ from scipy import optimize
 from friction_comp.refinement import thresholds
 
 # Number of lags that are tried on each side, from half a sample to the longest.
-_LAGS = 16
+_LAGS = 9
 
 
 def best_lag(error: Callable[[float], float], step: float, fine: bool) -> tuple[float, float]:

@@ -27,7 +27,7 @@ from friction_comp.refinement.recorded_motion import settings_for_arm
 from friction_comp.refinement.report import report_of
 from friction_comp.refinement.result import Origin, Predicted, RefineResult
 from friction_comp.refinement.search import adjust_constants, at_limit
-from friction_comp.refinement.stability import intervals, LeftOutThirds, repeat_search
+from friction_comp.refinement.stability import intervals, LeftOutThirds, repeat_search, rivals_of
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
 
@@ -106,29 +106,30 @@ def with_numbers(model: FrictionModel, fit: Fit) -> FrictionModel:
 
 
 def select_named(fit: Fit) -> Fit:
-    """Return a fit of the terms that can be named, with their stability and intervals.
+    """Return a fit of the terms that can be named, with what is certain of them.
 
     A term is named where most repeated searches choose it, where the interval of one of its
     coefficients excludes zero, and where none of its defining constants is at its limit.
     """
     fit = replace(fit, found=tuple(fit.terms), found_error=fit.mean_error())
-    stability = repeat_search(fit.table, fit.terms, fit.initial_count, fit.candidates)
+    chosen = repeat_search(fit.table, fit.terms, fit.initial_count, fit.candidates)
     # The links of a URDF are all weight: another beside them makes up for what is wrong with them.
     links = any('rigid_body' in term.kind.needs for term in fit.terms)
     terms = [term for k, term in enumerate(fit.terms)
-             if k < fit.initial_count or (stability.named(term) and not (
+             if k < fit.initial_count or (chosen[term] >= thresholds.NAMED_SHARE and not (
                  links and term.kind.weight and term.kind.needs == ()))]
     terms = LeftOutThirds(fit.table, terms).without_harmful(terms, fit.initial_count)
     while True:
         fit = refit(fit, terms)
         # The constants were adjusted again, so terms have changed.
-        stability = stability.with_new_terms(dict(zip(terms, fit.terms)))
+        chosen = {new: chosen[term] for term, new in zip(terms, fit.terms)}
         terms, table, coverage = fit.terms, fit.table, fit.rows.coverage
         bounds = intervals(table, terms)
         certain = [term for k, term in enumerate(terms) if k < fit.initial_count or (
             bounds.excludes_zero(table, term) and not at_limit(term, coverage))]
         if len(certain) == len(terms):
-            return replace(fit, stability=stability, intervals=bounds)
+            return replace(fit, chosen=chosen, intervals=bounds,
+                           rivals=rivals_of(table, terms, fit.initial_count))
         terms = certain
 
 
@@ -158,14 +159,15 @@ def _fit_transition_to_all_samples(table: Table, terms: Sequence[Term]) -> None:
         (2.0 / width, trial) for width in widths for trial in dict.fromkeys((shift, 0.0))]
     others = np.column_stack([term.columns(rows) for term in terms]
                              or [np.empty((len(rows.samples), 0))])[index]
-    columns = table.indices(terms, derivatives=False)
+    columns, target = table.indices(terms, derivatives=False), rows.target[index]
     trials = []
     for steepness, shift in grid:
         limit = MAX_SHIFT / steepness
         table.set_transition(steepness, float(np.clip(shift, -limit, limit)))
         error = float(table.held_out_errors(columns).sum())
         base = eq6_columns(rows, *table.transition)[index, :EQ6_LINEAR]
-        residual = rows.target[index] - np.column_stack((base, others)) @ table.sums.fit(columns)
+        fitted = table.sums.fit(columns)
+        residual = target - base @ fitted[:EQ6_LINEAR] - others @ fitted[EQ6_LINEAR:]
         # Limit the influence of outliers.
         size = np.abs(residual)
         size = np.minimum(size, np.quantile(size, 0.999))

@@ -212,7 +212,7 @@ def _found_effect(fit: Fit, terms: Sequence[Term], error: float, unit: str) -> F
     """Return the effect of one term, or of all terms of other joints."""
     term, table = terms[0], fit.table
     kind = term.kind
-    chosen = min(fit.stability.chosen.get(term, 0.0) for term in terms)
+    chosen = min(fit.chosen.get(term, 0.0) for term in terms)
     columns, values = table.columns_of[term], table.coefficients(fit.terms)
     own = [values[column] for column in columns]
     bounds = [list(fit.intervals.coefficients[column]) for column in columns]
@@ -236,7 +236,10 @@ def _found_effect(fit: Fit, terms: Sequence[Term], error: float, unit: str) -> F
     effect = kind({**term.constants, 'coefficients': own})
     constants = {name: list(ends) for (owner, name), ends in fit.intervals.constants.items()
                  if owner == term}
+    said, rivals = effect.describe(), fit.rivals.get(term, [])
+    if rivals:
+        said += f'; or {" or ".join(rivals).replace("_", " ")}: the recording does not tell'
     return FoundEffect(
         kind.name, kind.variable, error, chosen, effect.parameters,
         {'coefficients': bounds, **constants}, effect.holds_on_another_day,
-        in_unit(effect.describe(), unit), effect.formula())
+        in_unit(said, unit), effect.formula(), rivals)

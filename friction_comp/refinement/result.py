@@ -69,6 +69,8 @@ class FoundEffect:
     holds_on_another_day: bool | None  # None of a lag, which belongs to the electronics
     in_words: str
     formula: str
+    # Names of other effects that would predict as well: the recording cannot tell which it is.
+    instead: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True)

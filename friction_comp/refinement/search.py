@@ -32,7 +32,7 @@ def total(errors: Sequence[np.ndarray]) -> float:
     return float(sum(part.sum() for part in errors))
 
 
-def error_reductions(sums: np.ndarray, chosen: Sequence[int], candidates: Sequence[Sequence[int]],
+def error_reductions(sums: np.ndarray, chosen: list[int], candidates: Sequence[Sequence[int]],
                      signs: np.ndarray) -> np.ndarray:
     """Return the reduction of the fitted sum of squares by each candidate's columns, shape (N,).
 
@@ -40,21 +40,21 @@ def error_reductions(sums: np.ndarray, chosen: Sequence[int], candidates: Sequen
     in the fit, and `signs`, shape (P,), are required.
     """
     norm = np.sqrt(np.maximum(np.diag(sums), 1e-300))
-    scaled = sums / norm / norm[:, None]
-    inner = np.asarray(chosen)
-    projection = np.linalg.solve(
-        scaled[np.ix_(inner, inner)] + 1e-8 * np.eye(len(inner)), scaled[inner])
+    inner = sums[chosen] / norm / norm[chosen][:, None]
+    projection = np.linalg.solve(inner[:, chosen] + 1e-8 * np.eye(len(chosen)), inner).T
     reductions = np.zeros(len(candidates))
     sizes = np.array([len(columns) for columns in candidates])
     for size in np.unique(sizes[sizes > 0]):
         indices = np.nonzero(sizes == size)[0]
         columns = np.array([candidates[int(k)] for k in indices])
-        remaining = scaled[columns[:, :, None], columns[:, None, :]] - np.einsum(
-            'snm,snk->nmk', scaled[inner][:, columns], projection[:, columns])
-        target = scaled[columns, -1] - np.einsum(
-            'snm,s->nm', scaled[inner][:, columns], projection[:, -1])
+        # With the target last.
+        full = np.column_stack((columns, np.full(len(columns), len(norm) - 1)))
+        scaled = sums[columns[:, :, None], full[:, None]] / norm[columns][:, :, None]
+        remaining = scaled / norm[full][:, None] - projection[columns] @ inner.T[full].transpose(
+            0, 2, 1)
+        target = remaining[:, :, -1].copy()
         remaining[:, np.arange(size), np.arange(size)] += 1e-6
-        step = np.linalg.solve(remaining, target[:, :, None])[:, :, 0]
+        step = np.linalg.solve(remaining[:, :, :-1], target[:, :, None])[:, :, 0]
         gain = np.einsum('nm,nm->n', target, step)
         if size == 1:
             gain = np.where((signs[columns[:, 0]] > 0) & (step[:, 0] < 0.0), 0.0, gain)
@@ -81,6 +81,8 @@ class Search:
         self._held_out = np.nonzero(self._weights == 0.0)[0]
         # The table of a resampled search stays as it is.
         self._fitted = np.tensordot(self._weights, table.sums.gram, 1) if self._resampled else None
+        # By transition and terms, which the same steps compare again and again.
+        self._errors: dict[tuple[tuple[float, float], frozenset[Term]], list[np.ndarray]] = {}
         self._regions = len(np.unique(table.region)) > 1
         # A resampled sample holds out too few blocks to test their mean.
         self._standard_errors = 1.0 if self._resampled else float(thresholds.STANDARD_ERRORS)
@@ -100,13 +102,16 @@ class Search:
 
     def errors(self, terms: Sequence[Term]) -> list[np.ndarray]:
         """Return the squared errors of held-out blocks and, if any, of held-out regions."""
-        table, sums, columns = self.table, self.table.sums, self.table.indices(terms)
-        if self._resampled:
-            fitted = sums.fit_mixed(columns, self._mixed())
-            return [sums.squared_errors(
-                columns, np.tile(fitted, (len(self._held_out), 1)), self._held_out)]
-        blocks = np.bincount(table.block, table.held_out_errors(columns))
-        return [blocks, sums.held_out_errors(columns, table.region)] if self._regions else [blocks]
+        table, sums, key = self.table, self.table.sums, (self.table.transition, frozenset(terms))
+        if key not in self._errors:
+            columns = table.indices(terms)
+            if self._resampled:
+                errors = [sums.errors_of_fit(columns, self._weights)[self._held_out]]
+            else:
+                errors = [np.bincount(table.block, table.held_out_errors(columns))]
+                errors += [sums.held_out_errors(columns, table.region)] if self._regions else []
+            self._errors[key] = errors
+        return self._errors[key]
 
     def error(self, terms: Sequence[Term]) -> float:
         """Return the sum of the held-out squared errors of a fit of some terms."""
@@ -120,12 +125,14 @@ class Search:
         thresholds are multiplied by `share`.
         """
         for old, new in zip(before, after):
-            gain = old - new
+            gain, count = old - new, len(old)
+            if not gain.sum() > share * thresholds.LEAST_SHARE * old.sum():
+                return False
             # Relative to the error of each block, so that a block with large errors cannot decide.
             ratio = gain / np.maximum(old + new, 1e-300)
-            error = float(np.std(ratio, ddof=1)) / math.sqrt(len(gain))
-            if not (gain.sum() > share * thresholds.LEAST_SHARE * old.sum()
-                    and ratio.mean() > share * self._standard_errors * error):
+            mean = float(ratio.sum()) / count
+            scatter = math.sqrt(float(np.sum((ratio - mean) ** 2)) / (count - 1) / count)
+            if not mean > share * self._standard_errors * scatter:
                 return False
         return True
 
@@ -158,6 +165,10 @@ class Search:
                 return terms
             terms.remove(collinear[-1])
 
+    def is_independent(self, term: Term, terms: Sequence[Term]) -> bool:
+        """Return whether a term can be added without a collinear one in the fit."""
+        return len(self.without_collinear([*terms, term])) > len(terms)
+
     def shortlist(self, terms: Sequence[Term]) -> list[Term]:
         """Return the candidates that reduce the fitted error most, one of each effect."""
         counts = Counter(term.choice for term in terms)
@@ -180,17 +191,15 @@ class Search:
         terms = list(terms)
         before = self.errors(terms)
         while len(terms) < thresholds.MOST_EFFECTS:
-            trials = []
-            for term in self.shortlist(terms):
-                after = self.errors(self.with_own_terms([*terms, term]))
-                if (self.is_improvement(before, after)
-                        and len(self.without_collinear([*terms, term])) > len(terms)):
-                    trials.append((total(after), term))
-            if not trials:
+            trials = [(self.errors(self.with_own_terms([*terms, term])), term)
+                      for term in self.shortlist(terms)]
+            trials.sort(key=lambda trial: total(trial[0]))
+            best = next((term for after, term in trials if self.is_improvement(before, after)
+                         and self.is_independent(term, terms)), None)
+            if best is None:
                 break
             transition = self.table.transition
-            grown = self.with_own_terms([*terms, min(trials, key=lambda trial: trial[0])[1]])
-            grown = self.backward(self.after_addition(grown))
+            grown = self.backward(self.after_addition(self.with_own_terms([*terms, best])))
             now = self.errors(grown)
             if not total(now) < total(before):
                 self.table.set_transition(*transition)
@@ -224,13 +233,12 @@ class Search:
                 continue
             rest = [other for other in terms if other != term]
             limit = self.error(terms) * (1.0 - thresholds.STAYS * thresholds.LEAST_SHARE)
-            trials = [(self.error([*rest, other]), other)
-                      for other in self.shortlist(rest)
-                      if (other.kind, other.group) != (term.kind, term.group)
-                      and len(self.without_collinear([*rest, other])) > len(rest)]
-            error, other = min(trials, default=(math.inf, term), key=lambda trial: trial[0])
-            if error < limit:
-                terms[terms.index(term)] = other
+            trials = [(self.error([*rest, other]), other) for other in self.shortlist(rest)
+                      if (other.kind, other.group) != (term.kind, term.group)]
+            for error, other in sorted(trials, key=lambda trial: trial[0]):
+                if error < limit and self.is_independent(other, rest):
+                    terms[terms.index(term)] = other
+                    break
         return terms
 
 

@@ -3,8 +3,8 @@
 """Which terms can be named: repeated searches, intervals, and thirds that were not fitted.
 
 The search is repeated on resampled blocks, and an effect is named where most searches choose it.
-Effects that other searches choose in its place are those that the recording cannot distinguish
-from it. The scatter of the coefficients over resampled blocks gives their intervals.
+Effects that predict as well in its place are those that the recording cannot distinguish from it.
+The scatter of the coefficients over resampled blocks gives their intervals.
 
 The next recording will differ from this one in speed, position, time, load or posture. Therefore
 each third of the samples, ordered by each of these, is predicted by a fit to the other thirds. The
@@ -15,7 +15,6 @@ lower without it.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
@@ -26,8 +25,14 @@ from scipy import stats
 
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.block_sums import BlockSums
-from friction_comp.refinement.effect_columns import Table, Term
-from friction_comp.refinement.search import constant_derivatives, free_constants, Search, step_size
+from friction_comp.refinement.effect_columns import proposals, Table, Term
+from friction_comp.refinement.search import (
+    adjust_constants,
+    constant_derivatives,
+    free_constants,
+    Search,
+    step_size,
+)
 from friction_comp.statistics import robust_std
 
 # A column of the table, or a constant of a term.
@@ -37,29 +42,9 @@ _DRAWS = 200
 _PARTS = 'parts'
 
 
-@dataclass(frozen=True)
-class Stability:
-    """The results of repeated searches."""
-
-    # Share of the searches that choose each term.
-    chosen: dict[Term, float] = field(default_factory=dict)
-    # Effects that searches without a term choose instead, and the share of all searches.
-    alternatives: dict[Term, list[tuple[str, float]]] = field(default_factory=dict)
-
-    def with_new_terms(self, new: dict[Term, Term]) -> Stability:
-        """Return the same results for new terms, which replace those with other constants."""
-        return Stability(
-            {new.get(term, term): share for term, share in self.chosen.items()},
-            {new.get(term, term): others for term, others in self.alternatives.items()})
-
-    def named(self, term: Term) -> bool:
-        """Return whether a term is chosen often enough to be named."""
-        return self.chosen.get(term, 0.0) >= thresholds.NAMED_SHARE
-
-
 def repeat_search(table: Table, terms: Sequence[Term], initial_count: int,
-                  candidates: Sequence[Term]) -> Stability:
-    """Repeat the whole search on resampled blocks and count how often it chooses each term.
+                  candidates: Sequence[Term]) -> dict[Term, float]:
+    """Repeat the whole search on resampled blocks; return the share that chooses each term.
 
     The first `initial_count` of the terms of the fit are those of the initial model; all others,
     and the candidates, may be chosen.
@@ -85,20 +70,41 @@ def repeat_search(table: Table, terms: Sequence[Term], initial_count: int,
         search.candidates = late
         searches.append(search.forward(better))
 
-    def contains(some: Sequence[Term], term: Term) -> bool:
-        return any(term.same_effect(other, span) for other in some)
-    chosen = {term: float(np.mean([contains(result, term) for result in searches]))
-              for term in terms}
-    alternatives: dict[Term, list[tuple[str, float]]] = {}
+    return {term: float(np.mean([any(term.same_effect(other, span) for other in result)
+                                 for result in searches])) for term in terms}
+
+
+def rivals_of(table: Table, terms: Sequence[Term], initial_count: int) -> dict[Term, list[str]]:
+    """Return by term the effects in whose place it is no improvement, most of them with none.
+
+    The motion of the recording cannot tell such a term from them: a fit with one of them, all
+    constants adjusted, predicts blocks that were not fitted as well. The first `initial_count`
+    terms are those of the initial model, and stay.
+    """
+    rivals: dict[Term, list[str]] = {}
+    trial = table.part(terms)
+    trial.fit_transition(terms)
+    search, now = Search(trial, []), trial.transition
+
+    def errors(some: Sequence[Term]) -> np.ndarray:
+        return np.bincount(trial.block, trial.held_out_errors(
+            trial.indices(some, derivatives=False)))
+    own = errors(terms)
     for term in terms[initial_count:]:
-        counts: Counter[str] = Counter()
-        for result in searches:
-            if not contains(result, term):
-                counts.update(sorted({other.kind.name for other in result
-                                      if not contains(terms, other)}))
-        alternatives[term] = [(name, count / len(searches)) for name, count in counts.most_common()
-                              if count >= thresholds.ALTERNATIVE_SHARE * len(searches)]
-    return Stability(chosen, alternatives)
+        rest = [other for other in terms if other != term]
+        # With constants on a grid, a rival predicts half as much better at least.
+        most = own.sum() + thresholds.STAYS * (errors(rest) - own).sum()
+        search.candidates = trial.add([
+            other for other in proposals(trial, rest) if other.choice != term.choice])
+        rivals[term] = []
+        for other in search.shortlist(rest):
+            if errors([*rest, other]).sum() < most:
+                instead = adjust_constants(trial, [*rest, other], 3)
+                trial.fit_transition(instead)
+                if not search.is_improvement([errors(instead)], [own]):
+                    rivals[term].append(other.kind.name)
+                trial.set_transition(*now)
+    return rivals
 
 
 @dataclass(frozen=True)

@@ -60,8 +60,6 @@ SEARCHES = Threshold(
     40, 'searches', 'on resampled blocks: the standard error of a share of one half is 8 %')
 NAMED_SHARE = Threshold(
     0.6, 'of the searches', 'must choose an effect before it is named')
-ALTERNATIVE_SHARE = Threshold(
-    0.2, 'of the searches', 'choose another effect instead: it is reported as ambiguous')
 # The verdict.
 GROWTH = Threshold(
     1.3, 'times', 'the held-out error: limit for thirds that were not fitted')
