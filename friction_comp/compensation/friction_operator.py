@@ -53,29 +53,29 @@ def announced(p: Parameters, s: State, direction: float) -> float:
 
 
 @njit(cache=True)
-def close_gap(p: Parameters, s: State) -> None:
-    """Close the operator's play around the joint but for the small backlash."""
+def center(p: Parameters, s: State) -> None:
+    """Center the play on the joint, as small as it can be."""
     s.lower_edge, s.upper_edge = s.position - p.backlash, s.position + p.backlash
 
 
 @njit(cache=True)
-def _through_gap(p: Parameters, s: State) -> float:
-    """Return the displacement that passes the play, in rad.
+def _close(p: Parameters, s: State, gap: float) -> None:
+    """Let no edge of the play be farther from the joint than the backlash and a gap."""
+    s.lower_edge = max(s.lower_edge, s.position - 2.0 * p.backlash - gap)
+    s.upper_edge = min(s.upper_edge, s.position + 2.0 * p.backlash + gap)
 
-    A joint that leaves its rest pushes one edge ahead of it; the other edge stays until the gap is
-    fully open. It has to be crossed before help falls.
+
+@njit(cache=True)
+def _through_play(p: Parameters, s: State) -> float:
+    """Return the displacement that passes the play, rad.
+
+    A joint that leaves its rest pushes one edge ahead of it, and the other stays until the gap is
+    open. To reverse, the joint crosses the gap first.
     """
-    if s.position > s.upper_edge:
-        displacement = s.position - s.upper_edge
-        s.upper_edge = s.position
-        s.lower_edge = max(s.lower_edge, s.position - p.gap)
-    elif s.position < s.lower_edge:
-        displacement = s.position - s.lower_edge
-        s.lower_edge = s.position
-        s.upper_edge = min(s.upper_edge, s.position + p.gap)
-    else:
-        displacement = 0.0
-    return displacement
+    before = s.position - min(s.upper_edge, max(s.lower_edge, s.position))
+    s.lower_edge, s.upper_edge = min(s.lower_edge, s.position), max(s.upper_edge, s.position)
+    _close(p, s, p.gap)
+    return before
 
 
 @njit(cache=True)
@@ -84,7 +84,7 @@ def follow(p: Parameters, s: State) -> None:
 
     A long way saves for its turn; a vibration is too short to.
     """
-    displacement = _through_gap(p, s)
+    displacement = _through_play(p, s)
     s.way += abs(displacement)
     if s.way > p.saving_distance:
         s.saved = min(1.0, s.saved + abs(displacement) / p.saving_distance)
@@ -136,14 +136,14 @@ def lead(p: Parameters, s: State, aim: float) -> None:
         if abs(s.speed) < p.lead_speed:
             s.ramp = approach(s.ramp, aim, s.step / p.lead_time)
         s.z, s.swing, s.rest_position = s.ramp, 0.0, s.position
-        close_gap(p, s)
+        center(p, s)
         if s.ramp != aim:
             s.still_time = 0.0
         elif s.still_time >= p.rest_time:
             s.mode = HELD
     elif s.still_time >= p.rest_time:
         if s.mode == FREE:
-            close_gap(p, s)
+            _close(p, s, 0.0)
             moved = s.position - s.rest_position
             if s.z * aim > 0.0 and p.slip < moved * aim < p.moved_distance:
                 _slipped(p, s, p.lowered)
@@ -173,16 +173,15 @@ def lead(p: Parameters, s: State, aim: float) -> None:
 
 @njit(cache=True)
 def spend(p: Parameters, s: State, target: float) -> None:
-    """Move z towards a target beyond what displacement does, as far as the way has paid for it."""
+    """Move z towards a target beyond what displacement does, as far as the way has paid for it.
+
+    With z goes the gap: a quarter of it is left where z is none, nothing where z has turned.
+    """
     change = min(2.0 * s.saved, max(-2.0 * s.saved, target - s.z))
     if change != 0.0:
         s.z += change
         s.swing = 0.0
-        left = 0.25 * p.gap * (1.0 + s.heading * s.z)
-        if s.heading > 0.0:
-            s.lower_edge = max(s.lower_edge, s.upper_edge - left)
-        else:
-            s.upper_edge = min(s.upper_edge, s.lower_edge + left)
+        _close(p, s, 0.25 * p.gap * (1.0 + s.heading * s.z))
     s.saved -= 0.5 * abs(change)
 
 

@@ -36,7 +36,7 @@ class Parameters:
     least_changing: float   # share left to a joint that gains or loses speed
     distance: float         # R, rad
     rise: float             # over which help rises, rad
-    gap: float              # to cross before it falls, rad
+    gap: float              # to cross before it falls, beyond the backlash, rad
     turn_distance: float    # behind the farthest point: there a joint has turned, rad
     saving_distance: float  # way that pays for one reversal of z, rad
     turn_share: float       # of the top speed, below which help is given back

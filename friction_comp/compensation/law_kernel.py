@@ -17,7 +17,7 @@ import numpy as np
 from friction_comp.compensation.friction_operator import (
     announced,
     approach,
-    close_gap,
+    center,
     follow,
     lead,
     slow_down,
@@ -73,7 +73,7 @@ def begin(p: Parameters, s: State, time: float, position: float) -> None:
 def settle(p: Parameters, s: State, position: float) -> None:
     """Reset to a joint at rest at this position, with the operator relaxed."""
     s.position = s.still_position = position
-    close_gap(p, s)
+    center(p, s)
     s.rest_position = s.lead_position = s.farthest = position
     s.half_speed = s.speed = s.z = s.still_time = s.since = s.doubt = 0.0
     s.mode, s.displaced, s.slowed = FREE, 0, 0

@@ -182,8 +182,8 @@ def _set_distances(p: Any, model: FrictionModel) -> None:
     p['resolution'], p['distance'] = count, distance
     p['turn_distance'] = distance * (0.5 if knows_presliding(model) else 2.0)
     p['saving_distance'], p['turn_share'] = SAVING * distance, TURN_SHARE
-    backlash = BACKLASH * rise + count
-    p['rise'], p['backlash'], p['gap'] = rise, backlash, 2.0 * (distance - rise + backlash)
+    p['rise'], p['gap'] = rise, 2.0 * (distance - rise)
+    p['backlash'] = BACKLASH * rise + count
     p['slip'] = slip + 4.0 * count
     p['still_distance'] = distance / 16.0 + 1.5 * count
     p['start_distance'], p['moved_distance'] = START_DISTANCE * distance, max(MOVED, 8.0 * distance)
