@@ -31,7 +31,6 @@ RULES = {
     'savings': {PARAMETERS + 'SAVING': math.inf},
     'slowing down': {PARAMETERS + 'TURN_SHARE': 1e-9},
     'turn told by the push': {OPERATOR + 'PUSHED': math.inf},
-    'sooner rise': {PARAMETERS + 'MIDDLE_PRESLIDING': 1e-3},
     'known presliding': {PARAMETERS + 'KNOWN_COUNTS': math.inf},
     'start at breakaway friction': {PARAMETERS + 'START_DISTANCE': 1e-6},
     'withheld while speed changes': {PARAMETERS + 'LEAST_CHANGING': 1.0},

@@ -53,43 +53,22 @@ def announced(p: Parameters, s: State, direction: float) -> float:
 
 
 @njit(cache=True)
-def center(p: Parameters, s: State) -> None:
-    """Center the play on the joint, as small as it can be."""
-    s.lower_edge, s.upper_edge = s.position - p.backlash, s.position + p.backlash
-
-
-@njit(cache=True)
-def _close(p: Parameters, s: State, gap: float) -> None:
-    """Let no edge of the play be farther from the joint than the backlash and a gap."""
-    s.lower_edge = max(s.lower_edge, s.position - 2.0 * p.backlash - gap)
-    s.upper_edge = min(s.upper_edge, s.position + 2.0 * p.backlash + gap)
-
-
-@njit(cache=True)
-def _through_play(p: Parameters, s: State) -> float:
-    """Return the displacement that passes the play, rad.
-
-    A joint that leaves its rest pushes one edge ahead of it, and the other stays until the gap is
-    open. To reverse, the joint crosses the gap first.
-    """
-    before = s.position - min(s.upper_edge, max(s.lower_edge, s.position))
-    s.lower_edge, s.upper_edge = min(s.lower_edge, s.position), max(s.upper_edge, s.position)
-    _close(p, s, p.gap)
-    return before
-
-
-@njit(cache=True)
 def follow(p: Parameters, s: State) -> None:
     """Drive the operator by the displacement of this sample, and detect rest.
 
     A long way saves for its turn; a vibration is too short to.
     """
-    displacement = _through_play(p, s)
+    driven = min(s.position + p.backlash, max(s.position - p.backlash, s.backlash_position))
+    displacement = driven - s.backlash_position
+    s.backlash_position = driven
     s.way += abs(displacement)
     if s.way > p.saving_distance:
         s.saved = min(1.0, s.saved + abs(displacement) / p.saving_distance)
-    if s.mode != LEADING and not (s.slowing == 1 and s.heading * displacement > 0.0):
-        s.z = min(1.0, max(-1.0, s.z + displacement / p.rise))
+    if s.mode != LEADING:
+        before = s.z
+        s.z = min(1.0, max(-1.0, before + displacement / p.distance))
+        if s.slowing == 1 and s.heading * (s.z - before) > 0.0:
+            s.z = before
     if abs(s.position - s.still_position) > p.still_distance:
         s.still_position = s.position
         s.still_time = 0.0
@@ -135,15 +114,14 @@ def lead(p: Parameters, s: State, aim: float) -> None:
         # A gear that yields fast under the preload would overshoot.
         if abs(s.speed) < p.lead_speed:
             s.ramp = approach(s.ramp, aim, s.step / p.lead_time)
-        s.z, s.swing, s.rest_position = s.ramp, 0.0, s.position
-        center(p, s)
+        s.z, s.swing = s.ramp, 0.0
+        s.backlash_position = s.rest_position = s.position
         if s.ramp != aim:
             s.still_time = 0.0
         elif s.still_time >= p.rest_time:
             s.mode = HELD
     elif s.still_time >= p.rest_time:
         if s.mode == FREE:
-            _close(p, s, 0.0)
             moved = s.position - s.rest_position
             if s.z * aim > 0.0 and p.slip < moved * aim < p.moved_distance:
                 _slipped(p, s, p.lowered)
@@ -172,16 +150,12 @@ def lead(p: Parameters, s: State, aim: float) -> None:
 
 
 @njit(cache=True)
-def spend(p: Parameters, s: State, target: float) -> None:
-    """Move z towards a target beyond what displacement does, as far as the way has paid for it.
-
-    With z goes the gap: a quarter of it is left where z is none, nothing where z has turned.
-    """
+def spend(s: State, target: float) -> None:
+    """Move z towards a target beyond what displacement does, as far as the way has paid for it."""
     change = min(2.0 * s.saved, max(-2.0 * s.saved, target - s.z))
+    s.z += change
     if change != 0.0:
-        s.z += change
         s.swing = 0.0
-        _close(p, s, 0.25 * p.gap * (1.0 + s.heading * s.z))
     s.saved -= 0.5 * abs(change)
 
 
@@ -251,4 +225,4 @@ def slow_down(p: Parameters, s: State, aim: float) -> None:
             s.slowed = 1
         if aim * s.heading < 0.0:
             left = 2.0 * left - 1.0
-        spend(p, s, s.heading * min(left, s.heading * s.z))
+        spend(s, s.heading * min(left, s.heading * s.z))

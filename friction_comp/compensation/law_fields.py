@@ -35,8 +35,6 @@ class Parameters:
     least_trust: float
     least_changing: float   # share left to a joint that gains or loses speed
     distance: float         # R, rad
-    rise: float             # over which help rises, rad
-    gap: float              # to cross before it falls, beyond the backlash, rad
     turn_distance: float    # behind the farthest point: there a joint has turned, rad
     saving_distance: float  # way that pays for one reversal of z, rad
     turn_share: float       # of the top speed, below which help is given back
@@ -74,8 +72,7 @@ class State:
     half_speed: float       # speed after one filter and after both, rad/s
     speed: float
     z: float                # of the operator, -1..1
-    lower_edge: float       # of the play before the operator, rad
-    upper_edge: float
+    backlash_position: float    # behind the backlash, rad
     still_time: float       # for how long the joint has been still, s, and where, rad
     still_position: float
     rest_position: float    # where it rested last, rad

@@ -17,7 +17,6 @@ import numpy as np
 from friction_comp.compensation.friction_operator import (
     announced,
     approach,
-    center,
     follow,
     lead,
     slow_down,
@@ -66,14 +65,13 @@ def begin(p: Parameters, s: State, time: float, position: float) -> None:
     s.time, s.step = time, p.sample_time
     s.seen = position
     s.trust = s.trusted = 1.0
-    settle(p, s, position)
+    settle(s, position)
 
 
 @njit(cache=True)
-def settle(p: Parameters, s: State, position: float) -> None:
+def settle(s: State, position: float) -> None:
     """Reset to a joint at rest at this position, with the operator relaxed."""
-    s.position = s.still_position = position
-    center(p, s)
+    s.position = s.backlash_position = s.still_position = position
     s.rest_position = s.lead_position = s.farthest = position
     s.half_speed = s.speed = s.z = s.still_time = s.since = s.doubt = 0.0
     s.mode, s.displaced, s.slowed = FREE, 0, 0
@@ -116,7 +114,7 @@ def observe(p: Parameters, s: State, time: float, position: float, velocity: flo
     step = round((time - s.time) * 1e9) * 1e-9
     if abs(step) > LONGEST_STEP:
         # A pause, or the clock was set.
-        settle(p, s, position)
+        settle(s, position)
         step, s.bump = p.sample_time, 0.0
     elif step <= 0.0:
         s.step = 0.0
@@ -137,7 +135,7 @@ def observe(p: Parameters, s: State, time: float, position: float, velocity: flo
         s.doubt += step
         if s.agreed < AGREEING:
             return True
-        settle(p, s, position)
+        settle(s, position)
         travel = 0.0
     s.doubt = 0.0
     s.position = position

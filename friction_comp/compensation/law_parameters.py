@@ -30,15 +30,13 @@ SLOW_SHARE = 0.89
 # presliding; this multiple where the uncertainty is unknown. A joint that moves farther than this
 # multiple and its backlash under its preload slips.
 LONGER = 1.5
-# Backlash of the operator as a share of the distance over which help rises, beyond one count: it
-# prevents vibration of a joint that a hand holds.
-BACKLASH = 0.05
+# Backlash of the operator as a share of its distance, beyond one count: it prevents vibration of a
+# joint that a hand holds. Where presliding is known, less is needed.
+BACKLASH, KNOWN_BACKLASH = 0.15, 0.05
 # Presliding is known if it has at least this many counts and a standard deviation.
 KNOWN_COUNTS = 10.0
-# rad; if the model has no presliding distance. Measured geared joints had 0.1 to 1 mrad: R is that
-# of the longest, and help rises as on one in the middle (geometric mean).
+# rad; if the model has no presliding distance. Measured geared joints had 0.1 to 1 mrad.
 DEFAULT_PRESLIDING = 1e-3
-MIDDLE_PRESLIDING = 0.33e-3
 DEFAULT_RESOLUTION = 1e-5
 # rad/s: the note's range, and the slowest speed of a usual table.
 DEFAULT_FASTEST = math.radians(100.0)
@@ -165,25 +163,24 @@ def knows_presliding(model: FrictionModel) -> bool:
 def _set_distances(p: Any, model: FrictionModel) -> None:
     count = model.drive.position_resolution or DEFAULT_RESOLUTION
     # Where presliding is unknown, the default already is a large one.
-    distance, slip = LONGER * DEFAULT_PRESLIDING, DEFAULT_PRESLIDING
+    distance, slip, backlash = LONGER * DEFAULT_PRESLIDING, DEFAULT_PRESLIDING, BACKLASH
     if model.presliding is not None:
         distance = slip = LONGER * model.presliding.distance
         slip += model.presliding.backlash or 0.0
         if knows_presliding(model):
             distance = min(distance, model.presliding.distance + (model.presliding.std or 0.0))
-    rise = distance if model.presliding is not None else LONGER * MIDDLE_PRESLIDING
+            backlash = KNOWN_BACKLASH
     # What the share leaves to the gear covers friction that reverses over a longer distance, or R.
     left = (1.0 - SHARE) * float(np.maximum(p['upper'], -p['lower'])[0])
     for effect in model.effects:
         friction, reversal = (not effect.not_fed_back and effect.dahl_friction()) or (0.0, 0.0)
         if friction > left:
-            distance = rise = max(distance, LONGER * reversal)
-    rise, distance = rise + 2.0 * count, distance + 2.0 * count
+            distance = max(distance, LONGER * reversal)
+    distance += 2.0 * count
     p['resolution'], p['distance'] = count, distance
     p['turn_distance'] = distance * (0.5 if knows_presliding(model) else 2.0)
     p['saving_distance'], p['turn_share'] = SAVING * distance, TURN_SHARE
-    p['rise'], p['gap'] = rise, 2.0 * (distance - rise)
-    p['backlash'] = BACKLASH * rise + count
+    p['backlash'] = backlash * distance + count
     p['slip'] = slip + 4.0 * count
     p['still_distance'] = distance / 16.0 + 1.5 * count
     p['start_distance'], p['moved_distance'] = START_DISTANCE * distance, max(MOVED, 8.0 * distance)
