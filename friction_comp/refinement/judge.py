@@ -335,8 +335,8 @@ def findings(fit: Fit, raw: Samples, after: Errors, growth: dict[str, float],
         if entry.strength > thresholds.UNEXPLAINED:
             yield finding('unexplained', variable=entry.variable, note=entry.note)
     for question in open_questions:
-        yield finding('ambiguous', variables=' or '.join(dict.fromkeys(question.between)),
-                      why=question.why, experiment=question.experiment)
+        yield finding('ambiguous', variables=question.variables, why=question.why,
+                      experiment=question.experiment)
     yield from findings_on_recording(rows, raw)
     yield from notes_on_coverage(rows.samples, rows.coverage)
     # The fit's error comes from block sums, that of the model from `predict` on the recording. Rows

@@ -83,11 +83,16 @@ class Correlation:
 
 @dataclass(frozen=True)
 class Question:
-    """Two variables that explain the recordings equally well."""
+    """Two effects that explain the recordings equally well, by the variables they depend on."""
 
     between: list[str]
     why: str
     experiment: str  # a recording that would decide
+
+    @property
+    def variables(self) -> str:
+        """The variables in words; both effects may depend on the same one."""
+        return ' or '.join(dict.fromkeys(self.between))
 
 
 @dataclass(frozen=True)

@@ -269,6 +269,6 @@ def limitations(report: RefinementReport) -> list[str]:
         *(f'**{entry.variable}**: {entry.note} '
           f'({100 * entry.strength:.0f} % of the remaining variance).'
           for entry in report.unexplained),
-        *(f"**{' or '.join(dict.fromkeys(question.between))}**: {question.why}. To decide: "
+        *(f'**{question.variables}**: {question.why}. To decide: '
           f'{question.experiment}.' for question in report.ambiguous),
         *report.warnings] or ['Nothing of note.']

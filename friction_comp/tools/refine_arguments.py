@@ -122,6 +122,6 @@ def summary_lines(report: RefinementReport) -> list[str]:
               'holds the joint']
     lines += [f'unexplained: {entry.variable} ({number(entry.strength)} of the remaining variance)'
               for entry in report.unexplained]
-    lines += [f"ambiguous: {' or '.join(dict.fromkeys(question.between))}: {question.why}"
+    lines += [f'ambiguous: {question.variables}: {question.why}'
               for question in report.ambiguous]
     return lines + [f'note: {line}' for line in report.warnings]
