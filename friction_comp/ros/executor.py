@@ -31,8 +31,9 @@ from friction_comp.stamps import NANO
 # Real s between polls of everything but the streams. It also limits the delay of signals, which
 # Python handles only when the executor returns from the middleware.
 _POLL_PERIOD = 0.02
-# Real s after a stopped process continues, in which the messages sent meanwhile arrive.
-_SETTLING = 0.2
+# Real s after a stopped process continues in which all messages are ignored, and in which those are
+# that were sent before it did, by their senders' clocks: on a busy machine they come later.
+_SETTLING, _LATEST = 0.2, 5.0
 # Real s before the same refusal is logged again.
 _AGAIN = 1.0
 
@@ -125,7 +126,8 @@ class StreamExecutor(executors.Executor):
         self._fast: _WaitSet | None = None
         self._slow: _WaitSet | None = None
         self._due = 0.0
-        self._deaf_until = 0.0
+        # When the process went on, monotonic s and system time in ns; 0 once that is long ago.
+        self._continued, self._continued_stamp = 0.0, 0
         self._said: dict[str, float] = {}
         self.add_node(node)
 
@@ -136,7 +138,7 @@ class StreamExecutor(executors.Executor):
 
     def ignore_waiting(self) -> None:
         """Ignore messages that were sent while the process was stopped; from a signal handler."""
-        self._deaf_until = time.monotonic() + _SETTLING
+        self._continued, self._continued_stamp = time.monotonic(), time.time_ns()
 
     def shutdown(self, timeout_sec: Any = None) -> Any:
         """Release the node."""
@@ -198,10 +200,8 @@ class StreamExecutor(executors.Executor):
             message = handle.take_message(kind, raw)
             if message is None:
                 return False
-            if self._deaf_until:
-                if time.monotonic() < self._deaf_until:
-                    return True
-                self._deaf_until = 0.0
+            if self._continued and self._was_waiting(message[1]['source_timestamp']):
+                return True
             self._schedule(callback(message[0]) if message_only else callback(*message))
         except InputError:
             raise
@@ -209,6 +209,12 @@ class StreamExecutor(executors.Executor):
             self._refuse(f'a message on {entity.topic_name} was ignored', error)
             return False
         return True
+
+    def _was_waiting(self, sent: int) -> bool:
+        since = time.monotonic() - self._continued
+        if since > _LATEST:
+            self._continued = 0.0
+        return since < _SETTLING or (since < _LATEST and 0 < sent < self._continued_stamp)
 
     def _take_service(self, service: Any) -> Any:
         """Return what answers a request, as rclpy does; a request that raises is refused."""
