@@ -38,7 +38,7 @@ RULES = {
     'slip': {PARAMETERS + 'LOWERED': 1.0},
     'early slip': {PARAMETERS + 'EARLY': 1.0},
     'least trust': {PARAMETERS + 'LEAST_TRUST': 0.0},
-    'taken back beyond the identified speeds': {KERNEL + 'TAKEN_TIME': math.inf},
+    'taken back beyond the identified speeds': {KERNEL + 'TAKEN_DISTANCE': math.inf},
     'changed announcement at rest': {OPERATOR + 'PATIENCE': 0.0},
     'fade': {PARAMETERS + 'FADE': 1e6},
     'bound on the current': {PARAMETERS + 'BOUND': 1e6},

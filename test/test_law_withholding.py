@@ -259,6 +259,14 @@ def test_a_joint_that_was_too_fast_gets_less_after_it_has_slowed_down():
     assert np.all(current[1600:] <= 0.6 * 0.9 * LEVEL)
 
 
+def test_a_brisk_movement_that_is_a_little_too_fast_for_a_moment_keeps_its_help():
+    """At 102 deg/s at most, where 100 are identified, for 50 ms."""
+    law, time = CompensationLaw([small_model()]), np.arange(2000) * 1e-3
+    speed = np.interp(time, [0.0, 0.5, 0.525, 0.55, 0.9], [6.0, 100.0, 102.0, 100.0, 60.0])
+    current = drive_at(law, speed * DEGREE)
+    assert np.all(current[1000:] >= 0.8 * 0.9 * LEVEL)
+
+
 @pytest.mark.parametrize('knock', [0.05, -0.05])
 @pytest.mark.parametrize('factor', [1.0, 1.1])
 def test_a_joint_with_its_preload_does_not_ring_on_after_a_knock(factor, knock):

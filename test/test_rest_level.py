@@ -73,7 +73,7 @@ def test_friction_of_effects_is_asked_for_in_both_directions_of_sliding():
     effects = EffectCurrents(model([RIPPLE, GRAVITY, warmth, bristles]), NOT_FED_BACK)
     for temperature, more in ((None, 0.0), (35.0, 0.02)):
         for position in (-0.4, 0.0, 0.23):
-            currents = effects.by_direction(1.0, position, 0.0, {
+            currents = effects.at(1.0, position, 0.0, {
                 'temperature': temperature, 'load': None, 'rigid_body': None, 'coupling': None})
             expected = 0.02 * np.cos(20.0 * position) + more + 0.05
             assert currents.forward == pytest.approx(expected)

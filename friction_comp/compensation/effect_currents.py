@@ -73,9 +73,6 @@ class EffectCurrents:
                 both.negative_position is not None):
             self.breakaway_positions = (both.positive_position, both.negative_position)
 
-    def __len__(self) -> int:
-        return len(self.terms)
-
     @property
     def carrying(self) -> list[str]:
         """Names of the effects that carry."""
@@ -86,9 +83,9 @@ class EffectCurrents:
         for _, term in self.terms:
             term.reset()
 
-    def by_direction(self, time: float, position: float, speed: float,
-                     signals: dict[str, float | None]) -> Currents:
-        """Return the currents of the effects for the continuous law.
+    def at(self, time: float, position: float, speed: float, signals: dict[str, float | None],
+           by_direction: bool = True) -> Currents:
+        """Return the currents of the effects.
 
         Parameters
         ----------
@@ -96,41 +93,27 @@ class EffectCurrents:
             s, rad, rad/s.
         signals : dict
             ``temperature``, ``load``, ``rigid_body`` and ``coupling``, None if unknown.
+        by_direction : bool
+            Whether friction is given for both directions of sliding, as the continuous law needs
+            it; otherwise for that of the speed, in `carried`.
         """
         forward = backward = carried = 0.0
         shifts, missing = [0.0, 0.0], []
         for effect, term in self.terms:
             unknown = tuple(name for name in term.needs if signals[name] is None)
-            if unknown:
-                missing.append((effect.name, unknown))
-                continue
-            if effect.role == CARRIES:
-                parts = (0.0, 0.0, term.update(time, position, speed, **signals))
-            else:
-                parts = (*term.both_sides(time, position, speed, **signals), 0.0)
+            parts = (math.nan, math.nan, math.nan)
+            if not unknown and by_direction and effect.role != CARRIES:
+                parts = *term.both_sides(time, position, speed, **signals), 0.0
+            elif not unknown:
+                parts = 0.0, 0.0, term.update(time, position, speed, **signals)
             if not all(map(math.isfinite, parts)):
-                missing.append((effect.name, ()))
+                missing.append((effect.name, unknown))
                 continue
             forward, backward = forward + parts[0], backward + parts[1]
             carried += parts[2]
             for side, value in enumerate(self._shift(effect, term, time, position, signals)):
                 shifts[side] += value
         return Currents(forward, backward, carried, (shifts[0], shifts[1]), missing)
-
-    def total(self, time: float, position: float, speed: float,
-              signals: dict[str, float | None]) -> Currents:
-        """Return the sum of the effects as `carried`, for the laws without an operator."""
-        total, shifts, missing = 0.0, [0.0, 0.0], []
-        for effect, term in self.terms:
-            unknown = tuple(name for name in term.needs if signals[name] is None)
-            value = math.nan if unknown else term.update(time, position, speed, **signals)
-            if not math.isfinite(value):
-                missing.append((effect.name, unknown))
-                continue
-            total += value
-            for side, value in enumerate(self._shift(effect, term, time, position, signals)):
-                shifts[side] += value
-        return Currents(0.0, 0.0, total, (shifts[0], shifts[1]), missing)
 
     def _shift(self, effect: Effect, term: LiveTerm, time: float, position: float,
                signals: dict[str, float | None]) -> tuple[float, float]:

@@ -50,25 +50,8 @@ class CompensationLaw:
 
     Attributes
     ----------
-    terms : dict of str to ndarray, shape (J,)
-        ``kinetic``, ``breakaway`` and ``effects`` of the last sample in A; their sum is the current
-        unless a limit is reached. Under the continuous law friction effects are part of the first
-        two, and ``effects`` contains the others.
     never_applied : list of (int, str, str)
         Joint, effect and reason for every effect of the models that cannot be applied.
-    missing : list of (int, str, tuple of str)
-        Joint, effect and missing signals for every effect that was not applied at the last sample;
-        no signals if its value was not finite.
-    left_out : list of (int, str, str)
-        Joint, effect and reason: all effects that are not applied, or not in full.
-    limited : list of (int, str, str)
-        Joint, effects and reason where the drive's limit is below what carries at this sample.
-    largest_weights : ndarray, shape (J,)
-        The most that supporting the limb takes in any posture, A.
-    limits : ndarray, shape (J,)
-        Largest current of each drive, A.
-    guards : dict of str to ndarray, shape (J,)
-        What limited the current of the continuous law: see `guards`.
 
     Raises
     ------
@@ -107,25 +90,33 @@ class CompensationLaw:
 
     @property
     def terms(self) -> dict[str, np.ndarray]:
-        """The parts of the last sample's current, A, each of shape (J,)."""
+        """The parts of the last sample's current, A, each of shape (J,).
+
+        ``kinetic``, ``breakaway`` and ``effects``; their sum is the current unless a limit is
+        reached. Under the continuous law friction effects are part of the first two, and
+        ``effects`` contains the others.
+        """
         return {'kinetic': self._states['kinetic'].copy(),
                 'breakaway': self._states['breakaway'].copy(), 'effects': self._carried}
 
     @property
     def missing(self) -> list[tuple[int, str, tuple[str, ...]]]:
-        """Effects that were not applied at the last sample."""
+        """Joint, effect and missing signals of effects that were not applied at the last sample.
+
+        There are no signals if the effect's value was not finite.
+        """
         return [(j, *entry) for j, entries in enumerate(self._missing) for entry in entries or ()]
 
     @property
     def left_out(self) -> list[tuple[int, str, str]]:
-        """All effects that are not applied, with the reasons."""
+        """Joint, effect and reason: all effects that are not applied, or not in full."""
         return self.never_applied + [
             (j, name, f'{" and ".join(signals)} unknown' if signals else 'value is not finite')
             for j, name, signals in self.missing] + self.limited
 
     @property
     def limited(self) -> list[tuple[int, str, str]]:
-        """Effects that carry more than the drive's limit at the last sample."""
+        """Joint, effects and reason where the limit is below what carries at the last sample."""
         return [(j, ' and '.join(self._effects[j].carrying), f'needs {self._carried[j]:.3g} A, '
                  f'more than the limit of {self.limits[j]:.3g} A')
                 for j in np.flatnonzero(np.abs(self._carried) > self.limits).tolist()]
@@ -282,8 +273,8 @@ class CompensationLaw:
                          ) -> tuple[float, float, float]:
         """Return the currents of the joint's effects: forward, backward and carried, A."""
         p, s, effects = self._parameters[joint], self._states[joint], self._effects[joint]
-        evaluate = effects.by_direction if p['law'] >= CONTINUOUS else effects.total
-        currents = evaluate(time, float(s['position']), float(s['speed']), signals)
+        currents = effects.at(time, float(s['position']), float(s['speed']), signals,
+                              bool(p['law'] >= CONTINUOUS))
         self._missing[joint] = currents.missing
         if self.models[joint].breakaway is not None:
             set_breakaway(p, self.models[joint].breakaway, currents.shifts)

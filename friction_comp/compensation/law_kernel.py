@@ -40,8 +40,9 @@ AGREEING = 5
 """Consecutive samples that must agree before an implausible position is accepted."""
 FILTER_TIME = 0.004
 """s of each of the two filters that the law's speed goes through."""
-TAKEN_TIME = 0.1
-"""s in which trust falls from one to zero above the identified speeds."""
+TAKEN_DISTANCE = math.radians(0.5)
+"""rad that a joint goes farther than at the fastest identified speed while trust falls from 1 to 0.
+"""
 PACE_TIME, CHANGE_SHARE, CHANGE_SPEED = 0.05, 0.02, 0.003
 """s over which the speed is averaged; relative change and absolute change in rad/s at which the
 largest share is withheld."""
@@ -193,11 +194,11 @@ def faded(p: Parameters, s: State, speed: float) -> float:
     A joint that fast is driven by more current than friction dissipates, or by a person in a hurry:
     its drive is trusted less, until later movements have restored it.
     """
-    over = (speed - p.fade_from) / (p.fade_to - p.fade_from)
+    over = max(0.0, speed - p.fade_from)
     if over > 0.0:
         s.overspeed += s.step
-        s.trust = max(p.least_trust, s.trust - s.step / TAKEN_TIME)
-    return 1.0 - min(1.0, max(0.0, over))
+        s.trust = max(p.least_trust, s.trust - over * s.step / TAKEN_DISTANCE)
+    return 1.0 - min(1.0, over / (p.fade_to - p.fade_from))
 
 
 @njit(cache=True)
