@@ -104,7 +104,7 @@ def in_this_process(kind):
             node = kind()
             yield node
             # An empty recording is an error.
-            with suppress(InputError):
+            with suppress(InputError, AttributeError):
                 node.leave()
             node.destroy_node()
         finally:

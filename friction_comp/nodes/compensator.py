@@ -21,7 +21,6 @@ from friction_comp.nodes.configured_compensator import ConfiguredCompensator
 from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK
 from friction_comp.ros.joint_io import command_interface, input_qos
 from friction_comp.ros.model_loading import Loading, PatientParameterService
-from friction_comp.ros.node_main import run
 from friction_comp.ros.parameters import (
     declare,
     declare_choice,
@@ -38,8 +37,6 @@ _CHECK_PERIOD = 0.1
 
 class CompensatorNode(LifecycleNode):
     """Publishes one current command per joint state while active; zero in case of doubt."""
-
-    finished = False
 
     def __init__(self) -> None:
         super().__init__('compensator', start_parameter_services=False)
@@ -270,8 +267,3 @@ class CompensatorNode(LifecycleNode):
 def _check_law(law: Any) -> None:
     if law not in LAWS:
         raise InputError(f'parameter law: must be one of {", ".join(LAWS)}, not {law!r}')
-
-
-def main(argv: Sequence[str]) -> int:
-    """Start the node and return its exit code."""
-    return run('compensator', CompensatorNode, argv)

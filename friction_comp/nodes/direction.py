@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 import math
 import time
 from typing import Any
@@ -29,7 +29,6 @@ from friction_comp.errors import InputError
 from friction_comp.ros.diagnostics import Diagnostics, OK, per_joint, WARN
 from friction_comp.ros.executor import yield_to_executor
 from friction_comp.ros.joint_io import input_qos, RELIABLE
-from friction_comp.ros.node_main import run
 from friction_comp.ros.parameters import declare, declare_choice, declare_joints
 from friction_comp.stamps import NANO, nanoseconds, set_stamp
 
@@ -42,8 +41,6 @@ _PATIENCE = 30.0
 
 class DirectionNode(Node):
     """Publishes `direction_stamped` at a rate; what it says is computed by the room `direction`."""
-
-    finished = False
 
     def __init__(self) -> None:
         super().__init__('direction')
@@ -256,8 +253,3 @@ class DirectionNode(Node):
             self._message.velocity = array('d', [0.0] * len(self._joints))
             self._message.position = array('d')
             self._announcements.publish(self._message)
-
-
-def main(argv: Sequence[str]) -> int:
-    """Start the node and return its exit code."""
-    return run('direction', DirectionNode, argv)

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Sequence
 import math
 from time import monotonic
 from typing import Any
@@ -22,7 +21,6 @@ from friction_comp.exercise.exercise_script import load_exercise
 from friction_comp.exercise.reference_movement import ReferenceMovement
 from friction_comp.ros.diagnostics import Diagnostics, OK, per_joint, WARN
 from friction_comp.ros.joint_io import input_qos, RELIABLE
-from friction_comp.ros.node_main import run
 from friction_comp.ros.parameters import declare, declare_choice, declare_joints
 from friction_comp.stamps import NANO, nanoseconds, set_stamp
 
@@ -244,8 +242,3 @@ class ExerciseNode(Node):
             self._announced.velocity = array('d', [0.0] * len(self._joints))
             self._announced.position = array('d')
             self._announcements.publish(self._announced)
-
-
-def main(argv: Sequence[str]) -> int:
-    """Start the node and return its exit code."""
-    return run('exercise', ExerciseNode, argv)

@@ -8,7 +8,6 @@ the joint, and end with zero current after every fault.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 import math
 from pathlib import Path
@@ -33,7 +32,6 @@ from friction_comp.nodes import goals
 from friction_comp.nodes.goals import Action, RunningGoal
 from friction_comp.ros import joint_io
 from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK, per_joint, Rate, WARN
-from friction_comp.ros.node_main import run
 from friction_comp.ros.parameters import declare, declare_joints, load_models
 from friction_comp.ros.ros_start import steady_timer
 from friction_comp.stamps import NANO
@@ -54,8 +52,6 @@ class IdentificationNode(Node):
     The node has a publisher of currents only during a goal, publishes one command per joint state,
     and ends every goal with zero current.
     """
-
-    finished = False
 
     def __init__(self) -> None:
         super().__init__('identification')
@@ -329,8 +325,3 @@ class IdentificationNode(Node):
 def _why_old(states: JointStateInput, joint: str, otherwise: str) -> str:
     """Return why there is no new state of a joint."""
     return states.wrong or (f'joint_states lack {joint}' if joint in states.missing else otherwise)
-
-
-def main(argv: Sequence[str]) -> int:
-    """Start the node and return its exit code."""
-    return run('identification', IdentificationNode, argv)

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Sequence
 import time
 from typing import Any
 
@@ -21,7 +20,6 @@ from friction_comp.errors import InputError
 from friction_comp.nodes.sensor_port import SensorPort
 from friction_comp.ros.diagnostics import Diagnostics, OK, per_joint, Rate, WARN
 from friction_comp.ros.joint_io import command_interface, command_unit, RELIABLE, UNASKED, UNIT_OF
-from friction_comp.ros.node_main import run
 from friction_comp.ros.parameters import declare, declare_choice, declare_joints, load_models
 from friction_comp.ros.ros_start import steady_timer
 from friction_comp.simulation.joint import Plant
@@ -70,8 +68,6 @@ class PlantNode(Node):
     then publish `joint_states`, wait for one `current_command`, and step. Time starts when all
     `wait_for_listeners` are connected, so that a recording contains the first state.
     """
-
-    finished = False
 
     def __init__(self) -> None:
         super().__init__('plant')
@@ -373,11 +369,3 @@ class PlantNode(Node):
         if not self._samples and listeners < self._listeners:
             return f'listeners to joint_states ({listeners} of {self._listeners})'
         return self._lacks() or 'reference'
-
-    def leave(self) -> None:
-        """Do nothing: the simulated motor ends with its node."""
-
-
-def main(argv: Sequence[str]) -> int:
-    """Start the node and return its exit code."""
-    return run('plant', PlantNode, argv)

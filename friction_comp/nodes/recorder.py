@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -15,7 +15,6 @@ from friction_comp.errors import InputError
 from friction_comp.recordings.writer import RecordingWriter
 from friction_comp.ros.dated_topics import DatedTopics, RECORDED, STATES
 from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
-from friction_comp.ros.node_main import run
 from friction_comp.ros.parameters import declare, declare_choice
 from friction_comp.ros.ros_start import steady_timer
 
@@ -26,7 +25,6 @@ _FLUSH = 0.25
 class RecorderNode(Node):
     """Writes every serialised message at once, and counts lost ones."""
 
-    finished = False
     # Nothing waits for a recording: messages are processed in batches.
     batch_time = 0.005
 
@@ -128,8 +126,3 @@ class RecorderNode(Node):
             self.get_logger().error(f'{self._writer.path}: messages lost: {lost}')
         self.get_logger().info(f'{self._writer.path}: ' + ', '.join(
             f'{count} {topic}' for topic, count in self._counts.items() if count))
-
-
-def main(argv: Sequence[str]) -> int:
-    """Start the node and return its exit code."""
-    return run('recorder', RecorderNode, argv)

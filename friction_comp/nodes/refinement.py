@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 import time
@@ -28,7 +27,6 @@ from friction_comp.recorded_drive.child import Refined
 from friction_comp.ros.dated_topics import DatedTopics, RECORDED, STATES
 from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
 from friction_comp.ros.executor import yield_to_executor
-from friction_comp.ros.node_main import run
 from friction_comp.ros.parameters import declare, declare_joints, load_models, names_in
 from friction_comp.ros.ros_start import steady_timer
 
@@ -89,7 +87,6 @@ class RefinementNode(Node):
     current with the model of each joint.
     """
 
-    finished = False
     # Nothing waits for this node: messages are processed in batches.
     batch_time = 0.01
 
@@ -344,8 +341,3 @@ def _fill(result: RefineModel.Result, refined: Refined) -> None:
     result.effects = [effect.name for effect in report.effects]
     result.variables = [effect.variable for effect in report.effects]
     result.model_file, result.report = str(refined.model_file), str(refined.page)
-
-
-def main(argv: Sequence[str]) -> int:
-    """Start the node and return its exit code."""
-    return run('refinement', RefinementNode, argv)

@@ -50,8 +50,8 @@ def run(name: str, make_node: Callable[[], Any], argv: Sequence[str]) -> int:
     an argument, parameter or file cannot be used.
 
     Signals are not handled by rclpy, which would shut the context down at once, so that zero
-    current could no longer be published. The node's method `leave()` is always called at the end.
-    It ends by itself when its attribute `finished` is True.
+    current could no longer be published. A node may have a method `leave()`, which is always called
+    at the end, and an attribute `finished`, with which it ends by itself.
 
     A node that drives a motor has two more methods. `stop_motor()` commands zero current and blocks
     all later commands; it is called in another thread as soon as a signal arrives, and at the end
@@ -89,7 +89,7 @@ def run(name: str, make_node: Callable[[], Any], argv: Sequence[str]) -> int:
             # First, so that zero is the last command also if leaving fails.
             if stop_motor is not None:
                 stop_motor()
-            node.leave()
+            getattr(node, 'leave', _do_nothing)()
             # Publish what leaving has caused, such as the result of an action.
             for _ in range(_FINAL_SPINS):
                 executor.spin_once(0.0)
@@ -184,7 +184,7 @@ def _spin(executor: Any, node: Any, signals: _Signals) -> int:
         signals.on_continue = executor.ignore_waiting
     last = time.monotonic()
     try:
-        while not signals.caught and not node.finished:
+        while not signals.caught and not getattr(node, 'finished', False):
             if signals.continued:
                 signals.continued = False
                 if resume is not None:
