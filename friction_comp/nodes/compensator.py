@@ -44,8 +44,7 @@ class CompensatorNode(LifecycleNode):
         load_compiled_code()
         self._parameter_services = PatientParameterService(self)
         self._state = 'unconfigured'
-        # The motor is not driven any more.
-        self._ending = False
+        self._ending = False    # the motor is not driven any more
         self._configured: ConfiguredCompensator | None = None
         # Models of the request whose parameters are being set.
         self.loaded: Loading | None = None
@@ -99,16 +98,14 @@ class CompensatorNode(LifecycleNode):
 
     def prepare(self, parameters: list[Any]) -> Loading | None:
         """Start loading the models that are about to be set."""
-        for parameter in parameters:
-            if parameter.name == 'model_files' and self._configured is not None and (
-                    isinstance(parameter.value, (list, tuple))):
-                return Loading(names_in(parameter.value), self._load)
-        return None
+        files = [names_in(parameter.value) for parameter in parameters
+                 if parameter.name == 'model_files' and isinstance(parameter.value, (list, tuple))]
+        return Loading(files[-1], self._load) if files and self._configured is not None else None
 
     def _load(self, files: Sequence[str]) -> list[Loaded]:
         """Return validated models: checked, and run in a separate law."""
-        models, loaded = load_models(files, self._joints, for_motor=True), []
-        for model, path in zip(models, files):
+        loaded = []
+        for model, path in zip(load_models(files, self._joints, for_motor=True), files):
             if unit_of(model) == TORQUE and self._value('command_interface') == 'current':
                 raise InputError(
                     f'{path}: its figures are in N·m, the commands in A: set command_interface to '
@@ -123,19 +120,14 @@ class CompensatorNode(LifecycleNode):
             for parameter in parameters:
                 if parameter.name == 'law':
                     _check_law(parameter.value)
-                if parameter.name == 'model_files' and self._configured is not None:
-                    files = tuple(names_in(parameter.value))
-                    loaded, self.loaded = self.loaded, None
-                    # Usually they are already loaded.
-                    models = (loaded.result() if loaded is not None and loaded.files == files
-                              else self._load(files))
+                if parameter.name == 'model_files' and self.loaded is not None:
+                    models = self.loaded.result()
         except InputError as error:
             self.get_logger().warning(f'parameter refused: {error}')
             return SetParametersResult(successful=False, reason=str(error))
         self._candidates = models
-        told = '' if models is None or self._configured is None else (
-            '; '.join(self._configured.told(models)))
-        return SetParametersResult(successful=True, reason=told)
+        told = [] if models is None or self._configured is None else self._configured.told(models)
+        return SetParametersResult(successful=True, reason='; '.join(told))
 
     def _apply_parameters(self, parameters: list[Any]) -> None:
         models, self._candidates = self._candidates, None
@@ -219,17 +211,15 @@ class CompensatorNode(LifecycleNode):
         """Command zero current until `resume`; may be called from any thread."""
         # First, since the main thread may activate the node meanwhile.
         self._ending = True
-        configured = self._configured
-        if configured is not None:
+        if (configured := self._configured) is not None:
             configured.stop_motor()
 
     def resume(self, seconds: float) -> None:
         """Begin anew after the process was stopped for some s."""
         self._ending = False
         self.get_logger().warning(f'was stopped for {seconds:.3g} s and begins anew')
-        configured = self._configured
-        if configured is not None:
-            configured.resume(seconds)
+        if self._configured is not None:
+            self._configured.resume(seconds)
 
     def leave(self) -> None:
         """Command zero current, however the node ends."""

@@ -20,6 +20,12 @@ from friction_comp.ros.diagnostics import OK, per_joint, Rate
 from friction_comp.ros.joint_io import CommandPort, competing_publishers
 from friction_comp.stamps import NANO, nanoseconds
 
+_UNUSUAL_LAWS = {
+    'desired': ("law: 'desired' pushes in the announced direction however the joint moves: it is "
+                'for joints that another controller moves along a reference',),
+    'paper': ("law: 'paper' is the note's, as printed, for comparison: it has no guards, and an "
+              'over-estimate of friction drives the joint',)}
+
 
 class ConfiguredCompensator:
     """Connects the topics of a compensator with its loop; exists only while it is configured.
@@ -30,9 +36,8 @@ class ConfiguredCompensator:
     def __init__(self, node: Any, joints: list[str], loaded: Sequence[Loaded], qos: Any,
                  faults: Faults) -> None:
         self._node, self._joints, self._rate = node, joints, Rate()
-        self._feeds = [one.feed for one in loaded]
-        self._tell([f'{joint} {text}' for joint, one in zip(joints, loaded)
-                    for text in one.told()])
+        self._feeds: list[Any] = [None] * len(joints)
+        self._tell(loaded)
         self.active = False
         law = CompensationLaw([one.model for one in loaded], *self._tuning(),
                               gravity=self._value('gravity'))
@@ -99,9 +104,9 @@ class ConfiguredCompensator:
         return [f'{joint} {text}' for joint, one, before in zip(self._joints, loaded, self._feeds)
                 for text in one.told(before)]
 
-    def _tell(self, texts: list[str]) -> None:
-        self._told = texts
-        for text in texts:
+    def _tell(self, loaded: Sequence[Loaded]) -> None:
+        self._told, self._feeds = self.told(loaded), [one.feed for one in loaded]
+        for text in self._told:
             self._node.get_logger().warning(text)
 
     def apply(self, names: set[str], loaded: Sequence[Loaded] | None) -> None:
@@ -111,9 +116,8 @@ class ConfiguredCompensator:
             self._inputs.set_direction_timeout(self._value('direction_timeout'))
         if loaded is not None:
             # Before they are used.
-            self._tell(self.told(loaded))
+            self._tell(loaded)
             self._loop.set_models([one.model for one in loaded])
-            self._feeds = [one.feed for one in loaded]
             logger.info(f'activated {", ".join(self._value("model_files"))}')
             self.warn_unusual()
         if names & {'law', 'breakaway_gain', 'current_limit'}:
@@ -122,17 +126,8 @@ class ConfiguredCompensator:
 
     def warn_unusual(self) -> None:
         """Log what is unusual about the law and the models, and which effects are not fed back."""
-        logger = self._node.get_logger()
-        if self._value('law') == 'desired':
-            logger.warning(
-                "law: 'desired' pushes in the announced direction however the joint moves: it is "
-                'for joints that another controller moves along a reference')
-        if self._value('law') == 'paper':
-            logger.warning(
-                "law: 'paper' is the note's, as printed, for comparison: it has no guards, and an "
-                'over-estimate of friction drives the joint')
-        for text in self._loop.unusual():
-            logger.warning(text)
+        for text in (*_UNUSUAL_LAWS.get(self._value('law'), ()), *self._loop.unusual()):
+            self._node.get_logger().warning(text)
 
     # Topics.
 
@@ -173,12 +168,9 @@ class ConfiguredCompensator:
             'law': self._value('law'), 'model_files': list(self._value('model_files')),
             'fed forward otherwise': '; '.join(self._told),
             'listeners to the command': self._port.listeners}
-        for place in ('rest', 'sliding'):
-            values.update(per_joint(self._joints, f'fed forward, {place} [A]', (
-                max(getattr(feed, place)) for feed in self._feeds)))
-        for name, value in self._loop.values().items():
-            if isinstance(value, (list, np.ndarray)):
-                values.update(per_joint(self._joints, name, value))
-            else:
-                values[name] = value
+        more = {f'fed forward, {place} [A]': [max(getattr(feed, place)) for feed in self._feeds]
+                for place in ('rest', 'sliding')}
+        for name, value in (more | self._loop.values()).items():
+            values |= (per_joint(self._joints, name, value)
+                       if isinstance(value, (list, np.ndarray)) else {name: value})
         return values

@@ -13,7 +13,7 @@ import numpy as np
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import JointState, Temperature
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float64MultiArray, Header
 
 from friction_comp.control.joint_states import JointColumns
 from friction_comp.errors import InputError
@@ -41,9 +41,6 @@ _LARGEST_LAG = 50
 class Pace:
     """Limits the rate of simulated time."""
 
-    # Longest delay that is caught up, ns.
-    _MAX_DELAY = 2.0 * _CHECK_PERIOD * NANO
-
     def __init__(self) -> None:
         self._due = 0.0
 
@@ -56,7 +53,8 @@ class Pace:
             return True
         if now < self._due:
             return False
-        self._due = max(self._due, now - self._MAX_DELAY) + step / pace
+        # Longer delays are not caught up.
+        self._due = max(self._due, now - 2.0 * _CHECK_PERIOD * NANO) + step / pace
         return True
 
 
@@ -64,9 +62,9 @@ class PlantNode(Node):
     """Simulated geared joints with their sensors and the person who moves them.
 
     In lockstep, the order of events within a sample does not depend on the machine's load: at a
-    tick of the clock, publish `/clock` and wait for the `reference` of this tick (if requested);
-    then publish `joint_states`, wait for one `current_command`, and step. Time starts when all
-    `wait_for_listeners` are connected, so that a recording contains the first state.
+    tick, publish `/clock` and wait for its `reference` (if requested); then publish `joint_states`,
+    wait for one `current_command`, and step. Time starts when all `wait_for_listeners` are there,
+    so that a recording contains the first state.
     """
 
     def __init__(self) -> None:
@@ -96,21 +94,18 @@ class PlantNode(Node):
         if self._lockstep:
             self._begin_lockstep()
         else:
-            self._begin_real_time(sample_time)
+            self._started, self._overruns = time.monotonic_ns(), 0
+            self._origin = self.get_clock().now().nanoseconds
+            self.fast_timers = [steady_timer(self, sample_time, self._on_time)]
 
     def _declare_periods(self, sample_time: float) -> None:
-        def samples_in(period: float) -> int:
-            return max(1, round(period / sample_time))
-
-        def every(name: str, default: float, text: str, least: float, most: float) -> int:
-            return samples_in(declare(self, name, default, text, least, most))
-
-        self._clock_every = every(
-            'clock_period', 0.01, 'simulated time between ticks of /clock, in lockstep [s]', 1e-4,
-            1.0)
-        self._wrench_every = every(
-            'wrench_period', sample_time, 'time between interaction wrenches [s]', 1e-4, 1.0)
-        self._temperature_every = samples_in(_TEMPERATURE_PERIOD)
+        self._clock_every, self._wrench_every, self._temperature_every = (
+            max(1, round(period / sample_time)) for period in (
+                declare(self, 'clock_period', 0.01,
+                        'simulated time between ticks of /clock, in lockstep [s]', 1e-4, 1.0),
+                declare(self, 'wrench_period', sample_time,
+                        'time between interaction wrenches [s]', 1e-4, 1.0),
+                _TEMPERATURE_PERIOD))
         declare(
             self, 'wait_for_reference', False,
             'in lockstep, wait at every tick for the reference with its stamp', changes=True)
@@ -134,11 +129,9 @@ class PlantNode(Node):
 
     def _make_ports(self) -> None:
         self._state_message = JointState(name=list(self._joints))
-        self._wrench_messages = [WrenchStamped() for _ in self._joints]
-        self._temperature_messages = [Temperature() for _ in self._joints]
-        for messages in (self._wrench_messages, self._temperature_messages):
-            for joint, message in zip(self._joints, messages):
-                message.header.frame_id = joint
+        self._wrench_messages, self._temperature_messages = (
+            [kind(header=Header(frame_id=joint)) for joint in self._joints]
+            for kind in (WrenchStamped, Temperature))
         self._states = self.create_publisher(JointState, 'joint_states', RELIABLE)
         self._wrench = self.create_publisher(WrenchStamped, 'interaction_wrench', RELIABLE)
         self._temperature = self.create_publisher(Temperature, 'motor_temperature', RELIABLE)
@@ -156,18 +149,10 @@ class PlantNode(Node):
         self._answered = self._published = self._nobody_holds = False
         self._reference_stamp: int | None = None
         self._direction_stamp: int | None = None
+        self._ticked_sample, self._pace, self._checks = -1, Pace(), 0
         self.create_subscription(JointState, 'direction_stamped', self._on_direction, RELIABLE)
-        self._ticked_sample = -1
-        self._pace = Pace()
-        self._checks = 0
         steady_timer(self, _CHECK_PERIOD, self._repeat_requests)
         self._advance()
-
-    def _begin_real_time(self, sample_time: float) -> None:
-        self._started = time.monotonic_ns()
-        self._origin = self.get_clock().now().nanoseconds
-        self._overruns = 0
-        self.fast_timers = [steady_timer(self, sample_time, self._on_time)]
 
     def _make_plant(self, models: Any, seed: int, undeclared: Any, sample_time: float) -> Plant:
         engine = declare_choice(
@@ -311,8 +296,7 @@ class PlantNode(Node):
 
     def _tick(self) -> None:
         """Publish the present tick, possibly again."""
-        since = self._samples % self._clock_every
-        message = ClockMessage()
+        message, since = ClockMessage(), self._samples % self._clock_every
         set_stamp(message.clock, self._stamp - since * self._sample)
         self._ticks.publish(message)
 
@@ -334,9 +318,8 @@ class PlantNode(Node):
     def _on_time(self) -> None:
         now = time.monotonic_ns()
         due = (now - self._started) // self._sample
-        if due - self._samples > _LARGEST_LAG:
+        if (lost := due - self._samples) > _LARGEST_LAG:
             self._overruns += 1
-            lost = due - self._samples
             self._started += lost * self._sample
             self._origin += lost * self._sample
             due = self._samples

@@ -9,16 +9,15 @@ from typing import NamedTuple
 
 from friction_comp.stamps import NANO
 
-# Two successive stamps this much older than the newest of their topic, ns, mean that time went
-# back; a single one is an outlier. Topics are compared separately, since their queues may be read
-# at different times.
+# Two successive stamps this much older than the newest of their topic (queues are read at different
+# times), ns, mean that time went back; a single one is an outlier.
 _BACK = NANO
 
 
 class Message(NamedTuple):
-    """One message: its time in ns, topic, type and serialised content."""
+    """One message."""
 
-    stamp: int
+    stamp: int    # ns
     topic: str
     type_name: str
     cdr: bytes
@@ -29,11 +28,8 @@ class RecentPast:
 
     def __init__(self, seconds: float, size: int):
         self._seconds, self._max_size = seconds, size
-        self._messages: deque[Message] = deque()
-        self.size = 0
-        self._newest = 0
-        self._newest_of: dict[str, int] = {}
-        self._outliers: dict[str, Message] = {}
+        self.size, self._newest = 0, 0
+        self._forget()
 
     def add(self, message: Message) -> None:
         """Add a message, and remove the oldest ones beyond the limits."""
@@ -45,8 +41,7 @@ class RecentPast:
                 return
             self._forget()
             self.add(outlier)
-        self._newest_of[message.topic] = max(
-            self._newest_of.get(message.topic, 0), message.stamp)
+        self._newest_of[message.topic] = max(self._newest_of.get(message.topic, 0), message.stamp)
         self._newest = max(self._newest, message.stamp)
         self._messages.append(message)
         self.size += len(message.cdr)
@@ -59,9 +54,9 @@ class RecentPast:
         return -_BACK <= stamp - before <= self._seconds * NANO
 
     def _forget(self) -> None:
-        self._outliers.clear()
-        self._messages.clear()
-        self._newest_of.clear()
+        self._outliers: dict[str, Message] = {}
+        self._messages: deque[Message] = deque()
+        self._newest_of: dict[str, int] = {}
         self.size = self._newest = 0
 
     @property

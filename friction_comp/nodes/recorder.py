@@ -40,15 +40,13 @@ class RecorderNode(Node):
                            's after which the next file begins, at least 0.1; 0: never', 0.0)
         self._rate = Rate()
         self._counts = dict.fromkeys(RECORDED, 0)
-        self._failed = ''
-        # No more messages are written.
-        self._ended = False
+        # No more messages are written, and why, if something went wrong.
+        self._ended, self._failed = False, ''
         self._lost_before = self._lost_reported = 0
-        data = {'recorded_by': 'friction_comp recorder'}
-        if model:
-            data['model_file'] = model
         self._writer = RecordingWriter(
-            output, data, compression, split_size=1e6 * size, split_duration=duration)
+            output, {'recorded_by': 'friction_comp recorder',
+                     **({'model_file': model} if model else {})},
+            compression, split_size=1e6 * size, split_duration=duration)
         self._dated = DatedTopics(self, self._write)
         self._topics = self._dated.topics
         steady_timer(self, _FLUSH, self._flush)
@@ -81,7 +79,6 @@ class RecorderNode(Node):
             self._writer.write(source.name, kind, stamp, cdr)
 
     def _describe_lost(self) -> str:
-        """Return the number of lost messages by topic as text; '' if none."""
         return ', '.join(f'{topic.lost} {name}' for name, topic in self._topics.items()
                          if topic.lost)
 

@@ -39,8 +39,7 @@ class RefineJob:
         self._recording, self._output = Path(recording or output / 'recording'), output
         self._error: InputError | None = None
         self._process: RefinementProcess | None = None
-        # Why the job was cancelled, if it was.
-        self.cancelled = ''
+        self.cancelled = ''    # why the job was cancelled, if it was
         # Writing minutes of messages takes seconds.
         self._thread = threading.Thread(target=self._write, args=(messages,), daemon=True)
         self._thread.start()

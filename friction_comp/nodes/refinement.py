@@ -44,8 +44,7 @@ class CompensatorClient:
 
     def __init__(self, node: Node, name: str) -> None:
         self.name = name
-        # Number of model changes: answers to earlier requests are outdated.
-        self.model_changes = 0
+        self.model_changes = 0    # answers to earlier requests are outdated
         self._get = node.create_client(GetParameters, f'{name}/get_parameters')
         self._set = node.create_client(SetParameters, f'{name}/set_parameters')
 
@@ -121,10 +120,6 @@ class RefinementNode(Node):
         # By joint: file that was worse in its trial, file to load instead, and why.
         self._to_unload: dict[str, tuple[str, str, str]] = {}
         self._last_result = self._last_refusal = self._error = ''
-        self._connect()
-        Diagnostics(self, self._report, ', '.join(self._joints), 'refinement')
-
-    def _connect(self) -> None:
         self._topics = DatedTopics(self, self._keep, _NOT_KEPT).topics
         # In the node's default group, waiting for the compensator would block all callbacks.
         steady_timer(
@@ -132,8 +127,7 @@ class RefinementNode(Node):
         self._server = ActionServer(
             self, RefineModel, 'refine_model', self._execute, goal_callback=self._on_goal,
             cancel_callback=lambda _: CancelResponse.ACCEPT)
-
-    # Topics.
+        Diagnostics(self, self._report, ', '.join(self._joints), 'refinement')
 
     def _keep(self, topic: str, stamp: int, cdr: bytes) -> None:
         cdr = bytes(cdr)
@@ -143,8 +137,6 @@ class RefinementNode(Node):
             self._signals.add_state(stamp, cdr)
         elif topic in ('interaction_wrench', 'motor_temperature'):
             self._signals.add_message(topic, stamp, cdr)
-
-    # Monitoring.
 
     async def _monitor(self) -> None:
         if self._comparing:
@@ -258,10 +250,8 @@ class RefinementNode(Node):
             f'{joint}_{datetime.now():%Y-%m-%d_%H-%M-%S.%f}')
         messages = []
         if not request.recording:
-            if self._watches[joint].residual.blind:
-                raise InputError(
-                    f'{joint}: the messages kept do not show the friction: '
-                    f'{self._watches[joint].residual.blind}')
+            if blind := self._watches[joint].residual.blind:
+                raise InputError(f'{joint}: the messages kept do not show the friction: {blind}')
             messages = self._past.last(request.seconds)
             if not messages:
                 raise InputError('no messages are kept')
@@ -300,8 +290,6 @@ class RefinementNode(Node):
         result.loaded = True
         return f'{summary}; loaded, and on trial beside {start}'
 
-    # Diagnostics.
-
     def _report(self) -> tuple[Any, ...]:
         values = {'joint_states per second of real time': self._rate.per_second(),
                   'kept [s]': self._past.span, 'kept [MB]': self._past.size / 1e6,
@@ -310,10 +298,10 @@ class RefinementNode(Node):
         for joint, watch in self._watches.items():
             verdict = watch.residual.verdict()
             text = watch.residual.blind or verdict.text
-            values[f'{joint}: residual'] = text
-            values[f'{joint}: error as a share of the friction'] = float(verdict.share)
-            values[f'{joint}: model file'] = watch.file
-            values[f'{joint}: on trial'] = watch.trial is not None
+            values.update({f'{joint}: residual': text,
+                           f'{joint}: error as a share of the friction': float(verdict.share),
+                           f'{joint}: model file': watch.file,
+                           f'{joint}: on trial': watch.trial is not None})
             if not verdict.fits and not watch.residual.blind:
                 misfits.append(f'{joint}: {text}: refine it')
         if self._error:
