@@ -16,13 +16,11 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 
 
 class Diagnostics:
-    """Publishes a node's state once per second of real time, even while simulated time stops.
-
-    A node may publish a change at once: a recording shows by it what was active when.
+    """Publishes a node's state once per second of real time, and at once when it changes.
 
     The name is ``node: task``, as in diagnostic_updater, so that aggregators and plotting tools
-    find it. `report` returns level, message and values, a dict with single numbers, one for each
-    joint. `hardware` is that of the node, for instance its joints.
+    find it. `report` returns level, message and values by name. `hardware` is that of the node, for
+    instance its joints.
     """
 
     def __init__(self, node: Any, report: Callable[[], tuple[Any, ...]], hardware: str,

@@ -22,9 +22,9 @@ def declare(node: Any, name: str, default: Any, description: str, low: float | N
             high: float | None = None, changes: bool = False, constraints: str = '') -> Any:
     """Declare a parameter with its descriptor and return its value.
 
-    The default determines the type; an empty list is one of strings. The description has meaning
-    and unit. Numbers are limited to `low` to `high`, if `low` is given. The parameter is read-only
-    unless it `changes` while the node runs. `constraints` is a text.
+    The default determines the type; an empty list is one of strings. Numbers are limited to `low`
+    to `high`, if `low` is given. The parameter is read-only unless it `changes` while the node
+    runs. `constraints` is a text.
 
     Raises
     ------
@@ -87,11 +87,8 @@ def load_models(model_files: Sequence[str], joints: Sequence[str],
         raise InputError(
             f'parameter model_files: one file per joint is needed, {len(joints)} for '
             f'{list(joints)}, not {len(files)}')
-    models = []
-    for path, joint in zip(files, joints):
-        model = FrictionModel.load(path, joint)
-        if for_motor:
-            with errors_name(path):
-                check_for_motor(model, joint, joints)
-        models.append(model)
+    models = [FrictionModel.load(path, joint) for path, joint in zip(files, joints)]
+    for path, joint, model in zip(files, joints, models) if for_motor else ():
+        with errors_name(path):
+            check_for_motor(model, joint, joints)
     return models
