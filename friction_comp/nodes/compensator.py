@@ -18,7 +18,7 @@ from friction_comp.control.model_trial import load_compiled_code, Loaded, try_mo
 from friction_comp.errors import InputError
 from friction_comp.model.motor_check import TORQUE, unit_of
 from friction_comp.nodes.configured_compensator import ConfiguredCompensator
-from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK
+from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK, WARN
 from friction_comp.ros.joint_io import command_interface, input_qos
 from friction_comp.ros.model_loading import Loading, PatientParameterService
 from friction_comp.ros.parameters import (
@@ -167,7 +167,7 @@ class CompensatorNode(LifecycleNode):
         """Start to answer joint states."""
         if self._configured is None or self._ending:
             return TransitionCallbackReturn.FAILURE
-        self._configured.activate()
+        self._configured.open()
         self._set_state('active', 'active: commands the motor')
         return super().on_activate(state)
 
@@ -235,7 +235,7 @@ class CompensatorNode(LifecycleNode):
 
     def _check(self) -> None:
         if self._configured is not None and self._configured.active:
-            self._configured.supervise()
+            self._configured.check()
         else:
             self._faults.expire()
 
@@ -251,7 +251,8 @@ class CompensatorNode(LifecycleNode):
             return ERROR, self._failure, values
         if configured is None or not configured.active:
             return OK, self._state, values
-        return (*configured.status(), values)
+        well, text = configured.status()
+        return OK if well else WARN, text, values
 
 
 def _check_law(law: Any) -> None:
