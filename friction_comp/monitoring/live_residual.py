@@ -32,13 +32,7 @@ class LiveResidual:
     The motor and the person move the joint together, J·a = k_t·n·i + τ_b - F, so friction in A is
     i + τ_b/(k_t·n). Without a measured load, the current alone is compared. This is meaningless
     while a compensator feeds the same model forward and a person moves the joint; the caller then
-    sets `blind`.
-
-    Parameters
-    ----------
-    model : FrictionModel
-    tolerance : float
-        As for `ResidualMonitor`.
+    sets `blind`. `tolerance` is that of `ResidualMonitor`.
     """
 
     def __init__(self, model: FrictionModel, tolerance: float = 0.25):
@@ -108,8 +102,8 @@ class LiveResidual:
 
     def _samples(self, rows: np.ndarray) -> Samples:
         measured: dict[str, Any] = {
-            name: rows[:, index] for name, index in (
-                ('velocity', 2), ('load', 4), ('temperature', 5))
+            name: rows[:, index]
+            for name, index in (('velocity', 2), ('load', 4), ('temperature', 5))
             if np.isfinite(rows[:, index]).all()}
         samples = Samples(time=rows[:, 0], position=rows[:, 1], current=rows[:, 3], **measured)
         return samples.with_(current=self.model.measured(samples))
@@ -124,8 +118,7 @@ class JointWatch:
 
     def __init__(self, tolerance: float, joint: str, path: str) -> None:
         self._tolerance, self._joint = tolerance, joint
-        # Stamp of the last sample with a measured load, s.
-        self.last_load = -math.inf
+        self.last_load = -math.inf    # stamp of the last sample with a measured load, s
         # File and residual of the model that a new one, on trial, has replaced.
         self.trial: tuple[str, LiveResidual] | None = None
         self.file, self.residual = path, self._load(path)

@@ -113,9 +113,8 @@ def demo_report(trials: list[EvaluatedTrial], refined: RefineResult, model: Fric
                 undeclared: str | Path) -> Report:
     """Return the page.
 
-    The four trials are: without compensation, with the kinetic term, compensated, and with the
-    refined model. `model` is the identified one; the file `undeclared` contains the effects that
-    only the simulation was given.
+    The four trials are without compensation, with the kinetic term, compensated, and with the
+    refined model. `model` is the identified one; `undeclared` has what only the simulation knew.
     """
     _, kinetic, compensated, last = trials
     before, after = residuals(refined)

@@ -120,10 +120,7 @@ def scenes_of(evaluation: Evaluation) -> list[MovingScene]:
 
 
 def add_evaluation(report: Report, evaluation: Evaluation, part: bool = False) -> None:
-    """Add an evaluation to a report below its verdict: the main result first, then the details.
-
-    `part` is whether it is only one section of the page.
-    """
+    """Add an evaluation to a report below its verdict; `part` if it is one of several."""
     level = 3 if part else 2
     simple = bool(words.plain_verdict(evaluation))
     scenes = scenes_of(evaluation) if simple else []
@@ -236,8 +233,7 @@ def evaluation_report(evaluations: Sequence[Evaluation], title: str = '', result
                       begin: Callable[[Report], None] = lambda _: None) -> Report:
     """Return the page of `evaluate`, with one evaluation for each joint.
 
-    A scene of the demo may give it another title and main result, and adds with `begin` what stands
-    before the details.
+    A scene of the demo may change title and main result, and add with `begin` what comes first.
     """
     joints = ', '.join(evaluation.joint or 'the joint' for evaluation in evaluations)
     count = sum(len(evaluation.repetitions) for evaluation in evaluations)

@@ -45,10 +45,8 @@ _PLOTS = (
 _TABLE = {'position': 'rad', 'velocity': 'rad/s', 'direction': 'd', 'current': 'A',
           'torque': 'N·m', 'load': 'N·m', 'residual': 'A'}
 _LEVELS = {'ok': '#0a7d4f', 'note': '#4a5765', 'warning': '#a85b00', 'problem': '#b3261e'}
-# Gap across which no line is drawn, s.
-_GAP = 0.25
-# Length of the time axis, s.
-_LENGTH = 10.0
+# Gap across which no line is drawn, and length of the time axis, s.
+_GAP, _LENGTH = 0.25, 10.0
 # Time between updates, ms, and playback speeds of a recording as multiples of real time.
 _PERIOD = 200
 _PLAYBACK_SPEEDS = ('0.1', '0.5', '1', '2', '5', '20')

@@ -138,10 +138,7 @@ def _effect_rows(rows: list[dict[str, Any]], joints: list[str]) -> list[list[Any
 
 
 def arm_report(result: ArmResult, names: list[str], folders: dict[str, str]) -> Report:
-    """Return the report on an `ArmResult`.
-
-    `names` are the names of the recordings, `folders` those of the folders with each joint's page.
-    """
+    """Return the report; `names` are the recordings, `folders` those with each joint's page."""
     page = Report('What the friction models of an arm lacked', f'Refined on {", ".join(names)}')
     reports = {name: joint_result.report for name, joint_result in result.results.items()}
     unit = next(iter(reports.values())).unit

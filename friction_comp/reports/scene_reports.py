@@ -35,10 +35,7 @@ _POINTS_PER_TORQUE = 9.0
 
 def two_joints_report(evaluations: list[Evaluation], shown: dict[str, Samples],
                       exercise: Path) -> Report:
-    """Return the report on an exercise of several joints, with one evaluation for each.
-
-    `shown` is a recording of the exercise on one time base, by joint name.
-    """
+    """Return the report on an exercise; `shown` is a recording of it on one time base, by joint."""
     return evaluation_report(
         evaluations, f'Two joints that reverse on the way: {exercise.stem}',
         begin=lambda page: page.figure(
@@ -70,8 +67,8 @@ def session_phases(evaluation: Evaluation, marks: dict[str, float], count: int
                    ) -> dict[str, list[Repetition]]:
     """Return the repetitions at the start, at the warning, and with the refined model.
 
-    `marks` contains the times of 'warned' and 'loaded' since the exercise began, s; a phase has
-    `count` movements in each direction.
+    `marks` are the times of 'warned' and 'loaded' since the exercise began, s; a phase has `count`
+    movements in each direction.
     """
     repetitions = sorted(evaluation.repetitions, key=lambda r: r.begin)
     # The model that the compensator reported, not the marks, which are somewhat later.
@@ -111,8 +108,8 @@ def wear_report(evaluation: Evaluation, phases: dict[str, list[Repetition]],
     """Return the report on a drive that changed while it ran.
 
     `evaluation` and `samples` are of the whole session, `phases` and `marks` as in
-    `session_phases`; `facts` contains messages of monitoring and refinement. The file `hidden`
-    contains the effects that only the simulation was given.
+    `session_phases`, `facts` are messages of monitoring and refinement. The file `hidden` has the
+    effects that only the simulation was given.
     """
     def begin(page: Report) -> None:
         page.numbers([(f'{with_interval(mean_figure(part))} N·m',
@@ -163,24 +160,19 @@ def session_figure(evaluation: Evaluation, marks: dict[str, float], samples: Sam
 def peaks_of(alone: Mapping[str, Samples], helped: Mapping[str, Samples]
              ) -> dict[str, dict[str, dict[str, float]]]:
     """Return the person's RMS and peak torque by joint and recording, N·m."""
-    def summarise(samples: Samples) -> dict[str, float]:
-        load = np.asarray(samples.load)
-        return {'rms': float(np.sqrt(np.mean(load ** 2))), 'peak': float(np.abs(load).max())}
-    return {joint: {'alone': summarise(alone[joint]), 'helped': summarise(helped[joint])}
-            for joint in alone}
+    return {joint: {
+        name: {'rms': float(np.sqrt(np.mean(load ** 2))), 'peak': float(np.abs(load).max())}
+        for name, load in (('alone', np.asarray(alone[joint].load)),
+                           ('helped', np.asarray(helped[joint].load)))} for joint in alone}
 
 
 def compared_with_taught(script: ExerciseScript, played: Mapping[str, Mapping[str, Samples]]
                          ) -> dict[str, Any]:
     """Return how an exercise agrees with the guided movement, and its replays with it.
 
-    `played` holds, by name and joint, the recordings `guided` first.
-
-    Returns
-    -------
-    dict
-        `waypoints` (number); `farthest`, by recording, how far its path stays away from a waypoint
-        at most, deg; `reversals` of the guided movement, and how many of them are `announced`.
+    `played` holds, by name and joint, the recordings, `guided` first. Returned are the number of
+    `waypoints`; `farthest`, by recording, how far its path stays away from a waypoint at most, deg;
+    `reversals` of the guided movement, and how many of them are `announced`.
     """
     farthest, found, announced = {}, 0, 0
     for name, recording in played.items():
@@ -214,10 +206,7 @@ def taught_words(taught: dict[str, Any]) -> str:
 
 def arm_scene_report(alone: Mapping[str, Samples], helped: Mapping[str, Samples],
                      result: ArmResult, exercise: Path, taught: dict[str, Any]) -> Report:
-    """Return the report on a taught exercise without and with compensation by a refined model.
-
-    `taught` is from `compared_with_taught`.
-    """
+    """Return the report on a taught exercise; `taught` is from `compared_with_taught`."""
     peaks = peaks_of(alone, helped)
     page = Report('A person teaches an arm, and moves it without help and with it',
                   'Three joints, moved by MuJoCo')

@@ -65,9 +65,9 @@ def observe(seconds: float, arguments: list[str],
 
 def _observation(node: Any, seconds: float, messages: dict[str, list[tuple[float, Any]]]
                  ) -> Observation:
-    width = max((len(command.data) for _, command in messages['current_command']), default=0)
-    commands = [(received, command) for received, command in messages['current_command']
-                if len(command.data) == width]
+    commands = messages['current_command']
+    width = max((len(command.data) for _, command in commands), default=0)
+    commands = [(received, command) for received, command in commands if len(command.data) == width]
     load: dict[str, list[Any]] = {}
     for received, message in messages['interaction_wrench']:
         load.setdefault(message.header.frame_id, []).append(
