@@ -17,8 +17,6 @@ demo's scenes from the recordings beside their reports. Tests compare the pages 
 and what is stored with the experiments themselves.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable
 import json

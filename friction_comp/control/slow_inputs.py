@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Validates slow inputs of the compensator (direction, temperature) and checks their age."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 import math
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Converts serialised messages to rows of measurements of each joint."""
 
-from __future__ import annotations
-
 from collections import defaultdict, deque
 import math
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Keeps the last minutes of some topics in memory as serialised messages."""
 
-from __future__ import annotations
-
 from collections import deque
 from typing import NamedTuple
 

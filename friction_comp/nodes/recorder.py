@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Records the package's topics to a rosbag2 folder for evaluate, refine and ros2 bag."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """One refinement at the request of a client, on a recording or on messages that were kept."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 import threading

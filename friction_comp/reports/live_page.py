@@ -5,8 +5,6 @@
 Bokeh serves its own scripts, so the page works without internet.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from html import escape
 import time

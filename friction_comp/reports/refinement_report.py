@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The report of `refine` on one joint."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Publishes each node's state on /diagnostics."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 import time
 from typing import Any
