@@ -55,8 +55,7 @@ class CompensatorNode(LifecycleNode):
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
         self.create_service(Trigger, '~/reset_faults', self._on_reset)
-        self._diagnostics = Diagnostics(
-            self, self._report, ', '.join(self._joints), 'compensation')
+        self._diagnostics = Diagnostics(self, self._report, self._joints, 'compensation')
         steady_timer(self, _CHECK_PERIOD, self._check)
         if declare(self, 'autostart', True, 'configure and activate at start'):
             self._start()

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 import time
 from typing import Any
 
-import numpy as np
 from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Int8MultiArray
 
@@ -14,7 +13,7 @@ from friction_comp.compensation.law import CompensationLaw
 from friction_comp.control.compensation_loop import CompensationLoop
 from friction_comp.control.faults import Faults
 from friction_comp.control.model_trial import Loaded
-from friction_comp.ros.diagnostics import per_joint, Rate
+from friction_comp.ros.diagnostics import Rate
 from friction_comp.ros.joint_io import CommandPort, competing_publishers
 from friction_comp.stamps import NANO, nanoseconds
 
@@ -148,14 +147,10 @@ class ConfiguredCompensator(CompensationLoop):
     def values(self) -> dict[str, Any]:
         """Return the values for diagnostics."""
         self._rate.count = self.heard
-        values: dict[str, Any] = {
+        return {
             'joint_states rate [Hz]': self._rate.per_second(),
-            'law': self._value('law'), 'model_files': list(self._value('model_files')),
+            'law': self._value('law'), 'model_files': str(list(self._value('model_files'))),
             'fed forward otherwise': '; '.join(self._told),
-            'listeners to the command': self._commands.listeners}
-        more = {f'fed forward, {place} [A]': [max(getattr(feed, place)) for feed in self._feeds]
-                for place in ('rest', 'sliding')}
-        for name, value in (more | super().values()).items():
-            values |= (per_joint(self._joints, name, value)
-                       if isinstance(value, (list, np.ndarray)) else {name: value})
-        return values
+            'listeners to the command': self._commands.listeners,
+            **{f'fed forward, {place} [A]': [max(getattr(feed, place)) for feed in self._feeds]
+               for place in ('rest', 'sliding')}, **super().values()}

@@ -25,7 +25,7 @@ from friction_comp.direction.desired_motion import DesiredMotion
 from friction_comp.direction.planned_direction import PlannedDirection
 from friction_comp.direction.sensed_direction import CALIBRATION_TIME, SensedDirection
 from friction_comp.errors import InputError
-from friction_comp.ros.diagnostics import Diagnostics, OK, per_joint, WARN
+from friction_comp.ros.diagnostics import Diagnostics, OK, WARN
 from friction_comp.ros.executor import yield_to_executor
 from friction_comp.ros.joint_io import input_qos, RELIABLE
 from friction_comp.ros.parameters import declare, declare_choice, declare_joints
@@ -60,8 +60,7 @@ class DirectionNode(Node):
         self._at: Callable[[float], list[Announcement]] = getattr(self, f'_begin_{source}')()
         self._message = JointState(name=list(self._joints))
         self._announcements = self.create_publisher(JointState, 'direction_stamped', RELIABLE)
-        self._diagnostics = Diagnostics(
-            self, self._report, ', '.join(self._joints), f'direction by {source}')
+        Diagnostics(self, self._report, self._joints, f'direction by {source}')
         self.create_service(Trigger, '~/calibrate', self._on_calibrate,
                             callback_group=ReentrantCallbackGroup())
         self.fast_timers = [self.create_timer(1.0 / rate, self._announce)]
@@ -230,8 +229,8 @@ class DirectionNode(Node):
 
     def _report(self) -> Any:
         values: dict[str, Any] = {
-            **per_joint(self._joints, 'direction', (said.direction for said in self._said)),
-            **per_joint(self._joints, 'end [rad]', (said.end for said in self._said)),
+            'direction': [said.direction for said in self._said],
+            'end [rad]': [said.end for said in self._said],
             **{f'{joint}: reason': said.reason for joint, said in zip(self._joints, self._said)}}
         faults = [f'{joint}: {said.reason}' for joint, said in zip(self._joints, self._said)
                   if said.fault]

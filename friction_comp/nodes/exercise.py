@@ -17,7 +17,7 @@ from std_msgs.msg import Int8MultiArray, MultiArrayDimension
 from friction_comp.control.joint_states import JointColumns
 from friction_comp.exercise.exercise_script import load_exercise
 from friction_comp.exercise.reference_movement import ReferenceMovement
-from friction_comp.ros.diagnostics import Diagnostics, OK, per_joint, WARN
+from friction_comp.ros.diagnostics import Diagnostics, OK, WARN
 from friction_comp.ros.joint_io import input_qos, RELIABLE
 from friction_comp.ros.parameters import declare, declare_choice, declare_joints
 from friction_comp.stamps import NANO, nanoseconds, set_stamp
@@ -126,7 +126,7 @@ class ExerciseNode(Node):
         self._references = self.create_publisher(JointState, 'reference', RELIABLE)
         self._directions = self.create_publisher(Int8MultiArray, 'direction', RELIABLE)
         self._announcements = self.create_publisher(JointState, 'direction_stamped', RELIABLE)
-        Diagnostics(self, self._report, ', '.join(self._joints), 'exercise')
+        Diagnostics(self, self._report, self._joints, 'exercise')
         self._origin_subscription = self.create_subscription(
             JointState, 'joint_states', self._on_joint_states, qos)
         if self._ticking:
@@ -211,9 +211,9 @@ class ExerciseNode(Node):
             return WARN, self._describe_wait(), {}
         return OK, 'moving' if self._time < self._duration else 'done', {
             'time [s]': self._time, 'duration [s]': self._duration,
-            **per_joint(self._joints, 'reference [rad]', self._reference.position),
-            **per_joint(self._joints, 'reference velocity [rad/s]', self._reference.velocity),
-            **per_joint(self._joints, 'direction', self._direction.data)}
+            'reference [rad]': self._reference.position,
+            'reference velocity [rad/s]': self._reference.velocity,
+            'direction': self._direction.data}
 
     def _describe_wait(self) -> str:
         """Return what the exercise waits for before it begins."""

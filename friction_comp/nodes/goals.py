@@ -31,8 +31,8 @@ class Action:
     make_goal: Callable[[Any, list[str], list[Drive], dict[str, Any], bool], tuple[int, Any]]
     # Makes the run of a goal and a drive; the last argument is whether messages have torques.
     run: Callable[[Any, Any, bool], SupervisedRun]
-    # Called with finished run, joint index and result message, which it fills.
-    finish: Callable[[SupervisedRun, int, Any], None]
+    # Fills the result message of a finished run of a joint; returns what it says.
+    finish: Callable[[SupervisedRun, int, Any], str]
 
 
 @dataclass

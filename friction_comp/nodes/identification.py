@@ -28,7 +28,7 @@ from friction_comp.identification.trajectory_run import TrajectoryRun
 from friction_comp.nodes import goals
 from friction_comp.nodes.goals import Action, RunningGoal
 from friction_comp.ros import joint_io
-from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK, per_joint, Rate, WARN
+from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
 from friction_comp.ros.parameters import declare, declare_joints, load_models
 from friction_comp.ros.ros_start import steady_timer
 from friction_comp.stamps import NANO
@@ -90,8 +90,8 @@ class IdentificationNode(Node):
                 Action(IdentifyFriction, 'identify_friction', goals.make_goal, IdentificationRun,
                        self._finish_identification),
                 Action(PlayTrajectory, 'play_trajectory', goals.make_trajectory, TrajectoryRun,
-                       self._finish_trajectory))]
-        Diagnostics(self, self._report, ', '.join(self._joints), 'identification')
+                       lambda _, j, __: f'moved {self._joints[j]} along the trajectory'))]
+        Diagnostics(self, self._report, self._joints, 'identification')
 
     # The actions.
 
@@ -142,7 +142,7 @@ class IdentificationNode(Node):
                 self._end(*_CANCELLED)
             end, result.message = await goal.end
             if end == 'done':
-                action.finish(goal.run, index, result)
+                result.message = action.finish(goal.run, index, result)
         except InputError as error:
             end, result.message = 'aborted', str(error)
         except Exception:
@@ -159,17 +159,14 @@ class IdentificationNode(Node):
          'aborted': goal_handle.abort}[end]()
         return result
 
-    def _finish_identification(self, run: Any, index: int, result: Any) -> None:
+    def _finish_identification(self, run: Any, index: int, result: Any) -> str:
         """Fit the model, write its file, and fill the result."""
         outcome, joint = run.result(), self._joints[index]
         path = (Path(self.get_parameter('output_folder').value) / f'{joint}.yaml').absolute()
         outcome.model(self._drives[index], joint, self._limits[index]).save(path)
         goals.fill_result(result, outcome)
         result.model_file = str(path)
-        result.message = '. '.join([f'identified {joint}, wrote {path}', *outcome.warnings])
-
-    def _finish_trajectory(self, _: Any, index: int, result: Any) -> None:
-        result.message = f'moved {self._joints[index]} along the trajectory'
+        return '. '.join([f'identified {joint}, wrote {path}', *outcome.warnings])
 
     def _end(self, end: str, message: str) -> None:
         """End the present run, if any: first zero current, then the result."""
@@ -283,10 +280,8 @@ class IdentificationNode(Node):
                   'listeners to the command': self._port.listeners}
         goal = self._goal
         if goal is not None:
-            values.update({
-                'joint': goal.joint, 'phase': goal.run.phase,
-                'progress': float(goal.run.progress),
-                **per_joint(self._joints, 'command [A]', self._port.last)})
+            values.update({'joint': goal.joint, 'phase': goal.run.phase,
+                           'progress': float(goal.run.progress), 'command [A]': self._port.last})
             return OK, f'{goal.action.name}: moves {goal.joint}', values
         if self._last_end.startswith('aborted'):
             return ERROR, self._last_end, values

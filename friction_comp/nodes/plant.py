@@ -16,7 +16,7 @@ from std_msgs.msg import Float64MultiArray, Header
 from friction_comp.control.joint_states import JointColumns
 from friction_comp.errors import InputError
 from friction_comp.nodes.sensor_port import SensorPort
-from friction_comp.ros.diagnostics import Diagnostics, OK, per_joint, Rate, WARN
+from friction_comp.ros.diagnostics import Diagnostics, OK, Rate, WARN
 from friction_comp.ros.joint_io import command_interface, command_unit, RELIABLE, UNASKED, UNIT_OF
 from friction_comp.ros.parameters import declare, declare_choice, declare_joints, load_models
 from friction_comp.ros.ros_start import steady_timer
@@ -139,7 +139,7 @@ class PlantNode(Node):
         self._per_current = self._torque_per_current if interface == 'effort' else 1.0
         self.create_subscription(
             Float64MultiArray, 'current_command', self._on_command, RELIABLE)
-        Diagnostics(self, self._report, ', '.join(self._joints), 'simulation')
+        Diagnostics(self, self._report, self._joints, 'simulation')
 
     def _begin_lockstep(self) -> None:
         self._origin = _START_TIME
@@ -332,7 +332,7 @@ class PlantNode(Node):
             'clock': 'lockstep' if self._lockstep else 'real_time',
             'time [s]': self._plant.state.time,
             'samples per second of real time': self._rate.per_second(),
-            **per_joint(self._joints, 'command [A]', self._command),
+            'command [A]': self._command,
             'commands not usable': self._bad_commands}
         if self._lockstep:
             values['waits for'] = self._describe_wait()

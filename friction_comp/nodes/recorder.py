@@ -48,7 +48,7 @@ class RecorderNode(Node):
         self._dated = DatedTopics(self, self._write)
         self._topics = self._dated.topics
         steady_timer(self, _FLUSH, self._flush)
-        self._diagnostics = Diagnostics(self, self._report, output, 'recording')
+        self._diagnostics = Diagnostics(self, self._report, [output], 'recording')
 
     @contextmanager
     def _note_failure(self) -> Iterator[None]:

@@ -19,8 +19,7 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from friction_comp.errors import InputError
 from friction_comp.monitoring.live_residual import JointWatch
 from friction_comp.nodes.live_signals import LiveSignals
-from friction_comp.nodes.recent_past import Message, RecentPast
-from friction_comp.nodes.refine_job import RefineJob, refusal
+from friction_comp.nodes.refine_job import Message, RecentPast, RefineJob, refusal
 from friction_comp.recorded_drive.child import Refined
 from friction_comp.ros.dated_topics import DatedTopics, RECORDED, STATES
 from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
@@ -125,7 +124,7 @@ class RefinementNode(Node):
         self._server = ActionServer(
             self, RefineModel, 'refine_model', self._execute, goal_callback=self._on_goal,
             cancel_callback=lambda _: CancelResponse.ACCEPT)
-        Diagnostics(self, self._report, ', '.join(self._joints), 'refinement')
+        Diagnostics(self, self._report, self._joints, 'refinement')
 
     def _keep(self, topic: str, stamp: int, cdr: bytes) -> None:
         cdr = bytes(cdr)
@@ -154,7 +153,9 @@ class RefinementNode(Node):
         if model_changes != self._compensator.model_changes:
             # The answer may be older than the change, and would end the trial of the new model.
             return
-        compensated = self._is_compensated()
+        name = self._compensator.name.rpartition('/')[2]
+        compensated = any(info.node_name == name for info in self.get_publishers_info_by_topic(
+            self.resolve_topic_name('current_command')))
         for joint, rows in zip(self._joints, self._signals.take()):
             watch = self._watches[joint]
             if not self._busy:
@@ -171,11 +172,6 @@ class RefinementNode(Node):
             self._judge(joint, watch)
         for joint in list(self._to_unload):
             await self._unload(joint)
-
-    def _is_compensated(self) -> bool:
-        name = self._compensator.name.rpartition('/')[2]
-        return any(info.node_name == name for info in self.get_publishers_info_by_topic(
-            self.resolve_topic_name('current_command')))
 
     def _judge(self, joint: str, watch: JointWatch) -> None:
         ended = watch.end_trial()
