@@ -91,8 +91,6 @@ class CompensatorNode(LifecycleNode):
             if trigger() != TransitionCallbackReturn.SUCCESS:
                 raise InputError(self._failure or 'the node could not be configured and activated')
 
-    # Parameters.
-
     def prepare(self, parameters: list[Any]) -> Loading | None:
         """Start loading the models that are about to be set."""
         files = [names_in(parameter.value) for parameter in parameters
@@ -134,8 +132,6 @@ class CompensatorNode(LifecycleNode):
 
     def _value(self, name: str) -> Any:
         return self.get_parameter(name).value
-
-    # Transitions.
 
     def on_configure(self, state: Any) -> TransitionCallbackReturn:
         """Load the models and connect the topics."""

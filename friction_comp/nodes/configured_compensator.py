@@ -88,8 +88,6 @@ class ConfiguredCompensator(CompensationLoop):
         super().resume(seconds)
         self._commands.release()
 
-    # Parameters.
-
     def told(self, loaded: Sequence[Loaded]) -> list[str]:
         """Return what feeds forward otherwise with these models, as text."""
         return [f'{joint} {text}' for joint, one, before in zip(self._joints, loaded, self._feeds)
@@ -119,8 +117,6 @@ class ConfiguredCompensator(CompensationLoop):
         """Log what is unusual about the law and the models, and which effects are not fed back."""
         for text in (*_UNUSUAL_LAWS.get(self._value('law'), ()), *self.unusual()):
             self._node.get_logger().warning(text)
-
-    # Topics.
 
     def _on_direction(self, message: Any) -> None:
         self.inputs.take_direction(message.data, self._now())

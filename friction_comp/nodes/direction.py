@@ -114,8 +114,6 @@ class DirectionNode(Node):
         self._listen([sensor.motion for sensor in self._sensors])
         return lambda time: [sensor.at(time) for sensor in self._sensors]
 
-    # Topics.
-
     def _listen(self, motions: list[Any]) -> None:
         def take(message: Any) -> None:
             position, _, _ = self._columns.read(message)
@@ -172,8 +170,6 @@ class DirectionNode(Node):
         if why != self._refused:
             self.get_logger().warning(why)
         self._refused = why
-
-    # Calibration.
 
     async def _on_calibrate(self, _: Any, response: Any) -> Any:
         """Calibrate all sensors at rest; who asks again meanwhile gets the same answer."""

@@ -93,8 +93,6 @@ class IdentificationNode(Node):
                        lambda _, j, __: f'moved {self._joints[j]} along the trajectory'))]
         Diagnostics(self, self._report, self._joints, 'identification')
 
-    # The actions.
-
     def _on_goal(self, action: Action, request: Any) -> Any:
         try:
             if self._busy:
@@ -177,8 +175,6 @@ class IdentificationNode(Node):
         self._port.zero()
         goal.run.abort(message)
         goal.end.set_result((end, message))
-
-    # Topics.
 
     @property
     def _simulated(self) -> bool:
@@ -278,8 +274,7 @@ class IdentificationNode(Node):
         values = {'joint_states per second of real time': self._rate.per_second(),
                   'last goal': self._last_end, 'last refusal': self._refused,
                   'listeners to the command': self._port.listeners}
-        goal = self._goal
-        if goal is not None:
+        if (goal := self._goal) is not None:
             values.update({'joint': goal.joint, 'phase': goal.run.phase,
                            'progress': float(goal.run.progress), 'command [A]': self._port.last})
             return OK, f'{goal.action.name}: moves {goal.joint}', values

@@ -72,10 +72,10 @@ class PlantNode(Node):
             declare(self, 'model_files', [], 'model file of each joint'), self._joints)
         undeclared = self._load_undeclared()
         seed = declare(self, 'seed', 0, 'of all noise and scatter', 0)
-        clock = declare_choice(
+        self._lockstep = declare_choice(
             self, 'clock', ('real_time', 'lockstep'),
             'real_time, or lockstep: steps when the command for the last state has come and '
-            'publishes /clock')
+            'publishes /clock') == 'lockstep'
         sample_time = declare(self, 'sample_time', 1e-3, 'time between samples [s]', 1e-4, 1e-2)
         self._declare_periods(sample_time)
 
@@ -88,7 +88,6 @@ class PlantNode(Node):
         self._columns = JointColumns(self._joints)
         self._rate = Rate()
         self._make_ports()
-        self._lockstep = clock == 'lockstep'
         if self._lockstep:
             self._begin_lockstep()
         else:
@@ -179,11 +178,9 @@ class PlantNode(Node):
                 f'not {len(files)}')
         return [Undeclared.from_file(path) if path else None for path in files]
 
-    # Both clocks.
-
     @property
     def _stamp(self) -> Any:
-        """Stamp of the present state, ns."""
+        """Of the present state, ns."""
         return self._origin + self._samples * self._sample
 
     def _step(self) -> None:
@@ -251,21 +248,17 @@ class PlantNode(Node):
         return ''
 
     def _on_command(self, message: Any) -> None:
-        if self._lockstep:
-            if self._published and not self._answered and self._is_answer(message):
-                self._take_command(message)
-                self._answered = True
-                self._advance()
-        else:
+        if not self._lockstep:
             self._take_command(message)
             self._commanded_at = time.monotonic_ns()
-
-    # Lockstep.
-
-    def _is_answer(self, message: Any) -> bool:
-        """Return whether a command answers the present state, or is not labelled."""
+            return
+        # A label of digits is the stamp of the state that is answered.
         label = message.layout.dim[0].label if message.layout.dim else ''
-        return label != UNASKED and (not label.isdecimal() or int(label) == self._stamp)
+        answers = label != UNASKED and (not label.isdecimal() or int(label) == self._stamp)
+        if answers and self._published and not self._answered:
+            self._take_command(message)
+            self._answered = True
+            self._advance()
 
     def _advance(self) -> None:
         """Advance until an input is missing."""
@@ -302,16 +295,15 @@ class PlantNode(Node):
         """Repeat requests without an answer, since discovery takes time."""
         self._advance()
         self._checks += 1
-        if self._checks >= 2:
-            self._checks = 0
-            self._tick()
-            if self._published and self._states.get_subscription_count():
-                self._publish()
-            elif self._samples and self._nobody_holds:
-                # The exercise has not received the positions yet.
-                self._states.publish(self._state_message)
-
-    # Real time.
+        if self._checks < 2:
+            return
+        self._checks = 0
+        self._tick()
+        if self._published and self._states.get_subscription_count():
+            self._publish()
+        elif self._samples and self._nobody_holds:
+            # The exercise has not received the positions yet.
+            self._states.publish(self._state_message)
 
     def _on_time(self) -> None:
         now = time.monotonic_ns()

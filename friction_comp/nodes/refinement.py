@@ -195,8 +195,6 @@ class RefinementNode(Node):
             self.get_logger().warning(self._last_result)
         del self._to_unload[joint]
 
-    # The action.
-
     def _on_goal(self, request: RefineModel.Goal) -> GoalResponse:
         self._last_refusal = ''
         if request.joint and request.joint not in self._joints:
@@ -216,7 +214,13 @@ class RefinementNode(Node):
         joint = request.joint or self._joints[0]
         try:
             refined, start = await self._refine(joint, request, goal_handle)
-            _fill(result, refined)
+            report = refined.report
+            result = RefineModel.Result(
+                success=True, verdict=report.verdict, error_before=report.before.held_out_rmse,
+                error_after=report.after.held_out_rmse, noise_floor=report.noise_floor,
+                effects=[effect.name for effect in report.effects],
+                variables=[effect.variable for effect in report.effects],
+                model_file=str(refined.model_file), report=str(refined.page))
             result.message = await self._load_if_requested(joint, request, refined, start, result)
             goal_handle.succeed()
         except InputError as error:
@@ -312,14 +316,3 @@ class RefinementNode(Node):
         """End a running refinement."""
         if self._job is not None:
             self._job.cancel('the node was stopped')
-
-
-def _fill(result: RefineModel.Result, refined: Refined) -> None:
-    report = refined.report
-    result.success, result.verdict = True, report.verdict
-    result.error_before = report.before.held_out_rmse
-    result.error_after = report.after.held_out_rmse
-    result.noise_floor = report.noise_floor
-    result.effects = [effect.name for effect in report.effects]
-    result.variables = [effect.variable for effect in report.effects]
-    result.model_file, result.report = str(refined.model_file), str(refined.page)

@@ -22,6 +22,7 @@ from friction_comp.reports.refinement_report import effect_names
 _REPEATABLE = 0.5
 # Largest number of recordings that are named below a figure.
 _MOST_LABELS = 16
+_VERDICTS = ('trust', 'trust in part', 'record again')
 # Ratio of the ends of its interval up to which a current per torque counts as determined.
 _LARGEST_RATIO = 3.0
 
@@ -30,8 +31,7 @@ def verdict(content: dict[str, Any]) -> str:
     """Return the result of all recordings as sentences; `content` is that of report.json."""
     rows, failed, missing = content['recordings'], content['failed'], content['not_done']
     kinds = Counter(row['verdict'] for row in rows)
-    counts = ', '.join(f'{name}: {kinds[name]}' for name in (
-        'trust', 'trust in part', 'record again') if kinds[name])
+    counts = ', '.join(f'{name}: {kinds[name]}' for name in _VERDICTS if kinds[name])
     text = f'**{len(rows)} of {len(rows) + len(failed) + missing} refined** ({counts or "none"}).'
     reductions = [1.0 - row['after'] / row['before'] for row in rows
               if row['effects'] and row['before'] > 0]
@@ -174,11 +174,11 @@ def _joint_verdicts(reports: dict[str, RefinementReport]) -> str:
         kinds.setdefault(report.verdict, []).append(name)
     less = [100.0 * (1.0 - report.after.held_out_rmse / report.before.held_out_rmse)
             for report in reports.values() if report.before.held_out_rmse > 0]
-    listed = '; '.join(f'**{kind}**: {", ".join(kinds[kind])}' for kind in (
-        'trust', 'trust in part', 'record again') if kind in kinds)
-    change = f' The error on data not fitted is {min(less):.0f} to {max(less):.0f} % less than ' \
-             'before.' if less else ''
-    return f'Verdict by joint: {listed}.{change}'
+    listed = '; '.join(f'**{kind}**: {", ".join(kinds[kind])}' for kind in _VERDICTS
+                       if kind in kinds)
+    return f'Verdict by joint: {listed}.' + (
+        f' The error on data not fitted is {min(less):.0f} to {max(less):.0f} % less than before.'
+        if less else '')
 
 
 def _add_links(page: Report, result: ArmResult, unit: str) -> None:

@@ -11,6 +11,7 @@ outside calls, end the spinning.
 from collections.abc import Generator, Iterable
 from contextlib import ExitStack, suppress
 import inspect
+from itertools import chain
 import time
 import types
 from typing import Any
@@ -57,7 +58,7 @@ class _WaitSet:
         for waitable in self._waitables:
             count += waitable.get_num_entities()
             self._held.enter_context(waitable)
-        for entity in (context, *(entity for entities in kinds.values() for entity in entities)):
+        for entity in (context, *chain(*kinds.values())):
             self._held.enter_context(entity.handle)
         self._set = _rclpy.WaitSet(
             count.num_subscriptions, count.num_guard_conditions, count.num_timers,

@@ -164,10 +164,8 @@ class LiveFeed:
     def _commands(self) -> dict[str, float]:
         """Return the command in A of each joint; a torque is converted only with a model."""
         command = self._message('command', _COMMAND_AGE)
-        if command is None:
-            return {}
-        values = self._in_order(command.data)
-        if command_unit(command) != TORQUE_UNIT:
+        values = {} if command is None else self._in_order(command.data)
+        if command is None or command_unit(command) != TORQUE_UNIT:
             return values
         models = {joint: self._model(joint) for joint in values}
         return {joint: values[joint] / model.drive.torque_per_current
@@ -175,11 +173,9 @@ class LiveFeed:
 
     def _directions(self) -> dict[str, float]:
         message = self._message('direction')
-        if message is None:
-            return {}
         if isinstance(message, JointState):
             return _by_joint(message.name, np.sign(message.velocity))
-        return self._in_order(message.data)
+        return {} if message is None else self._in_order(message.data)
 
     def _in_order(self, values: Any) -> dict[str, float]:
         """Return the values of an array by joint; empty if their order is not known."""
@@ -195,8 +191,7 @@ class LiveFeed:
         data = dict(zip(_COLUMNS, table.T))
         data.update(dict.fromkeys(('current', 'predicted', 'residual'),
                                   np.full(len(table), np.nan)))
-        model = self._model(joint)
-        if model is not None and len(table) > 10:
+        if (model := self._model(joint)) is not None and len(table) > 10:
             self._compare(data, model)
         return data
 

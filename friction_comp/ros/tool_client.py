@@ -251,7 +251,7 @@ class ToolClient:
                 return future.result()
             self.wait(0.2)
         reason = self.value(what, 'last refusal')
-        raise InputError(f'{what} refuses the goal{": " if reason else ""}{reason or ""}')
+        raise InputError(f'{what} refuses the goal' + (f': {reason}' if reason else ''))
 
     def _result(self, action: Any, handle: Any, what: str) -> Any:
         ready_at = time.monotonic()
