@@ -174,13 +174,7 @@ KINDS = {
 
 
 def quoted(text: str, name: str) -> list[str]:
-    """Return the table of that name in a page's text.
-
-    Raises
-    ------
-    SystemExit
-        If it is not there.
-    """
+    """Return the table of that name in a page's text; SystemExit says that there is none."""
     found = re.search(rf'<!-- {name} -->\n(.*?)\n<!-- end -->', text, re.DOTALL)
     if not found:
         raise SystemExit(f'no table between <!-- {name} --> and <!-- end -->')

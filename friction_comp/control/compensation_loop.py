@@ -86,10 +86,7 @@ class CompensationLoop:
 
     def take(self, message: Any, now: int, received: int = 0, sent: int = 0,
              sequence: int = 0) -> None:
-        """Answer a joint state; `sent` is the system time in ns of its publication.
-
-        The other arguments are those of `JointStateInput.take`.
-        """
+        """Answer a joint state, `sent` at a system time in ns; else as `JointStateInput.take`."""
         if self.yields or not self._port.ready:
             return
         if now == 0:

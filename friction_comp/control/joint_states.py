@@ -40,10 +40,7 @@ class JointColumns:
         self.twice: list[str] = []
 
     def read(self, message: Any) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
-        """Return position, velocity and effort, each (J,), NaN where there is no value.
-
-        Velocity is None if the message has none.
-        """
+        """Return position, velocity (None without any) and effort, each (J,), NaN where missing."""
         self.find(message.name)
         return (self._select(message.position),
                 self._select(message.velocity) if len(message.velocity) else None,

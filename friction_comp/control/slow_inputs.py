@@ -46,18 +46,11 @@ class Direction:
             [0.0] * count, [_NEVER] * count, [_NEVER] * count)
 
     def begin(self, time: int) -> None:
-        """Set the time of earlier directions to that of the first joint state at most.
-
-        They are dated by the node's clock, and would override later ones if the driver's is behind.
-        """
+        """Date earlier directions, whose clock may be ahead, to the first joint state at most."""
         self._times = [min(stamp, time) for stamp in self._times]
 
     def take(self, values: Sequence[int], time: int) -> bool:
-        """Take a message received at a time; return whether it is valid.
-
-        A message of the wrong length counts as 0 for all joints, a value other than -1, 0 or +1
-        as 0 for its joint.
-        """
+        """Take a message; return whether it is valid. What is not -1, 0 or +1 counts as 0."""
         count = len(self._zeros)
         if len(values) != count:
             return self._refuse(f'{len(values)} values for {count} joints', range(count), time)
@@ -147,11 +140,7 @@ class Direction:
 
 
 class MotorTemperature:
-    """Holds the last motor temperature per joint.
-
-    A reading applies to later joint states, in whatever order they arrive: simulations are
-    reproducible. Times are in ns.
-    """
+    """Holds the last motor temperature per joint, for states with later stamps, in ns."""
 
     def __init__(self, joints: Sequence[str]) -> None:
         self._indices = {joint: index for index, joint in enumerate(joints)}
@@ -180,10 +169,7 @@ class MotorTemperature:
         return f'last motor_temperature is {(time - self._times[index]) * 1e-9:.0f} s old'
 
     def before(self, time: int) -> np.ndarray | None:
-        """Return the temperatures for a state with a stamp, shape (J,), or None.
-
-        NaN where a joint has no fresh reading; None where no joint has one.
-        """
+        """Return the temperatures for a state with a stamp, (J,), NaN where old; None without any."""
         for stamp, index, value in self._pending:
             if stamp < time:
                 self._times[index], self._values[index] = stamp, value

@@ -44,13 +44,9 @@ class LiveResidual:
         self._done, self._origin = -np.inf, np.nan
 
     def add(self, rows: np.ndarray) -> None:
-        """Add rows of measurements.
+        """Add rows of measurements, shape (N, 6), NaN where there is none.
 
-        Parameters
-        ----------
-        rows : ndarray, shape (N, 6)
-            Time in s, increasing; position; velocity, NaN where there is none; motor current in A;
-            load in N·m and temperature in degrees Celsius, NaN where they are not measured.
+        Time in s, increasing; position; velocity; motor current in A; load in N·m; temperature, °C.
         """
         rows = np.asarray(rows, dtype=float).reshape(-1, _WIDTH)
         rows = rows[np.isfinite(rows[:, [0, 1, 3]]).all(axis=1)]

@@ -25,10 +25,7 @@ _UNUSUAL_LAWS = {
 
 
 class ConfiguredCompensator(CompensationLoop):
-    """A loop that is connected with its topics; exists only while the compensator is configured.
-
-    Joint states are answered while it is `active`.
-    """
+    """A loop with its topics, while it is configured; it answers while it is `active`."""
 
     def __init__(self, node: Any, joints: list[str], loaded: Sequence[Loaded], qos: Any,
                  faults: Faults) -> None:

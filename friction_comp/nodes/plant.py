@@ -43,10 +43,7 @@ class Pace:
         self._due = 0.0
 
     def may_step(self, pace: float, step: int, now: int) -> bool:
-        """Return whether a step of ns may be taken now; if so, it is counted as taken.
-
-        `pace` is simulated per real time, 0: no limit; `now` the real time in ns.
-        """
+        """Return whether a step of ns may be taken `now`; `pace` 0 is without limit."""
         if not pace:
             return True
         if now < self._due:

@@ -101,10 +101,7 @@ def trend_figure(trends: Sequence[Trend], evaluation: Evaluation) -> Figure:
 
 
 def scenes_of(evaluation: Evaluation) -> list[MovingScene]:
-    """Return the mean movement without and with the direction announced, if torque was measured.
-
-    Of the two directions of movement, the one with the larger torque is used.
-    """
+    """Return the mean movement without and with the direction announced, where torque is larger."""
     pair, colours = evaluation.pair() or (), _colours(evaluation)
     measured = {(c.compensation, c.movement): c for c in evaluation.conditions
                 if np.isfinite(c.torque).any()}

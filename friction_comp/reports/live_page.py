@@ -1,9 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The live page: motion, currents and residual of each joint as a Bokeh application.
-
-Bokeh serves its own scripts, so the page works without internet.
-"""
+"""The live page, which needs no internet: motion, currents and residual of each joint."""
 
 from collections.abc import Callable
 from html import escape

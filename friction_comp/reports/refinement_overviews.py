@@ -50,10 +50,7 @@ def verdict(content: dict[str, Any]) -> str:
 
 
 def each_report(content: dict[str, Any], populations: Sequence[Population] = ()) -> Report:
-    """Return the report on recordings that were refined separately, from its report.json.
-
-    `populations` compare the units of a fleet, joint by joint.
-    """
+    """Return the report from report.json; `populations` compare the units of a fleet by joint."""
     rows = content['recordings']
     joints = list(dict.fromkeys(row['joint'] for row in rows))
     page = Report('A fleet, unit by unit' if populations else

@@ -67,10 +67,7 @@ def command_unit(message: Any) -> str:
 
 
 def currents_per_effort(node: Any, torques: Sequence[float]) -> list[float]:
-    """Declare `effort_holds`; return the current in A per unit of effort in joint states.
-
-    `torques` is k_t·n of each joint in N·m per A.
-    """
+    """Declare `effort_holds`; return A per unit of effort, given k_t·n of each joint in N·m/A."""
     kind = declare_choice(
         node, 'effort_holds', ('torque', 'current'),
         'what effort in joint_states is: torque of the motor at the joint, N·m; or current of the '

@@ -165,10 +165,7 @@ class ToolClient:
             self.node.destroy_client(client)
 
     def identify(self, goal: dict[str, Any], report: Callable[[Any], None]) -> Any:
-        """Send a goal, by its fields, to the identification node and return its result.
-
-        `report` gets each feedback message.
-        """
+        """Send a goal, by its fields, and return its result; `report` gets each feedback."""
         return self.send_goal(
             IdentifyFriction, 'identify_friction', IdentifyFriction.Goal(**goal),
             IdentifyFriction.Goal(joint='nobody'), report, 'identification')
@@ -276,10 +273,7 @@ class ToolClient:
         return future.result()
 
     def _request(self, send: Callable[[], Any], what: str) -> Any:
-        """Return the answer to an idempotent request, which is repeated until it is answered.
-
-        A reply is lost if it is sent before both ends have discovered each other.
-        """
+        """Return the answer to a request, repeated since replies before discovery are lost."""
         end = time.monotonic() + self._patience
         while time.monotonic() < end:
             future, again = send(), time.monotonic() + _ANSWER_TIME
