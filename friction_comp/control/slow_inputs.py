@@ -169,7 +169,7 @@ class MotorTemperature:
         return f'last motor_temperature is {(time - self._times[index]) * 1e-9:.0f} s old'
 
     def before(self, time: int) -> np.ndarray | None:
-        """Return the temperatures for a state with a stamp, (J,), NaN where old; None without any."""
+        """Return the temperatures for a state with a stamp, (J,), NaN where old, or None."""
         for stamp, index, value in self._pending:
             if stamp < time:
                 self._times[index], self._values[index] = stamp, value
