@@ -1,20 +1,13 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Keeps the figures that README and docs/results.md quote: they come from what a command wrote.
+"""Keeps the figures that README and docs quote: they come from what a command wrote.
 
     make demo && python3 docs/quote_figures.py demo friction_comp_demo/report.json
-    python3 -m friction_comp reproduce --output reproduction --cycles 200
-    python3 docs/quote_figures.py reproduce reproduction/results.json
-    python3 bench/law_choice.py --seed 93 --output laws.json
-    python3 docs/quote_figures.py laws laws.json
-    python3 -m friction_comp demo --scene to_and_fro --output to_and_fro
-    python3 docs/quote_figures.py to_and_fro to_and_fro/report.json
-    python3 -m friction_comp demo --scene intention --output intention
-    python3 docs/quote_figures.py intention intention/report.json
 
 stores the few numbers in docs/figures/, writes the pages' table anew, and draws the pictures of the
-demo's scenes from the recordings beside their reports. Tests compare the pages with what is stored,
-and what is stored with the experiments themselves.
+demo's scenes from the recordings beside their reports; so does each of KINDS, of which the stored
+numbers name the `command`. Tests compare the pages with what is stored, and what is stored with the
+experiments themselves.
 """
 
 import argparse
@@ -130,7 +123,7 @@ def _to_and_fro_words(numbers: dict[str, Any]) -> str:
 
 def _to_and_fro_picture(numbers: dict[str, Any], folder: Path) -> str:
     return to_file(loops_figure(_hands(folder, {name: title for name, title, *_ in WAYS})),
-                    'A hand moves a joint to and fro', _to_and_fro_words(numbers))
+                   'A hand moves a joint to and fro', _to_and_fro_words(numbers))
 
 
 def _intention_numbers(report: dict[str, Any]) -> dict[str, Any]:
