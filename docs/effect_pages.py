@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writes one page for each effect from the class itself: formula, picture, how to record for it."""
 
+from __future__ import annotations
+
 import inspect
 from pathlib import Path
 

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Works out, from the numbers that the technical note prints, where they contradict each other."""
 
+from __future__ import annotations
+
 from friction_comp.note.published import EXPERIMENTS
 
 # As printed: Eq. 11 row by row, gear ratios, breakaway currents (A), peaks with d = 0 (N·m).

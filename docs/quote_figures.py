@@ -10,6 +10,8 @@ numbers name the `command`. Tests compare the pages with what is stored, and wha
 experiments themselves.
 """
 
+from __future__ import annotations
+
 import argparse
 from collections.abc import Callable
 import json

@@ -5,6 +5,8 @@
 A joint state goes through inputs, law and port, in this order, and through each once.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterable, Sequence
 import time
 import traceback

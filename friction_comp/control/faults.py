@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Keeps a node's current faults; each is logged once when it begins and once when it ends."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 import threading

@@ -6,6 +6,8 @@ Every check of an input stands here or in the class of that input, and only ther
 what it gets.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 import math
 import time

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Validates joint states: selects joints by name, merges publishers, checks age and order."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 import math
 from typing import Any

@@ -5,6 +5,8 @@
 Both take long, and neither may happen for the first time while a motor is driven.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 import math
 from typing import NamedTuple

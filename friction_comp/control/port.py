@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the compensation loop commands its motors through, whatever carries the commands."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import Protocol
 

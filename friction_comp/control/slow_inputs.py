@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Validates slow inputs of the compensator (direction, temperature) and checks their age."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 import math
 

@@ -8,6 +8,8 @@ compiled code that holds the lock. Such calls of the control loop take microseco
 hangs or is killed, only the timeout of the driver helps.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 import threading
 import time
@@ -31,7 +33,7 @@ class Watchdog:
         self._lock = threading.Lock()
         self._closed = False
 
-    def start(self) -> 'Watchdog':
+    def start(self) -> Watchdog:
         """Start the thread and return the watchdog."""
         threading.Thread(target=self._run, name='watchdog', daemon=True).start()
         return self

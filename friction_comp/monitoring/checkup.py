@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checks a running system: connections, rates, clocks, values, and the models of its joints."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Iterator
 
 import numpy as np

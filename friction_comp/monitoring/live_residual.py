@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Computes the residual of a running joint, with its model and with a new model on trial."""
 
+from __future__ import annotations
+
 import math
 from typing import Any
 

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checks whether nodes can discover each other."""
 
+from __future__ import annotations
+
 import os
 import socket
 

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Observations of a machine and of a running system, as plain data."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -59,7 +61,7 @@ class StatesSeen:
         if not self.named.size:
             self.named = np.ones(self.position.shape, dtype=bool)
 
-    def of_joint(self, joint: str) -> 'StatesSeen':
+    def of_joint(self, joint: str) -> StatesSeen:
         """Return the messages that name a joint, with that joint only."""
         index = self.joints.index(joint)
         rows, column = self.named[:, index], slice(index, index + 1)

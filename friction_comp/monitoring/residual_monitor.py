@@ -6,6 +6,8 @@ A block is a short piece of motion in one direction. Averaging over blocks remov
 single samples and leaves a few values per second.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from dataclasses import dataclass
 

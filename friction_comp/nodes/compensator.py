@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Feeds a joint's friction forward to its motor, in the direction announced by the exercise."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 import traceback
 from typing import Any

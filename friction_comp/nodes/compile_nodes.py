@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiles the nodes' kernels at installation, so that their first start is fast."""
 
+from __future__ import annotations
+
 from friction_comp.control.model_trial import load_compiled_code
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.nodes.goals import compile_ahead

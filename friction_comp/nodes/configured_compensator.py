@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A compensator from its configuration to its clean-up: its topics, and what is behind them."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 import time
 from typing import Any

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Announces the direction of each joint from a plan, a stream of desired states or a sensor."""
 
+from __future__ import annotations
+
 from array import array
 from collections.abc import Callable
 import math

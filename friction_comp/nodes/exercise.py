@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Publishes a reference movement, of the note or from a file, and announces its directions."""
 
+from __future__ import annotations
+
 from array import array
 import math
 from time import monotonic

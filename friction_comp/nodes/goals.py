@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The goals of the node identification: from the action message to the run and its result."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, field
 import math

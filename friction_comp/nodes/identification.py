@@ -6,6 +6,8 @@ Friction is measured as in sections 2.3 and 2.4 of the note. Both actions share 
 the joint, and end with zero current after every fault.
 """
 
+from __future__ import annotations
+
 from functools import partial
 import math
 from pathlib import Path

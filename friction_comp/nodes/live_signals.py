@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Converts serialised messages to rows of measurements of each joint."""
 
+from __future__ import annotations
+
 from collections import defaultdict, deque
 import math
 

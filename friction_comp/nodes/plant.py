@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simulates joints in real time, or in lockstep with the nodes that command them."""
 
+from __future__ import annotations
+
 from array import array
 import time
 from typing import Any

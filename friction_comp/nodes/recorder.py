@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Records the package's topics to a rosbag2 folder for evaluate, refine and ros2 bag."""
 
+from __future__ import annotations
+
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is kept of the last minutes, and a refinement on it or on a recording."""
 
+from __future__ import annotations
+
 from collections import deque
 from collections.abc import Sequence
 from pathlib import Path

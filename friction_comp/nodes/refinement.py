@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Monitors how well the models fit, and refines them on request as an action server."""
 
+from __future__ import annotations
+
 from datetime import datetime
 from pathlib import Path
 import time

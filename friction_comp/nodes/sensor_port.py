@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Publishes what a cheap sensor of the simulated person measures, with faults on request."""
 
+from __future__ import annotations
+
 from array import array
 from collections import deque
 import math

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The main page of the demo: the effect of compensation and of the refined model."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 from matplotlib.figure import Figure

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reports of the demo's scenes about the hand and the direction, and of a follower."""
 
+from __future__ import annotations
+
 from typing import Any
 
 from matplotlib.figure import Figure
@@ -57,7 +59,7 @@ class HandTrial:
         time, velocity = (values[self._steady] for values in self._reference)
         return float(inertia * np.sqrt(np.mean(np.gradient(velocity, time)**2)))
 
-    def removed(self, bare: 'HandTrial', inertia: float) -> float:
+    def removed(self, bare: HandTrial, inertia: float) -> float:
         """Return the share of friction's part in the RMS torque that is removed."""
         return (bare.rms - self.rms) / (bare.rms - inertia)
 

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page of an evaluation: the verdict, the note's Fig. 5, tables and explanations."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from datetime import date
 

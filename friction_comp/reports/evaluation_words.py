@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Describes an evaluation in sentences, in plain language and in technical terms."""
 
+from __future__ import annotations
+
 import math
 from typing import NamedTuple
 

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The reports of `excite` (a planned motion) and `improve` (a model refined on such motions)."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 import itertools
 

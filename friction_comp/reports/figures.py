@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """One style for all figures, legible on paper and on light and dark pages."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from functools import wraps
 from html import escape

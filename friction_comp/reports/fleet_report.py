@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The part of a page that compares the units of a fleet: what varies, and which unit is out."""
 
+from __future__ import annotations
+
 import math
 
 from matplotlib.axes import Axes

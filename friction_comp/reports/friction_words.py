@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Coulomb and viscous friction, breakaway, inertia and the like as text: one line for each."""
 
+from __future__ import annotations
+
 import math
 from typing import NamedTuple
 

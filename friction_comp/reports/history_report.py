@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The report of a drive's history: friction, error and temperature of each recording."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 from matplotlib.figure import Figure

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Builds a report as one self-contained HTML file, which can be read without scripts."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar

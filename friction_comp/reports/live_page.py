@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The live page, which needs no internet: motion, currents and residual of each joint."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from html import escape
 import time

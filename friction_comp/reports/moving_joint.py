@@ -6,6 +6,8 @@ Angle, arrow and dot always show the measured values of the same time. The anima
 without scripts, which plays in a page and in a README.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape

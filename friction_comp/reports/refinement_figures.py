@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The figures of the report of `refine`."""
 
+from __future__ import annotations
+
 from itertools import cycle
 import math
 from typing import Any

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The reports on many recordings that were refined separately, and on a whole arm."""
 
+from __future__ import annotations
+
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The report of `refine` on one joint."""
 
+from __future__ import annotations
+
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reports on the demo's other scenes: two joints, a drive that changes, and an arm."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page on friction that was fitted to a table of steady states."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import Any
 

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A guided movement and the exercise that was made of it."""
 
+from __future__ import annotations
+
 from matplotlib.figure import Figure
 import numpy as np
 

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Subscribes to the package's topics, gives each message a time and counts losses."""
 
+from __future__ import annotations
+
 from bisect import bisect_right
 from collections import defaultdict, deque
 from collections.abc import Callable, Collection

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Publishes each node's state on /diagnostics."""
 
+from __future__ import annotations
+
 from array import array
 from collections.abc import Callable, Iterator, Sequence
 import time

@@ -8,6 +8,8 @@ InputError, by which a node says that it cannot go on, and errors of timers, whi
 outside calls, end the spinning.
 """
 
+from __future__ import annotations
+
 from collections.abc import Generator, Iterable
 from contextlib import ExitStack, suppress
 import inspect

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Publishes motor currents or joint torques, for all nodes that drive a motor."""
 
+from __future__ import annotations
+
 from array import array
 from collections.abc import Sequence
 import math

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Feeds the live page from the running system in a separate thread."""
 
+from __future__ import annotations
+
 from collections import defaultdict, deque
 from collections.abc import Sequence
 import contextlib

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Loads models in a separate thread while the control loop runs, and services that wait."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 import threading

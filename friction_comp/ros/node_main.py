@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Starts, runs and ends every node."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 import gc
 import inspect

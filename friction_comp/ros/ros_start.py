@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Initialises ROS 2 for nodes and tools, with a one-line error where that fails; timers."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 import re

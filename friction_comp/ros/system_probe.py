@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Observes a running system for some seconds without changing it."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 import math

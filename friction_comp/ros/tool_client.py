@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A ROS 2 node for tools: actions, parameters and diagnostics of the running nodes."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, ExitStack
 from dataclasses import replace
@@ -63,7 +65,7 @@ class ToolClient:
         self._name, self._arguments = name, arguments
         self._status: dict[str, dict[str, str]] = {}
 
-    def __enter__(self) -> 'ToolClient':
+    def __enter__(self) -> ToolClient:
         self._stack = ExitStack()
         self.node = self._stack.enter_context(own_node(self._name, self._arguments))
         self._executor = SingleThreadedExecutor(context=self.node.context)
