@@ -83,18 +83,7 @@ def cmake_environment():
 
 
 def build_tree(folder):
-    """Build the interface package in a folder, unless it holds the very same build already.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-        Holds CMake's build, the install tree and the fingerprint of what it was built from.
-
-    Returns
-    -------
-    pathlib.Path
-        The install tree.
-    """
+    """Build the interface package in a folder, with a fingerprint, and return the install tree."""
     tree, stamp, wanted = folder / 'install', folder / 'fingerprint', fingerprint()
     if tree.is_dir() and stamp.is_file() and stamp.read_text(encoding='ascii') == wanted:
         return tree

@@ -7,12 +7,12 @@ from __future__ import annotations
 import inspect
 from pathlib import Path
 
-from matplotlib.figure import Figure
 import numpy as np
 
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.effects.definitions import Coverage
 from friction_comp.refinement.thresholds import table
+from friction_comp.reports.figures import curve, new_figure, to_svg
 from friction_comp.samples import Samples
 
 # What a recording must contain so that effects of a variable can be found and distinguished.
@@ -107,12 +107,9 @@ def draw(name, kind, path):
     constants = {**({'frequency': _PERIODS} if 'frequency' in kind.constants else {}),
                  **grid[len(grid) // 2]}
     column = kind.matrix(samples, constants)[:, 0]
-    figure = Figure(figsize=(6.0, 2.6), layout='constrained')
-    axes = figure.add_subplot()
-    axes.plot(getattr(samples, axis), column, color='#0072B2')
-    axes.set(xlabel=_AXES[axis], ylabel='current (A)')
-    axes.grid(alpha=0.3)
-    figure.savefig(path, metadata={'Date': None})
+    figure, axes = new_figure(width=6.0, height=2.6, x=_AXES[axis], y='current (A)')
+    curve(axes, getattr(samples, axis), column, 'blue')
+    path.write_text(to_svg(figure), encoding='utf-8')
     return True
 
 

@@ -1,20 +1,13 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Keeps the figures that README and docs/results.md quote: they come from what a command wrote.
+"""Keeps the figures that README and docs quote: they come from what a command wrote.
 
     make demo && python3 docs/quote_figures.py demo friction_comp_demo/report.json
-    python3 -m friction_comp reproduce --output reproduction --cycles 200
-    python3 docs/quote_figures.py reproduce reproduction/results.json
-    python3 bench/law_choice.py --seed 93 --output laws.json
-    python3 docs/quote_figures.py laws laws.json
-    python3 -m friction_comp demo --scene to_and_fro --output to_and_fro
-    python3 docs/quote_figures.py to_and_fro to_and_fro/report.json
-    python3 -m friction_comp demo --scene intention --output intention
-    python3 docs/quote_figures.py intention intention/report.json
 
 stores the few numbers in docs/figures/, writes the pages' table anew, and draws the pictures of the
-demo's scenes from the recordings beside their reports. Tests compare the pages with what is stored,
-and what is stored with the experiments themselves.
+demo's scenes from the recordings beside their reports; so does each of KINDS, of which the stored
+numbers name the `command`. Tests compare the pages with what is stored, and what is stored with the
+experiments themselves.
 """
 
 from __future__ import annotations
@@ -40,16 +33,14 @@ STORED = ROOT / 'docs' / 'figures'
 _TITLES = {name: title for name, title, *_ in TRIALS}
 
 
-def demo_numbers(report: dict[str, Any]) -> dict[str, Any]:
-    """Return what is quoted of a demo's report.json."""
+def _demo_numbers(report: dict[str, Any]) -> dict[str, Any]:
     return {'command': 'make demo', 'trials': {
         trial['name']: [trial['peak_torque'], trial['rms_torque'], trial['stuck']]
         for trial in report['trials']},
         'residual': [report['residual']['before'], report['residual']['after']]}
 
 
-def demo_table(numbers: dict[str, Any]) -> list[str]:
-    """Return the table of the demo."""
+def _demo_table(numbers: dict[str, Any]) -> list[str]:
     errors = dict(zip(('compensated', 'refined'), numbers['residual']))
     return _markdown(['', 'peak, N·m', 'RMS, N·m', 'current error, mA'], [
         [_TITLES[name], peak_text(peak, stuck), number(rms),
@@ -62,16 +53,14 @@ def _markdown(head: list[str], rows: list[list[str]]) -> list[str]:
     return [first, '|---' * len(head) + '|', *others]
 
 
-def reproduce_numbers(results: dict[str, Any]) -> dict[str, Any]:
-    """Return what is quoted of the tool reproduce's results.json."""
+def _reproduce_numbers(results: dict[str, Any]) -> dict[str, Any]:
     kept = ('breakaway', 'peak_torque', 'peak_reduction', 'false_starts')
     return {'command': 'python3 -m friction_comp reproduce --output reproduction --cycles 200',
             'configurations': {name: {entry: result[entry] for entry in kept}
                                for name, result in results['configurations'].items()}}
 
 
-def reproduce_table(numbers: dict[str, Any]) -> list[str]:
-    """Return the table of the note's experiments."""
+def _reproduce_table(numbers: dict[str, Any]) -> list[str]:
     configurations = numbers['configurations']
     return _markdown(['', *(f'configuration {name}' for name in configurations)],
                      compared(configurations))
@@ -91,13 +80,11 @@ LAWS = {
     'none': ('`none`', 'the bare drive', 'the joint stops')}
 
 
-def laws_numbers(result: dict[str, Any]) -> dict[str, Any]:
-    """Return what is quoted of bench/law_choice.py's result."""
+def _laws_numbers(result: dict[str, Any]) -> dict[str, Any]:
     return {'command': f'python3 bench/law_choice.py --seed {result["seed"]}', **result}
 
 
-def laws_table(numbers: dict[str, Any]) -> list[str]:
-    """Return the table to choose a law by."""
+def _laws_table(numbers: dict[str, Any]) -> list[str]:
     shares = {name: [f'{median:.0f} ({worst:.0f}) %' for median, worst in row]
               for name, row in numbers['laws'].items()}
     after = {name: f'{moving} of {all_} move on' for name, (moving, all_) in
@@ -109,60 +96,52 @@ def laws_table(numbers: dict[str, Any]) -> list[str]:
           words + after.get(name, '')] for name, (law, whom, words) in LAWS.items()])
 
 
-def demo_words(numbers: dict[str, Any]) -> str:
-    """Return what the demo's picture shows, for those who do not see it."""
+def _demo_words(numbers: dict[str, Any]) -> str:
     peaks = ', '.join(f'{_TITLES[name]} {peak_text(peak, stuck)}'.replace('> ', 'more than ')
                       for name, (peak, _, stuck) in numbers['trials'].items())
     return f'Torque in N·m that a person needs to move the joint, over time. Peaks: {peaks}.'
 
 
-def demo_picture(numbers: dict[str, Any], folder: Path) -> str:
-    """Return the picture of the demo's trials as SVG, drawn from their recordings."""
+def _demo_picture(numbers: dict[str, Any], folder: Path) -> str:
     trials = [EvaluatedTrial(name, title, recorded(folder / 'recordings' / name))
               for name, title in _TITLES.items()]
     for condition in (one for trial in trials for one in trial.evaluation.conditions):
         condition.time, condition.torque, condition.torque_std = thin(
             condition.time, condition.torque, condition.torque_std, points=200)
-    return to_file(torque_figure(trials), 'Back-driving torque in the demo', demo_words(numbers))
+    return to_file(torque_figure(trials), 'Back-driving torque in the demo', _demo_words(numbers))
 
 
-def to_and_fro_numbers(report: dict[str, Any]) -> dict[str, Any]:
-    """Return what is quoted of the scene to_and_fro."""
+def _to_and_fro_numbers(report: dict[str, Any]) -> dict[str, Any]:
     return {'command': 'python3 -m friction_comp demo --scene to_and_fro',
             'rms': {one['name']: one['rms_torque'] for one in report['to_and_fro']},
             'inertia': report['inertia_rms']}
 
 
-def to_and_fro_words(numbers: dict[str, Any]) -> str:
-    """Return what the picture of the scene shows."""
+def _to_and_fro_words(numbers: dict[str, Any]) -> str:
     return ('Torque of a hand over the angle, to and fro at 0.6 Hz. RMS: ' + ', '.join(
         f'{title} {numbers["rms"][name]:.2f}' for name, title, *_ in WAYS)
         + f', without friction {numbers["inertia"]:.2f} N·m.')
 
 
-def to_and_fro_picture(numbers: dict[str, Any], folder: Path) -> str:
-    """Return the picture of the scene to_and_fro."""
+def _to_and_fro_picture(numbers: dict[str, Any], folder: Path) -> str:
     return to_file(loops_figure(_hands(folder, {name: title for name, title, *_ in WAYS})),
-                    'A hand moves a joint to and fro', to_and_fro_words(numbers))
+                   'A hand moves a joint to and fro', _to_and_fro_words(numbers))
 
 
-def intention_numbers(report: dict[str, Any]) -> dict[str, Any]:
-    """Return what is quoted of the scene intention."""
+def _intention_numbers(report: dict[str, Any]) -> dict[str, Any]:
     return {'command': 'python3 -m friction_comp demo --scene intention',
             'peak': report['peak_torque']}
 
 
-def intention_words(numbers: dict[str, Any]) -> str:
-    """Return what the picture of the scene shows."""
+def _intention_words(numbers: dict[str, Any]) -> str:
     peaks = ', '.join(f'{title} {numbers["peak"][name]:.2f}' for name, title in SOURCES.items())
     return f"A person's torque over time, and when the direction is known. Mean peaks: {peaks} N·m."
 
 
-def intention_picture(numbers: dict[str, Any], folder: Path) -> str:
-    """Return the picture of the scene intention."""
+def _intention_picture(numbers: dict[str, Any], folder: Path) -> str:
     return to_file(intention_figure(_hands(folder, SOURCES)),
                     'A person moves a joint whose direction nobody, sensors or an exercise know',
-                    intention_words(numbers))
+                    _intention_words(numbers))
 
 
 def _hands(folder: Path, titles: dict[str, str]) -> dict[str, HandTrial]:
@@ -171,7 +150,7 @@ def _hands(folder: Path, titles: dict[str, str]) -> dict[str, HandTrial]:
 
 
 class Kind(NamedTuple):
-    """What is quoted of a command's result."""
+    """How a command's report.json becomes the stored numbers, and these a table or a picture."""
 
     numbers: Callable[[dict[str, Any]], dict[str, Any]]
     table: Callable[[dict[str, Any]], list[str]] | None = None
@@ -182,21 +161,15 @@ class Kind(NamedTuple):
 
 README, DOCS = ROOT / 'README.md', ROOT / 'docs'
 KINDS = {
-    'demo': Kind(demo_numbers, demo_table, (README,), demo_words, demo_picture),
-    'reproduce': Kind(reproduce_numbers, reproduce_table, (DOCS / 'results.md',)),
-    'laws': Kind(laws_numbers, laws_table, (README, DOCS / 'compensation_law.md')),
-    'to_and_fro': Kind(to_and_fro_numbers, words=to_and_fro_words, picture=to_and_fro_picture),
-    'intention': Kind(intention_numbers, words=intention_words, picture=intention_picture)}
+    'demo': Kind(_demo_numbers, _demo_table, (README,), _demo_words, _demo_picture),
+    'reproduce': Kind(_reproduce_numbers, _reproduce_table, (DOCS / 'results.md',)),
+    'laws': Kind(_laws_numbers, _laws_table, (README, DOCS / 'compensation_law.md')),
+    'to_and_fro': Kind(_to_and_fro_numbers, words=_to_and_fro_words, picture=_to_and_fro_picture),
+    'intention': Kind(_intention_numbers, words=_intention_words, picture=_intention_picture)}
 
 
 def quoted(text: str, name: str) -> list[str]:
-    """Return the table of that name in a page's text.
-
-    Raises
-    ------
-    SystemExit
-        If it is not there.
-    """
+    """Return the table of that name in a page's text; SystemExit says that there is none."""
     found = re.search(rf'<!-- {name} -->\n(.*?)\n<!-- end -->', text, re.DOTALL)
     if not found:
         raise SystemExit(f'no table between <!-- {name} --> and <!-- end -->')

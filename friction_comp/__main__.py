@@ -107,6 +107,10 @@ def run(name: str, argv: list[str] | None = None) -> int:
         try:
             # Imported only now, so that tools that do not need ROS 2 run without it.
             module = importlib.import_module(f'friction_comp.{room}.{name}')
+            if name in NODES:
+                from friction_comp.ros import node_main
+
+                return node_main.run(name, getattr(module, f'{name.capitalize()}Node'), argv)
             return module.main(argv) or 0
         except InputError as error:
             print(f'{name}: {one_line(error)}', file=sys.stderr)

@@ -28,33 +28,24 @@ def generate_launch_description():
               'motor_temperature')
     types = {'joints': List[str], 'model_files': List[str], 'law': str, 'autostart': bool,
              'use_sim_time': bool}
+    laws, switch = ['continuous', 'desired', 'paper', 'kinetic', 'none'], ['true', 'false']
+    levels = ['debug', 'info', 'warn', 'error', 'fatal']
+    arguments = (
+        ('namespace', '', 'of the node'),
+        ('parameters', [configuration, '/parameters.yaml'],
+         'parameter file; the arguments below override it'),
+        ('joints', None, "names of the joints as a YAML list, such as ['elbow']"),
+        ('model_files', None, 'one model file per joint, as a YAML list'),
+        ('law', 'continuous', 'compensation law', laws),
+        ('autostart', 'true', 'whether the node configures and activates itself', switch),
+        ('use_sim_time', 'false', 'time from /clock', switch),
+        ('log_level', 'info', 'what is logged', levels),
+        ('respawn', 'false', 'whether to start the node again when it ends', switch),
+        *((topic, topic, f'topic to use as {topic}') for topic in topics))
     return LaunchDescription([
-        DeclareLaunchArgument('namespace', default_value='', description='of the node'),
-        DeclareLaunchArgument(
-            'parameters', default_value=[configuration, '/parameters.yaml'],
-            description='parameter file; the arguments below override it'),
-        DeclareLaunchArgument(
-            'joints', description="names of the joints as a YAML list, such as ['elbow']"),
-        DeclareLaunchArgument(
-            'model_files', description='one model file per joint, as a YAML list'),
-        DeclareLaunchArgument(
-            'law', default_value='continuous', choices=['continuous', 'paper', 'kinetic', 'none'],
-            description='compensation law'),
-        DeclareLaunchArgument(
-            'autostart', default_value='true', choices=['true', 'false'],
-            description='whether the node configures and activates itself'),
-        DeclareLaunchArgument(
-            'use_sim_time', default_value='false', choices=['true', 'false'],
-            description='time from /clock'),
-        DeclareLaunchArgument(
-            'log_level', default_value='info',
-            choices=['debug', 'info', 'warn', 'error', 'fatal'], description='what is logged'),
-        DeclareLaunchArgument(
-            'respawn', default_value='false', choices=['true', 'false'],
-            description='whether to start the node again when it ends'),
-        *(DeclareLaunchArgument(
-            topic, default_value=topic, description=f'topic to use as {topic}')
-          for topic in topics),
+        *(DeclareLaunchArgument(name, default_value=default, description=text,
+                                choices=choices[0] if choices else None)
+          for name, default, text, *choices in arguments),
         LifecycleNode(
             package='friction_comp',
             executable='compensator',

@@ -28,27 +28,22 @@ def generate_launch_description():
     topics = ('joint_states', 'current_command')
     types = {'joints': List[str], 'model_files': List[str], 'output_folder': str,
              'use_sim_time': bool}
+    switch, levels = ['true', 'false'], ['debug', 'info', 'warn', 'error', 'fatal']
+    arguments = (
+        ('namespace', '', 'of the node'),
+        ('parameters', [configuration, '/parameters.yaml'],
+         'parameter file; the arguments below override it'),
+        ('joints', None, "names of the joints as a YAML list, such as ['elbow']"),
+        ('model_files', None, "one model file per joint, as a YAML list; only the section 'drive' "
+         'of each is used'),
+        ('output_folder', '.', 'folder for the model files'),
+        ('use_sim_time', 'false', 'time from /clock', switch),
+        ('log_level', 'info', 'what is logged', levels),
+        *((topic, topic, f'topic to use as {topic}') for topic in topics))
     return LaunchDescription([
-        DeclareLaunchArgument('namespace', default_value='', description='of the node'),
-        DeclareLaunchArgument(
-            'parameters', default_value=[configuration, '/parameters.yaml'],
-            description='parameter file; the arguments below override it'),
-        DeclareLaunchArgument(
-            'joints', description="names of the joints as a YAML list, such as ['elbow']"),
-        DeclareLaunchArgument(
-            'model_files', description="one model file per joint, as a YAML list; only the section "
-            "'drive' of each is used"),
-        DeclareLaunchArgument(
-            'output_folder', default_value='.', description='folder for the model files'),
-        DeclareLaunchArgument(
-            'use_sim_time', default_value='false', choices=['true', 'false'],
-            description='time from /clock'),
-        DeclareLaunchArgument(
-            'log_level', default_value='info',
-            choices=['debug', 'info', 'warn', 'error', 'fatal'], description='what is logged'),
-        *(DeclareLaunchArgument(
-            topic, default_value=topic, description=f'topic to use as {topic}')
-          for topic in topics),
+        *(DeclareLaunchArgument(name, default_value=default, description=text,
+                                choices=choices[0] if choices else None)
+          for name, default, text, *choices in arguments),
         Node(
             package='friction_comp',
             executable='identification',

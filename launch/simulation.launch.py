@@ -36,30 +36,24 @@ def generate_launch_description():
             'output': 'screen',
         }
 
+    laws, switch = ['continuous', 'desired', 'paper', 'kinetic', 'none'], ['true', 'false']
+    levels = ['debug', 'info', 'warn', 'error', 'fatal']
+    arguments = (
+        ('namespace', '', 'of all nodes'),
+        ('parameters', [configuration, '/parameters.yaml'],
+         'parameter file of all nodes; the arguments below override it'),
+        ('joints', "['joint']", 'names of the joints, as a YAML list'),
+        ('model_files', ["['", configuration, "/armin_configuration_1.yaml']"],
+         'one model file per joint, for plant and compensator, as a YAML list'),
+        ('law', 'continuous', 'compensation law', laws),
+        ('use_sim_time', 'false', 'time from /clock, of all nodes but the plant', switch),
+        ('log_level', 'info', 'what is logged', levels),
+        ('identify', 'false', 'start the identification instead of compensator and exercise',
+         switch))
     return LaunchDescription([
-        DeclareLaunchArgument('namespace', default_value='', description='of all nodes'),
-        DeclareLaunchArgument(
-            'parameters', default_value=[configuration, '/parameters.yaml'],
-            description='parameter file of all nodes; the arguments below override it'),
-        DeclareLaunchArgument(
-            'joints', default_value="['joint']",
-            description='names of the joints, as a YAML list'),
-        DeclareLaunchArgument(
-            'model_files',
-            default_value=["['", configuration, "/armin_configuration_1.yaml']"],
-            description='one model file per joint, for plant and compensator, as a YAML list'),
-        DeclareLaunchArgument(
-            'law', default_value='continuous', choices=['continuous', 'paper', 'kinetic', 'none'],
-            description='compensation law'),
-        DeclareLaunchArgument(
-            'use_sim_time', default_value='false', choices=['true', 'false'],
-            description='time from /clock, of all nodes but the plant'),
-        DeclareLaunchArgument(
-            'log_level', default_value='info',
-            choices=['debug', 'info', 'warn', 'error', 'fatal'], description='what is logged'),
-        DeclareLaunchArgument(
-            'identify', default_value='false', choices=['true', 'false'],
-            description='start the identification instead of compensator and exercise'),
+        *(DeclareLaunchArgument(name, default_value=default, description=text,
+                                choices=choices[0] if choices else None)
+          for name, default, text, *choices in arguments),
         Node(executable='plant', **settings('plant', 'model_files')),
         Node(executable='identification', condition=IfCondition(identify),
              **settings('identification', 'model_files', 'use_sim_time')),

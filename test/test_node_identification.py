@@ -177,7 +177,7 @@ def test_identifies_a_drive(system):
 def test_a_silence_ends_a_goal_whatever_comes_next(verdict, wrong, simulated, reason):
     ended = []
     node = SimpleNamespace(
-        get_clock=lambda: SimpleNamespace(ros_time_is_active=simulated),
+        _simulated=simulated,
         _states=SimpleNamespace(wrong=wrong, missing=[]), _end=lambda *how: ended.append(how),
         _watchdog=SimpleNamespace(feed=lambda: None), _measure=lambda *_: None,
         _port=SimpleNamespace(repeat=lambda sent: None))

@@ -23,7 +23,7 @@ from friction_comp.files import write_yaml
 from friction_comp.model.friction_model import arm_document, FrictionModel
 from friction_comp.monitoring.live_residual import JointWatch
 from friction_comp.nodes.live_signals import LiveSignals
-from friction_comp.nodes.recent_past import Message, RecentPast
+from friction_comp.nodes.refine_job import Message, RecentPast
 from friction_comp.nodes.refinement import RefinementNode
 from friction_comp.ros.live_feed import frame_of
 

@@ -177,7 +177,7 @@ def test_a_torque_that_is_not_measured_has_no_arrow():
 def test_the_picture_of_the_readme_is_drawn_from_the_examples():
     stored = (ROOT / 'docs' / 'moving.svg').read_text(encoding='utf-8')
     numbers = [np.array(re.findall(r'-?\d+\.\d+', text), dtype=float)
-               for text in (stored, script('moving_picture').picture())]
+               for text in (stored, script('pictures').moving())]
     np.testing.assert_allclose(numbers[1], numbers[0], atol=0.2)
 
 

@@ -32,9 +32,8 @@ class CompensationLoop:
     """Answers joint states with currents.
 
     Age or silence of joint states beyond `timeout` (ns) leads to zero current; `direction_timeout`
-    is in s. `now` is the node's clock in ns; if it is `simulated`, time may stop: silence then does
-    not mean that the driver is gone. Messages but joint states go to its `inputs`. `heard` is the
-    number of joint states so far.
+    is in s. If `now`, the node's clock in ns, is `simulated`, time may stop: silence then does not
+    mean that the driver is gone. Messages but joint states go to its `inputs`.
     """
 
     def __init__(self, joints: Sequence[str], law: Any, port: Port, faults: Faults,
@@ -43,7 +42,7 @@ class CompensationLoop:
                  now: Callable[[], int] = time.time_ns) -> None:
         self._joints, self._law, self._port, self._faults = list(joints), law, port, faults
         self._simulated, self._clock, self._now = simulated, clock, now
-        self.heard = 0
+        self.heard = 0    # joint states so far
         self.inputs = Inputs(joints, timeout, direction_timeout, faults, port.zero, clock)
         self._zeros = np.zeros(len(joints))
         self._set_limits()
@@ -66,10 +65,8 @@ class CompensationLoop:
         self.inputs.watchdog.rest()
         self._port.zero()
 
-    # The law, which itself changes its current gradually where its figures change.
-
     def retune(self, law: str, breakaway_gain: float, current_limit: float) -> None:
-        """Change the options of the law."""
+        """Change the options of the law, which itself changes its current gradually."""
         self._law.retune(law, breakaway_gain, current_limit)
         self._set_limits()
 
@@ -83,8 +80,6 @@ class CompensationLoop:
         self._port.set_limits(
             self._law.limits, [model.drive.torque_per_current for model in self._law.models])
 
-    # Joint states.
-
     def hear(self, message: Any, info: dict[str, Any]) -> None:
         """Answer a joint state; `info` is what the middleware says of the message."""
         self.heard += 1
@@ -93,10 +88,7 @@ class CompensationLoop:
 
     def take(self, message: Any, now: int, received: int = 0, sent: int = 0,
              sequence: int = 0) -> None:
-        """Answer a joint state; `sent` is the system time in ns of its publication.
-
-        The other arguments are those of `JointStateInput.take`.
-        """
+        """Answer a joint state, `sent` at a system time in ns; else as `JointStateInput.take`."""
         if self.yields or not self._port.ready:
             return
         if now == 0:
@@ -133,8 +125,6 @@ class CompensationLoop:
         except Exception as error:
             self._faults.latch('law', f'an error in the law: {error!r}\n{traceback.format_exc()}')
             return self._zeros
-
-    # Supervision.
 
     def _doubt_driver(self, what: str, seconds: float) -> None:
         """Latch a fault if joint states were not followed for long while the motor was driven."""
@@ -185,22 +175,19 @@ class CompensationLoop:
 
     def _report_doubt(self) -> None:
         guards = self._law.guards
-        doubtful = [joint for j, joint in enumerate(self._joints)
-                    if guards['in doubt'][j] and self.inputs.in_use(j)]
-        if doubtful:
+        if doubtful := [joint for j, joint in enumerate(self._joints)
+                        if guards['in doubt'][j] and self.inputs.in_use(j)]:
             self._faults.report(
                 'doubt', f'{", ".join(doubtful)}: no current, since the position jumps')
-        reduced = [joint for joint, share in zip(self._joints, guards['taken back'])
-                   if share > _REPORTED_LOSS]
-        if reduced:
+        if reduced := [joint for joint, share in zip(self._joints, guards['taken back'])
+                       if share > _REPORTED_LOSS]:
             self._faults.report('lost friction', f'{", ".join(reduced)}: less current, since the '
                                 'drive slipped under its preload or was faster than identified: '
                                 'its friction may have decreased; identify it again', WARN)
-        limited = [f'{self._joints[j]}: {effects} {why}' for j, effects, why in self._law.limited]
-        if limited:
-            self._faults.report('limit', '; '.join(limited), WARN)
-
-    # Diagnostics.
+        if self._law.limited:
+            self._faults.report('limit', '; '.join(
+                f'{self._joints[j]}: {effects} {why}' for j, effects, why in self._law.limited),
+                WARN)
 
     def unusual(self) -> list[str]:
         """Return what is unusual about the models, and which effects are not fed back, as text."""

@@ -24,10 +24,10 @@ class _Fault:
 
 
 class Faults:
-    """Present faults of a node, and latched ones that remain until they are reset.
+    """Present faults of a node, and latched ones that remain until they are reset; for all threads.
 
-    May be used from several threads. A fault ends when it has not been reported for some time, so
-    that an intermittent fault counts as one. `latched` tells whether any fault is.
+    A fault ends when it has not been reported for some time, so that an intermittent one counts as
+    one. `latched` tells whether any fault is, `count` how many there were.
     """
 
     def __init__(self, logger: Any, clock: Callable[[], float] = time.monotonic) -> None:
@@ -72,11 +72,9 @@ class Faults:
         """End faults that are no longer reported; to be called regularly."""
         now = self._clock()
         with self._lock:
-            ended = {cause: fault for cause, fault in self._faults.items()
-                     if now - fault.seen > _HOLD}
-            for cause in ended:
-                del self._faults[cause]
-        for fault in ended.values():
+            ended = [cause for cause, fault in self._faults.items() if now - fault.seen > _HOLD]
+            faults = [self._faults.pop(cause) for cause in ended]
+        for fault in faults:
             self._logger.info(f'ended after {fault.seen - fault.begun:.3g} s: {fault.text}')
 
     def clear(self) -> None:

@@ -35,20 +35,11 @@ class Inputs:
     Age or silence of joint states beyond `timeout` (ns) is a fault: `on_silence` is then called, in
     the watchdog's thread. `direction_timeout` is in s.
 
-    Attributes
-    ----------
-    time : float
-        Of the last new joint state, s since the first one: seconds since 1970 have too little
-        resolution as a float.
-    position, direction, ends : ndarray, shape (J,)
-        Then; rad, NaN for a joint whose values are in doubt, d, and where announced movements end,
-        rad, NaN where nobody says so.
-    velocity, temperature : ndarray, shape (J,), or None
-        rad/s and degrees Celsius; None where nobody sent any.
-    anew : bool
-        Whether it does not continue the state before.
-    silence : float
-        How long joint states were silent before it, s.
+    Of the last new joint state are: `time`, s since the first one (seconds since 1970 have too
+    little resolution as a float); `position`, `direction` and `ends` (of announced movements),
+    shape (J,), rad, NaN where in doubt or unknown; `velocity`, rad/s, and `temperature`, degrees
+    Celsius, shape (J,) or None where nobody sent any; whether it begins `anew` rather than
+    continues the state before; and how long joint states were silent before it, `silence` in s.
     """
 
     def __init__(self, joints: Sequence[str], timeout: int, direction_timeout: float,
@@ -63,7 +54,7 @@ class Inputs:
         self.forget()
 
     def forget(self, resolutions: Sequence[float] = ()) -> None:
-        """Forget all inputs; `resolutions` in rad are those of the encoders, if they change."""
+        """Forget all inputs; `resolutions` are those of the encoders, rad, if they change."""
         self.watchdog.rest()
         self.states.forget()
         self._direction.forget()
@@ -80,8 +71,6 @@ class Inputs:
     def forget_directions(self) -> None:
         """Count all directions as 0 until they are announced again."""
         self._direction.forget()
-
-    # Messages.
 
     def take(self, message: Any, now: int, received: int = 0, sequence: int = 0) -> str:
         """Read a joint state and return the verdict; arguments of `JointStateInput.take`."""
@@ -131,8 +120,6 @@ class Inputs:
     def set_direction_timeout(self, seconds: float) -> None:
         """Set the age in s after which a direction counts as 0."""
         self._direction.timeout = seconds
-
-    # The new state.
 
     def _read(self) -> None:
         states, stamp = self.states, self.states.stamp
@@ -197,8 +184,6 @@ class Inputs:
             self._due = [(check, [time, *(signal[:, j] for signal in rows)])
                          for j, check in enumerate(self._velocities)]
             del block[:-1]
-
-    # Silence and doubt.
 
     def _fall_silent(self) -> None:
         self._on_silence()

@@ -29,14 +29,12 @@ _CONTESTED_FOR = NANO
 
 
 class JointColumns:
-    """Selects the node's joints from joint states of any order and with other joints.
-
-    `missing` are the joints that the message lacks, `twice` those that it names more than once.
-    """
+    """Selects the node's joints from joint states of any order and with other joints."""
 
     def __init__(self, joints: Sequence[str]) -> None:
         self._joints = list(joints)
-        # Of the last message, as a list to compare with and as a key of dicts.
+        # Of the last message, as a list to compare with and as a key of dicts; then the node's
+        # joints that it lacks, and those that it names more than once.
         self.names: list[str] = []
         self.key: tuple[str, ...] = ()
         self._columns: list[int] | None = [-1] * len(self._joints)
@@ -44,10 +42,7 @@ class JointColumns:
         self.twice: list[str] = []
 
     def read(self, message: Any) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
-        """Return position, velocity and effort, each (J,), NaN where there is no value.
-
-        Velocity is None if the message has none.
-        """
+        """Return position, velocity (None without any) and effort, each (J,), NaN where missing."""
         self.find(message.name)
         return (self._select(message.position),
                 self._select(message.velocity) if len(message.velocity) else None,
@@ -80,27 +75,23 @@ class JointStateInput:
     the timeout of the clock, begins a new time base (a restarted simulation or driver).
 
     States of some of the joints, from several publishers, are merged by name. A round is complete,
-    and new, when all joints received within the timeout have arrived; the values of other joints
-    are missing (NaN).
+    and new, when all joints received within the timeout have arrived; other joints are missing.
 
     Times are in ns. The attributes hold the last new state: `stamp` (0 before the first),
     `position`, `velocity` and `effort`, shape (J,), NaN where there is no value, the `missing`
-    joints, and whether it followed a `gap` of stamps longer than the timeout or began a new time
-    base (`restarted`). `wrong` is the fault of the last state, if any; `overdue` whether states
-    name none of these joints, for longer than the timeout if they have several publishers.
+    joints, and whether it followed a `gap` longer than the timeout or began a new time base
+    (`restarted`). `wrong` is the fault of the last state, if any; `overdue` whether states name
+    none of these joints, for longer than the timeout if they have several publishers.
     """
 
     def __init__(self, joints: Sequence[str], timeout: int) -> None:
         self._joints, self._timeout = list(joints), timeout
         self._columns = JointColumns(joints)
-        # Number of late states so far.
-        self.passed_over = 0
-        # Publishers of joint states if there are several; updated by the node. Publishers number
-        # their messages: if the numbers of a joint do not increase, two of them publish it, and its
-        # value is ambiguous.
+        self.passed_over = 0    # number of late states so far
+        # If there are several, as the node says. They number their messages: if the numbers of a
+        # joint do not increase, two of them publish it, and its value is ambiguous.
         self.publishers: list[str] = []
-        # A state was in time by the node's clock.
-        self._clocks_agree = False
+        self._clocks_agree = False    # a state was in time by the node's clock
         self.forget()
 
     def forget(self) -> None:
@@ -133,8 +124,7 @@ class JointStateInput:
         self.wrong = ''
         header = message.header.stamp
         stamp = header.sec * NANO + header.nanosec
-        has_stamp = stamp != 0
-        stamp = stamp or received or now
+        has_stamp, stamp = stamp != 0, stamp or received or now
         self._columns.find(message.name)
         names = self._columns.key
         if sequence and self._contested(sequence, now):
@@ -165,7 +155,6 @@ class JointStateInput:
         return self._keep(message, stamp, restarted)
 
     def _why_old(self, age: int, now: int, received: int) -> str:
-        """Return why a state is old, as text: it waited here, on its way, or clocks differ."""
         if received and 2 * (now - received) > age:
             return ': they wait to be read, since this machine is overloaded'
         if self._clocks_agree:
@@ -229,12 +218,12 @@ class JointStateInput:
 
     def _contested(self, sequence: int, now: int) -> bool:
         """Return whether several publishers publish a joint of the message."""
-        last_sequence, clashing = self._numbers, []
+        clashing = []
         for j, joint in enumerate(self._joints):
             if joint not in self._columns.missing:
-                if sequence <= last_sequence[j]:
+                if sequence <= self._numbers[j]:
                     clashing.append(joint)
-                last_sequence[j] = sequence
+                self._numbers[j] = sequence
         if clashing and len(self.publishers) > 1:
             self._clash = now
             self._clash_text = (f'joint_states of {", ".join(clashing)} come from several '
@@ -245,11 +234,6 @@ class JointStateInput:
         return True
 
 
-def are_finite(values: np.ndarray) -> bool:
-    """Return whether all of a few values are finite; several times faster than with numpy."""
-    return all(map(math.isfinite, values.tolist()))
-
-
 def within(values: np.ndarray, limit: float) -> bool:
     """Return whether all of a few values are within ±limit; faster than with numpy."""
     return all(-limit <= value <= limit for value in values.tolist())
@@ -258,7 +242,8 @@ def within(values: np.ndarray, limit: float) -> bool:
 def _velocity_if_complete(velocity: np.ndarray | None,
                           position: np.ndarray) -> np.ndarray | None:
     """Return the velocity if it is known for every joint with a position, else None."""
-    if velocity is None or are_finite(velocity):
+    # Several times faster than with numpy.
+    if velocity is None or all(map(math.isfinite, velocity.tolist())):
         return velocity
     unknown = np.isnan(velocity)
     if (unknown & ~np.isnan(position)).any():

@@ -34,8 +34,8 @@ class Loaded(NamedTuple):
 
     def told(self, before: FeedForward | None = None) -> list[str]:
         """Return what feeds forward otherwise than before, or than the model says, as text."""
-        return [*(f'feeds forward otherwise than before: {text}'
-                  for text in (self.feed.compared(before) if before is not None else ())),
+        changed = [] if before is None else self.feed.compared(before)
+        return [*(f'feeds forward otherwise than before: {text}' for text in changed),
                 *(f'feeds forward otherwise than its model says: {text}'
                   for text in self.feed.lacking(self.model))]
 
@@ -59,10 +59,7 @@ def try_model(model: FrictionModel, gravity: str, path: str) -> Loaded:
 
 
 def load_compiled_code() -> None:
-    """Load all compiled code that a law may need, whatever model it gets later.
-
-    The cache is filled at installation. Without it this takes seconds.
-    """
+    """Load all compiled code that a law may need; without the cache this takes seconds."""
     # Effects with memory and the arm are what is compiled beside the law itself.
     effects = [effect({**dict.fromkeys(effect.constants, 1.0),
                        'coefficients': [0.0] * len(effect.coefficient_names)})

@@ -21,16 +21,12 @@ _NEVER = -math.inf
 class Direction:
     """Holds the last direction d per joint; 0 if it is malformed or old.
 
-    Directions arrive with or without the planner's stamp; for each joint the later one is used, and
-    0 after `timeout` s of silence. If there are several `planners`, which the node updates, and a
-    joint's direction changes and changes back within the timeout, they contradict each other: the
-    direction counts as 0 for twice that time. `refused` is the number of invalid messages so far,
-    and `why` the fault of the last of them.
-
-    `ends` are the positions in rad at which the movements end, NaN where no planner says so, shape
-    (J,). What was said is kept until another direction or end comes.
-
-    Times are in ns.
+    For each joint the later message is used, and 0 after `timeout` s of silence. If there are
+    several `planners` and a joint's direction changes and changes back within the timeout, they
+    contradict each other: the direction counts as 0 for twice that time. `refused` is the number of
+    invalid messages so far, and `why` the fault of the last of them. `ends` are the positions in
+    rad at which the movements end, NaN where no planner says so, shape (J,); they are kept until
+    another direction or end comes. Times are in ns.
     """
 
     def __init__(self, joints: Sequence[str], timeout: float) -> None:
@@ -52,37 +48,25 @@ class Direction:
             [0.0] * count, [_NEVER] * count, [_NEVER] * count)
 
     def begin(self, time: int) -> None:
-        """Set the time of earlier directions to that of the first joint state at most.
-
-        They are dated by the node's clock. If the driver's clock is behind it, they would otherwise
-        override later directions.
-        """
+        """Date earlier directions, whose clock may be ahead, to the first joint state at most."""
         self._times = [min(stamp, time) for stamp in self._times]
 
     def take(self, values: Sequence[int], time: int) -> bool:
-        """Take a message received at a time; return whether it is valid.
-
-        A message of the wrong length counts as 0 for all joints, a value other than -1, 0 or +1
-        as 0 for its joint.
-        """
+        """Take a message; return whether it is valid. What is not -1, 0 or +1 counts as 0."""
         count = len(self._zeros)
         if len(values) != count:
             return self._refuse(f'{len(values)} values for {count} joints', range(count), time)
-        known = [value in (-1, 0, 1) for value in values]
-        self._set(range(count), [float(v) if ok else 0.0 for v, ok in zip(values, known)], time)
-        if not all(known):
-            return self._refuse('a value other than -1, 0 and +1', (), time)
-        return True
+        return self._take(range(count), [v if v in (-1, 0, 1) else math.nan for v in values],
+                          'a value other than -1, 0 and +1', time)
 
     def take_stamped(self, names: Sequence[str], velocities: Sequence[float], stamp: int,
                      now: int, ends: Sequence[float] = ()) -> bool:
         """Take a message with the planner's stamp; return whether it is valid.
 
-        The signs of the velocities are the directions; values that are not finite count as 0.
-        Unknown joints are ignored, joints that are not named keep their direction, and a joint that
-        is named twice gets 0. A direction whose stamp is ahead of `now`, the time of the joint
-        states, by more than the timeout counts as 0, since its age is unknown. `ends` are the
-        positions in rad at which the movements end, NaN or none if they are not known.
+        The signs of the velocities are the directions. Unknown joints are ignored, joints that are
+        not named keep their direction, and a joint that is named twice gets 0. A direction whose
+        stamp is ahead of `now`, the time of the joint states, by more than the timeout counts as 0,
+        since its age is unknown. `ends` may be empty, or NaN where not known.
         """
         if len(names) != len(velocities) or len(ends) not in (0, len(names)):
             wrong = ('velocities', len(velocities)) if len(names) != len(velocities) else (
@@ -96,16 +80,18 @@ class Direction:
             return self._refuse('a stamp ahead of time', indices, min(stamp, now))
         if len(set(indices)) < len(indices):
             return self._refuse('a joint named twice', indices, stamp)
-        finite = [math.isfinite(value) for _, value in own]
-        self._set(indices, [float(np.sign(value)) if is_finite else 0.0
-                            for (_, value), is_finite in zip(own, finite)], stamp,
-                  [end for name, end in zip(names, ends) if name in self._indices])
-        if not all(finite):
-            return self._refuse('a velocity that is not finite', (), stamp)
-        return True
+        return self._take(indices, [value for _, value in own], 'a velocity that is not finite',
+                          stamp, [end for name, end in zip(names, ends) if name in self._indices])
+
+    def _take(self, indices: Sequence[int], values: Sequence[float], fault: str, time: int,
+              ends: Sequence[float] = ()) -> bool:
+        """Keep the signs of values; where one is not finite, 0, and the message has a fault."""
+        finite = [math.isfinite(value) for value in values]
+        self._set(indices, [float(np.sign(value)) if known else 0.0
+                            for value, known in zip(values, finite)], time, ends)
+        return all(finite) or self._refuse(fault, (), time)
 
     def _refuse(self, why: str, indices: Sequence[int], time: int) -> bool:
-        """Set the direction of joints to 0 from a time on, and return False."""
         self.refused, self.why = self.refused + 1, why
         self._set(indices, [0.0] * len(indices), time)
         return False
@@ -156,11 +142,7 @@ class Direction:
 
 
 class MotorTemperature:
-    """Holds the last motor temperature per joint.
-
-    A reading applies to joint states later than itself. The order in which topics arrive may vary;
-    this rule makes simulations reproducible. Times are in ns.
-    """
+    """Holds the last motor temperature per joint, for states with later stamps, in ns."""
 
     def __init__(self, joints: Sequence[str]) -> None:
         self._indices = {joint: index for index, joint in enumerate(joints)}
@@ -173,10 +155,7 @@ class MotorTemperature:
         self._pending: list[tuple[int, int, float]] = []
 
     def take(self, joint: str, value: float, time: int) -> bool:
-        """Add a reading in degrees Celsius with its stamp; return False if it is impossible.
-
-        A reading that is not finite says that there is none, and is passed over.
-        """
+        """Add a reading in degrees Celsius, NaN if there is none; return False if impossible."""
         if joint not in self._indices or math.isnan(value):
             return True
         if beyond('temperature', np.array(value)):
@@ -192,10 +171,7 @@ class MotorTemperature:
         return f'last motor_temperature is {(time - self._times[index]) * 1e-9:.0f} s old'
 
     def before(self, time: int) -> np.ndarray | None:
-        """Return the temperatures for a state with a stamp, shape (J,), or None.
-
-        NaN where a joint has no fresh reading; None where no joint has one.
-        """
+        """Return the temperatures for a state with a stamp, (J,), NaN where old, or None."""
         for stamp, index, value in self._pending:
             if stamp < time:
                 self._times[index], self._values[index] = stamp, value

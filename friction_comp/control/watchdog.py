@@ -11,8 +11,6 @@ hangs or is killed, only the timeout of the driver helps.
 from __future__ import annotations
 
 from collections.abc import Callable
-import os
-import select
 import threading
 import time
 
@@ -32,25 +30,18 @@ class Watchdog:
         self._timeout = timeout - min(_EARLY * timeout, _MAX_EARLY)
         self._alarm, self._clock = alarm, clock
         self._fed: float | None = None
-        self._idle = True
         self._lock = threading.Lock()
         self._closed = False
-        self._thread: threading.Thread | None = None
 
     def start(self) -> Watchdog:
         """Start the thread and return the watchdog."""
-        self._woken, self._wakes = os.pipe()
-        self._thread = threading.Thread(target=self._run, name='watchdog', daemon=True)
-        self._thread.start()
+        threading.Thread(target=self._run, name='watchdog', daemon=True).start()
         return self
 
     def feed(self) -> None:
         """Reset the watchdog."""
         with self._lock:
             self._fed = self._clock()
-            asleep, self._idle = self._idle, False
-        if asleep and self._thread is not None:
-            self._wake()
 
     def rest(self) -> None:
         """Pause until the next `feed`."""
@@ -58,34 +49,23 @@ class Watchdog:
             self._fed = None
 
     def close(self) -> None:
-        """End the thread."""
-        thread, self._thread = self._thread, None
-        if thread is not None:
-            self._closed = True
-            self._wake()
-            thread.join()
-            os.close(self._woken)
-            os.close(self._wakes)
+        """End the thread, without an alarm."""
+        self._closed = True
+        self.rest()
 
     def check(self) -> float | None:
         """Call the alarm if it is due; return the time until then in s, None while idle."""
         with self._lock:
-            if self._fed is not None:
-                left = self._fed + self._timeout - self._clock()
-                if left > 0.0:
-                    return left
-            alarm = self._fed is not None
-            self._fed, self._idle = None, True
-        if alarm:
-            self._alarm()
+            if self._fed is None:
+                return None
+            left = self._fed + self._timeout - self._clock()
+            if left > 0.0:
+                return left
+            self._fed = None
+        self._alarm()
         return None
 
-    def _wake(self) -> None:
-        os.write(self._wakes, b'.')
-
     def _run(self) -> None:
-        # `select` uses the monotonic clock, unlike timeouts of threading.
+        # While idle, no alarm is due before a timeout after the next `feed`.
         while not self._closed:
-            ready, _, _ = select.select([self._woken], [], [], self.check())
-            if ready:
-                os.read(self._woken, 64)
+            time.sleep(self.check() or self._timeout)

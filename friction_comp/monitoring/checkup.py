@@ -39,11 +39,9 @@ _STATE_TIMEOUT, _DIRECTION_TIMEOUT = 0.05, 0.5
 _SLOW = 200.0
 # Nodes that subscribe to commands without driving a motor.
 _OBSERVERS = ('recorder', 'refinement', 'watch', 'doctor')
-# Fewest blocks of motion to check sign and unit of velocity, and largest ratio of velocity and rate
-# of position.
-_FEWEST_BLOCKS, _LARGEST_RATIO = 5, 1.25
-# Fewest samples in motion.
-_FEWEST_SAMPLES = 50
+# Fewest blocks of motion to check sign and unit of velocity, largest ratio of velocity and rate of
+# position, and fewest samples in motion.
+_FEWEST_BLOCKS, _LARGEST_RATIO, _FEWEST_SAMPLES = 5, 1.25, 50
 # Commands below this share of the drive's limit are smaller than the measurement noise.
 _SMALL = 0.01
 # Accepted range of measured over commanded current; smaller errors of a gain or torque constant
@@ -63,9 +61,9 @@ def check_system(seen: Observation) -> list[Finding]:
 
 
 def _quality(seen: Observation) -> Iterator[Finding]:
-    pairs = ((name, publisher, subscriber) for name, topic in seen.topics.items()
-             for subscriber in topic.subscribers for publisher in topic.publishers)
-    for name, publisher, subscriber in pairs:
+    for name, publisher, subscriber in (
+            (name, publisher, subscriber) for name, topic in seen.topics.items()
+            for subscriber in topic.subscribers for publisher in topic.publishers):
         what = ''
         if subscriber.reliable and not publisher.reliable:
             what = 'reliable, but it is published best effort'
@@ -84,12 +82,10 @@ def _states(seen: Observation) -> Iterator[Finding]:
                       + _names(topic.publishers),
                       'let one publish, or make sure that each publishes different joints')
     if states is None or len(states.received) < 2:
-        remedy = 'start the driver, or remap: -r joint_states:=/its/name'
-        if topic.publishers:
-            yield Finding(PROBLEM, 'joint_states', 'published, but nothing arrives', remedy)
-        else:
-            yield Finding(
-                WARNING, 'joint_states', _describe_missing(seen, 'joint_states'), remedy)
+        level, what = (PROBLEM, 'published, but nothing arrives') if topic.publishers else (
+            WARNING, _describe_missing(seen, 'joint_states'))
+        yield Finding(level, 'joint_states', what,
+                      'start the driver, or remap: -r joint_states:=/its/name')
         return
     if states.twice:
         yield Finding(PROBLEM, 'joint_states', f'{", ".join(states.twice)} is named twice',
@@ -108,8 +104,8 @@ def _describe_missing(seen: Observation, name: str) -> str:
     full_name = seen.names.get(name, name)
     others = [topic for topic, topic_seen in seen.topics.items()
               if TOPICS[name] in topic_seen.types and topic != full_name]
-    hint = f'; {", ".join(others)} has that type' if others else ''
-    return f'nobody publishes {full_name}{hint}'
+    return f'nobody publishes {full_name}' + (
+        f'; {", ".join(others)} has that type' if others else '')
 
 
 def _rate(seen: Observation, states: StatesSeen) -> Finding:
@@ -211,10 +207,9 @@ def _driver(seen: Observation) -> Iterator[Finding]:
                     if 'timeout' in name and not name.startswith('reference')
                     and isinstance(value, (int, float))}
         for name, value in timeouts.items():
-            what = f'{end.node}: {name} is {value:g}'
-            yield Finding(OK, 'driver', what) if value > 0 else Finding(
-                WARNING, 'driver', what,
-                'let the driver itself switch to zero current in less than 0.1 s')
+            level, do = (OK, '') if value > 0 else (
+                WARNING, 'let the driver itself switch to zero current in less than 0.1 s')
+            yield Finding(level, 'driver', f'{end.node}: {name} is {value:g}', do)
         if not timeouts and not any(word in end.node for word in _OBSERVERS):
             yield Finding(
                 NOTE, 'driver', f'{end.node} has no parameter for a command timeout',
@@ -251,10 +246,10 @@ def _direction(seen: Observation) -> Iterator[Finding]:
 
 
 def _clocks(seen: Observation) -> Iterator[Finding]:
-    simulated = {node: bool(values['use_sim_time']) for node, values in seen.parameters.items()
+    simulated = {node: values['use_sim_time'] for node, values in sorted(seen.parameters.items())
                  if 'use_sim_time' in values}
-    followers = sorted(node for node, value in simulated.items() if value)
-    real = sorted(node for node, value in simulated.items() if not value and 'compensator' in node)
+    followers = [node for node, value in simulated.items() if value]
+    real = [node for node, value in simulated.items() if not value and 'compensator' in node]
     if followers and not seen.clock:
         yield Finding(PROBLEM, 'clocks', f'{", ".join(followers)} waits for /clock, which does not '
                       'tick', 'start what publishes it, or set use_sim_time:=false')
@@ -295,7 +290,6 @@ def check_joint(seen: Observation, joint: str, model: FrictionModel) -> list[Fin
 
 def _check_current(seen: Observation, states: StatesSeen, joint: str, model: FrictionModel
                    ) -> list[Finding]:
-    """Compare the measured current with the commanded one, if there is one."""
     order: list[str] = next((values['joints'] for values in seen.parameters.values()
                   if joint in (values.get('joints') or ()) and 'model_files' in values), [])
     if not order or seen.commands.shape[-1:] != (len(order),):

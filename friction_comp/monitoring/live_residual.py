@@ -32,13 +32,7 @@ class LiveResidual:
     The motor and the person move the joint together, J·a = k_t·n·i + τ_b - F, so friction in A is
     i + τ_b/(k_t·n). Without a measured load, the current alone is compared. This is meaningless
     while a compensator feeds the same model forward and a person moves the joint; the caller then
-    sets `blind`.
-
-    Parameters
-    ----------
-    model : FrictionModel
-    tolerance : float
-        As for `ResidualMonitor`.
+    sets `blind`. `tolerance` is that of `ResidualMonitor`.
     """
 
     def __init__(self, model: FrictionModel, tolerance: float = 0.25):
@@ -52,13 +46,9 @@ class LiveResidual:
         self._done, self._origin = -np.inf, np.nan
 
     def add(self, rows: np.ndarray) -> None:
-        """Add rows of measurements.
+        """Add rows of measurements, shape (N, 6), NaN where there is none.
 
-        Parameters
-        ----------
-        rows : ndarray, shape (N, 6)
-            Time in s, increasing; position; velocity, NaN where there is none; motor current in A;
-            load in N·m and temperature in degrees Celsius, NaN where they are not measured.
+        Time in s, increasing; position; velocity; motor current in A; load in N·m; temperature, °C.
         """
         rows = np.asarray(rows, dtype=float).reshape(-1, _WIDTH)
         rows = rows[np.isfinite(rows[:, [0, 1, 3]]).all(axis=1)]
@@ -108,8 +98,8 @@ class LiveResidual:
 
     def _samples(self, rows: np.ndarray) -> Samples:
         measured: dict[str, Any] = {
-            name: rows[:, index] for name, index in (
-                ('velocity', 2), ('load', 4), ('temperature', 5))
+            name: rows[:, index]
+            for name, index in (('velocity', 2), ('load', 4), ('temperature', 5))
             if np.isfinite(rows[:, index]).all()}
         samples = Samples(time=rows[:, 0], position=rows[:, 1], current=rows[:, 3], **measured)
         return samples.with_(current=self.model.measured(samples))
@@ -124,8 +114,7 @@ class JointWatch:
 
     def __init__(self, tolerance: float, joint: str, path: str) -> None:
         self._tolerance, self._joint = tolerance, joint
-        # Stamp of the last sample with a measured load, s.
-        self.last_load = -math.inf
+        self.last_load = -math.inf    # stamp of the last sample with a measured load, s
         # File and residual of the model that a new one, on trial, has replaced.
         self.trial: tuple[str, LiveResidual] | None = None
         self.file, self.residual = path, self._load(path)

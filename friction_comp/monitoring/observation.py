@@ -54,8 +54,7 @@ class StatesSeen:
     effort: np.ndarray
     # Joints named more than once in a message.
     twice: list[str] = field(default_factory=list)
-    # Which joints each message names, shape (N, J), where drivers publish some of the joints each;
-    # by default all of them.
+    # Which joints each message names, shape (N, J), where drivers publish some each; or all.
     named: np.ndarray = field(default_factory=lambda: np.empty((0, 0), dtype=bool))
 
     def __post_init__(self) -> None:

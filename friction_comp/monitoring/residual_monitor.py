@@ -26,7 +26,7 @@ _RECENT, _KEPT = 60, 4000
 _SLOW_SHARE = 0.1
 # A warning ends at this share of the error that starts it.
 _HYSTERESIS = 0.8
-# A variable is named if it explains this share of the residual, and at most this much less than the
+# A variable is named if it explains this share of the residual, and at most so much less than the
 # best one.
 _NAMED_SHARE, _NAMED_MARGIN = 0.3, 0.1
 _BINS = 6
@@ -75,13 +75,7 @@ class ModelFit:
 
 
 class ResidualMonitor:
-    """Monitors the residual of one joint.
-
-    Parameters
-    ----------
-    tolerance : float
-        Largest error as a share of the friction.
-    """
+    """Monitors the residual of one joint; `tolerance` is the largest error per friction."""
 
     def __init__(self, tolerance: float = 0.25):
         self.tolerance = check_number(tolerance, 'tolerance', above=0.0)
@@ -98,11 +92,11 @@ class ResidualMonitor:
         self._speed = max(fast, 0.99 * self._speed)
         moving = speed > max(STANDSTILL, _SLOW_SHARE * self._speed)
         moving &= np.isfinite(residual) & np.isfinite(predicted)
-        none = np.full(len(samples), np.nan)
-        table = np.column_stack([
-            samples.time, samples.position, samples.velocity, samples.acceleration,
-            none if samples.load is None else samples.load,
-            none if samples.temperature is None else samples.temperature, residual, predicted])
+        load, temperature = (
+            np.full(len(samples), np.nan) if signal is None else signal
+            for signal in (samples.load, samples.temperature))
+        table = np.column_stack([samples.time, samples.position, samples.velocity,
+                                 samples.acceleration, load, temperature, residual, predicted])
         means = [table[part].mean(axis=0) for part in _block_slices(samples, moving)]
         if means:
             self._blocks = np.vstack((self._blocks, means))[-_KEPT:]
@@ -138,10 +132,9 @@ class ResidualMonitor:
 def _explaining_variables(blocks: np.ndarray, throughout: bool) -> tuple[tuple[str, float], ...]:
     """Return the variables that explain the residual, each with its share, the largest first.
 
-    The residual is considered in three forms: as it is (an offset), in the direction of motion
-    (resistance), and relative to the model's friction (wear or warm-up). The form that a single
-    variable explains best is used. With a change of the friction level (`throughout`), only the
-    last form is considered.
+    Of three forms of the residual, the one that a single variable explains best is used: as it is
+    (an offset), in the direction of motion (resistance), and relative to the model's friction (wear
+    or warm-up). With a change of the friction level (`throughout`), only the last is considered.
     """
     residual = _without_inertia(blocks)
     columns = {'temperature': blocks[:, _TEMPERATURE], 'time': blocks[:, _TIME],

@@ -18,10 +18,9 @@ from friction_comp.control.model_trial import load_compiled_code, Loaded, try_mo
 from friction_comp.errors import InputError
 from friction_comp.model.motor_check import TORQUE, unit_of
 from friction_comp.nodes.configured_compensator import ConfiguredCompensator
-from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK
+from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK, WARN
 from friction_comp.ros.joint_io import command_interface, input_qos
 from friction_comp.ros.model_loading import Loading, PatientParameterService
-from friction_comp.ros.node_main import run
 from friction_comp.ros.parameters import (
     declare,
     declare_choice,
@@ -39,16 +38,13 @@ _CHECK_PERIOD = 0.1
 class CompensatorNode(LifecycleNode):
     """Publishes one current command per joint state while active; zero in case of doubt."""
 
-    finished = False
-
     def __init__(self) -> None:
         super().__init__('compensator', start_parameter_services=False)
         # Before anything can ask the node to drive: it would stop the process for a moment.
         load_compiled_code()
         self._parameter_services = PatientParameterService(self)
         self._state = 'unconfigured'
-        # The motor is not driven any more.
-        self._ending = False
+        self._ending = False    # the motor is not driven any more
         self._configured: ConfiguredCompensator | None = None
         # Models of the request whose parameters are being set.
         self.loaded: Loading | None = None
@@ -61,8 +57,7 @@ class CompensatorNode(LifecycleNode):
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
         self.create_service(Trigger, '~/reset_faults', self._on_reset)
-        self._diagnostics = Diagnostics(
-            self, self._report, ', '.join(self._joints), 'compensation')
+        self._diagnostics = Diagnostics(self, self._report, self._joints, 'compensation')
         steady_timer(self, _CHECK_PERIOD, self._check)
         if declare(self, 'autostart', True, 'configure and activate at start'):
             self._start()
@@ -98,20 +93,16 @@ class CompensatorNode(LifecycleNode):
             if trigger() != TransitionCallbackReturn.SUCCESS:
                 raise InputError(self._failure or 'the node could not be configured and activated')
 
-    # Parameters.
-
     def prepare(self, parameters: list[Any]) -> Loading | None:
         """Start loading the models that are about to be set."""
-        for parameter in parameters:
-            if parameter.name == 'model_files' and self._configured is not None and (
-                    isinstance(parameter.value, (list, tuple))):
-                return Loading(names_in(parameter.value), self._load)
-        return None
+        files = [names_in(parameter.value) for parameter in parameters
+                 if parameter.name == 'model_files' and isinstance(parameter.value, (list, tuple))]
+        return Loading(files[-1], self._load) if files and self._configured is not None else None
 
     def _load(self, files: Sequence[str]) -> list[Loaded]:
         """Return validated models: checked, and run in a separate law."""
-        models, loaded = load_models(files, self._joints, for_motor=True), []
-        for model, path in zip(models, files):
+        loaded = []
+        for model, path in zip(load_models(files, self._joints, for_motor=True), files):
             if unit_of(model) == TORQUE and self._value('command_interface') == 'current':
                 raise InputError(
                     f'{path}: its figures are in N·m, the commands in A: set command_interface to '
@@ -126,19 +117,14 @@ class CompensatorNode(LifecycleNode):
             for parameter in parameters:
                 if parameter.name == 'law':
                     _check_law(parameter.value)
-                if parameter.name == 'model_files' and self._configured is not None:
-                    files = tuple(names_in(parameter.value))
-                    loaded, self.loaded = self.loaded, None
-                    # Usually they are already loaded.
-                    models = (loaded.result() if loaded is not None and loaded.files == files
-                              else self._load(files))
+                if parameter.name == 'model_files' and self.loaded is not None:
+                    models = self.loaded.result()
         except InputError as error:
             self.get_logger().warning(f'parameter refused: {error}')
             return SetParametersResult(successful=False, reason=str(error))
         self._candidates = models
-        told = '' if models is None or self._configured is None else (
-            '; '.join(self._configured.told(models)))
-        return SetParametersResult(successful=True, reason=told)
+        told = [] if models is None or self._configured is None else self._configured.told(models)
+        return SetParametersResult(successful=True, reason='; '.join(told))
 
     def _apply_parameters(self, parameters: list[Any]) -> None:
         models, self._candidates = self._candidates, None
@@ -148,8 +134,6 @@ class CompensatorNode(LifecycleNode):
 
     def _value(self, name: str) -> Any:
         return self.get_parameter(name).value
-
-    # Transitions.
 
     def on_configure(self, state: Any) -> TransitionCallbackReturn:
         """Load the models and connect the topics."""
@@ -178,7 +162,7 @@ class CompensatorNode(LifecycleNode):
         """Start to answer joint states."""
         if self._configured is None or self._ending:
             return TransitionCallbackReturn.FAILURE
-        self._configured.activate()
+        self._configured.open()
         self._set_state('active', 'active: commands the motor')
         return super().on_activate(state)
 
@@ -222,17 +206,15 @@ class CompensatorNode(LifecycleNode):
         """Command zero current until `resume`; may be called from any thread."""
         # First, since the main thread may activate the node meanwhile.
         self._ending = True
-        configured = self._configured
-        if configured is not None:
+        if (configured := self._configured) is not None:
             configured.stop_motor()
 
     def resume(self, seconds: float) -> None:
         """Begin anew after the process was stopped for some s."""
         self._ending = False
         self.get_logger().warning(f'was stopped for {seconds:.3g} s and begins anew')
-        configured = self._configured
-        if configured is not None:
-            configured.resume(seconds)
+        if self._configured is not None:
+            self._configured.resume(seconds)
 
     def leave(self) -> None:
         """Command zero current, however the node ends."""
@@ -248,7 +230,7 @@ class CompensatorNode(LifecycleNode):
 
     def _check(self) -> None:
         if self._configured is not None and self._configured.active:
-            self._configured.supervise()
+            self._configured.check()
         else:
             self._faults.expire()
 
@@ -264,14 +246,10 @@ class CompensatorNode(LifecycleNode):
             return ERROR, self._failure, values
         if configured is None or not configured.active:
             return OK, self._state, values
-        return (*configured.status(), values)
+        well, text = configured.status()
+        return OK if well else WARN, text, values
 
 
 def _check_law(law: Any) -> None:
     if law not in LAWS:
         raise InputError(f'parameter law: must be one of {", ".join(LAWS)}, not {law!r}')
-
-
-def main(argv: Sequence[str]) -> int:
-    """Start the node and return its exit code."""
-    return run('compensator', CompensatorNode, argv)

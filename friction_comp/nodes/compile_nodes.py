@@ -12,10 +12,7 @@ from friction_comp.simulation.joint import Plant
 
 
 def compile_nodes() -> None:
-    """Compile compensator, identification and plant into the cache beside their modules.
-
-    It takes seconds, and up to ten times as long on a busy machine.
-    """
+    """Compile compensator, identification and plant into the cache beside their modules."""
     model = FrictionModel.load(package_file('config', 'armin_configuration_1.yaml'))
     load_compiled_code()
     compile_ahead(model.drive)

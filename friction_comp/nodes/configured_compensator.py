@@ -8,50 +8,49 @@ from collections.abc import Sequence
 import time
 from typing import Any
 
-import numpy as np
 from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Int8MultiArray
 
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.control.compensation_loop import CompensationLoop
-from friction_comp.control.faults import Faults, WARN
+from friction_comp.control.faults import Faults
 from friction_comp.control.model_trial import Loaded
-from friction_comp.ros.diagnostics import OK, per_joint, Rate
+from friction_comp.ros.diagnostics import Rate
 from friction_comp.ros.joint_io import CommandPort, competing_publishers
 from friction_comp.stamps import NANO, nanoseconds
 
+_UNUSUAL_LAWS = {
+    'desired': ("law: 'desired' pushes in the announced direction however the joint moves: it is "
+                'for joints that another controller moves along a reference',),
+    'paper': ("law: 'paper' is the note's, as printed, for comparison: it has no guards, and an "
+              'over-estimate of friction drives the joint',)}
 
-class ConfiguredCompensator:
-    """Connects the topics of a compensator with its loop; exists only while it is configured.
 
-    Joint states go to the loop itself. They are answered while it is `active`.
-    """
+class ConfiguredCompensator(CompensationLoop):
+    """A loop with its topics, while it is configured; it answers while it is `active`."""
 
     def __init__(self, node: Any, joints: list[str], loaded: Sequence[Loaded], qos: Any,
                  faults: Faults) -> None:
         self._node, self._joints, self._rate = node, joints, Rate()
-        self._feeds = [one.feed for one in loaded]
-        self._tell([f'{joint} {text}' for joint, one in zip(joints, loaded)
-                    for text in one.told()])
+        self._feeds: list[Any] = [None] * len(joints)
+        self._tell(loaded)
         self.active = False
         law = CompensationLaw([one.model for one in loaded], *self._tuning(),
                               gravity=self._value('gravity'))
-        zeros = [0.0] * len(joints)
-        self._port = CommandPort(node, zeros, zeros, self._value('command_interface'))
-        simulated = self._value('use_sim_time')
+        zeros, simulated = [0.0] * len(joints), self._value('use_sim_time')
+        self._commands = CommandPort(node, zeros, zeros, self._value('command_interface'))
         # Equal to the node's clock without simulated time, at a third of the cost.
-        self._now = (lambda: node.get_clock().now().nanoseconds) if simulated else time.time_ns
-        self._loop = CompensationLoop(
-            joints, law, self._port, faults, round(NANO * self._value('joint_state_timeout')),
-            self._value('direction_timeout'), simulated, now=self._now)
-        self._inputs = self._loop.inputs
-        self._inputs.watchdog.start()
+        now = (lambda: node.get_clock().now().nanoseconds) if simulated else time.time_ns
+        super().__init__(
+            joints, law, self._commands, faults, round(NANO * self._value('joint_state_timeout')),
+            self._value('direction_timeout'), simulated, now=now)
+        self.inputs.watchdog.start()
         # The direction comes first: the executor takes its messages before the states.
         self._subscriptions = [node.create_subscription(*topic, qos) for topic in (
             (Int8MultiArray, 'direction', self._on_direction),
             (JointState, 'direction_stamped', self._on_stamped_direction),
             (Temperature, 'motor_temperature', self._on_temperature),
-            (JointState, 'joint_states', self._loop.hear))]
+            (JointState, 'joint_states', self.hear))]
 
     def _value(self, name: str) -> Any:
         return self._node.get_parameter(name).value
@@ -59,126 +58,94 @@ class ConfiguredCompensator:
     def _tuning(self) -> tuple[str, float, float]:
         return self._value('law'), self._value('breakaway_gain'), self._value('current_limit')
 
-    def activate(self) -> None:
+    def open(self) -> None:
         """Start to answer joint states."""
         self._find_publishers()
-        self._loop.activate(self._port.others())
-        self._port.open()
+        self.activate(self._commands.others())
+        self._commands.open()
         self.active = True
 
     def deactivate(self) -> None:
         """Command zero current and stop publishing."""
         self.active = False
-        self._loop.stop()
-        self._port.close()
+        self.stop()
+        self._commands.close()
 
     def close(self) -> None:
         """Command zero current, and release topics and models."""
         self.deactivate()
-        self._inputs.watchdog.close()
+        self.inputs.watchdog.close()
         for subscription in self._subscriptions:
             self._node.destroy_subscription(subscription)
 
     def stop_motor(self) -> None:
         """Command zero current until `resume`; may be called from any thread."""
-        self._port.zero(permanent=True)
+        self._commands.zero(permanent=True)
 
     def resume(self, seconds: float) -> None:
         """Begin anew after the process was stopped for some s."""
-        self._loop.resume(seconds)
-        self._port.release()
-
-    def reset_faults(self) -> list[str]:
-        """Clear latched faults and history; return the texts of the faults."""
-        return self._loop.reset_faults()
-
-    # Parameters.
+        super().resume(seconds)
+        self._commands.release()
 
     def told(self, loaded: Sequence[Loaded]) -> list[str]:
         """Return what feeds forward otherwise with these models, as text."""
         return [f'{joint} {text}' for joint, one, before in zip(self._joints, loaded, self._feeds)
                 for text in one.told(before)]
 
-    def _tell(self, texts: list[str]) -> None:
-        self._told = texts
-        for text in texts:
+    def _tell(self, loaded: Sequence[Loaded]) -> None:
+        self._told, self._feeds = self.told(loaded), [one.feed for one in loaded]
+        for text in self._told:
             self._node.get_logger().warning(text)
 
     def apply(self, names: set[str], loaded: Sequence[Loaded] | None) -> None:
         """Apply parameters that have changed; `loaded` if `model_files` is one of them."""
         logger = self._node.get_logger()
         if 'direction_timeout' in names:
-            self._inputs.set_direction_timeout(self._value('direction_timeout'))
+            self.inputs.set_direction_timeout(self._value('direction_timeout'))
         if loaded is not None:
             # Before they are used.
-            self._tell(self.told(loaded))
-            self._loop.set_models([one.model for one in loaded])
-            self._feeds = [one.feed for one in loaded]
+            self._tell(loaded)
+            self.set_models([one.model for one in loaded])
             logger.info(f'activated {", ".join(self._value("model_files"))}')
             self.warn_unusual()
         if names & {'law', 'breakaway_gain', 'current_limit'}:
-            self._loop.retune(*self._tuning())
+            self.retune(*self._tuning())
             logger.info('{}, breakaway_gain {:g}, current_limit {:g} A'.format(*self._tuning()))
 
     def warn_unusual(self) -> None:
         """Log what is unusual about the law and the models, and which effects are not fed back."""
-        logger = self._node.get_logger()
-        if self._value('law') == 'desired':
-            logger.warning(
-                "law: 'desired' pushes in the announced direction however the joint moves: it is "
-                'for joints that another controller moves along a reference')
-        if self._value('law') == 'paper':
-            logger.warning(
-                "law: 'paper' is the note's, as printed, for comparison: it has no guards, and an "
-                'over-estimate of friction drives the joint')
-        for text in self._loop.unusual():
-            logger.warning(text)
-
-    # Topics.
+        for text in (*_UNUSUAL_LAWS.get(self._value('law'), ()), *self.unusual()):
+            self._node.get_logger().warning(text)
 
     def _on_direction(self, message: Any) -> None:
-        self._inputs.take_direction(message.data, self._now())
+        self.inputs.take_direction(message.data, self._now())
 
     def _on_stamped_direction(self, message: Any) -> None:
-        self._inputs.take_stamped_direction(
+        self.inputs.take_stamped_direction(
             message.name, message.velocity, nanoseconds(message.header.stamp), self._now(),
             message.position)
 
     def _on_temperature(self, message: Any) -> None:
-        self._inputs.take_temperature(message.header.frame_id, message.temperature,
-                                      nanoseconds(message.header.stamp), self._now())
+        self.inputs.take_temperature(message.header.frame_id, message.temperature,
+                                     nanoseconds(message.header.stamp), self._now())
 
-    def supervise(self) -> None:
+    def check(self) -> None:
         """Check for other publishers of states, directions and commands."""
         self._find_publishers()
-        self._loop.supervise(self._port.others())
+        self.supervise(self._commands.others())
 
     def _find_publishers(self) -> None:
-        self._inputs.set_sources(
+        self.inputs.set_sources(
             competing_publishers(self._node, 'joint_states'),
             competing_publishers(self._node, 'direction', 'direction_stamped'))
 
-    # Diagnostics.
-
-    def status(self) -> tuple[Any, str]:
-        """Return level and message while active and without faults."""
-        well, text = self._loop.status()
-        return OK if well else WARN, text
-
     def values(self) -> dict[str, Any]:
         """Return the values for diagnostics."""
-        self._rate.count = self._loop.heard
-        values: dict[str, Any] = {
+        self._rate.count = self.heard
+        return {
             'joint_states rate [Hz]': self._rate.per_second(),
-            'law': self._value('law'), 'model_files': list(self._value('model_files')),
+            'law': self._value('law'), 'model_files': str(list(self._value('model_files'))),
             'fed forward otherwise': '; '.join(self._told),
-            'listeners to the command': self._port.listeners}
-        for place in ('rest', 'sliding'):
-            values.update(per_joint(self._joints, f'fed forward, {place} [A]', (
-                max(getattr(feed, place)) for feed in self._feeds)))
-        for name, value in self._loop.values().items():
-            if isinstance(value, (list, np.ndarray)):
-                values.update(per_joint(self._joints, name, value))
-            else:
-                values[name] = value
-        return values
+            'listeners to the command': self._commands.listeners,
+            **{f'fed forward, {place} [A]': [max(getattr(feed, place)) for feed in self._feeds]
+               for place in ('rest', 'sliding')}, **super().values()}

@@ -5,8 +5,9 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 import math
+from operator import attrgetter
 import time
 from typing import Any
 
@@ -26,10 +27,9 @@ from friction_comp.direction.desired_motion import DesiredMotion
 from friction_comp.direction.planned_direction import PlannedDirection
 from friction_comp.direction.sensed_direction import CALIBRATION_TIME, SensedDirection
 from friction_comp.errors import InputError
-from friction_comp.ros.diagnostics import Diagnostics, OK, per_joint, WARN
+from friction_comp.ros.diagnostics import Diagnostics, OK, WARN
 from friction_comp.ros.executor import yield_to_executor
 from friction_comp.ros.joint_io import input_qos, RELIABLE
-from friction_comp.ros.node_main import run
 from friction_comp.ros.parameters import declare, declare_choice, declare_joints
 from friction_comp.stamps import NANO, nanoseconds, set_stamp
 
@@ -42,8 +42,6 @@ _PATIENCE = 30.0
 
 class DirectionNode(Node):
     """Publishes `direction_stamped` at a rate; what it says is computed by the room `direction`."""
-
-    finished = False
 
     def __init__(self) -> None:
         super().__init__('direction')
@@ -59,12 +57,12 @@ class DirectionNode(Node):
         self._refused = ''
         self._sensors: list[SensedDirection] = []
         self._calibrating, self._failures = False, list[str]()
-        self._at: Callable[[float], list[Announcement]] = getattr(self, f'_begin_{source}')(
-            input_qos(self), self._declare())
+        self._declare()
+        self._qos = input_qos(self)
+        self._at: Callable[[float], list[Announcement]] = getattr(self, f'_begin_{source}')()
         self._message = JointState(name=list(self._joints))
         self._announcements = self.create_publisher(JointState, 'direction_stamped', RELIABLE)
-        self._diagnostics = Diagnostics(
-            self, self._report, ', '.join(self._joints), f'direction by {source}')
+        Diagnostics(self, self._report, self._joints, f'direction by {source}')
         self.create_service(Trigger, '~/calibrate', self._on_calibrate,
                             callback_group=ReentrantCallbackGroup())
         self.fast_timers = [self.create_timer(1.0 / rate, self._announce)]
@@ -72,8 +70,8 @@ class DirectionNode(Node):
     def _now(self) -> float:
         return float(self.get_clock().now().nanoseconds) / NANO
 
-    def _declare(self) -> Any:
-        """Declare the parameters of all sources; return a function for their values."""
+    def _declare(self) -> None:
+        """Declare the parameters of all sources."""
         declare(self, 'announcement', 1.0, 'how long a movement from rest is announced ahead [s]',
                 0.0, 600.0)
         declare(self, 'tolerance', 0.2, 'distance from a plan from which on it is not followed '
@@ -85,40 +83,40 @@ class DirectionNode(Node):
         declare(self, 'sensor_range', [0.0, 0.0],
                 'lowest and highest value that the sensor can give, in its own unit')
         declare_choice(self, 'axis', AXES, 'component of sensor_wrench that moves the joint')
-        return lambda name: self.get_parameter(name).value
+
+    def _value(self, name: str) -> Any:
+        return self.get_parameter(name).value
 
     # The sources: each subscribes, and returns what is asked at a time.
 
-    def _begin_trajectory(self, qos: Any, value: Any) -> Callable[[float], list[Announcement]]:
+    def _begin_trajectory(self) -> Callable[[float], list[Announcement]]:
         plan = self._plan = PlannedDirection(
-            self._joints, value('announcement'), value('tolerance'))
+            self._joints, self._value('announcement'), self._value('tolerance'))
         self.create_subscription(JointTrajectory, 'trajectory', self._on_trajectory, RELIABLE)
-        self._listen(qos, [])
+        self._listen([])
         return lambda time: plan.at(time, self._present(time))
 
-    def _begin_reference(self, qos: Any, value: Any) -> Callable[[float], list[Announcement]]:
+    def _begin_reference(self) -> Callable[[float], list[Announcement]]:
         motions = self._motions = [
-            DesiredMotion(value('least_speed'), value('stuck_error')) for _ in self._joints]
+            DesiredMotion(self._value('least_speed'), self._value('stuck_error'))
+            for _ in self._joints]
         self._desired = JointColumns(self._joints)
-        self.create_subscription(JointState, 'reference', self._on_reference, qos)
-        self._listen(qos, [motion.motion for motion in motions])
+        self.create_subscription(JointState, 'reference', self._on_reference, self._qos)
+        self._listen([motion.motion for motion in motions])
         return lambda time: [motion.at(time, float(position)) for motion, position in zip(
             motions, self._present(time))]
 
-    def _begin_sensor(self, qos: Any, value: Any) -> Callable[[float], list[Announcement]]:
-        span = list(value('sensor_range'))
+    def _begin_sensor(self) -> Callable[[float], list[Announcement]]:
+        span = tuple(self._value('sensor_range'))
         if len(span) != 2:
-            raise InputError(f'parameter sensor_range: two values are needed, not {span}')
-        self._axis, self._part = value('axis').split('.')
-        self._sensors = [SensedDirection(value('sensor'), (span[0], span[1])) for _ in self._joints]
-        self.create_subscription(Float64MultiArray, 'sensor', self._on_sensor, qos)
-        self.create_subscription(WrenchStamped, 'sensor_wrench', self._on_wrench, qos)
-        self._listen(qos, [sensor.motion for sensor in self._sensors])
+            raise InputError(f'parameter sensor_range: two values are needed, not {list(span)}')
+        self._sensors = [SensedDirection(self._value('sensor'), span) for _ in self._joints]
+        self.create_subscription(Float64MultiArray, 'sensor', self._on_sensor, self._qos)
+        self.create_subscription(WrenchStamped, 'sensor_wrench', self._on_wrench, self._qos)
+        self._listen([sensor.motion for sensor in self._sensors])
         return lambda time: [sensor.at(time) for sensor in self._sensors]
 
-    # Topics.
-
-    def _listen(self, qos: Any, motions: list[Any]) -> None:
+    def _listen(self, motions: list[Any]) -> None:
         def take(message: Any) -> None:
             position, _, _ = self._columns.read(message)
             now = self._now()
@@ -126,7 +124,7 @@ class DirectionNode(Node):
             self._seen = now
             for motion, value in zip(motions, position.tolist()):
                 motion.add(now, value)
-        self.create_subscription(JointState, 'joint_states', take, qos)
+        self.create_subscription(JointState, 'joint_states', take, self._qos)
 
     def _present(self, time: float) -> np.ndarray:
         """Return the positions at a time, NaN where they are too old."""
@@ -134,14 +132,11 @@ class DirectionNode(Node):
         return self._position if fresh else np.full(len(self._joints), np.nan)
 
     def _on_trajectory(self, message: Any) -> None:
-        now = self._now()
-        stamp = nanoseconds(message.header.stamp)
+        now, stamp = self._now(), nanoseconds(message.header.stamp)
         try:
             times = [point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec
                      for point in message.points]
-            lengths = {len(point.positions) for point in message.points} - {
-                len(message.joint_names)}
-            if lengths:
+            if {len(point.positions) for point in message.points} - {len(message.joint_names)}:
                 raise InputError('a plan needs a position of each joint at every point')
             self._plan.take(
                 message.joint_names, times, np.array([point.positions for point in message.points]),
@@ -153,9 +148,8 @@ class DirectionNode(Node):
 
     def _on_reference(self, message: Any) -> None:
         position, _, _ = self._desired.read(message)
-        now = self._now()
         for motion, value in zip(self._motions, position.tolist()):
-            motion.take(now, value)
+            motion.take(self._now(), value)
 
     def _on_sensor(self, message: Any) -> None:
         """Take samples of all joints, the oldest first."""
@@ -165,14 +159,13 @@ class DirectionNode(Node):
             self._refuse(f'sensor: {len(values)} values are not a multiple of {width}')
             return
         samples = values.reshape(-1, len(self._joints), self._sensors[0].channels)
-        now = self._now()
         for j, sensor in enumerate(self._sensors):
-            sensor.add(now, samples[:, j])
+            sensor.add(self._now(), samples[:, j])
         self._refused = ''
 
     def _on_wrench(self, message: Any) -> None:
         if message.header.frame_id in self._joints and self._sensors[0].channels == 1:
-            value = getattr(getattr(message.wrench, self._axis), self._part)
+            value = attrgetter(self._value('axis'))(message.wrench)
             self._sensors[self._joints.index(message.header.frame_id)].add(self._now(), [[value]])
 
     def _refuse(self, why: str) -> None:
@@ -180,13 +173,8 @@ class DirectionNode(Node):
             self.get_logger().warning(why)
         self._refused = why
 
-    # Calibration.
-
     async def _on_calibrate(self, _: Any, response: Any) -> Any:
-        """Calibrate all sensors at rest, and answer when it is done.
-
-        Who asks meanwhile, perhaps again since an answer was lost, gets the same answer.
-        """
+        """Calibrate all sensors at rest; who asks again meanwhile gets the same answer."""
         if not self._calibrating:
             self._calibrating = True
             # What everybody gets who waits, should it raise an error.
@@ -226,20 +214,21 @@ class DirectionNode(Node):
         self.get_logger().info(f'calibration: {"; ".join(failures) or "calibrated"}')
         return failures
 
-    # What is said.
-
     def _announce(self) -> None:
         now = self._now()
         self._said = self._at(now)
+        self._say(now, [said.direction for said in self._said], [said.end for said in self._said])
+
+    def _say(self, now: float, directions: list[int], ends: list[float]) -> None:
         set_stamp(self._message.header.stamp, round(now * NANO))
-        self._message.velocity = array('d', [float(said.direction) for said in self._said])
-        self._message.position = array('d', [said.end for said in self._said])
+        self._message.velocity = array('d', directions)
+        self._message.position = array('d', ends)
         self._announcements.publish(self._message)
 
     def _report(self) -> Any:
         values: dict[str, Any] = {
-            **per_joint(self._joints, 'direction', (said.direction for said in self._said)),
-            **per_joint(self._joints, 'end [rad]', (said.end for said in self._said)),
+            'direction': [said.direction for said in self._said],
+            'end [rad]': [said.end for said in self._said],
             **{f'{joint}: reason': said.reason for joint, said in zip(self._joints, self._said)}}
         faults = [f'{joint}: {said.reason}' for joint, said in zip(self._joints, self._said)
                   if said.fault]
@@ -252,12 +241,4 @@ class DirectionNode(Node):
     def leave(self) -> None:
         """Announce no direction."""
         if self.context.ok():
-            set_stamp(self._message.header.stamp, self.get_clock().now().nanoseconds)
-            self._message.velocity = array('d', [0.0] * len(self._joints))
-            self._message.position = array('d')
-            self._announcements.publish(self._message)
-
-
-def main(argv: Sequence[str]) -> int:
-    """Start the node and return its exit code."""
-    return run('direction', DirectionNode, argv)
+            self._say(self._now(), [0] * len(self._joints), [])

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Sequence
 import math
 from time import monotonic
 from typing import Any
@@ -20,9 +19,8 @@ from std_msgs.msg import Int8MultiArray, MultiArrayDimension
 from friction_comp.control.joint_states import JointColumns
 from friction_comp.exercise.exercise_script import load_exercise
 from friction_comp.exercise.reference_movement import ReferenceMovement
-from friction_comp.ros.diagnostics import Diagnostics, OK, per_joint, WARN
+from friction_comp.ros.diagnostics import Diagnostics, OK, WARN
 from friction_comp.ros.joint_io import input_qos, RELIABLE
-from friction_comp.ros.node_main import run
 from friction_comp.ros.parameters import declare, declare_choice, declare_joints
 from friction_comp.stamps import NANO, nanoseconds, set_stamp
 
@@ -66,21 +64,21 @@ class ExerciseNode(Node):
         super().__init__('exercise')
         self.finished = False
         self._joints = declare_joints(self)
-        qos = input_qos(self)
         rate = self._declare()
+        # Ticks: the start of the movement, the first and the last one, ns; the time of the last
+        # reference since the start, s.
         self._start: int | None = None
-        # Of the last reference, since the start, s.
+        self._first: int | None = None
+        self._last: int | None = None
         self._time: float | None = None
         self._connected_since: float | None = None
-        self._last: int | None = None
-        self._first: int | None = None
         self._columns = JointColumns(self._joints)
         self._origin: np.ndarray | None = None
         # Several drivers may each publish some of the joints.
         self._received = np.full(len(self._joints), np.nan)
         self._named_joints: set[str] = set()
         self._reports = 0
-        self._connect(qos, rate)
+        self._connect(input_qos(self), rate)
 
     def _declare(self) -> float:
         """Declare the parameters; return the references per second of a timer."""
@@ -88,11 +86,11 @@ class ExerciseNode(Node):
         file = declare(
             self, 'exercise_file', '', 'YAML file with the movement of each joint, '
             "instead of the note's movement")
-        script = load_exercise(file).of(self._joints) if file else None
+        self._exercise = (load_exercise(file).of(self._joints) if file
+                          else _AllAlike(movement, len(self._joints)))
+        self._duration = self._exercise.duration
         self._announces = declare(
             self, 'announce_direction', True, "false keeps the direction at 0, the note's case 1")
-        self._exercise = script or _AllAlike(movement, len(self._joints))
-        self._duration = self._exercise.duration
         self._when_done = declare_choice(
             self, 'when_done', ('hold', 'exit'), 'after the last repetition: hold the joints at '
             'their initial positions, or exit')
@@ -101,10 +99,9 @@ class ExerciseNode(Node):
             'subscriptions to the direction that must exist before the exercise begins', 0, 1000)
         rate = declare(
             self, 'rate', 100.0, 'references per second of the node clock [Hz]', 1.0, 1000.0)
-        clock = declare_choice(
+        self._ticking = declare_choice(
             self, 'clock', ('timer', 'ticks'), 'timer: at `rate` by the node clock; ticks: once '
-            'for each tick of /clock')
-        self._ticking = clock == 'ticks'
+            'for each tick of /clock') == 'ticks'
         return float(rate)
 
     def _declare_movement(self) -> ReferenceMovement:
@@ -123,15 +120,15 @@ class ExerciseNode(Node):
         return ReferenceMovement(**values)
 
     def _connect(self, qos: QoSProfile, rate: float) -> None:
-        self._reference = JointState(name=list(self._joints))
+        self._reference, self._announced = (
+            JointState(name=list(self._joints)) for _ in range(2))
         self._direction = Int8MultiArray()
         self._direction.layout.dim = [MultiArrayDimension(
             label='joint', size=len(self._joints), stride=len(self._joints))]
         self._references = self.create_publisher(JointState, 'reference', RELIABLE)
         self._directions = self.create_publisher(Int8MultiArray, 'direction', RELIABLE)
-        self._announced = JointState(name=list(self._joints))
         self._announcements = self.create_publisher(JointState, 'direction_stamped', RELIABLE)
-        Diagnostics(self, self._report, ', '.join(self._joints), 'exercise')
+        Diagnostics(self, self._report, self._joints, 'exercise')
         self._origin_subscription = self.create_subscription(
             JointState, 'joint_states', self._on_joint_states, qos)
         if self._ticking:
@@ -165,8 +162,7 @@ class ExerciseNode(Node):
             # answer repeats the last of them; until then time must not advance.
             return
         self._last = now
-        if self._first is None:
-            self._first = now
+        self._first = now if self._first is None else self._first
         set_stamp(self._reference.header.stamp, now)
         if self._origin is None:
             # Joint states need time to advance; nobody holds the joints until then.
@@ -196,28 +192,30 @@ class ExerciseNode(Node):
         if not self._announces:
             direction, ends = np.zeros_like(direction), np.full_like(ends, math.nan)
         self._time = time
-        self._direction.data = array('b', direction.astype(np.int8).tobytes())
         # Before the reference: see the class.
-        self._directions.publish(self._direction)
-        self._announced.header.stamp = self._reference.header.stamp
-        self._announced.velocity = array('d', direction.astype(float).tobytes())
-        self._announced.position = array(
-            'd', (self._origin + ends).tobytes())
-        self._announcements.publish(self._announced)
+        self._announce(direction.astype(np.int8).tolist(), (self._origin + ends).tolist())
         self._reference.position = array('d', (self._origin + position).tobytes())
         self._reference.velocity = array('d', velocity.tobytes())
         self._references.publish(self._reference)
         if time >= self._duration and self._when_done == 'exit':
             self.finished = True
 
+    def _announce(self, direction: list[int], ends: list[float]) -> None:
+        self._direction.data = array('b', direction)
+        self._directions.publish(self._direction)
+        self._announced.header.stamp = self._reference.header.stamp
+        self._announced.velocity = array('d', direction)
+        self._announced.position = array('d', ends)
+        self._announcements.publish(self._announced)
+
     def _report(self) -> Any:
         if self._time is None:
             return WARN, self._describe_wait(), {}
         return OK, 'moving' if self._time < self._duration else 'done', {
             'time [s]': self._time, 'duration [s]': self._duration,
-            **per_joint(self._joints, 'reference [rad]', self._reference.position),
-            **per_joint(self._joints, 'reference velocity [rad/s]', self._reference.velocity),
-            **per_joint(self._joints, 'direction', self._direction.data)}
+            'reference [rad]': self._reference.position,
+            'reference velocity [rad/s]': self._reference.velocity,
+            'direction': self._direction.data}
 
     def _describe_wait(self) -> str:
         """Return what the exercise waits for before it begins."""
@@ -239,13 +237,4 @@ class ExerciseNode(Node):
     def leave(self) -> None:
         """Announce no direction."""
         if self.context.ok() and any(self._direction.data):
-            self._direction.data = array('b', [0] * len(self._joints))
-            self._directions.publish(self._direction)
-            self._announced.velocity = array('d', [0.0] * len(self._joints))
-            self._announced.position = array('d')
-            self._announcements.publish(self._announced)
-
-
-def main(argv: Sequence[str]) -> int:
-    """Start the node and return its exit code."""
-    return run('exercise', ExerciseNode, argv)
+            self._announce([0] * len(self._joints), [])

@@ -29,13 +29,12 @@ class Action:
 
     kind: Any
     name: str
-    # Converts a request, with joints, drives, defaults and whether messages have torques, to joint
-    # index and goal.
+    # `make_goal` or `make_trajectory`.
     make_goal: Callable[[Any, list[str], list[Drive], dict[str, Any], bool], tuple[int, Any]]
-    # Makes the run of a goal and a drive; whether its messages have torques.
+    # Makes the run of a goal and a drive; the last argument is whether messages have torques.
     run: Callable[[Any, Any, bool], SupervisedRun]
-    # Called with finished run, joint index and result message, which it fills.
-    finish: Callable[[SupervisedRun, int, Any], None]
+    # Fills the result message of a finished run of a joint; returns what it says.
+    finish: Callable[[SupervisedRun, int, Any], str]
 
 
 @dataclass
@@ -60,16 +59,15 @@ class RunningGoal:
 
 def declare_defaults(node: Any) -> dict[str, Any]:
     """Declare the defaults for empty or zero fields of a goal and return them by name."""
-    defaults = {'speeds': list(declare(
-        node, 'default_speeds', DEFAULT_SPEEDS, 'speeds of a goal that names none [rad/s]'))}
-    for name, default, text, unit, low, high in (
-            ('motion_range', 1.0, 'motion range', ' [rad]', 1e-3, 100.0),
-            ('ramp_slope', 0.0, 'ramp slope', ' [A/s]; 0: found by the first motion', 0.0, 100.0),
-            ('ramp_period', 10.0, 'ramp period', ' [s]', 1.0, 1000.0),
-            ('breakaway_cycles', 20, 'breakaway cycles', '', 1, 100_000)):
-        defaults[name] = declare(
-            node, f'default_{name}', default, f'{text} of a goal that names none{unit}', low, high)
-    return defaults
+    return {name: declare(
+        node, f'default_{name}', default,
+        f'{name.replace("_", " ")} of a goal that names none{unit}', *limits)
+        for name, default, unit, *limits in (
+            ('speeds', DEFAULT_SPEEDS, ' [rad/s]'),
+            ('motion_range', 1.0, ' [rad]', 1e-3, 100.0),
+            ('ramp_slope', 0.0, ' [A/s]; 0: found by the first motion', 0.0, 100.0),
+            ('ramp_period', 10.0, ' [s]', 1.0, 1000.0),
+            ('breakaway_cycles', 20, '', 1, 100_000))}
 
 
 def make_goal(request: Any, joints: list[str], drives: list[Drive], defaults: dict[str, Any],

@@ -8,7 +8,6 @@ the joint, and end with zero current after every fault.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 import math
 from pathlib import Path
@@ -19,7 +18,6 @@ from typing import Any
 from friction_comp_interfaces.action import IdentifyFriction, PlayTrajectory
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 
 from friction_comp.control import joint_states
@@ -32,8 +30,7 @@ from friction_comp.identification.trajectory_run import TrajectoryRun
 from friction_comp.nodes import goals
 from friction_comp.nodes.goals import Action, RunningGoal
 from friction_comp.ros import joint_io
-from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK, per_joint, Rate, WARN
-from friction_comp.ros.node_main import run
+from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
 from friction_comp.ros.parameters import declare, declare_joints, load_models
 from friction_comp.ros.ros_start import steady_timer
 from friction_comp.stamps import NANO
@@ -55,8 +52,6 @@ class IdentificationNode(Node):
     and ends every goal with zero current.
     """
 
-    finished = False
-
     def __init__(self) -> None:
         super().__init__('identification')
         self._joints = declare_joints(self)
@@ -65,9 +60,8 @@ class IdentificationNode(Node):
             'are kept, all else is replaced'), self._joints)
         self._drives = [model.drive for model in models]
         self._limits = [model.position_limits for model in models]
-        declare(
-            self, 'output_folder', '.', 'folder for the model files, which are named after '
-            'their joints', changes=True)
+        declare(self, 'output_folder', '.', 'folder for the model files, which are named after '
+                'their joints', changes=True)
         timeout = declare(
             self, 'joint_state_timeout', 0.05, 'silence of joint_states that ends a goal, in real '
             'time, and largest age [s]', 0.001, 10.0)
@@ -87,12 +81,8 @@ class IdentificationNode(Node):
         # Joint index and goal of the last request that was accepted.
         self._accepted: tuple[int, Any] = 0, None
         self._goal: RunningGoal | None = None
-        self._last_end = ''
-        self._refused = ''
+        self._last_end = self._refused = ''
         goals.compile_ahead(self._drives[0])
-        self._connect(qos)
-
-    def _connect(self, qos: QoSProfile) -> None:
         self.create_subscription(JointState, 'joint_states', self._on_joint_states, qos)
         steady_timer(self, _CHECK_PERIOD, self._check_connections)
         self._servers = [ActionServer(
@@ -102,10 +92,8 @@ class IdentificationNode(Node):
                 Action(IdentifyFriction, 'identify_friction', goals.make_goal, IdentificationRun,
                        self._finish_identification),
                 Action(PlayTrajectory, 'play_trajectory', goals.make_trajectory, TrajectoryRun,
-                       self._finish_trajectory))]
-        Diagnostics(self, self._report, ', '.join(self._joints), 'identification')
-
-    # The actions.
+                       lambda _, j, __: f'moved {self._joints[j]} along the trajectory'))]
+        Diagnostics(self, self._report, self._joints, 'identification')
 
     def _on_goal(self, action: Action, request: Any) -> Any:
         try:
@@ -154,7 +142,7 @@ class IdentificationNode(Node):
                 self._end(*_CANCELLED)
             end, result.message = await goal.end
             if end == 'done':
-                action.finish(goal.run, index, result)
+                result.message = action.finish(goal.run, index, result)
         except InputError as error:
             end, result.message = 'aborted', str(error)
         except Exception:
@@ -171,17 +159,14 @@ class IdentificationNode(Node):
          'aborted': goal_handle.abort}[end]()
         return result
 
-    def _finish_identification(self, run: Any, index: int, result: Any) -> None:
+    def _finish_identification(self, run: Any, index: int, result: Any) -> str:
         """Fit the model, write its file, and fill the result."""
         outcome, joint = run.result(), self._joints[index]
         path = (Path(self.get_parameter('output_folder').value) / f'{joint}.yaml').absolute()
         outcome.model(self._drives[index], joint, self._limits[index]).save(path)
         goals.fill_result(result, outcome)
         result.model_file = str(path)
-        result.message = '. '.join([f'identified {joint}, wrote {path}', *outcome.warnings])
-
-    def _finish_trajectory(self, run: Any, index: int, result: Any) -> None:
-        result.message = f'moved {self._joints[index]} along the trajectory'
+        return '. '.join([f'identified {joint}, wrote {path}', *outcome.warnings])
 
     def _end(self, end: str, message: str) -> None:
         """End the present run, if any: first zero current, then the result."""
@@ -193,21 +178,22 @@ class IdentificationNode(Node):
         goal.run.abort(message)
         goal.end.set_result((end, message))
 
-    # Topics.
+    @property
+    def _simulated(self) -> bool:
+        return bool(self.get_clock().ros_time_is_active)
 
     def _on_joint_states(self, message: Any, info: Any) -> None:
         self._rate.count += 1
         now = self.get_clock().now().nanoseconds
-        simulated = self.get_clock().ros_time_is_active
         if self._goal is not None and not self._port.ready:
             return
         ticket = self._port.ticket
         verdict = self._states.take(
-            message, now, 0 if simulated else info['received_timestamp'],
+            message, now, 0 if self._simulated else info['received_timestamp'],
             info['publication_sequence_number'] or 0)
         self._received = time.monotonic()
         # While nobody commands, a simulation in lockstep repeats its last state.
-        if verdict == joint_states.NEW or (verdict == joint_states.AGAIN and simulated):
+        if verdict == joint_states.NEW or (verdict == joint_states.AGAIN and self._simulated):
             self._fresh = self._received
         if self._goal is not None:
             self._answer(self._goal, verdict, ticket, info['source_timestamp'])
@@ -216,7 +202,7 @@ class IdentificationNode(Node):
         """Answer a joint state, or end the goal if that is not possible."""
         try:
             # What comes after a silence does not undo it, unless simulated time has stopped.
-            if goal.silent and not self.get_clock().ros_time_is_active:
+            if goal.silent and not self._simulated:
                 raise InputError(_why_old(self._states, goal.joint, _SILENT))
             if verdict == joint_states.NEW:
                 goal.silent = False
@@ -245,13 +231,12 @@ class IdentificationNode(Node):
             raise InputError(
                 f'joint_states hold no finite position and effort of {goal.joint}')
         measured = effort * self._per_effort[index]
-        if not self.get_clock().ros_time_is_active:
+        if not self._simulated:
             run.arrivals.take(at, received)
         current = run.update(at, position, velocity, measured)
         commands = [0.0] * len(self._joints)
         commands[index] = 0.0 if run.finished else current
-        simulated = self.get_clock().ros_time_is_active
-        self._port.answer(commands, ticket, states.stamp if simulated else 0)
+        self._port.answer(commands, ticket, states.stamp if self._simulated else 0)
         now = time.monotonic()
         if now - goal.last_feedback >= _FEEDBACK_PERIOD:
             goal.last_feedback = now
@@ -265,8 +250,7 @@ class IdentificationNode(Node):
     def _on_silence(self) -> None:
         """Command zero; called by the watchdog, in its thread."""
         self._port.zero()
-        goal = self._goal
-        if goal is not None:
+        if (goal := self._goal) is not None:
             goal.silent = True
 
     def _check_connections(self) -> None:
@@ -275,14 +259,13 @@ class IdentificationNode(Node):
         goal = self._goal
         if goal is None:
             return
-        states = self.resolve_topic_name('joint_states')
         client = self.resolve_service_name(f'{goal.action.name}/_action/get_result')
         others, clients = self._port.others(), self.count_clients(client)
         goal.had_client = goal.had_client or clients > 0
         # Simulated time may stop: its last state then stays valid.
-        if goal.silent and not self.get_clock().ros_time_is_active:
+        if goal.silent and not self._simulated:
             self._end('aborted', _why_old(self._states, goal.joint, _SILENT))
-        elif not self.count_publishers(states):
+        elif not self.count_publishers(self.resolve_topic_name('joint_states')):
             self._end('aborted', 'joint_states have no publisher any more')
         elif goal.had_client and not clients:
             self._end('aborted', 'the client of the goal is gone')
@@ -293,12 +276,9 @@ class IdentificationNode(Node):
         values = {'joint_states per second of real time': self._rate.per_second(),
                   'last goal': self._last_end, 'last refusal': self._refused,
                   'listeners to the command': self._port.listeners}
-        goal = self._goal
-        if goal is not None:
-            values.update({
-                'joint': goal.joint, 'phase': goal.run.phase,
-                'progress': float(goal.run.progress),
-                **per_joint(self._joints, 'command [A]', self._port.last)})
+        if (goal := self._goal) is not None:
+            values.update({'joint': goal.joint, 'phase': goal.run.phase,
+                           'progress': float(goal.run.progress), 'command [A]': self._port.last})
             return OK, f'{goal.action.name}: moves {goal.joint}', values
         if self._last_end.startswith('aborted'):
             return ERROR, self._last_end, values
@@ -329,8 +309,3 @@ class IdentificationNode(Node):
 def _why_old(states: JointStateInput, joint: str, otherwise: str) -> str:
     """Return why there is no new state of a joint."""
     return states.wrong or (f'joint_states lack {joint}' if joint in states.missing else otherwise)
-
-
-def main(argv: Sequence[str]) -> int:
-    """Start the node and return its exit code."""
-    return run('identification', IdentificationNode, argv)

@@ -15,8 +15,8 @@ from friction_comp.topics import TOPICS
 
 # Period of the states that are used, and largest age of a load and of a temperature, ns.
 _STEP, _LOAD_AGE, _TEMPERATURE_AGE = 8_000_000, 200_000_000, 60_000_000_000
-# A busy machine reads all waiting messages of one topic before those of the next. States wait this
-# long for the load measured at the same time, ns; other messages are kept for ten seconds at 1 kHz.
+# A busy machine reads all messages of one topic before those of the next: states wait this long
+# for the load measured at the same time, ns; other messages are kept for ten seconds at 1 kHz.
 _PATIENCE = 5_000_000_000
 _MAX_KEPT = 10_000
 STATES = 'joint_states'
@@ -65,21 +65,14 @@ class LiveSignals:
 
     def add_state(self, stamp: int, cdr: bytes) -> None:
         """Add a joint state, unless it is within a period of the last one."""
-        if stamp < self._last:
-            # Time went back.
-            self._due = 0
+        went_back = stamp < self._last
         self._last = stamp
-        if stamp >= self._due:
+        if stamp >= self._due or went_back:
             self._due = stamp + _STEP
             self._new[STATES].append((stamp, cdr))
 
     def take(self) -> list[np.ndarray]:
         """Return the new rows of each joint: those whose load has come or is no longer awaited."""
-        self._decode()
-        return [self._rows(joint) for joint in self._gains]
-
-    def _decode(self) -> None:
-        """Decode the new messages and add their values to the signals."""
         for topic, messages in self._new.items():
             stamps = np.array([stamp for stamp, _ in messages], dtype=np.int64)
             parts = defaultdict(list)
@@ -96,6 +89,7 @@ class LiveSignals:
                 if topic != STATES:
                     signal.keep_from(-_MAX_KEPT)
             messages.clear()
+        return [self._rows(joint) for joint in self._gains]
 
     def _rows(self, joint: str) -> np.ndarray:
         """Return time, position, velocity, current, load and temperature of complete states."""

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Sequence
 import time
 from typing import Any
 
@@ -14,14 +13,13 @@ import numpy as np
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import JointState, Temperature
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float64MultiArray, Header
 
 from friction_comp.control.joint_states import JointColumns
 from friction_comp.errors import InputError
 from friction_comp.nodes.sensor_port import SensorPort
-from friction_comp.ros.diagnostics import Diagnostics, OK, per_joint, Rate, WARN
+from friction_comp.ros.diagnostics import Diagnostics, OK, Rate, WARN
 from friction_comp.ros.joint_io import command_interface, command_unit, RELIABLE, UNASKED, UNIT_OF
-from friction_comp.ros.node_main import run
 from friction_comp.ros.parameters import declare, declare_choice, declare_joints, load_models
 from friction_comp.ros.ros_start import steady_timer
 from friction_comp.simulation.joint import Plant
@@ -43,22 +41,17 @@ _LARGEST_LAG = 50
 class Pace:
     """Limits the rate of simulated time."""
 
-    # Longest delay that is caught up, ns.
-    _MAX_DELAY = 2.0 * _CHECK_PERIOD * NANO
-
     def __init__(self) -> None:
         self._due = 0.0
 
     def may_step(self, pace: float, step: int, now: int) -> bool:
-        """Return whether a step of ns may be taken now; if so, it is counted as taken.
-
-        `pace` is simulated per real time, 0: no limit; `now` the real time in ns.
-        """
+        """Return whether a step of ns may be taken `now`; `pace` 0 is without limit."""
         if not pace:
             return True
         if now < self._due:
             return False
-        self._due = max(self._due, now - self._MAX_DELAY) + step / pace
+        # Longer delays are not caught up.
+        self._due = max(self._due, now - 2.0 * _CHECK_PERIOD * NANO) + step / pace
         return True
 
 
@@ -66,12 +59,10 @@ class PlantNode(Node):
     """Simulated geared joints with their sensors and the person who moves them.
 
     In lockstep, the order of events within a sample does not depend on the machine's load: at a
-    tick of the clock, publish `/clock` and wait for the `reference` of this tick (if requested);
-    then publish `joint_states`, wait for one `current_command`, and step. Time starts when all
-    `wait_for_listeners` are connected, so that a recording contains the first state.
+    tick, publish `/clock` and wait for its `reference` (if requested); then publish `joint_states`,
+    wait for one `current_command`, and step. Time starts when all `wait_for_listeners` are there,
+    so that a recording contains the first state.
     """
-
-    finished = False
 
     def __init__(self) -> None:
         super().__init__('plant')
@@ -80,10 +71,10 @@ class PlantNode(Node):
             declare(self, 'model_files', [], 'model file of each joint'), self._joints)
         undeclared = self._load_undeclared()
         seed = declare(self, 'seed', 0, 'of all noise and scatter', 0)
-        clock = declare_choice(
+        self._lockstep = declare_choice(
             self, 'clock', ('real_time', 'lockstep'),
             'real_time, or lockstep: steps when the command for the last state has come and '
-            'publishes /clock')
+            'publishes /clock') == 'lockstep'
         sample_time = declare(self, 'sample_time', 1e-3, 'time between samples [s]', 1e-4, 1e-2)
         self._declare_periods(sample_time)
 
@@ -96,25 +87,21 @@ class PlantNode(Node):
         self._columns = JointColumns(self._joints)
         self._rate = Rate()
         self._make_ports()
-        self._lockstep = clock == 'lockstep'
         if self._lockstep:
             self._begin_lockstep()
         else:
-            self._begin_real_time(sample_time)
+            self._started, self._overruns = time.monotonic_ns(), 0
+            self._origin = self.get_clock().now().nanoseconds
+            self.fast_timers = [steady_timer(self, sample_time, self._on_time)]
 
     def _declare_periods(self, sample_time: float) -> None:
-        def samples_in(period: float) -> int:
-            return max(1, round(period / sample_time))
-
-        def every(name: str, default: float, text: str, least: float, most: float) -> int:
-            return samples_in(declare(self, name, default, text, least, most))
-
-        self._clock_every = every(
-            'clock_period', 0.01, 'simulated time between ticks of /clock, in lockstep [s]', 1e-4,
-            1.0)
-        self._wrench_every = every(
-            'wrench_period', sample_time, 'time between interaction wrenches [s]', 1e-4, 1.0)
-        self._temperature_every = samples_in(_TEMPERATURE_PERIOD)
+        self._clock_every, self._wrench_every, self._temperature_every = (
+            max(1, round(period / sample_time)) for period in (
+                declare(self, 'clock_period', 0.01,
+                        'simulated time between ticks of /clock, in lockstep [s]', 1e-4, 1.0),
+                declare(self, 'wrench_period', sample_time,
+                        'time between interaction wrenches [s]', 1e-4, 1.0),
+                _TEMPERATURE_PERIOD))
         declare(
             self, 'wait_for_reference', False,
             'in lockstep, wait at every tick for the reference with its stamp', changes=True)
@@ -138,11 +125,9 @@ class PlantNode(Node):
 
     def _make_ports(self) -> None:
         self._state_message = JointState(name=list(self._joints))
-        self._wrench_messages = [WrenchStamped() for _ in self._joints]
-        self._temperature_messages = [Temperature() for _ in self._joints]
-        for messages in (self._wrench_messages, self._temperature_messages):
-            for joint, message in zip(self._joints, messages):
-                message.header.frame_id = joint
+        self._wrench_messages, self._temperature_messages = (
+            [kind(header=Header(frame_id=joint)) for joint in self._joints]
+            for kind in (WrenchStamped, Temperature))
         self._states = self.create_publisher(JointState, 'joint_states', RELIABLE)
         self._wrench = self.create_publisher(WrenchStamped, 'interaction_wrench', RELIABLE)
         self._temperature = self.create_publisher(Temperature, 'motor_temperature', RELIABLE)
@@ -152,7 +137,7 @@ class PlantNode(Node):
         self._per_current = self._torque_per_current if interface == 'effort' else 1.0
         self.create_subscription(
             Float64MultiArray, 'current_command', self._on_command, RELIABLE)
-        Diagnostics(self, self._report, ', '.join(self._joints), 'simulation')
+        Diagnostics(self, self._report, self._joints, 'simulation')
 
     def _begin_lockstep(self) -> None:
         self._origin = _START_TIME
@@ -160,18 +145,10 @@ class PlantNode(Node):
         self._answered = self._published = self._nobody_holds = False
         self._reference_stamp: int | None = None
         self._direction_stamp: int | None = None
+        self._ticked_sample, self._pace, self._checks = -1, Pace(), 0
         self.create_subscription(JointState, 'direction_stamped', self._on_direction, RELIABLE)
-        self._ticked_sample = -1
-        self._pace = Pace()
-        self._checks = 0
         steady_timer(self, _CHECK_PERIOD, self._repeat_requests)
         self._advance()
-
-    def _begin_real_time(self, sample_time: float) -> None:
-        self._started = time.monotonic_ns()
-        self._origin = self.get_clock().now().nanoseconds
-        self._overruns = 0
-        self.fast_timers = [steady_timer(self, sample_time, self._on_time)]
 
     def _make_plant(self, models: Any, seed: int, undeclared: Any, sample_time: float) -> Plant:
         engine = declare_choice(
@@ -200,11 +177,9 @@ class PlantNode(Node):
                 f'not {len(files)}')
         return [Undeclared.from_file(path) if path else None for path in files]
 
-    # Both clocks.
-
     @property
     def _stamp(self) -> Any:
-        """Stamp of the present state, ns."""
+        """Of the present state, ns."""
         return self._origin + self._samples * self._sample
 
     def _step(self) -> None:
@@ -272,21 +247,17 @@ class PlantNode(Node):
         return ''
 
     def _on_command(self, message: Any) -> None:
-        if self._lockstep:
-            if self._published and not self._answered and self._is_answer(message):
-                self._take_command(message)
-                self._answered = True
-                self._advance()
-        else:
+        if not self._lockstep:
             self._take_command(message)
             self._commanded_at = time.monotonic_ns()
-
-    # Lockstep.
-
-    def _is_answer(self, message: Any) -> bool:
-        """Return whether a command answers the present state, or is not labelled."""
+            return
+        # A label of digits is the stamp of the state that is answered.
         label = message.layout.dim[0].label if message.layout.dim else ''
-        return label != UNASKED and (not label.isdecimal() or int(label) == self._stamp)
+        answers = label != UNASKED and (not label.isdecimal() or int(label) == self._stamp)
+        if answers and self._published and not self._answered:
+            self._take_command(message)
+            self._answered = True
+            self._advance()
 
     def _advance(self) -> None:
         """Advance until an input is missing."""
@@ -315,8 +286,7 @@ class PlantNode(Node):
 
     def _tick(self) -> None:
         """Publish the present tick, possibly again."""
-        since = self._samples % self._clock_every
-        message = ClockMessage()
+        message, since = ClockMessage(), self._samples % self._clock_every
         set_stamp(message.clock, self._stamp - since * self._sample)
         self._ticks.publish(message)
 
@@ -324,23 +294,21 @@ class PlantNode(Node):
         """Repeat requests without an answer, since discovery takes time."""
         self._advance()
         self._checks += 1
-        if self._checks >= 2:
-            self._checks = 0
-            self._tick()
-            if self._published and self._states.get_subscription_count():
-                self._publish()
-            elif self._samples and self._nobody_holds:
-                # The exercise has not received the positions yet.
-                self._states.publish(self._state_message)
-
-    # Real time.
+        if self._checks < 2:
+            return
+        self._checks = 0
+        self._tick()
+        if self._published and self._states.get_subscription_count():
+            self._publish()
+        elif self._samples and self._nobody_holds:
+            # The exercise has not received the positions yet.
+            self._states.publish(self._state_message)
 
     def _on_time(self) -> None:
         now = time.monotonic_ns()
         due = (now - self._started) // self._sample
-        if due - self._samples > _LARGEST_LAG:
+        if (lost := due - self._samples) > _LARGEST_LAG:
             self._overruns += 1
-            lost = due - self._samples
             self._started += lost * self._sample
             self._origin += lost * self._sample
             due = self._samples
@@ -355,7 +323,7 @@ class PlantNode(Node):
             'clock': 'lockstep' if self._lockstep else 'real_time',
             'time [s]': self._plant.state.time,
             'samples per second of real time': self._rate.per_second(),
-            **per_joint(self._joints, 'command [A]', self._command),
+            'command [A]': self._command,
             'commands not usable': self._bad_commands}
         if self._lockstep:
             values['waits for'] = self._describe_wait()
@@ -373,11 +341,3 @@ class PlantNode(Node):
         if not self._samples and listeners < self._listeners:
             return f'listeners to joint_states ({listeners} of {self._listeners})'
         return self._lacks() or 'reference'
-
-    def leave(self) -> None:
-        """Do nothing: the simulated motor ends with its node."""
-
-
-def main(argv: Sequence[str]) -> int:
-    """Start the node and return its exit code."""
-    return run('plant', PlantNode, argv)

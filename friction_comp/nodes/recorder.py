@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -15,7 +15,6 @@ from friction_comp.errors import InputError
 from friction_comp.recordings.writer import RecordingWriter
 from friction_comp.ros.dated_topics import DatedTopics, RECORDED, STATES
 from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
-from friction_comp.ros.node_main import run
 from friction_comp.ros.parameters import declare, declare_choice
 from friction_comp.ros.ros_start import steady_timer
 
@@ -26,7 +25,6 @@ _FLUSH = 0.25
 class RecorderNode(Node):
     """Writes every serialised message at once, and counts lost ones."""
 
-    finished = False
     # Nothing waits for a recording: messages are processed in batches.
     batch_time = 0.005
 
@@ -42,19 +40,17 @@ class RecorderNode(Node):
                            's after which the next file begins, at least 0.1; 0: never', 0.0)
         self._rate = Rate()
         self._counts = dict.fromkeys(RECORDED, 0)
-        self._failed = ''
-        # No more messages are written.
-        self._ended = False
+        # No more messages are written, and why, if something went wrong.
+        self._ended, self._failed = False, ''
         self._lost_before = self._lost_reported = 0
-        data = {'recorded_by': 'friction_comp recorder'}
-        if model:
-            data['model_file'] = model
         self._writer = RecordingWriter(
-            output, data, compression, split_size=1e6 * size, split_duration=duration)
+            output, {'recorded_by': 'friction_comp recorder',
+                     **({'model_file': model} if model else {})},
+            compression, split_size=1e6 * size, split_duration=duration)
         self._dated = DatedTopics(self, self._write)
         self._topics = self._dated.topics
         steady_timer(self, _FLUSH, self._flush)
-        self._diagnostics = Diagnostics(self, self._report, output, 'recording')
+        self._diagnostics = Diagnostics(self, self._report, [output], 'recording')
 
     @contextmanager
     def _note_failure(self) -> Iterator[None]:
@@ -83,7 +79,6 @@ class RecorderNode(Node):
             self._writer.write(source.name, kind, stamp, cdr)
 
     def _describe_lost(self) -> str:
-        """Return the number of lost messages by topic as text; '' if none."""
         return ', '.join(f'{topic.lost} {name}' for name, topic in self._topics.items()
                          if topic.lost)
 
@@ -128,8 +123,3 @@ class RecorderNode(Node):
             self.get_logger().error(f'{self._writer.path}: messages lost: {lost}')
         self.get_logger().info(f'{self._writer.path}: ' + ', '.join(
             f'{count} {topic}' for topic, count in self._counts.items() if count))
-
-
-def main(argv: Sequence[str]) -> int:
-    """Start the node and return its exit code."""
-    return run('recorder', RecorderNode, argv)

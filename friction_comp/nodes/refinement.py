@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 import time
@@ -22,13 +21,11 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from friction_comp.errors import InputError
 from friction_comp.monitoring.live_residual import JointWatch
 from friction_comp.nodes.live_signals import LiveSignals
-from friction_comp.nodes.recent_past import Message, RecentPast
-from friction_comp.nodes.refine_job import RefineJob, refusal
+from friction_comp.nodes.refine_job import Message, RecentPast, RefineJob, refusal
 from friction_comp.recorded_drive.child import Refined
 from friction_comp.ros.dated_topics import DatedTopics, RECORDED, STATES
 from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
 from friction_comp.ros.executor import yield_to_executor
-from friction_comp.ros.node_main import run
 from friction_comp.ros.parameters import declare, declare_joints, load_models, names_in
 from friction_comp.ros.ros_start import steady_timer
 
@@ -46,8 +43,7 @@ class CompensatorClient:
 
     def __init__(self, node: Node, name: str) -> None:
         self.name = name
-        # Number of model changes: answers to earlier requests are outdated.
-        self.model_changes = 0
+        self.model_changes = 0    # answers to earlier requests are outdated
         self._get = node.create_client(GetParameters, f'{name}/get_parameters')
         self._set = node.create_client(SetParameters, f'{name}/set_parameters')
 
@@ -89,7 +85,6 @@ class RefinementNode(Node):
     current with the model of each joint.
     """
 
-    finished = False
     # Nothing waits for this node: messages are processed in batches.
     batch_time = 0.01
 
@@ -124,10 +119,6 @@ class RefinementNode(Node):
         # By joint: file that was worse in its trial, file to load instead, and why.
         self._to_unload: dict[str, tuple[str, str, str]] = {}
         self._last_result = self._last_refusal = self._error = ''
-        self._connect()
-        Diagnostics(self, self._report, ', '.join(self._joints), 'refinement')
-
-    def _connect(self) -> None:
         self._topics = DatedTopics(self, self._keep, _NOT_KEPT).topics
         # In the node's default group, waiting for the compensator would block all callbacks.
         steady_timer(
@@ -135,8 +126,7 @@ class RefinementNode(Node):
         self._server = ActionServer(
             self, RefineModel, 'refine_model', self._execute, goal_callback=self._on_goal,
             cancel_callback=lambda _: CancelResponse.ACCEPT)
-
-    # Topics.
+        Diagnostics(self, self._report, self._joints, 'refinement')
 
     def _keep(self, topic: str, stamp: int, cdr: bytes) -> None:
         cdr = bytes(cdr)
@@ -146,8 +136,6 @@ class RefinementNode(Node):
             self._signals.add_state(stamp, cdr)
         elif topic in ('interaction_wrench', 'motor_temperature'):
             self._signals.add_message(topic, stamp, cdr)
-
-    # Monitoring.
 
     async def _monitor(self) -> None:
         if self._comparing:
@@ -167,7 +155,9 @@ class RefinementNode(Node):
         if model_changes != self._compensator.model_changes:
             # The answer may be older than the change, and would end the trial of the new model.
             return
-        compensated = self._is_compensated()
+        name = self._compensator.name.rpartition('/')[2]
+        compensated = any(info.node_name == name for info in self.get_publishers_info_by_topic(
+            self.resolve_topic_name('current_command')))
         for joint, rows in zip(self._joints, self._signals.take()):
             watch = self._watches[joint]
             if not self._busy:
@@ -184,11 +174,6 @@ class RefinementNode(Node):
             self._judge(joint, watch)
         for joint in list(self._to_unload):
             await self._unload(joint)
-
-    def _is_compensated(self) -> bool:
-        name = self._compensator.name.rpartition('/')[2]
-        return any(info.node_name == name for info in self.get_publishers_info_by_topic(
-            self.resolve_topic_name('current_command')))
 
     def _judge(self, joint: str, watch: JointWatch) -> None:
         ended = watch.end_trial()
@@ -212,8 +197,6 @@ class RefinementNode(Node):
             self.get_logger().warning(self._last_result)
         del self._to_unload[joint]
 
-    # The action.
-
     def _on_goal(self, request: RefineModel.Goal) -> GoalResponse:
         self._last_refusal = ''
         if request.joint and request.joint not in self._joints:
@@ -233,7 +216,13 @@ class RefinementNode(Node):
         joint = request.joint or self._joints[0]
         try:
             refined, start = await self._refine(joint, request, goal_handle)
-            _fill(result, refined)
+            report = refined.report
+            result = RefineModel.Result(
+                success=True, verdict=report.verdict, error_before=report.before.held_out_rmse,
+                error_after=report.after.held_out_rmse, noise_floor=report.noise_floor,
+                effects=[effect.name for effect in report.effects],
+                variables=[effect.variable for effect in report.effects],
+                model_file=str(refined.model_file), report=str(refined.page))
             result.message = await self._load_if_requested(joint, request, refined, start, result)
             goal_handle.succeed()
         except InputError as error:
@@ -261,10 +250,8 @@ class RefinementNode(Node):
             f'{joint}_{datetime.now():%Y-%m-%d_%H-%M-%S.%f}')
         messages = []
         if not request.recording:
-            if self._watches[joint].residual.blind:
-                raise InputError(
-                    f'{joint}: the messages kept do not show the friction: '
-                    f'{self._watches[joint].residual.blind}')
+            if blind := self._watches[joint].residual.blind:
+                raise InputError(f'{joint}: the messages kept do not show the friction: {blind}')
             messages = self._past.last(request.seconds)
             if not messages:
                 raise InputError('no messages are kept')
@@ -303,8 +290,6 @@ class RefinementNode(Node):
         result.loaded = True
         return f'{summary}; loaded, and on trial beside {start}'
 
-    # Diagnostics.
-
     def _report(self) -> tuple[Any, ...]:
         values = {'joint_states per second of real time': self._rate.per_second(),
                   'kept [s]': self._past.span, 'kept [MB]': self._past.size / 1e6,
@@ -313,10 +298,10 @@ class RefinementNode(Node):
         for joint, watch in self._watches.items():
             verdict = watch.residual.verdict()
             text = watch.residual.blind or verdict.text
-            values[f'{joint}: residual'] = text
-            values[f'{joint}: error as a share of the friction'] = float(verdict.share)
-            values[f'{joint}: model file'] = watch.file
-            values[f'{joint}: on trial'] = watch.trial is not None
+            values.update({f'{joint}: residual': text,
+                           f'{joint}: error as a share of the friction': float(verdict.share),
+                           f'{joint}: model file': watch.file,
+                           f'{joint}: on trial': watch.trial is not None})
             if not verdict.fits and not watch.residual.blind:
                 misfits.append(f'{joint}: {text}: refine it')
         if self._error:
@@ -333,19 +318,3 @@ class RefinementNode(Node):
         """End a running refinement."""
         if self._job is not None:
             self._job.cancel('the node was stopped')
-
-
-def _fill(result: RefineModel.Result, refined: Refined) -> None:
-    report = refined.report
-    result.success, result.verdict = True, report.verdict
-    result.error_before = report.before.held_out_rmse
-    result.error_after = report.after.held_out_rmse
-    result.noise_floor = report.noise_floor
-    result.effects = [effect.name for effect in report.effects]
-    result.variables = [effect.variable for effect in report.effects]
-    result.model_file, result.report = str(refined.model_file), str(refined.page)
-
-
-def main(argv: Sequence[str]) -> int:
-    """Start the node and return its exit code."""
-    return run('refinement', RefinementNode, argv)

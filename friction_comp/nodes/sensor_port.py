@@ -34,8 +34,8 @@ def _check_fault(parameters: Any) -> SetParametersResult:
 class SensorPort:
     """A cheap sensor on every joint of a plant.
 
-    Muscles act before their force: the person follows the reference later, by the electromechanical
-    delay, so that the sensor knows of nothing that is still to come.
+    Muscles act before their force: the person follows the reference later, by this delay, so that
+    the sensor knows of nothing that is still to come.
     """
 
     def __init__(self, node: Any, models: Any, seed: int, sample_time: float) -> None:
@@ -67,9 +67,8 @@ class SensorPort:
         if kind != 'force':
             self._sensor = CheapMuscles(breakaway, [seed, 7], kind == 'muscle_envelope')
             self._delay = np.rint(self._sensor.delay / sample_time).astype(int)
-        nothing = np.full((2, len(models)), np.nan)
         kept = int(self._delay.max()) + 1
-        self._wishes = deque([nothing] * kept, maxlen=kept)
+        self._wishes = deque([np.full((2, len(models)), np.nan)] * kept, maxlen=kept)
         self._rows: list[np.ndarray] = []
         self._publisher = node.create_publisher(Float64MultiArray, 'sensor', RELIABLE)
 

@@ -5,24 +5,20 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from matplotlib.figure import Figure
 import numpy as np
 
 from friction_comp.evaluation.conditions import evaluate
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.refinement.result import FoundEffect, RefineResult
 from friction_comp.reports.evaluation_words import peak_text
-from friction_comp.reports.figures import band, COLOURS, new_figure, styled
+from friction_comp.reports.figures import band, COLOURS, curve, new_figure, styled
 from friction_comp.reports.html import number, Report
 from friction_comp.reports.moving_joint import moving_joint, MovingScene
 from friction_comp.reports.refinement_figures import residual_figure
 from friction_comp.reports.refinement_report import effect_names, formula, limitations, model_words
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.refinement.result import FoundEffect, RefineResult
-    from friction_comp.samples import Samples
+from friction_comp.samples import Samples
 
 _COLOURS = ('grey', 'violet', 'blue', 'green')
 
@@ -70,7 +66,8 @@ def table_rows(trials: list[EvaluatedTrial], refined: RefineResult) -> list[list
 @styled
 def torque_figure(trials: list[EvaluatedTrial]) -> Figure:
     """Draw the back-driving torque of all trials, movements side by side."""
-    figure, axes = new_figure(1, 2, width=8.4, height=3.4, sharey='row')
+    figure, axes = new_figure(1, 2, width=8.4, height=3.4, sharey='row',
+                              x='time since the movement began (s)', y='back-driving torque (N·m)')
     for axis, movement in zip(axes, ('positive', 'negative')):
         for trial, colour in zip(trials, _COLOURS):
             for condition in trial.evaluation.conditions:
@@ -79,8 +76,6 @@ def torque_figure(trials: list[EvaluatedTrial]) -> Figure:
                          colour, trial.title)
         axis.axhline(0.0, color=COLOURS['grey'], linewidth=0.8)
         axis.set_title(f'Movement in the {movement} direction')
-        axis.set_xlabel('time since the movement began (s)')
-    axes[0].set_ylabel('back-driving torque (N·m)')
     axes[0].legend(loc='best')
     return figure
 
@@ -97,20 +92,19 @@ def trial_scenes(trials: list[EvaluatedTrial]) -> list[MovingScene]:
 @styled
 def identification_figure(model: FrictionModel) -> Figure:
     """Draw look-up table, fitted curve and breakaway currents."""
-    figure, axes = new_figure(height=3.2)
+    figure, axes = new_figure(height=3.2, x='joint velocity (rad/s)', y='motor current (mA)')
     table, breakaway = model.lookup_table, model.breakaway
     # An identified model has both.
     assert table is not None
     assert breakaway is not None
     speeds, currents = np.array(table['speeds']), np.array(table['currents'])
     fine = np.linspace(1.05 * speeds.min(), 1.05 * speeds.max(), 801)
-    axes.plot(fine, 1e3 * model.sigmoid(fine), color=COLOURS['blue'], label='fitted curve')
-    axes.plot(speeds, 1e3 * currents, 'o', color=COLOURS['orange'], label='look-up table')
+    curve(axes, fine, 1e3 * model.sigmoid(fine), 'blue', 'fitted curve')
+    curve(axes, speeds, 1e3 * currents, 'orange', 'look-up table', 'o')
     axes.errorbar(
         [0.0, 0.0], [1e3 * breakaway.positive_mean, 1e3 * breakaway.negative_mean],
         [1e3 * breakaway.positive_std, 1e3 * breakaway.negative_std], fmt='s', capsize=4,
         color=COLOURS['green'], label='breakaway')
-    axes.set(xlabel='joint velocity (rad/s)', ylabel='motor current (mA)')
     axes.legend(loc='upper left')
     return figure
 
@@ -119,9 +113,8 @@ def demo_report(trials: list[EvaluatedTrial], refined: RefineResult, model: Fric
                 undeclared: str | Path) -> Report:
     """Return the page.
 
-    The four trials are: without compensation, with the kinetic term, compensated, and with the
-    refined model. `model` is the identified one; the file `undeclared` contains the effects that
-    only the simulation was given.
+    The four trials are without compensation, with the kinetic term, compensated, and with the
+    refined model. `model` is the identified one; `undeclared` has what only the simulation knew.
     """
     _, kinetic, compensated, last = trials
     before, after = residuals(refined)

@@ -4,24 +4,20 @@
 
 from __future__ import annotations
 
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
+from matplotlib.figure import Figure
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 from friction_comp.reports.figures import COLOURS, new_figure, styled, thin
 from friction_comp.reports.html import number, Report
 from friction_comp.reports.moving_joint import moving_joint, MovingScene
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from friction_comp.samples import Samples
+from friction_comp.samples import Samples
 
 _LINE, _FAINT = '#1a2b3d', '#9aa5b1'
 _SHOWN = 0.01  # rad/s of the reference in the picture
-# Hz: of the torque whose peak is compared. Steps of the reference are above.
-_BAND = 20.0
+_BAND = 20.0  # Hz: of the torque whose peak is compared; steps of the reference are above
 _HAND_COLOURS = ('grey', 'violet', 'blue', 'green')
 
 
@@ -76,14 +72,7 @@ class HandTrial:
 
 
 def to_and_fro_report(trials: dict[str, HandTrial], inertia: float) -> Report:
-    """Return the report; trials without help first, `inertia` is the RMS of a frictionless joint.
-
-    Parameters
-    ----------
-    trials : dict of str to HandTrial
-    inertia : float
-        N·m.
-    """
+    """Return the report; trials without help first, `inertia` is the RMS without friction, N·m."""
     bare, *others = trials.values()
     page = Report('To and fro, at the tempo of everyday movement',
                   'The same firm hand, joint and movement; only what the motor adds differs')
@@ -104,7 +93,8 @@ def to_and_fro_report(trials: dict[str, HandTrial], inertia: float) -> Report:
 @styled
 def loops_figure(trials: dict[str, HandTrial]) -> Figure:
     """Draw the torque of the hand over the angle, for each trial."""
-    figure, axes = new_figure(1, len(trials), width=10.0, height=3.0, sharex=True, sharey=True)
+    figure, axes = new_figure(1, len(trials), width=10.0, height=3.0, sharex=True, sharey=True,
+                              x='angle (deg)', y='torque of the hand (N·m)')
     for axis, one, colour in zip(np.ravel(axes), trials.values(), _HAND_COLOURS):
         part = one._steady
         angle = np.degrees(one.position[part])
@@ -114,8 +104,6 @@ def loops_figure(trials: dict[str, HandTrial]) -> Figure:
         axis.plot(*loop, color=COLOURS[colour])
         axis.axhline(0.0, color=COLOURS['grey'], linewidth=0.8)
         axis.set_title(f'{one.title}\n{one.rms:.2f} N·m RMS', color=COLOURS[colour])
-        axis.set_xlabel('angle (deg)')
-    np.ravel(axes)[0].set_ylabel('torque of the hand (N·m)')
     return figure
 
 
@@ -142,7 +130,8 @@ def intention_report(trials: dict[str, HandTrial]) -> Report:
 @styled
 def intention_figure(trials: dict[str, HandTrial]) -> Figure:
     """Draw torque, peaks and known directions of the first two movements of each trial."""
-    figure, axes = new_figure(len(trials), 1, width=8.4, height=1.6, sharex=True, sharey=True)
+    figure, axes = new_figure(len(trials), width=8.4, height=1.6, sharex=True, sharey=True,
+                              x='time, s', y='N·m')
     size = 1.35 * max(float(np.abs(one.torque).max()) for one in trials.values())
     for axis, one, colour in zip(np.ravel(axes), trials.values(), _HAND_COLOURS):
         # From a second before the first movement, so that all rows begin alike.
@@ -168,8 +157,6 @@ def intention_figure(trials: dict[str, HandTrial]) -> Figure:
         axis.axhline(0.0, color=_FAINT, linewidth=0.8)
         axis.set_ylim(-size, size)
         axis.set_title(one.title, color=COLOURS[colour])
-        axis.set_ylabel('N·m')
-    np.ravel(axes)[-1].set_xlabel('time, s')
     return figure
 
 
@@ -188,12 +175,11 @@ def follow_report(runs: dict[str, dict[float, dict[str, Any]]]) -> Report:
 
 @styled
 def _follow_figure(runs: dict[str, dict[float, dict[str, Any]]]) -> Figure:
-    figure, axes = new_figure(1, len(runs), width=10.0, height=2.8, sharex=True, sharey=True)
+    figure, axes = new_figure(1, len(runs), width=10.0, height=2.8, sharex=True, sharey=True,
+                              x='time, s', y='angle, deg')
     for axis, (way, own) in zip(np.ravel(axes), runs.items()):
         one = own[_SHOWN]
         axis.plot(*thin(one['time'], np.degrees(one['desired'])), color=_FAINT, linewidth=4.0)
         axis.plot(*thin(one['time'], np.degrees(one['position'])), color=_LINE)
         axis.set_title(way, fontsize=9)
-        axis.set_xlabel('time, s')
-    np.ravel(axes)[0].set_ylabel('angle, deg')
     return figure

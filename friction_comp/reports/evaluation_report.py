@@ -103,10 +103,7 @@ def trend_figure(trends: Sequence[Trend], evaluation: Evaluation) -> Figure:
 
 
 def scenes_of(evaluation: Evaluation) -> list[MovingScene]:
-    """Return the mean movement without and with the direction announced, if torque was measured.
-
-    Of the two directions of movement, the one with the larger torque is used.
-    """
+    """Return the mean movement without and with the direction announced, where torque is larger."""
     pair, colours = evaluation.pair() or (), _colours(evaluation)
     measured = {(c.compensation, c.movement): c for c in evaluation.conditions
                 if np.isfinite(c.torque).any()}
@@ -120,10 +117,7 @@ def scenes_of(evaluation: Evaluation) -> list[MovingScene]:
 
 
 def add_evaluation(report: Report, evaluation: Evaluation, part: bool = False) -> None:
-    """Add an evaluation to a report below its verdict: the main result first, then the details.
-
-    `part` is whether it is only one section of the page.
-    """
+    """Add an evaluation to a report below its verdict; `part` if it is one of several."""
     level = 3 if part else 2
     simple = bool(words.plain_verdict(evaluation))
     scenes = scenes_of(evaluation) if simple else []
@@ -236,8 +230,7 @@ def evaluation_report(evaluations: Sequence[Evaluation], title: str = '', result
                       begin: Callable[[Report], None] = lambda _: None) -> Report:
     """Return the page of `evaluate`, with one evaluation for each joint.
 
-    A scene of the demo may give it another title and main result, and adds with `begin` what stands
-    before the details.
+    A scene of the demo may change title and main result, and add with `begin` what comes first.
     """
     joints = ', '.join(evaluation.joint or 'the joint' for evaluation in evaluations)
     count = sum(len(evaluation.repetitions) for evaluation in evaluations)

@@ -22,10 +22,7 @@ _RATE = 50.0  # of the drawn curves, Hz
 
 def excitation_report(plans: Sequence[JointPlan],
                       others: Sequence[Mapping[str, Mapping[Pair, float]]]) -> Report:
-    """Return the report of planned motions.
-
-    `others` has for each plan the separation by other motions of the same length, by name.
-    """
+    """Return the report; `others` has for each plan the separation by other motions, by name."""
     seconds = plans[0].seconds
     report = Report('Planned motion', f'{len(plans)} joint{"s" * (len(plans) > 1)}, {seconds:g} s')
     worst = min((share, pair, plan.limits.joint) for plan in plans
@@ -70,10 +67,7 @@ def _plan_figure(plan: JointPlan) -> Figure:
 
 
 def improvement_report(improvement: Improvement, names: Sequence[str]) -> Report:
-    """Return the report of `improve`; the refined model has its own page, refinement.html.
-
-    `names` are the names of the recordings.
-    """
+    """Return the report of `improve` on recordings; the refined model has a page of its own."""
     last, report = improvement.rounds[-1], improvement.result.report
     unit = report.unit
     page = Report(f"The friction model of {report.joint or 'the joint'}, improved by motion")

@@ -65,8 +65,7 @@ def new_figure(rows: int = 1, columns: int = 1, width: float = 8.0, height: floa
     """Create a figure with a grid of axes, an ndarray of them where there are several.
 
     `width` is that of the figure and `height` that of one row, inches; `x` labels the lowest axes,
-    and `y` those on the left, all or row by row; `options` are further arguments of
-    ``Figure.subplots``, such as ``sharex=True``.
+    `y` those on the left, all or row by row; `options` are those of ``Figure.subplots``.
     """
     figure = Figure(figsize=(width, height * rows), layout='constrained')
     FigureCanvasAgg(figure)
@@ -105,14 +104,11 @@ def thin_extremes(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     if len(x) <= 2 * _STRETCHES:
         return x, y
     edges = np.linspace(0, len(x), _STRETCHES + 1).astype(int)
-    chosen = []
-    for first, last in zip(edges[:-1], edges[1:]):
-        part = y[first:last]
-        if np.isfinite(part).any():
-            chosen += [first + int(np.nanargmin(part)), first + int(np.nanargmax(part))]
-        else:
-            # One NaN keeps the gap.
-            chosen.append(first)
+    # Of a stretch without numbers, one NaN keeps the gap.
+    known = np.isfinite(y)
+    chosen = [first + find(np.where(known[first:last], y[first:last], other))
+              for find, other in ((np.argmin, np.inf), (np.argmax, -np.inf))
+              for first, last in zip(edges[:-1], edges[1:])]
     indices = np.unique(chosen)
     return x[indices], y[indices]
 
@@ -129,7 +125,7 @@ def scatter(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str, label: str | 
 
 def to_svg(figure: Figure) -> str:
     """Return a figure as SVG in the page's text colour, without external files or scripts."""
-    stream = io.BytesIO()
+    stream = io.StringIO()
     with mpl.rc_context({**_STYLE, 'svg.hashsalt': 'friction_comp'}):
         # Run the layout engine once: otherwise saving draws twice.
         engine = figure.get_layout_engine()
@@ -137,9 +133,8 @@ def to_svg(figure: Figure) -> str:
             engine.execute(figure)
             figure.set_layout_engine(None)
         figure.savefig(stream, dpi=160, format='svg', metadata={'Date': None, 'Creator': None})
-    text = stream.getvalue().decode()
-    text = text[text.index('<svg'):]
-    text = re.sub(r'<metadata>.*?</metadata>\s*', '', text, flags=re.DOTALL)
+    text = stream.getvalue()
+    text = re.sub(r'<metadata>.*?</metadata>\s*', '', text[text.index('<svg'):], flags=re.DOTALL)
     return text.replace(INK, 'currentColor')
 
 

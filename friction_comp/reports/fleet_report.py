@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -24,12 +23,10 @@ def fleet_verdict(population: Population) -> str:
     """Return in one or two sentences which units are out and what varies most."""
     count, out = len(population.units), population.out
     joint = f' (joint {population.joint})' if population.joint else ''
+    text = f'**None of {count} units is out**{joint}.'
     if out:
-        listed = '; '.join(f'{unit}: {", ".join(names)}' for unit, names in out.items())
         text = f'**{len(out)} of {count} units {"is" if len(out) == 1 else "are"} out**{joint}: ' \
-               f'{listed}.'
-    else:
-        text = f'**None of {count} units is out**{joint}.'
+            + '; '.join(f'{unit}: {", ".join(names)}' for unit, names in out.items()) + '.'
     varying = sorted((one for one in population.parameters if one.varies and
                       one.scale == 'logarithmic'), key=lambda one: -one.spread)
     if varying:
@@ -167,6 +164,6 @@ def _spread_interval(one: ParameterSpread) -> str:
     return f'{interval_text(one.spread_interval, 2)} {one.unit}'
 
 
-def _cell(value: UnitValue) -> Any:
+def _cell(value: UnitValue) -> str:
     text = f'{number(value.value)} ({interval_text(value.interval)})'
     return f'**{text}**' if value.out else text

@@ -11,8 +11,10 @@ from friction_comp.refinement.result import FrictionNumbers
 from friction_comp.reports.html import number
 
 # Name and unit of each number, A standing for the unit of current.
-_NAMES = {'coulomb': ('Coulomb', 'A'), 'viscous': ('viscous', 'A·s/rad'),
-          'offset': ('offset', 'A'), 'inertia': ('inertia', 'A·s²/rad')}
+NAMES = {'coulomb': ('Coulomb', 'A'), 'viscous': ('viscous', 'A·s/rad'), 'offset': ('offset', 'A'),
+         'viscous_asymmetry': ('viscous, half of + minus −', 'A·s/rad'),
+         'stribeck': ('Stribeck, at standstill', 'A'),
+         'stribeck_speed': ('Stribeck speed', 'rad/s'), 'inertia': ('inertia', 'A·s²/rad')}
 
 
 class NumberRow(NamedTuple):
@@ -42,7 +44,7 @@ def number_rows(friction: FrictionNumbers) -> list[NumberRow]:
 
 def _row(friction: FrictionNumbers, key: str, remark: str) -> NumberRow:
     unit, gain = friction.unit, friction.torque_per_current
-    (name, own_unit), value = _NAMES[key], getattr(friction, key)
+    (name, own_unit), value = NAMES[key], getattr(friction, key)
     if value is None:
         return NumberRow(name, '–', '', '', remark)
     ends = friction.intervals.get(key)
@@ -64,13 +66,11 @@ def _breakaway_rows(friction: FrictionNumbers) -> list[NumberRow]:
     rows = []
     for side, sign in (('positive', '+'), ('negative', '−')):
         mean, spread = known[side]['mean'], known[side]['std']
-        half = 2.0 * spread if spread else None
-        ends = None if half is None else [mean - half, mean + half]
+        ends = [mean - 2.0 * spread, mean + 2.0 * spread] if spread else None
         torque = f'{number(gain * mean)} N·m' if gain and unit != 'N·m' else ''
-        text, interval = _texts(mean, ends, unit)
-        rows.append(NumberRow(f'breakaway {sign}', text, interval, torque,
-                              'as in the model given; interval of single trials'
-                              if half else 'as in the model given'))
+        rows.append(NumberRow(
+            f'breakaway {sign}', *_texts(mean, ends, unit), torque,
+            'as in the model given' + ('; interval of single trials' if spread else '')))
     return rows
 
 

@@ -19,11 +19,7 @@ _MOST_LABELS = 16
 
 def history_report(model: str, recordings: Sequence[RecordedFriction],
                    notes: Sequence[tuple[str, str]], unit: str = 'A') -> Report:
-    """Return the report on a model file's recordings, at least one, in order of date.
-
-    `unit` is that of the model's currents. `notes` are pairs of an ISO date and a text, such as
-    maintenance of the drive.
-    """
+    """Return the report on recordings in order of date; `notes` are pairs of ISO date and text."""
     report = Report('History of a drive', f'{model}, {len(recordings)} recordings from '
                     f'{recordings[0].day} to {recordings[-1].day}')
     first, last = recordings[0], recordings[-1]

@@ -62,13 +62,7 @@ class Report:
     """A page that grows from top to bottom.
 
     Texts may contain Markdown: ``**strong**``, ``*emphasis*`` and ```code```; `text` and `verdict`
-    also take several paragraphs and lists.
-
-    Parameters
-    ----------
-    title : str
-    subtitle : str
-        One line under the title.
+    also take several paragraphs and lists. `subtitle` is a line under the title.
 
     Examples
     --------
@@ -80,13 +74,12 @@ class Report:
     """
 
     def __init__(self, title: str, subtitle: str = '') -> None:
-        self.title = title
-        self.subtitle = subtitle
+        self.title, self.subtitle = title, subtitle
+        self._figures = 0
         self._parts: list[str] = []
         self._sections: list[str] = []
-        self._figures = 0
-        self._scripts: dict[str, str] = {}
         self._origin: list[str] = []
+        self._scripts: dict[str, str] = {}
 
     def heading(self, text: str, level: int = 2) -> None:
         """Begin a section (level 2), which the page's head links to, or a subsection (level 3)."""
@@ -98,7 +91,7 @@ class Report:
 
     def text(self, text: str) -> None:
         """Add paragraphs and lists."""
-        self._parts.append(_MARKDOWN.render(in_own_units(text, _LINEAR.get())))
+        self._parts.append(_block(text))
 
     def bullets(self, lines: Iterable[str], title: str = '') -> None:
         """Add a bullet list after a paragraph `title`; without lines, add nothing."""
@@ -108,8 +101,7 @@ class Report:
 
     def verdict(self, text: str) -> None:
         """Add the main result in a box; it comes first on every page."""
-        text = in_own_units(text, _LINEAR.get())
-        self._parts.append(f'<div class="verdict">{_MARKDOWN.render(text)}</div>')
+        self._parts.append(f'<div class="verdict">{_block(text)}</div>')
 
     def numbers(self, tiles: list[tuple[str, str]]) -> None:
         """Add tiles with a number in large type; each is a value with unit, and a label."""
@@ -121,9 +113,8 @@ class Report:
               caption: str = '') -> None:
         """Add a table of strings, numbers, links and None.
 
-        Columns of numbers are aligned to the right. If their magnitudes are similar, all have as
-        many decimals as the largest with three significant digits; otherwise each number has three
-        significant digits.
+        Numbers of a column have as many decimals as the largest with three significant digits, or
+        three significant digits each if their magnitudes differ much.
         """
         rows = list(rows)
         columns = list(zip(*rows, strict=True)) or [()] * len(header)
@@ -144,10 +135,7 @@ class Report:
             f'<tbody>{body}</tbody></table></div>')
 
     def figure(self, figure: Figure, caption: str) -> None:
-        """Add a figure with a text below it, which screen readers read in place of the figure.
-
-        Where scripts run, curves can be read with the pointer, and a box drawn to zoom in.
-        """
+        """Add a figure with a text below it, which screen readers read in place of the figure."""
         if _LINEAR.get():
             for text in figure.findobj(Text):
                 text.set_text(in_own_units(text.get_text(), True))
@@ -278,6 +266,10 @@ def _cell(value: Any, decimals: int | None) -> str:
     if isinstance(value, Link):
         return f'<a href="{escape(quote(value.target))}">{escape(value.text)}</a>'
     return _inline(value)
+
+
+def _block(text: str) -> str:
+    return str(_MARKDOWN.render(in_own_units(text, _LINEAR.get())))
 
 
 def _inline(text: object) -> str:

@@ -1,9 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The live page: motion, currents and residual of each joint as a Bokeh application.
-
-Bokeh serves its own scripts, so the page works without internet.
-"""
+"""The live page, which needs no internet: motion, currents and residual of each joint."""
 
 from __future__ import annotations
 
@@ -12,17 +9,8 @@ from html import escape
 import time
 from typing import Any, Protocol
 
+from bokeh import models
 from bokeh.layouts import column, row
-from bokeh.models import (
-    ColumnDataSource,
-    DataTable,
-    Div,
-    NumberFormatter,
-    Select,
-    Slider,
-    TableColumn,
-    Toggle,
-)
 from bokeh.plotting import figure
 import numpy as np
 
@@ -45,10 +33,8 @@ _PLOTS = (
 _TABLE = {'position': 'rad', 'velocity': 'rad/s', 'direction': 'd', 'current': 'A',
           'torque': 'N·m', 'load': 'N·m', 'residual': 'A'}
 _LEVELS = {'ok': '#0a7d4f', 'note': '#4a5765', 'warning': '#a85b00', 'problem': '#b3261e'}
-# Gap across which no line is drawn, s.
-_GAP = 0.25
-# Length of the time axis, s.
-_LENGTH = 10.0
+# Gap across which no line is drawn, and length of the time axis, s.
+_GAP, _LENGTH = 0.25, 10.0
 # Time between updates, ms, and playback speeds of a recording as multiples of real time.
 _PERIOD = 200
 _PLAYBACK_SPEEDS = ('0.1', '0.5', '1', '2', '5', '20')
@@ -105,21 +91,23 @@ class _Page:
     def __init__(self, feed: Feed):
         self._feed = feed
         self._updated = time.monotonic()
-        self._source = ColumnDataSource({name: [] for name in SIGNALS})
-        self._overview = ColumnDataSource({'joint': [], **{name: [] for name in _TABLE}})
-        self._status = Div(sizing_mode='stretch_width')
-        self._drawing = Div(width=330, height=220)
+        self._source = models.ColumnDataSource({name: [] for name in SIGNALS})
+        self._overview = models.ColumnDataSource({'joint': [], **{name: [] for name in _TABLE}})
+        self._status = models.Div(sizing_mode='stretch_width')
+        self._drawing = models.Div(width=330, height=220)
         self._span: dict[str, tuple[float, float, float]] = {}
-        self._joint = Select(title='Joint', value=next(iter(feed.joints), ''), width=160,
-                             options=feed.joints)
-        self._play = Toggle(label='Play', button_type='primary', width=80, align='end')
-        self._speed = Select(title='Speed', value='1', options=list(_PLAYBACK_SPEEDS), width=80)
-        self._seek = Slider(title='Time (s)', start=0.0, end=feed.duration or 1.0, step=0.05,
-                            value=min(_LENGTH, feed.duration), min_width=240,
-                            sizing_mode='stretch_width')
+        self._joint = models.Select(title='Joint', value=next(iter(feed.joints), ''), width=160,
+                                    options=feed.joints)
+        self._play = models.Toggle(label='Play', button_type='primary', width=80, align='end')
+        self._speed = models.Select(title='Speed', value='1', width=80,
+                                    options=list(_PLAYBACK_SPEEDS))
+        self._seek = models.Slider(
+            title='Time (s)', start=0.0, end=feed.duration or 1.0, step=0.05, min_width=240,
+            value=min(_LENGTH, feed.duration), sizing_mode='stretch_width')
         playback = [self._play, self._speed, self._seek] if feed.duration else []
         self.layout = column(
-            Div(text=f'<h1 style="font-size:1.3em;margin:0.2em 0">{escape(feed.title)}</h1>'),
+            models.Div(
+                text=f'<h1 style="font-size:1.3em;margin:0.2em 0">{escape(feed.title)}</h1>'),
             self._status,
             # The controls wrap on a narrow page.
             row(self._joint, *playback, sizing_mode='stretch_width',
@@ -130,13 +118,13 @@ class _Page:
         self.update()
 
     def _table(self) -> Any:
-        numbers, whole = (NumberFormatter(format=digits, nan_format='–', text_align='right')
+        numbers, whole = (models.NumberFormatter(format=digits, nan_format='–', text_align='right')
                           for digits in ('0.0000', '0'))
-        columns = [TableColumn(field='joint', title='joint')] + [
-            TableColumn(field=name, title=f'{name} ({unit})',
-                        formatter=whole if name == 'direction' else numbers)
+        columns = [models.TableColumn(field='joint', title='joint')] + [
+            models.TableColumn(field=name, title=f'{name} ({unit})',
+                               formatter=whole if name == 'direction' else numbers)
             for name, unit in _TABLE.items()]
-        return DataTable(
+        return models.DataTable(
             source=self._overview, columns=columns, index_position=None, sortable=False,
             selectable=False, reorderable=False, sizing_mode='stretch_width',
             height=30 + 26 * max(1, min(8, len(self._feed.joints))))
@@ -181,7 +169,7 @@ class _Page:
         return still_joint(float(data['position'][-1]), float(data['load'][-1]), largest, middle)
 
 
-def _plots(source: ColumnDataSource) -> list[Any]:
+def _plots(source: models.ColumnDataSource) -> list[Any]:
     """Return the plots one above the other, with a common time axis."""
     plots: list[Any] = []
     for label, lines in _PLOTS:

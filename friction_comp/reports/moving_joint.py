@@ -19,8 +19,8 @@ from friction_comp.reports.figures import COLOURS, INK
 # Number of frames of an animation: 25 per second for a movement of 3 s.
 _FRAMES = 75
 _WIDTH, _HEIGHT = 320, 330
-# In SVG units: pivot (x, y) and hand (x) of the arm; length of the longest arrow, and left, top,
-# width and height of the torque plot.
+# In SVG units: pivot (x, y) and hand (x) of the arm; length of the longest arrow; left, top, width
+# and height of the torque plot.
 _X, _Y, _HAND = 70.0, 120.0, 220.0
 _ARROW, _PLOT = 78.0, (34.0, 218.0, 268.0, 74.0)
 _LETTERS = 'font-family="system-ui, sans-serif" font-size="13"'
@@ -66,10 +66,9 @@ def _svg(width: float, height: float, attributes: str, content: str) -> str:
 
 
 def still_joint(position: float, torque: float, largest: float, middle: float) -> str:
-    """Return a drawing of the joint at one time, for a page that updates it.
+    """Return a drawing of the joint at one time; rad and N·m, NaN where not measured.
 
-    `position` in rad and the person's `torque` in N·m are NaN where not measured; `largest` is the
-    torque of the longest arrow, and `middle` the position that is drawn horizontally.
+    `largest` is the torque of the longest arrow, `middle` the position that is drawn horizontally.
     """
     angle = -np.degrees(position - middle) if np.isfinite(position) else 0.0
     height = np.clip(torque / largest, -1, 1) if np.isfinite(torque) else 0.0
@@ -124,8 +123,8 @@ def _draw_joint(angles: np.ndarray, heights: np.ndarray, shown: int, colour: str
                 timing: str = '') -> str:
     """Return the SVG of upper arm, forearm, and the arrow of the torque at the hand.
 
-    For each frame, `angles` are in degrees, clockwise, and `heights` relative to the longest arrow;
-    `shown` is the index of the frame that is shown without animation.
+    Frame by frame, `angles` are in degrees, clockwise, `heights` relative to the longest arrow;
+    `shown` is the frame that is shown without animation.
     """
     turns = [f'{angle:.2f} {_X:g} {_Y:g}' for angle in angles]
     turning = (f'<animateTransform attributeName="transform" type="rotate" '

@@ -108,11 +108,7 @@ def residual_figure(result: RefineResult, name: str, label: str) -> Figure:
 
 
 def averages(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the means of x and y in about `_RANGES` ranges with equal numbers of samples.
-
-    NaN separates ranges with a gap in x of more than a tenth of its span, so that no line is drawn
-    there.
-    """
+    """Return means of x and y in about `_RANGES` ranges of equal counts, NaN where x has a gap."""
     order = np.argsort(x, kind='stable')
     x, y = x[order], y[order]
     apart = np.diff(x) > max(0.1 * float(np.ptp(x)), 1e-300)
@@ -138,10 +134,7 @@ def spectrum_figure(result: RefineResult) -> Figure:
 
 
 def spectrum(result: RefineResult, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return a residual's spectrum over position: periods per turn and amplitudes, each (K,).
-
-    K is zero where the position hardly varied.
-    """
+    """Return a residual's spectrum: periods per turn and amplitudes, (K,); K may be 0."""
     rows = result.usable
     samples: Any = result.samples
     highest = highest_frequency(samples.velocity[rows], samples.sample_time,

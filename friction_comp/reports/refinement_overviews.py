@@ -24,6 +24,7 @@ from friction_comp.reports.refinement_report import effect_names
 _REPEATABLE = 0.5
 # Largest number of recordings that are named below a figure.
 _MOST_LABELS = 16
+_VERDICTS = ('trust', 'trust in part', 'record again')
 # Ratio of the ends of its interval up to which a current per torque counts as determined.
 _LARGEST_RATIO = 3.0
 
@@ -32,8 +33,7 @@ def verdict(content: dict[str, Any]) -> str:
     """Return the result of all recordings as sentences; `content` is that of report.json."""
     rows, failed, missing = content['recordings'], content['failed'], content['not_done']
     kinds = Counter(row['verdict'] for row in rows)
-    counts = ', '.join(f'{name}: {kinds[name]}' for name in (
-        'trust', 'trust in part', 'record again') if kinds[name])
+    counts = ', '.join(f'{name}: {kinds[name]}' for name in _VERDICTS if kinds[name])
     text = f'**{len(rows)} of {len(rows) + len(failed) + missing} refined** ({counts or "none"}).'
     reductions = [1.0 - row['after'] / row['before'] for row in rows
               if row['effects'] and row['before'] > 0]
@@ -52,10 +52,7 @@ def verdict(content: dict[str, Any]) -> str:
 
 
 def each_report(content: dict[str, Any], populations: Sequence[Population] = ()) -> Report:
-    """Return the report on recordings that were refined separately, from its report.json.
-
-    `populations` compare the units of a fleet, joint by joint.
-    """
+    """Return the report from report.json; `populations` compare the units of a fleet by joint."""
     rows = content['recordings']
     joints = list(dict.fromkeys(row['joint'] for row in rows))
     page = Report('A fleet, unit by unit' if populations else
@@ -138,10 +135,7 @@ def _effect_rows(rows: list[dict[str, Any]], joints: list[str]) -> list[list[Any
 
 
 def arm_report(result: ArmResult, names: list[str], folders: dict[str, str]) -> Report:
-    """Return the report on an `ArmResult`.
-
-    `names` are the names of the recordings, `folders` those of the folders with each joint's page.
-    """
+    """Return the report; `names` are the recordings, `folders` those with each joint's page."""
     page = Report('What the friction models of an arm lacked', f'Refined on {", ".join(names)}')
     reports = {name: joint_result.report for name, joint_result in result.results.items()}
     unit = next(iter(reports.values())).unit
@@ -179,11 +173,11 @@ def _joint_verdicts(reports: dict[str, RefinementReport]) -> str:
         kinds.setdefault(report.verdict, []).append(name)
     less = [100.0 * (1.0 - report.after.held_out_rmse / report.before.held_out_rmse)
             for report in reports.values() if report.before.held_out_rmse > 0]
-    listed = '; '.join(f'**{kind}**: {", ".join(kinds[kind])}' for kind in (
-        'trust', 'trust in part', 'record again') if kind in kinds)
-    change = f' The error on data not fitted is {min(less):.0f} to {max(less):.0f} % less than ' \
-             'before.' if less else ''
-    return f'Verdict by joint: {listed}.{change}'
+    listed = '; '.join(f'**{kind}**: {", ".join(kinds[kind])}' for kind in _VERDICTS
+                       if kind in kinds)
+    return f'Verdict by joint: {listed}.' + (
+        f' The error on data not fitted is {min(less):.0f} to {max(less):.0f} % less than before.'
+        if less else '')
 
 
 def _add_links(page: Report, result: ArmResult, unit: str) -> None:

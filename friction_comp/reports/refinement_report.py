@@ -19,15 +19,9 @@ from friction_comp.refinement.friction_numbers import quantity_in
 from friction_comp.refinement.judge import in_unit
 from friction_comp.refinement.result import FrictionNumbers, RefinementReport, RefineResult
 from friction_comp.refinement.thresholds import LEAST_SHARE
+from friction_comp.reports import refinement_figures as figures
 from friction_comp.reports.friction_words import number_rows
 from friction_comp.reports.html import interval_text, number, quantity, Report
-from friction_comp.reports.refinement_figures import (
-    friction_figure,
-    residual_figure,
-    spectrum,
-    spectrum_figure,
-    time_figure,
-)
 
 # Units of the effects' constants.
 _UNITS = {'velocity': 'rad/s', 'reference': 'rad/s', 'speed': 'rad/s', 'transition': 'rad/s',
@@ -57,11 +51,11 @@ def refinement_report(result: RefineResult, names: list[str]) -> Report:
     page.bullets(report.reasons, 'Why this verdict:')
     page.bullets(report.record_again, 'What to record:')
     page.text(rest)
-    page.figure(time_figure(result), 'Measured and predicted current in an excerpt from the middle '
-                'of the recording; each part was predicted by a fit to all others. Below: the '
-                'contribution of each effect of the new model.')
-    page.figure(friction_figure(result), 'Friction over velocity: the measured current minus the '
-                'effects, and Eq. 6 before and after.')
+    page.figure(figures.time_figure(result), 'Measured and predicted current in an excerpt from '
+                'the middle of the recording; each part was predicted by a fit to all others. '
+                'Below: the contribution of each effect of the new model.')
+    page.figure(figures.friction_figure(result), 'Friction over velocity: the measured current '
+                'minus the effects, and Eq. 6 before and after.')
     page.heading('Parameters')
     page.table(['effect', 'parameter', 'before', 'after', 'unit', '95 % interval'],
                _parameter_rows(result))
@@ -103,12 +97,12 @@ def refinement_report(result: RefineResult, names: list[str]) -> Report:
                         ('temperature', 'motor temperature (°C)')):
         wanted = name != 'acceleration' or name in named
         if wanted and getattr(result.samples, name) is not None:
-            page.figure(residual_figure(result, name, label), f'Residual over {name}.')
-    k, size = spectrum(result, result.after)
+            page.figure(figures.residual_figure(result, name, label), f'Residual over {name}.')
+    k, size = figures.spectrum(result, result.after)
     # Where the position hardly varied, there is none.
     if len(k):
-        page.figure(spectrum_figure(result), 'Spectrum of the residual over position: ripple shows '
-                    'as a peak at its number of periods per turn. '
+        page.figure(figures.spectrum_figure(result), 'Spectrum of the residual over position: '
+                    'ripple shows as a peak at its number of periods per turn. '
                     + _largest_ripple(result, k, size))
     _add_feed_forward(page, result, unit)
     page.heading('The model')

@@ -6,28 +6,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 import numpy as np
 from scipy.signal import find_peaks
 
+from friction_comp.arm.whole_arm import ArmResult
 from friction_comp.evaluation.intervals import Interval, mean_interval
+from friction_comp.evaluation.outcome import Evaluation
+from friction_comp.evaluation.repetitions import Repetition
+from friction_comp.exercise.exercise_script import ExerciseScript
 from friction_comp.exercise.taught_exercise import TURN
 from friction_comp.reports.evaluation_report import evaluation_report
 from friction_comp.reports.evaluation_words import with_interval
 from friction_comp.reports.figures import COLOURS, new_figure, styled, thin
 from friction_comp.reports.html import number, Report
 from friction_comp.reports.refinement_report import effect_names
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from friction_comp.arm.whole_arm import ArmResult
-    from friction_comp.evaluation.outcome import Evaluation
-    from friction_comp.evaluation.repetitions import Repetition
-    from friction_comp.exercise.exercise_script import ExerciseScript
-    from friction_comp.samples import Samples
+from friction_comp.samples import Samples
 
 # Lengths of upper arm and forearm in the drawing, m; number of poses drawn.
 _LENGTHS = np.array([0.28, 0.25])
@@ -38,10 +35,7 @@ _POINTS_PER_TORQUE = 9.0
 
 def two_joints_report(evaluations: list[Evaluation], shown: dict[str, Samples],
                       exercise: Path) -> Report:
-    """Return the report on an exercise of several joints, with one evaluation for each.
-
-    `shown` is a recording of the exercise on one time base, by joint name.
-    """
+    """Return the report on an exercise; `shown` is a recording of it on one time base, by joint."""
     return evaluation_report(
         evaluations, f'Two joints that reverse on the way: {exercise.stem}',
         begin=lambda page: page.figure(
@@ -52,8 +46,10 @@ def two_joints_report(evaluations: list[Evaluation], shown: dict[str, Samples],
 @styled
 def exercise_figure(shown: Mapping[str, Samples]) -> Figure:
     """Draw positions and announced directions of the first 16 s, one joint above the other."""
-    figure, axes = new_figure(len(shown), 1, width=8.4, height=2.2, sharex=True, squeeze=False)
-    for axis, (joint, samples) in zip(axes[:, 0], shown.items()):
+    figure, axes = new_figure(
+        len(shown), width=8.4, height=2.2, sharex=True, squeeze=False, x='time (s)',
+        y=[f'{joint} (deg)' for joint in shown])
+    for axis, samples in zip(axes[:, 0], shown.values()):
         part = samples.take(samples.time <= samples.time[0] + 16.0)
         if part.reference_position is not None:
             axis.plot(*thin(part.time, np.degrees(part.reference_position)), '--',
@@ -64,8 +60,6 @@ def exercise_figure(shown: Mapping[str, Samples]) -> Figure:
                 axis.fill_between(part.time, 0, 1, where=part.direction == sign, alpha=0.15,
                                   color=COLOURS[colour], linewidth=0,
                                   transform=axis.get_xaxis_transform())
-        axis.set_ylabel(f'{joint} (deg)')
-    axes[-1, 0].set_xlabel('time (s)')
     return figure
 
 
@@ -73,8 +67,8 @@ def session_phases(evaluation: Evaluation, marks: dict[str, float], count: int
                    ) -> dict[str, list[Repetition]]:
     """Return the repetitions at the start, at the warning, and with the refined model.
 
-    `marks` contains the times of 'warned' and 'loaded' since the exercise began, s; a phase has
-    `count` movements in each direction.
+    `marks` are the times of 'warned' and 'loaded' since the exercise began, s; a phase has `count`
+    movements in each direction.
     """
     repetitions = sorted(evaluation.repetitions, key=lambda r: r.begin)
     # The model that the compensator reported, not the marks, which are somewhat later.
@@ -114,8 +108,8 @@ def wear_report(evaluation: Evaluation, phases: dict[str, list[Repetition]],
     """Return the report on a drive that changed while it ran.
 
     `evaluation` and `samples` are of the whole session, `phases` and `marks` as in
-    `session_phases`; `facts` contains messages of monitoring and refinement. The file `hidden`
-    contains the effects that only the simulation was given.
+    `session_phases`, `facts` are messages of monitoring and refinement. The file `hidden` has the
+    effects that only the simulation was given.
     """
     def begin(page: Report) -> None:
         page.numbers([(f'{with_interval(mean_figure(part))} N·m',
@@ -139,8 +133,9 @@ def wear_report(evaluation: Evaluation, phases: dict[str, list[Repetition]],
 @styled
 def session_figure(evaluation: Evaluation, marks: dict[str, float], samples: Samples) -> Figure:
     """Draw the RMS torque of each movement over the session, and the temperature below."""
-    rows = 1 if samples.temperature is None else 2
-    figure, axes = new_figure(rows, 1, width=8.4, height=2.4, sharex=True, squeeze=False)
+    labels = ['RMS torque (N·m)', 'motor (°C)'][:1 if samples.temperature is None else 2]
+    figure, axes = new_figure(len(labels), width=8.4, height=2.4, sharex=True, squeeze=False,
+                              x='time (s)', y=labels)
     torque_axis = axes[0, 0]
     repetitions = [r for r in evaluation.repetitions if 'rms_torque' in r.figures]
     models = list(dict.fromkeys(
@@ -151,7 +146,6 @@ def session_figure(evaluation: Evaluation, marks: dict[str, float], samples: Sam
                          color=COLOURS[colour], markersize=4.5,
                          label='model at the start' if model == models[0] else 'refined model')
     torque_axis.set_ylim(bottom=0.0)
-    torque_axis.set_ylabel('RMS torque (N·m)')
     for name, moment in marks.items():
         for axis in axes[:, 0]:
             axis.axvline(moment, color=COLOURS['grey'], linewidth=0.9, linestyle=':')
@@ -159,8 +153,6 @@ def session_figure(evaluation: Evaluation, marks: dict[str, float], samples: Sam
                          va='top', fontsize=8.5)
     if samples.temperature is not None:
         axes[1, 0].plot(*thin(samples.time, samples.temperature), color=COLOURS['red'])
-        axes[1, 0].set_ylabel('motor (°C)')
-    axes[-1, 0].set_xlabel('time (s)')
     figure.legend(loc='outside lower center', ncols=2)
     return figure
 
@@ -168,24 +160,19 @@ def session_figure(evaluation: Evaluation, marks: dict[str, float], samples: Sam
 def peaks_of(alone: Mapping[str, Samples], helped: Mapping[str, Samples]
              ) -> dict[str, dict[str, dict[str, float]]]:
     """Return the person's RMS and peak torque by joint and recording, N·m."""
-    def summarise(samples: Samples) -> dict[str, float]:
-        load = np.asarray(samples.load)
-        return {'rms': float(np.sqrt(np.mean(load ** 2))), 'peak': float(np.abs(load).max())}
-    return {joint: {'alone': summarise(alone[joint]), 'helped': summarise(helped[joint])}
-            for joint in alone}
+    return {joint: {
+        name: {'rms': float(np.sqrt(np.mean(load ** 2))), 'peak': float(np.abs(load).max())}
+        for name, load in (('alone', np.asarray(alone[joint].load)),
+                           ('helped', np.asarray(helped[joint].load)))} for joint in alone}
 
 
 def compared_with_taught(script: ExerciseScript, played: Mapping[str, Mapping[str, Samples]]
                          ) -> dict[str, Any]:
     """Return how an exercise agrees with the guided movement, and its replays with it.
 
-    `played` holds, by name and joint, the recordings `guided` first.
-
-    Returns
-    -------
-    dict
-        `waypoints` (number); `farthest`, by recording, how far its path stays away from a waypoint
-        at most, deg; `reversals` of the guided movement, and how many of them are `announced`.
+    `played` holds, by name and joint, the recordings, `guided` first. Returned are the number of
+    `waypoints`; `farthest`, by recording, how far its path stays away from a waypoint at most, deg;
+    `reversals` of the guided movement, and how many of them are `announced`.
     """
     farthest, found, announced = {}, 0, 0
     for name, recording in played.items():
@@ -219,10 +206,7 @@ def taught_words(taught: dict[str, Any]) -> str:
 
 def arm_scene_report(alone: Mapping[str, Samples], helped: Mapping[str, Samples],
                      result: ArmResult, exercise: Path, taught: dict[str, Any]) -> Report:
-    """Return the report on a taught exercise without and with compensation by a refined model.
-
-    `taught` is from `compared_with_taught`.
-    """
+    """Return the report on a taught exercise; `taught` is from `compared_with_taught`."""
     peaks = peaks_of(alone, helped)
     page = Report('A person teaches an arm, and moves it without help and with it',
                   'Three joints, moved by MuJoCo')
@@ -288,14 +272,14 @@ def _draw_pose(axes: Axes, left: float, angles: list[float], torques: list[float
 
 @styled
 def _torque_figure(alone: Mapping[str, Samples], helped: Mapping[str, Samples]) -> Figure:
-    figure, axes = new_figure(len(alone), 1, width=8.4, height=1.7, sharex=True, squeeze=False)
+    figure, axes = new_figure(
+        len(alone), width=8.4, height=1.7, sharex=True, squeeze=False, x='time (s)',
+        y=[f'{joint} (N·m)' for joint in alone])
     for axis, joint in zip(axes[:, 0], alone):
         for recorded, colour, name in ((alone, 'orange', 'without help'),
                                        (helped, 'green', 'with it')):
             samples: Any = recorded[joint]
             axis.plot(*thin(samples.time - samples.time[0], samples.load),
                       color=COLOURS[colour], label=name)
-        axis.set_ylabel(f'{joint} (N·m)')
     axes[0, 0].legend(loc='lower right', bbox_to_anchor=(1.0, 1.0), ncols=2)
-    axes[-1, 0].set_xlabel('time (s)')
     return figure

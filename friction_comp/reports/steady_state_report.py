@@ -12,25 +12,17 @@ import numpy as np
 
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.reports.figures import curve, new_figure, styled
+from friction_comp.reports.friction_words import NAMES
 from friction_comp.reports.html import interval_text, number, quantity, Report
 from friction_comp.samples import Samples
-
-# Name and unit of each value, A standing for the unit of the table.
-NAMES = {'coulomb': ('Coulomb', 'A'), 'viscous': ('viscous', 'A·s/rad'), 'offset': ('offset', 'A'),
-         'viscous_asymmetry': ('viscous, half of + minus −', 'A·s/rad'),
-         'stribeck': ('Stribeck, at standstill', 'A'),
-         'stribeck_speed': ('Stribeck speed', 'rad/s')}
 
 
 def value_rows(report: dict[str, Any]) -> list[list[str]]:
     """Return name, value with unit, and 95 % interval of each value."""
     friction, unit = report['friction'], report['unit']
-    rows = []
-    for key, (name, own) in NAMES.items():
-        if friction.get(key) is not None:
-            rows.append([name, f'{number(friction[key], 4)} {own.replace("A", unit, 1)}',
-                         interval_text(friction['intervals'][key], 4)])
-    return rows
+    return [[name, f'{number(friction[key], 4)} {own.replace("A", unit, 1)}',
+             interval_text(friction['intervals'][key], 4)]
+            for key, (name, own) in NAMES.items() if friction.get(key) is not None]
 
 
 def steady_state_report(report: dict[str, Any], model: FrictionModel, speeds: np.ndarray,

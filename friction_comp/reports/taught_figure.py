@@ -4,16 +4,12 @@
 
 from __future__ import annotations
 
-from typing import Any, TYPE_CHECKING
-
+from matplotlib.figure import Figure
 import numpy as np
 
 from friction_comp.exercise.exercise_script import ExerciseScript
 from friction_comp.exercise.taught_exercise import Taught
 from friction_comp.reports.figures import new_figure, styled, thin
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _FORWARD, _BACK, _PATH = '#c4661a', '#1f6fae', '#9aa5b1'
 
@@ -21,14 +17,13 @@ _FORWARD, _BACK, _PATH = '#c4661a', '#1f6fae', '#9aa5b1'
 @styled
 def taught_figure(taught: Taught, script: ExerciseScript) -> Figure:
     """Return a figure with a row for each joint: path, waypoints, and coloured directions."""
-    count = len(script.joints)
-    figure, axes = new_figure(rows=count, height=2.4, sharex=True)
-    rows: list[Any] = list(np.atleast_1d(axes).ravel())
+    figure, axes = new_figure(rows=len(script.joints), height=2.4, sharex=True, squeeze=False,
+                              x='time, s', y=[f'{joint}, deg' for joint in script.joints])
     time = np.linspace(0.0, script.duration, 1500)
     states = [script.at(float(t)) for t in time]
     position = np.degrees([state[0] for state in states])
     direction = np.array([state[2] for state in states])
-    for j, (row, joint) in enumerate(zip(rows, script.joints)):
+    for j, row in enumerate(axes[:, 0]):
         row.plot(*thin(taught.time, np.degrees(taught.path[:, j])), color=_PATH, linewidth=4.0,
                  alpha=0.6, label='guided')
         row.plot(time, position[:, j], color='#1a2b3d', linewidth=1.2, label='exercise')
@@ -39,7 +34,5 @@ def taught_figure(taught: Taught, script: ExerciseScript) -> Figure:
             row.fill_between(time, low, high, where=direction[:, j] == sign, color=colour,
                              alpha=0.16, linewidth=0, label=label)
         row.set_ylim(low, high)
-        row.set_ylabel(f'{joint}, deg')
-    rows[0].legend(loc='upper right', fontsize=8, ncol=3)
-    rows[-1].set_xlabel('time, s')
+    axes[0, 0].legend(loc='upper right', fontsize=8, ncol=3)
     return figure

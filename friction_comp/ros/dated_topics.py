@@ -48,9 +48,9 @@ _CHECK_PERIOD = 0.1
 # Age in ns of a message without a stamp whose joint states will not arrive any more. Before the
 # first joint state, nobody knows its time, which may be simulated, and only the number is limited.
 _LONGEST_WAIT, _MOST_WAITING = 5 * NANO, 100_000
-# Length of the queue: ten seconds at a kilohertz.
+# Length of the queue: ten seconds at a kilohertz; messages remembered to detect duplicates, since
+# a later subscription may receive earlier messages.
 DEPTH = 10_000
-# Messages remembered to detect duplicates: a later subscription may receive earlier messages.
 _MAX_SEEN = 2 * DEPTH
 
 Offer = tuple[ReliabilityPolicy, DurabilityPolicy]
@@ -60,10 +60,7 @@ _LASTING: Offer = (ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def stamp_of(cdr: bytes) -> int:
-    """Return the stamp in ns of a serialised message that begins with a header.
-
-    It is 0 if it is invalid (before 1970, or with 1e9 ns or more) or the message too short.
-    """
+    """Return the stamp in ns of a serialised message with a header, 0 if it is not valid."""
     if len(cdr) < 12:
         return 0
     seconds, nanoseconds = struct.unpack_from('<iI' if cdr[1] & 1 else '>iI', cdr, 4)
@@ -88,11 +85,10 @@ class RecordedTopic:
 
     Each publisher numbers its messages, but a message does not name its publisher. A number that
     continues no known sequence follows lost messages, or is the first one received from another
-    publisher. If both are possible, the gap counts as loss until the earlier sequence continues.
+    publisher. If both are possible, the gap counts as `lost` until the earlier sequence continues.
 
     `take` is called with each serialised message and the middleware's message info. `sender`
-    returns the sender of a message, for topics with many publishers. `name` is the resolved name of
-    the topic, `lost` the number of lost messages.
+    returns the sender of a message, for topics with many publishers.
     """
 
     def __init__(self, node: Node, kind: Any, topic: str,
@@ -140,10 +136,9 @@ class RecordedTopic:
         self._expected.clear()
         self._doubtful.clear()
         offers = {offer for _, offer in publishers}
+        best = _LASTING if offers == {_LASTING} else _RELIABLE
         if any(reliability != ReliabilityPolicy.RELIABLE for reliability, _ in offers):
             best = _BEST_EFFORT
-        else:
-            best = _LASTING if offers == {_LASTING} else _RELIABLE
         if best not in self._subscriptions:
             self._subscribe(best)
 
@@ -201,14 +196,12 @@ class RecordedTopic:
 class DatedTopics:
     """Subscribes to the package's topics and gives each message a time.
 
-    Messages with a stamp keep it. A message without a stamp gets that of the last joint state sent
-    before it, by the system time of publication, which all publishers on a machine share; joint
-    states may have simulated time. A command thus gets the time of the state that it answers, even
-    if one of them arrives late.
+    Messages with a stamp keep it. A message without one gets that of the last joint state sent
+    before it, by the system time of publication, which all publishers on a machine share. A command
+    thus gets the time of the state that it answers, even if one of them arrives late.
 
     `take` is called with topic, time in ns and the serialised message. `waiting` are the messages
-    without a stamp whose joint states have not arrived: system time of publication in ns, topic and
-    content.
+    whose joint states have not arrived: system time of publication in ns, topic and content.
     """
 
     def __init__(self, node: Node, take: Callable[[str, int, bytes], None],
@@ -259,7 +252,6 @@ class DatedTopics:
         self._forward_dated()
 
     def _forward_dated(self) -> None:
-        """Forward the messages without a stamp whose joint states have arrived."""
         while self.waiting and self._sent and self._sent[-1] >= self.waiting[0][0]:
             self._forward()
 

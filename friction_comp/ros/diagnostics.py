@@ -4,11 +4,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from array import array
+from collections.abc import Callable, Iterator, Sequence
 import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+import numpy as np
 
 from friction_comp.ros.ros_start import steady_timer
 
@@ -16,21 +18,19 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 
 
 class Diagnostics:
-    """Publishes a node's state once per second of real time, even while simulated time stops.
-
-    A node may publish a change at once: a recording shows by it what was active when.
+    """Publishes a node's state once per second of real time, and at once when it changes.
 
     The name is ``node: task``, as in diagnostic_updater, so that aggregators and plotting tools
-    find it. `report` returns level, message and values, a dict with single numbers, one for each
-    joint. `hardware` is that of the node, for instance its joints.
+    find it. `report` returns level, message and values by name; an array has a number for each of
+    `hardware`, the joints of the node, and becomes a value ``joint: name`` for each.
     """
 
-    def __init__(self, node: Any, report: Callable[[], tuple[Any, ...]], hardware: str,
+    def __init__(self, node: Any, report: Callable[[], tuple[Any, ...]], hardware: Sequence[str],
                  task: str) -> None:
-        self._node = node
-        self._report = report
+        self._node, self._report, self._hardware = node, report, hardware
         self._status = DiagnosticStatus(
-            name=f'{node.get_fully_qualified_name().lstrip("/")}: {task}', hardware_id=hardware)
+            name=f'{node.get_fully_qualified_name().lstrip("/")}: {task}',
+            hardware_id=', '.join(hardware))
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
         steady_timer(node, 1.0, self.publish)
 
@@ -39,15 +39,19 @@ class Diagnostics:
         self._status.level, self._status.message, values = self._report()
         self._status.values = [
             KeyValue(key=key, value=f'{value:.6g}' if isinstance(value, float) else str(value))
-            for key, value in values.items()]
+            for key, value in self._singly(values)]
         message = DiagnosticArray(status=[self._status])
         message.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(message)
 
+    def _singly(self, values: dict[str, Any]) -> Iterator[tuple[str, Any]]:
+        for name, value in values.items():
+            if isinstance(value, (list, array, np.ndarray)):
+                yield from ((f'{joint}: {name}', float(one))
+                            for joint, one in zip(self._hardware, value))
+            else:
+                yield name, value
 
-def per_joint(joints: Sequence[str], key: str, values: Iterable[float]) -> dict[str, float]:
-    """Return a diagnostic value for each joint, ``joint: key``."""
-    return {f'{joint}: {key}': float(value) for joint, value in zip(joints, values)}
 
 
 class Rate:

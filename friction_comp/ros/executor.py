@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Generator, Iterable
 from contextlib import ExitStack, suppress
 import inspect
+from itertools import chain
 import time
 import types
 from typing import Any
@@ -59,7 +60,7 @@ class _WaitSet:
         for waitable in self._waitables:
             count += waitable.get_num_entities()
             self._held.enter_context(waitable)
-        for entity in (context, *(entity for entities in kinds.values() for entity in entities)):
+        for entity in (context, *chain(*kinds.values())):
             self._held.enter_context(entity.handle)
         self._set = _rclpy.WaitSet(
             count.num_subscriptions, count.num_guard_conditions, count.num_timers,
@@ -101,18 +102,15 @@ class _SlowEntities:
 class StreamExecutor(executors.Executor):
     """Waits for messages only, and polls services, actions and timers fifty times per second.
 
-    rclpy rebuilds its wait set for every callback from all entities of a node: parameter and
-    lifecycle services, five entities of each action server, events and timers. Here none of them
+    rclpy rebuilds its wait set for every callback from all entities of a node. Here none of them
     delays a message, which saves half of the processor time (bench/lockstep.py,
     bench/round_trip.py).
 
-    Subscriptions are processed in the order of their creation: before a message is taken from one,
-    all messages of those before it are taken. A node whose answer to a topic depends on earlier
-    messages of another topic subscribes to that one first.
+    Before a message is taken from a subscription, all messages of those created earlier are taken:
+    a node whose answer to a topic depends on another topic subscribes to that one first.
 
-    It executes one node. Its attribute `fast_timers`, if any, lists timers that must not wait for
-    the next poll. With an attribute `batch_time` in s, messages may be delayed by that time and are
-    then processed together, which is cheaper.
+    A node may have `fast_timers`, which do not wait for the next poll, and a `batch_time` in s, by
+    which messages may be delayed to be processed together, which is cheaper.
     """
 
     def __init__(self, node: Any) -> None:
@@ -182,10 +180,8 @@ class StreamExecutor(executors.Executor):
         wait_set, _ = self._wait_sets()
         wait_set.wait(0.0 if self._batch_time else seconds)
         self._call_timers(self._fast_timers)
-        last_ready = -1
-        for index in range(len(self._subscriptions)):
-            if wait_set.is_ready('subscription', index):
-                last_ready = index
+        last_ready = max((index for index in range(len(self._subscriptions))
+                          if wait_set.is_ready('subscription', index)), default=-1)
         # Take one message of the last ready subscription, and all of those before it. Use a copy,
         # since a callback may replace the list.
         for index, subscription in enumerate(self._subscriptions[:last_ready + 1]):
@@ -271,13 +267,9 @@ class StreamExecutor(executors.Executor):
                 if isinstance(error, InputError):
                     raise error
                 if error is not None:
-                    self._refuse(f'what reached {_name_of(entity)} was ignored', error)
+                    name = getattr(entity, 'srv_name', type(entity).__name__)
+                    self._refuse(f'what reached {name} was ignored', error)
                     _release(entity)
-
-
-def _name_of(entity: Any) -> str:
-    """Return the name of a service or client, otherwise of the kind of entity."""
-    return str(getattr(entity, 'srv_name', type(entity).__name__))
 
 
 def _release(entity: Any) -> None:

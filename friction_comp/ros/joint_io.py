@@ -45,8 +45,7 @@ _LOCK_TIMEOUT = 0.005
 def input_qos(node: Any) -> QoSProfile:
     """Declare `input_reliability` and return the quality of service for the node's inputs.
 
-    Best effort receives from every publisher. Reliable receives only from reliable ones, but
-    without losses, which makes lockstep with the simulated plant faster.
+    Reliable has no losses, which makes lockstep with the simulated plant faster.
     """
     kind = declare_choice(
         node, 'input_reliability', ('best_effort', 'reliable'),
@@ -70,10 +69,7 @@ def command_unit(message: Any) -> str:
 
 
 def currents_per_effort(node: Any, torques: Sequence[float]) -> list[float]:
-    """Declare `effort_holds`; return the current in A per unit of effort in joint states.
-
-    `torques` is k_t·n of each joint in N·m per A.
-    """
+    """Declare `effort_holds`; return A per unit of effort, given k_t·n of each joint in N·m/A."""
     kind = declare_choice(
         node, 'effort_holds', ('torque', 'current'),
         'what effort in joint_states is: torque of the motor at the joint, N·m; or current of the '
@@ -82,20 +78,16 @@ def currents_per_effort(node: Any, torques: Sequence[float]) -> list[float]:
 
 
 def publisher_names(node: Any, topic: str) -> list[str]:
-    """Return the full node name of each publisher of a topic.
-
-    A publisher may be discovered some time before its node.
-    """
+    """Return the full node name of each publisher of a topic."""
+    # A publisher may be discovered some time before its node.
     return sorted('an unknown node' if info.node_name == '_NODE_NAME_UNKNOWN_' else
                   f'{info.node_namespace.rstrip("/")}/{info.node_name}'
                   for info in node.get_publishers_info_by_topic(node.resolve_topic_name(topic)))
 
 
 def competing_publishers(node: Any, *topics: str) -> list[str]:
-    """Return the publishers of topics that should have only one; empty if there is only one.
-
-    One node may publish several of the topics. Publishers are counted first, which is fast.
-    """
+    """Return the publishers of topics that only one node should publish; empty if it is one."""
+    # Counting is faster than asking for names.
     counts = [node.count_publishers(node.resolve_topic_name(topic)) for topic in topics]
     if sum(counts) < 2:
         return []
@@ -107,20 +99,15 @@ def competing_publishers(node: Any, *topics: str) -> list[str]:
 class CommandPort:
     """Publishes `current_command`, one message for each joint state.
 
-    Float64MultiArray has no stamp. A plant in lockstep repeats a state that was not answered. The
-    repetition must not be answered twice, but must be answered if the first answer was lost. In
-    simulated time, the label of an answer is therefore the stamp of its state, and the plant
-    ignores answers to other states.
+    It is a `Port`. Float64MultiArray has no stamp, and a plant in lockstep repeats a state that was
+    not answered, which must be answered again only if the answer was lost. In simulated time, the
+    label of an answer is therefore the stamp of its state, and the plant ignores other answers.
 
     The publisher exists only while the port is open: every node with a publisher may command the
     motor, and the others can see it.
 
-    Zero current may be commanded from any thread and takes precedence: every zero command increases
-    `ticket`, and currents with an earlier ticket are not published. Read the ticket before
-    computing a current.
-
     `limits` are the largest currents of the joints in A, `torques` the torques at the joints in N·m
-    per A: k_t·n. `last` is the last command in A.
+    per A: k_t·n.
     """
 
     def __init__(self, node: Any, limits: Sequence[float], torques: Sequence[float],
@@ -177,8 +164,7 @@ class CommandPort:
         """Publish currents in A, one per joint, unless zero was commanded since the ticket.
 
         Values beyond a limit become the limit. Where one is not finite, all become zero; return
-        whether all are finite. `stamp` is that of the simulated joint state that they answer, ns; 0
-        in real time.
+        whether all are finite. `stamp` is that of the answered state, ns; 0 in real time.
         """
         given = np.asarray(currents, dtype=float).tolist()
         finite = all(map(math.isfinite, given))
@@ -210,10 +196,7 @@ class CommandPort:
             self.answer(self.last, self.ticket, self._stamp)
 
     def zero(self, permanent: bool = False) -> None:
-        """Command zero current on all joints now.
-
-        `permanent` blocks all later commands, until `release`.
-        """
+        """Command zero current now; `permanent` blocks all commands until `release`."""
         self._sealed = self._sealed or permanent
         self.ticket += 1
         # A blocked publication must not prevent the zero command.
@@ -245,11 +228,8 @@ class CommandPort:
         return names
 
     def wait(self) -> None:
-        """Wait for a moment until all reliable readers have acknowledged the messages.
-
-        Acknowledgements come with the middleware's heartbeat, which may take seconds. This only
-        allows a lost message to be sent again before the publisher is destroyed.
-        """
+        """Wait for a moment, in which a lost message may be sent again."""
+        # Acknowledgements come with the middleware's heartbeat, which may take seconds.
         if self._publisher is not None and self._node.context.ok():
             self._publisher.wait_for_all_acked(Duration(seconds=_ACKNOWLEDGEMENT_TIME))
 

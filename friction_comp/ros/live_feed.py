@@ -36,11 +36,9 @@ from friction_comp.samples import Samples
 from friction_comp.topics import TOPICS, TORQUE_UNIT
 
 _QOS = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
-# Real s between batches of messages: the page is drawn five times a second.
-_BATCH_TIME = 0.01
-# Period of the states shown, ns; rows kept for each joint; ages of an outdated status and of an
-# outdated command, s.
-_STEP, _MAX_ROWS, _STATUS_AGE, _COMMAND_AGE = 20_000_000, 3000, 5.0, 0.2
+# Real s between batches of messages; period of the states shown, ns; rows kept for each joint; ages
+# of an outdated status and of an outdated command, s.
+_BATCH_TIME, _STEP, _MAX_ROWS, _STATUS_AGE, _COMMAND_AGE = 0.01, 20_000_000, 3000, 5.0, 0.2
 _COLUMNS = ('time', 'position', 'velocity', 'torque', 'load', 'command', 'direction',
             'reference_velocity')
 _LEVELS = {0: 'ok', 1: 'warning', 2: 'problem', 3: 'problem'}
@@ -73,9 +71,8 @@ class LiveFeed:
                              f'{", ".join(joints)}')
         self.joints, self._fixed = list(joints), bool(joints)
         self._models = list(models)
-        # Joints of arrays, as the compensator reports them.
+        # What the compensator reports: joints of arrays, and models with their paths.
         self._order: list[str] = []
-        # Models that the compensator reports, with their paths.
         self._loaded: dict[str, tuple[str, FrictionModel | None]] = {}
         self._rows: defaultdict[str, deque[tuple[float, ...]]] = defaultdict(
             lambda: deque(maxlen=_MAX_ROWS))
@@ -89,8 +86,7 @@ class LiveFeed:
         self._node = self._ros.enter_context(own_node('friction_comp_watch', arguments))
         self._node.batch_time = _BATCH_TIME
         self._subscribe()
-        self._executor = StreamExecutor(self._node)
-        self._stopped = threading.Event()
+        self._executor, self._stopped = StreamExecutor(self._node), threading.Event()
         self._thread = threading.Thread(target=self._spin, name='live feed', daemon=True)
         self._thread.start()
 
@@ -134,16 +130,11 @@ class LiveFeed:
             if activity and 'compensator' in status.name:
                 self._order = activity.joints.split(', ')
             for joint, path in activity.models.items() if activity and not self._models else ():
-                self._load_model(joint, path)
-
-    def _load_model(self, joint: str, path: str) -> None:
-        """Load the model that a joint's compensator reports, unless it is already loaded."""
-        if self._loaded.get(joint, ('', None))[0] != path:
-            model = None
-            # The model file may be on another machine.
-            with contextlib.suppress(InputError):
-                model = FrictionModel.load(path, joint)
-            self._loaded[joint] = path, model
+                if self._loaded.get(joint, ('', None))[0] != path:
+                    self._loaded[joint] = path, None
+                    # The model file may be on another machine.
+                    with contextlib.suppress(InputError):
+                        self._loaded[joint] = path, FrictionModel.load(path, joint)
 
     def _on_joint_states(self, cdr: bytes) -> None:
         """Add a row for each joint, unless the last state was less than a period ago."""
@@ -155,8 +146,7 @@ class LiveFeed:
             self._first = stamp
             with self._lock:
                 self._rows.clear()
-            if not self._fixed:
-                self.joints = []
+            self.joints = self.joints if self._fixed else []
         self._due, self._received = stamp + _STEP, time.monotonic()
         measured = {joint: values[0] for _, names, fields in decode(TOPICS['joint_states'], [cdr])
                     for joint, values in values_of('joint_states', names, fields)[1].items()}
@@ -164,24 +154,20 @@ class LiveFeed:
             # Several drivers may each publish some of the joints.
             self.joints = list(dict.fromkeys((*self.joints, *measured)))
         reference = self._message('reference')
-        others = [self._loads(), self._commands(), self._directions(),
+        loads = {joint: self._message(f'load of {joint}') for joint in self.joints}
+        others = [{joint: load.wrench.torque.z for joint, load in loads.items() if load},
+                  self._commands(), self._directions(),
                   _by_joint(reference.name, reference.velocity) if reference else {}]
         with self._lock:
             for joint in set(self.joints) & set(measured):
                 self._rows[joint].append((1e-9 * (stamp - self._first), *measured[joint], *(
                     signal.get(joint, math.nan) for signal in others)))
 
-    def _loads(self) -> dict[str, float]:
-        messages = {joint: self._message(f'load of {joint}') for joint in self.joints}
-        return {joint: message.wrench.torque.z for joint, message in messages.items() if message}
-
     def _commands(self) -> dict[str, float]:
         """Return the command in A of each joint; a torque is converted only with a model."""
         command = self._message('command', _COMMAND_AGE)
-        if command is None:
-            return {}
-        values = self._in_order(command.data)
-        if command_unit(command) != TORQUE_UNIT:
+        values = {} if command is None else self._in_order(command.data)
+        if command is None or command_unit(command) != TORQUE_UNIT:
             return values
         models = {joint: self._model(joint) for joint in values}
         return {joint: values[joint] / model.drive.torque_per_current
@@ -189,11 +175,9 @@ class LiveFeed:
 
     def _directions(self) -> dict[str, float]:
         message = self._message('direction')
-        if message is None:
-            return {}
         if isinstance(message, JointState):
             return _by_joint(message.name, np.sign(message.velocity))
-        return self._in_order(message.data)
+        return {} if message is None else self._in_order(message.data)
 
     def _in_order(self, values: Any) -> dict[str, float]:
         """Return the values of an array by joint; empty if their order is not known."""
@@ -207,10 +191,9 @@ class LiveFeed:
         if len(table):
             table = table[table[:, 0] >= table[-1, 0] - length]
         data = dict(zip(_COLUMNS, table.T))
-        none = np.full(len(table), np.nan)
-        data.update(current=none, predicted=none, residual=none)
-        model = self._model(joint)
-        if model is not None and len(table) > 10:
+        data.update(dict.fromkeys(('current', 'predicted', 'residual'),
+                                  np.full(len(table), np.nan)))
+        if (model := self._model(joint)) is not None and len(table) > 10:
             self._compare(data, model)
         return data
 

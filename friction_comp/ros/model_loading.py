@@ -17,8 +17,7 @@ from rclpy.parameter_service import ParameterService
 from friction_comp.errors import InputError
 from friction_comp.ros.executor import yield_to_executor
 
-# Timeout of reading and validating files, s. A thread that a file system still blocks is then
-# abandoned.
+# Timeout of reading and validating files, s; a thread that still does is then abandoned.
 _PATIENCE = 10.0
 
 
@@ -55,8 +54,8 @@ class PatientParameterService(ParameterService):
     """Parameter services that wait for models to be loaded without blocking the node.
 
     The node's method `prepare` is called with the parameters that are about to be set and returns a
-    Loading, or None if there is nothing to load. Its attribute `loaded` is this Loading while the
-    parameters are set: several requests may wait at the same time.
+    Loading, or None if there is nothing to load: its attribute `loaded` while they are set, since
+    several requests may wait at the same time.
     """
 
     def __init__(self, node: Any) -> None:

@@ -50,8 +50,8 @@ def run(name: str, make_node: Callable[[], Any], argv: Sequence[str]) -> int:
     an argument, parameter or file cannot be used.
 
     Signals are not handled by rclpy, which would shut the context down at once, so that zero
-    current could no longer be published. The node's method `leave()` is always called at the end.
-    It ends by itself when its attribute `finished` is True.
+    current could no longer be published. A node may have a method `leave()`, which is always called
+    at the end, and an attribute `finished`, with which it ends by itself.
 
     A node that drives a motor has two more methods. `stop_motor()` commands zero current and blocks
     all later commands; it is called in another thread as soon as a signal arrives, and at the end
@@ -74,7 +74,7 @@ def run(name: str, make_node: Callable[[], Any], argv: Sequence[str]) -> int:
         except _rclpy.RCLError as error:
             # For instance missing keys, or a middleware without security.
             raise InputError(without_source_locations(error)) from None
-        stop_motor = getattr(node, 'stop_motor', None)
+        stop_motor = getattr(node, 'stop_motor', _do_nothing)
         signals.set_callback(stop_motor)
         _look_for_peers(node)
         executor = StreamExecutor(node)
@@ -87,9 +87,8 @@ def run(name: str, make_node: Callable[[], Any], argv: Sequence[str]) -> int:
             return _spin(executor, node, signals)
         finally:
             # First, so that zero is the last command also if leaving fails.
-            if stop_motor is not None:
-                stop_motor()
-            node.leave()
+            stop_motor()
+            getattr(node, 'leave', _do_nothing)()
             # Publish what leaving has caused, such as the result of an action.
             for _ in range(_FINAL_SPINS):
                 executor.spin_once(0.0)
@@ -134,7 +133,7 @@ class _Signals:
         # Called by SIGCONT, in the main thread before it goes on with anything else.
         self.on_continue: Callable[[], None] = _do_nothing
         self.continued = False
-        self._callback: Callable[[], None] | None = None
+        self._callback: Callable[[], None] = _do_nothing
         self._arrived = self._stopped = False
         for signum in SIGNALS:
             signal.signal(signum, lambda signum, _: self.caught.append(signum))
@@ -151,7 +150,7 @@ class _Signals:
     def set_callback(self, callback: Any) -> None:
         """Set the function to call, in another thread, at a signal; call it now if one arrived."""
         self._callback = callback
-        if self._arrived and callback is not None:
+        if self._arrived:
             callback()
 
     def _continue(self, *_: Any) -> None:
@@ -166,7 +165,7 @@ class _Signals:
             arrived = set(os.read(end, 16))
             ends, stops = arrived & set(SIGNALS), arrived & set(_STOPPING)
             self._arrived = self._arrived or bool(ends)
-            if (ends or stops) and self._callback is not None:
+            if ends or stops:
                 self._callback()
             if stops:
                 # Nobody can catch this one. Zero current was published before.
@@ -184,7 +183,7 @@ def _spin(executor: Any, node: Any, signals: _Signals) -> int:
         signals.on_continue = executor.ignore_waiting
     last = time.monotonic()
     try:
-        while not signals.caught and not node.finished:
+        while not signals.caught and not getattr(node, 'finished', False):
             if signals.continued:
                 signals.continued = False
                 if resume is not None:

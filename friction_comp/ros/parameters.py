@@ -20,16 +20,11 @@ LARGE = 1e6
 
 def declare(node: Any, name: str, default: Any, description: str, low: float | None = None,
             high: float | None = None, changes: bool = False, constraints: str = '') -> Any:
-    """Declare a parameter with its descriptor and return its value.
+    """Declare a parameter and return its value; InputError if its initial value cannot be used.
 
-    The default determines the type; an empty list is one of strings. The description has meaning
-    and unit. Numbers are limited to `low` to `high`, if `low` is given. The parameter is read-only
-    unless it `changes` while the node runs. `constraints` is a text.
-
-    Raises
-    ------
-    InputError
-        If the initial value has another type or is out of range.
+    The default determines the type; an empty list is one of strings. Numbers are limited to `low`
+    to `high`, if `low` is given. The parameter is read-only unless it `changes` while the node
+    runs. `constraints` is a text.
     """
     descriptor = ParameterDescriptor(
         description=description, read_only=not changes, additional_constraints=constraints)
@@ -74,10 +69,7 @@ def declare_joints(node: Any) -> list[str]:
 
 def load_models(model_files: Sequence[str], joints: Sequence[str],
                 for_motor: bool = False) -> list[FrictionModel]:
-    """Load the model file of each joint; models that drive a motor are checked more strictly.
-
-    The file of an arm may be given for each of its joints.
-    """
+    """Load the model file of each joint, which may be that of an arm; stricter if `for_motor`."""
     # Imported here: nodes without a model start in half the time.
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.model.motor_check import check_for_motor
@@ -87,11 +79,8 @@ def load_models(model_files: Sequence[str], joints: Sequence[str],
         raise InputError(
             f'parameter model_files: one file per joint is needed, {len(joints)} for '
             f'{list(joints)}, not {len(files)}')
-    models = []
-    for path, joint in zip(files, joints):
-        model = FrictionModel.load(path, joint)
-        if for_motor:
-            with errors_name(path):
-                check_for_motor(model, joint, joints)
-        models.append(model)
+    models = [FrictionModel.load(path, joint) for path, joint in zip(files, joints)]
+    for path, joint, model in zip(files, joints, models) if for_motor else ():
+        with errors_name(path):
+            check_for_motor(model, joint, joints)
     return models

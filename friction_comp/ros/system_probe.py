@@ -28,7 +28,6 @@ from friction_comp.ros.tool_client import ToolClient
 from friction_comp.topics import TOPICS, TORQUE_UNIT
 
 NAME = 'friction_comp_doctor'
-# Receives from every publisher.
 _QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 # Timeout of parameter requests, s, and steps in which progress is shown.
 _TIMEOUT, _STEPS = 3.0, 50
@@ -44,10 +43,7 @@ def middleware() -> str:
 
 def observe(seconds: float, arguments: list[str],
             progress: Callable[[float, str], None]) -> Observation:
-    """Observe a running system for `seconds` s; `arguments` are ROS arguments, as remappings.
-
-    `progress` is called with progress 0..1 and the present step.
-    """
+    """Observe a running system for `seconds` s; `progress` gets the share 0..1 and the step."""
     # Messages of each topic, with the system time in s of their arrival.
     messages: dict[str, list[tuple[float, Any]]] = {topic: [] for topic in _KINDS}
     with ToolClient(patience=_TIMEOUT, name=NAME, arguments=arguments) as ros:
@@ -69,9 +65,9 @@ def observe(seconds: float, arguments: list[str],
 
 def _observation(node: Any, seconds: float, messages: dict[str, list[tuple[float, Any]]]
                  ) -> Observation:
-    width = max((len(command.data) for _, command in messages['current_command']), default=0)
-    commands = [(received, command) for received, command in messages['current_command']
-                if len(command.data) == width]
+    commands = messages['current_command']
+    width = max((len(command.data) for _, command in commands), default=0)
+    commands = [(received, command) for received, command in commands if len(command.data) == width]
     load: dict[str, list[Any]] = {}
     for received, message in messages['interaction_wrench']:
         load.setdefault(message.header.frame_id, []).append(

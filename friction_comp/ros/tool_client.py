@@ -30,10 +30,9 @@ from friction_comp.errors import InputError
 from friction_comp.ros.ros_start import own_node
 from friction_comp.trajectory import Trajectory
 
-# Time after which an unanswered request is sent again, and time to send a cancellation, s.
-_ANSWER_TIME, _CANCEL_TIME = 5.0, 0.5
-# Time without its server, s, after which an action has no result any more.
-_GONE_TIME = 1.0
+# Time after which an unanswered request is sent again, to send a cancellation, and without its
+# server, after which an action has no result any more, s.
+_ANSWER_TIME, _CANCEL_TIME, _GONE_TIME = 5.0, 0.5, 1.0
 _MAX_PARAMETERS = 500
 # Shortest duration of the approach to the first point, s, and its speed relative to the trajectory.
 _MIN_APPROACH_TIME, _APPROACH_SPEED = 2.0, 0.3
@@ -57,9 +56,7 @@ class ToolClient:
 
     `check` is called while waiting and may raise an error to stop it. `patience` is the timeout in
     s of everything but the result of an action. `arguments` are ROS arguments. Methods raise
-    InputError where a node does not answer, refuses or fails.
-
-    The attribute `node` is the node in ROS 2.
+    InputError where a node does not answer, refuses or fails. `node` is the node in ROS 2.
     """
 
     def __init__(self, check: Callable[[], object] = lambda: None, patience: float = 60.0,
@@ -170,10 +167,7 @@ class ToolClient:
             self.node.destroy_client(client)
 
     def identify(self, goal: dict[str, Any], report: Callable[[Any], None]) -> Any:
-        """Send a goal to the identification node and return its result.
-
-        `goal` has the fields of IdentifyFriction's goal; `report` gets each feedback message.
-        """
+        """Send a goal, by its fields, and return its result; `report` gets each feedback."""
         return self.send_goal(
             IdentifyFriction, 'identify_friction', IdentifyFriction.Goal(**goal),
             IdentifyFriction.Goal(joint='nobody'), report, 'identification')
@@ -184,10 +178,7 @@ class ToolClient:
                               RefineModel.Goal(joint='nobody'), report, 'refinement')
 
     def play(self, trajectory: Trajectory, report: Callable[[float, str], None]) -> None:
-        """Move one joint along a trajectory by the node `identification`.
-
-        `report` gets progress 0..1 and the present phase.
-        """
+        """Move a joint by the node `identification`; `report` gets progress 0..1 and the phase."""
         self.send_goal(
             PlayTrajectory, 'play_trajectory',
             PlayTrajectory.Goal(trajectory=message_of(trajectory)), PlayTrajectory.Goal(),
@@ -195,10 +186,9 @@ class ToolClient:
 
     def play_on(self, controller: str, trajectory: Trajectory,
                 report: Callable[[float, str], None]) -> None:
-        """Move joints along a trajectory by a robot's trajectory controller, as `play` does.
+        """Move joints as `play` does, by a robot's trajectory controller, after a slow approach.
 
-        The joints first approach the first point slowly. `controller` is its name, without
-        ``/follow_joint_trajectory``.
+        `controller` is its name, without ``/follow_joint_trajectory``.
         """
         try:
             kind = importlib.import_module('control_msgs.action').FollowJointTrajectory
@@ -260,7 +250,7 @@ class ToolClient:
                 return future.result()
             self.wait(0.2)
         reason = self.value(what, 'last refusal')
-        raise InputError(f'{what} refuses the goal{": " if reason else ""}{reason or ""}')
+        raise InputError(f'{what} refuses the goal' + (f': {reason}' if reason else ''))
 
     def _result(self, action: Any, handle: Any, what: str) -> Any:
         ready_at = time.monotonic()
@@ -285,10 +275,7 @@ class ToolClient:
         return future.result()
 
     def _request(self, send: Callable[[], Any], what: str) -> Any:
-        """Return the answer to an idempotent request, which is repeated until it is answered.
-
-        A reply is lost if it is sent before both ends have discovered each other.
-        """
+        """Return the answer to a request, repeated since replies before discovery are lost."""
         end = time.monotonic() + self._patience
         while time.monotonic() < end:
             future, again = send(), time.monotonic() + _ANSWER_TIME

@@ -1,20 +1,28 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Draws docs/sources.svg: a movement, and when each source announces its direction.
-
-python3 docs/sources_picture.py
-"""
+"""Draws pictures of README and docs: `python3 docs/pictures.py NAME` writes docs/NAME.svg."""
 
 from pathlib import Path
+import sys
 
 import numpy as np
 
 from friction_comp.direction.desired_motion import DesiredMotion
 from friction_comp.direction.planned_direction import PlannedDirection
 from friction_comp.direction.sensed_direction import SensedDirection
-from friction_comp.reports.figures import new_figure, styled, to_svg
+from friction_comp.evaluation.sessions import evaluate_recordings
+from friction_comp.recordings import read_recording
+from friction_comp.refinement import refine
+from friction_comp.reports.evaluation_report import scenes_of
+from friction_comp.reports.figures import curve, new_figure, styled, to_file, to_svg
+from friction_comp.reports.moving_joint import moving_picture
 from friction_comp.simulation.cheap_sensors import CheapForce, CheapMuscles
 
+ROOT = Path(__file__).resolve().parent.parent
+# Of the first picture.
+DESCRIPTION = """\
+Left: torque over time, measured and predicted, which nearly coincide. Right: friction over
+velocity, a step at zero and a straight line on either side."""
 # The person begins to push at 2.3 s; the joint moves from 2.55 to 4.2 s.
 PUSH, MOVES, ENDS, LAST = 2.3, 2.55, 4.2, 5.5
 CALIBRATED = 4.0
@@ -72,8 +80,40 @@ def led(time):
 
 
 @styled
-def picture():
-    """Return the figure."""
+def first():
+    """Return torque over time, and friction over velocity, of the example log."""
+    result = refine(read_recording(ROOT / 'examples' / 'log.csv'))
+    samples, model, friction = result.samples, result.model, result.report.friction
+    others = sum(effect.current(samples) for effect in model.effects)
+    # A third of the samples is as easy to read as all of them.
+    velocity = np.asarray(samples.velocity)
+    moves = np.flatnonzero(result.usable)[::3]
+    predicted = model.sigmoid(velocity) + others
+    part = (samples.time > 4.0) & (samples.time < 12.0)
+    figure, (left, right) = new_figure(columns=2, width=8.4, height=2.6)
+    curve(left, samples.time[part], samples.current[part], 'grey', 'measured', linewidth=3.0)
+    curve(left, samples.time[part], predicted[part], 'blue', 'predicted')
+    left.set(xlabel='time (s)', ylabel='torque (N·m)', ylim=(-5.5, 8.5))
+    left.legend(loc='upper right', ncols=2)
+    curve(right, velocity[moves], (samples.current - others)[moves], 'grey',
+          'measured, without the other effects', '.', markersize=2)
+    speeds = np.linspace(velocity.min(), velocity.max(), 400)
+    curve(right, speeds, friction.coulomb * np.sign(speeds) + friction.viscous * speeds
+          + friction.offset, 'blue', 'Coulomb + viscous + offset')
+    right.set(xlabel='velocity (rad/s)', ylabel='friction (N·m)')
+    right.legend(loc='upper left')
+    return figure
+
+
+def moving():
+    """Return README's first picture, a joint that moves, as SVG."""
+    evaluation, = evaluate_recordings([ROOT / 'examples' / 'elbow'])
+    return moving_picture(scenes_of(evaluation))
+
+
+@styled
+def sources():
+    """Return a movement, and when each source announces its direction."""
     time = np.arange(0.0, LAST, 0.01)
     figure, axes = new_figure(rows=4, width=7.2, height=1.45, sharex=True)
     force, muscles = (sensed('force', CheapForce(np.ones(1), 1, 100.0)),
@@ -102,6 +142,12 @@ def picture():
     return figure
 
 
+PICTURES = {
+    'first': lambda: to_file(
+        first(), 'Measured and predicted torque of examples/log.csv', DESCRIPTION),
+    'moving': moving,
+    'sources': lambda: to_svg(sources())}
+
 if __name__ == '__main__':
-    target = Path(__file__).with_name('sources.svg')
-    target.write_text(to_svg(picture()), encoding='utf-8')
+    for name in sys.argv[1:]:
+        (ROOT / 'docs' / f'{name}.svg').write_text(PICTURES[name](), encoding='utf-8')
