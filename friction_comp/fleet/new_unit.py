@@ -22,7 +22,6 @@ from friction_comp.fleet.population import Population
 from friction_comp.fleet.spread import LEVEL
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement.block_sums import BlockSums
-from friction_comp.refinement.recording_sums import sums_of_recordings
 from friction_comp.samples import Samples
 from friction_comp.statistics import holm
 
@@ -70,12 +69,9 @@ def fit_new_unit(recorded: Sequence[Samples], population: Population,
     InputError
         If the recordings cannot be used.
     """
-    like = population.model
-    common = CommonModel.from_model(like)
-    sums = sums_of_recordings(
-        recorded, common.terms, common.transition, (drive or like.drive) if declared else None,
-        like.differentiation or None)
-    prior = population.prior
+    like = replace(population.model, drive=drive or population.model.drive)
+    common, prior = CommonModel.from_model(like), population.prior
+    sums = common.sums(recorded, like, declared)
     mean, deviation = np.array(prior.mean), np.array(prior.deviation)
     if len(mean) != len(common.columns):
         raise InputError(f"the population's model has {len(common.columns)} coefficients, its "
@@ -94,9 +90,8 @@ def fit_new_unit(recorded: Sequence[Samples], population: Population,
     told = np.where(np.isinf(deviation), 1.0, 1.0 - np.minimum(
         errors / np.where(deviation > 0.0, deviation, np.inf), 1.0) ** 2)
     told = np.where(deviation > 0.0, told, 0.0)
-    model = common.model(values, like)
     return NewUnit(
-        replace(model, drive=drive or model.drive), _names(common), values, errors, told, p,
+        common.model(values, like), _names(common), values, errors, told, p,
         _rms(sums, common.columns, mean),
         _left_out(sums, common.columns, mean, np.full(len(mean), np.inf), noise),
         _left_out(sums, common.columns, mean, deviation, noise))

@@ -28,7 +28,7 @@ from friction_comp.refinement.effect_columns import (
     Term,
 )
 from friction_comp.refinement.lag import best_response
-from friction_comp.refinement.prepare import blocks_of_samples, prepare, Rows, with_settings
+from friction_comp.refinement.prepare import prepare, Rows
 from friction_comp.refinement.recorded_motion import (
     candidate_settings,
     choose_differentiation,
@@ -67,8 +67,7 @@ class Fit:
     candidates: list[Term]  # the last ones
     # Share of bootstrap samples in which the lag lowers the error enough; 1 without a lag.
     lag_confidence: float = 1.0
-    # What the search found before terms that cannot be named were left out, and its mean squared
-    # error of blocks that were not fitted, A².
+    # Before terms that cannot be named were left out: the terms, and `mean_error`, A².
     found: tuple[Term, ...] = ()
     found_error: float = math.nan
     # Share of repeated searches that choose each term, and intervals; filled when terms are named.
@@ -87,19 +86,14 @@ class Fit:
         """Delay and time constant between current and torque, s."""
         return self.settings.get('lag', 0.0), self.settings.get('time_constant', 0.0)
 
-    def errors(self) -> np.ndarray:
-        """Return the squared error of each cell by a fit to all other blocks, shape (K,)."""
-        return self.table.held_out_errors(self.table.indices(self.terms))
-
     def mean_error(self) -> float:
         """Return the mean squared error of blocks that were not fitted, A²."""
-        return float(self.errors().sum()) / float(self.table.sums.rows.sum())
+        return float(self.table.block_errors(self.terms).sum() / self.table.sums.rows.sum())
 
     def rmse_with(self, terms: Sequence[Term]) -> float:
         """Return the held-out RMS error of some of the terms, at the present transition, A."""
-        table = self.table
-        errors = table.held_out_errors(table.indices(terms, derivatives=False))
-        return math.sqrt(float(errors.sum()) / float(table.sums.rows.sum()))
+        errors = self.table.block_errors(terms, derivatives=False)
+        return math.sqrt(float(errors.sum()) / float(self.table.sums.rows.sum()))
 
     def residual(self) -> np.ndarray:
         """Return the residual of each sample by a fit to all other blocks, A, shape (N,)."""
@@ -109,7 +103,7 @@ class Fit:
         train = (table.block != np.arange(rows.blocks)[:, None]).astype(float)
         fits = table.sums.fits(table.indices(self.terms, derivatives=False), train)
         return np.asarray(rows.target - np.einsum(
-            'ns,ns->n', columns, fits[blocks_of_samples(rows)]))
+            'ns,ns->n', columns, fits[rows.block_of_sample]))
 
 
 def without_lag(settings: dict[str, Any]) -> dict[str, Any]:
@@ -194,11 +188,10 @@ class EffectSearch(Search):
 
 def search_with(problem: Problem, settings: dict[str, Any] | None = None,
                 begin: Sequence[Term] | None = None) -> Fit:
-    """Search with some differentiation settings and return the best fit.
+    """Search with differentiation settings, chosen when omitted, and return the best fit.
 
-    Settings are chosen when omitted. The search begins with the terms of the initial model and
-    those of `begin`; when it is omitted, with each of `EffectSearch.starts`. The fit with the
-    lowest error is returned, where each term costs `LEAST_SHARE` of the error.
+    The search begins with the terms of the initial model and those of `begin`, or with each of
+    `EffectSearch.starts`. In the comparison, each term costs `LEAST_SHARE` of the error.
     """
     rows, settings = prepare(problem.raw, problem.drive, settings, problem.declared)
     model = problem.model
@@ -228,11 +221,7 @@ def search_with(problem: Problem, settings: dict[str, Any] | None = None,
 
 
 def find_best_fit(problem: Problem) -> Fit:
-    """Return the best fit over lags and bandwidths.
-
-    Both are chosen, like effects, by the error of blocks that were not fitted, after a whole
-    search with each.
-    """
+    """Return the best fit over lags and bandwidths, each tried with a whole search."""
     best = search_with(problem)
     tried = [best.settings]
     # A plain drive knows of no ripple, which a filter of the motion or of the load blurs.
@@ -267,11 +256,9 @@ def find_best_fit(problem: Problem) -> Fit:
 
 def _lag_confidence(lagged: Fit, unlagged: Fit) -> float:
     """Return the share of bootstrap samples of blocks in which a lag lowers the error enough."""
-    rng = np.random.default_rng(2)
-    lagged_errors, unlagged_errors = (
-        np.bincount(fit.table.block, fit.errors()) for fit in (lagged, unlagged))
-    drawn = rng.integers(0, len(unlagged_errors), (200, len(unlagged_errors)))
-    after, before = (errors[drawn].sum(axis=1) for errors in (lagged_errors, unlagged_errors))
+    after, before = (fit.table.block_errors(fit.terms) for fit in (lagged, unlagged))
+    drawn = np.random.default_rng(2).integers(0, len(before), (200, len(before)))
+    after, before = (errors[drawn].sum(axis=1) for errors in (after, before))
     return float(np.mean(after < thresholds.LAG_ERROR * before))
 
 
@@ -313,7 +300,7 @@ def _other_settings(problem: Problem, fit: Fit) -> list[dict[str, Any]]:
     errors: list[tuple[float, int, dict[str, Any]]] = []
     for choice in candidate_settings(problem.raw):
         choice |= {name: settings[name] for name in (*_LAG, 'signals') if settings.get(name)}
-        matrix = columns(with_settings(rows, problem.raw, choice))
+        matrix = columns(rows.with_settings(problem.raw, choice))
         if np.isfinite(matrix).all():
             errors.append((error_of(matrix), len(errors), choice))
     least, _, choice = min(errors)

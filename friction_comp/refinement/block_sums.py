@@ -117,8 +117,7 @@ def solve(sums: np.ndarray, norms: np.ndarray, signs: np.ndarray) -> np.ndarray:
     """Solve least squares problems with bounds at zero; return the coefficients, shape (F, S).
 
     A coefficient with the wrong sign is set to zero, the worst first, and the others are solved
-    for without it. `sums`, shape (F, S + 1, S + 1), are those of products of columns with these
-    `norms` and required `signs`, shape (S,), the target last.
+    for without it. `sums`, shape (F, S + 1, S + 1), are of columns with these `norms` and `signs`.
     """
     size = len(norms)
     scaled = sums[:, :-1, :-1] / norms[:, None] / norms

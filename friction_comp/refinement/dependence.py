@@ -49,8 +49,7 @@ def remaining_dependences(samples: Samples, residual: np.ndarray, slowest: float
 
     Each dependence is subtracted before the next is searched for, so that a variable is reported
     only if it explains a part that others do not; then pairs of variables are tried. The samples
-    are in motion, with velocity and acceleration, and may have gaps; `slowest` is the speed of
-    standstill, rad/s.
+    are in motion; `slowest` is the speed of standstill, rad/s.
     """
     limit = _OUTLYING * float(robust_std(residual)) + 1e-300
     values = np.clip(residual, -limit, limit)
@@ -94,9 +93,8 @@ def explained_share(residual: np.ndarray, cells: np.ndarray, block: np.ndarray,
                     rng: np.random.Generator) -> float:
     """Return the share of a residual's variance that cells explain; 0 if it may be chance.
 
-    The average share with flipped signs is subtracted. `cells` and `block`, shape (N,), are the
-    indices of each sample's cell and block. Blocks are longer than the correlation time, so that
-    without a dependence the signs of the residual in successive blocks are independent.
+    `cells` and `block`, shape (N,), are the indices of each sample's cell and block. Blocks are
+    longer than the correlation time, so that without a dependence their signs are independent.
     """
     count, rows = int(cells.max()) + 1, int(block.max()) + 1
     table = np.bincount(block * count + cells, residual, minlength=rows * count)

@@ -91,9 +91,8 @@ def report_of(problem: Problem, fit: Fit, start: Predicted, refined: Predicted, 
 def error_by_steps(raw: Samples, refined: Predicted, usable: np.ndarray) -> float:
     """Return the error by the steps of the recorded velocity, over that on parts not fitted.
 
-    At constant speeds, a velocity in whole counts does not change, and its steps do not show. The
-    rate of any other velocity jumps by them, as it does if the recorded one is moved at random by
-    up to half a step.
+    At constant speeds, a velocity in whole counts does not change. The rate of any other jumps by
+    its steps, as it does if the recorded one is moved at random by up to half a step.
     """
     if raw.velocity is None:
         return 0.0
