@@ -22,9 +22,8 @@ _ALONE = threading.Lock()
 def runner_on_cluster(address: str) -> Iterator[Runner]:
     """Yield a function that does work on items as `parallel.run_each` does, on Dask's workers.
 
-    Workers read the items themselves: files need the same path everywhere. Work of a worker that
-    dies is done by another one; if an item kills several, it fails. Leaving the block cancels what
-    is not done.
+    Workers read the items themselves: files need the same path everywhere. Leaving the block
+    cancels what is not done.
 
     Raises
     ------

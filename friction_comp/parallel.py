@@ -33,8 +33,7 @@ U = TypeVar('U')
 def one_thread(function: F) -> F:
     """Return a function during which libraries of linear algebra use one thread.
 
-    Their threads share out products of large matrices. Of small ones they mostly wait for each
-    other, and a control loop that runs beside waits for them.
+    With small matrices their threads mostly wait for each other, and a control loop for them.
     """
     @functools.wraps(function)
     def limited(*arguments: Any, **named: Any) -> Any:
@@ -152,10 +151,7 @@ def child_process() -> Iterator[ProcessPoolExecutor]:
 
 
 def _end_with_parent(child_end: Connection) -> None:
-    """End this process when the parent closes its end of a pipe or is killed.
-
-    Otherwise it might work on for long, with no process left to receive the result.
-    """
+    """End this process, which might work on for long, when its parent closes a pipe or dies."""
     # Ctrl-C reaches both processes; the child waits until the parent closes the pipe.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 

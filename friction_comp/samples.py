@@ -151,10 +151,9 @@ class Samples:
         return self._change(lambda values: values[index], recording=self.recording[index])
 
     def averaged(self, length: int) -> Samples:
-        """Return averages over `length` consecutive samples, segment by segment.
+        """Return averages over `length` consecutive samples; rests of segments are dropped.
 
-        Remaining samples at the end of a segment are dropped. Direction and recording are those of
-        the first sample, not averages.
+        Direction and recording are those of the first sample.
         """
         if length == 1 or not len(self):
             return self
@@ -279,9 +278,8 @@ class Samples:
         from friction_comp.controller_effort import gear_effort
 
         names = [str(name) for name in (frame.columns if hasattr(frame, 'columns') else frame)]
-        use = assign(names, layout, 'data frame')
-        if notes is not None:
-            notes.extend(use.notes)
+        use, notes = assign(names, layout, 'data frame'), [] if notes is None else notes
+        notes.extend(use.notes)
         if joint is None and len(use.joints) > 1:
             raise InputError(f'data frame: several joints, name one: {", ".join(use.joints)}')
         chosen = use.joints[0] if joint is None or use.joints == [''] else joint
@@ -300,19 +298,14 @@ class Samples:
             signals['command'] /= torque_constant * gear_ratio
         if layout and layout.rate:
             signals['time'] = np.arange(len(signals['position'])) / layout.rate
-        found: list[str] = []
         if gains:
-            computed = use.controller_effort(
-                values, signals['time'], chosen,
-                [values[gain] if isinstance(gain, str) else gain for gain in gains])
+            computed = use.controller_effort(values, signals['time'], chosen, gains)
             assert computed is not None     # `assign` has found the target
             signals['effort'], note = computed
-            found.append(note)
+            notes.append(note)
         if 'link_torque' in signals:
             signals['effort'], note = gear_effort(signals['effort'], signals.pop('link_torque'))
-            found.append(note)
-        if notes is not None:
-            notes.extend(found)
+            notes.append(note)
         if use.effort_is_current:
             signals['current'] = signals.pop('effort')
         return Samples.from_arrays(torque_constant=torque_constant, gear_ratio=gear_ratio,
@@ -335,11 +328,7 @@ class Samples:
         return {}
 
     def segments(self, largest_gap: float = 5.0) -> list[slice]:
-        """Return slices of samples without gaps.
-
-        A new segment begins after a time step longer than `largest_gap` median steps, where time
-        decreases, and at the start of another recording.
-        """
+        """Return slices of one recording each, without steps back or of `largest_gap` medians."""
         if largest_gap not in self._segments:
             step = np.diff(self.time)
             broken = (step > largest_gap * max(self.sample_time, 1e-9)) | (step < 0)
@@ -351,10 +340,7 @@ class Samples:
 
     @staticmethod
     def concatenate(parts: Iterable[Samples]) -> Samples:
-        """Concatenate samples of one joint; recordings are renumbered in order.
-
-        Signals that are not in all parts are dropped.
-        """
+        """Concatenate samples of one joint: signals in all parts, with recordings renumbered."""
         parts = list(parts)
         if not parts:
             raise InputError('no samples to concatenate')

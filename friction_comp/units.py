@@ -2,9 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Units as people write them: a factor, products and one quotient of symbols with prefixes.
 
-``2.69mA``, ``0.229rpm``, ``kN·m``, ``inch/min`` and ``counts/4096/s`` are read by one grammar
-instead of a list. The result is the factor to SI units and the dimension, which tells whether a
-signal can have the unit.
+One grammar reads ``2.69mA``, ``0.229rpm``, ``kN·m``, ``inch/min`` and ``counts/4096/s``. The result
+is the factor to SI units and the dimension, which tells whether a signal can have the unit.
 """
 
 from __future__ import annotations
@@ -118,11 +117,6 @@ def unit_of(signal: str, text: str) -> Unit | None:
     return unit
 
 
-def signals_with(text: str) -> list[str]:
-    """Return the signals that can have a unit."""
-    return [signal for signal in _DIMENSIONS if unit_of(signal, text) is not None]
-
-
 def unit_factor(signal: str, unit: str) -> float:
     """Return the factor that converts a column's numbers to SI units.
 
@@ -134,27 +128,23 @@ def unit_factor(signal: str, unit: str) -> float:
     if signal == 'effort':
         # In other units, such as volts or per cent of a servo's range, values stay as they are.
         return 1.0
-    raise InputError(f'{signal} cannot be in {unit!r}; its units are {possible_units(signal)}, '
+    possible = ', '.join(_EXAMPLES[one] for one in _DIMENSIONS[signal] if one in _EXAMPLES)
+    raise InputError(f'{signal} cannot be in {unit!r}; its units are {possible or "none"}, '
                      'with a factor before them if needed, as in 2.69mA')
 
 
 def signal_with_unit(unit: str) -> str | None:
     """Return a signal that has a known unit which effort cannot have, else None."""
-    signals = signals_with(unit)
-    return None if not signals or 'effort' in signals else (
-        'position' if parse_unit(unit).dimension == 'counts'  # type: ignore[union-attr]
-        else signals[0])
+    signals = [signal for signal in _DIMENSIONS if unit_of(signal, unit) is not None]
+    if not signals or 'effort' in signals:
+        return None
+    # Counts may be those of a timer, but are seldom.
+    return 'position' if 'position' in signals else signals[0]
 
 
 def default_unit(signal: str) -> str:
     """Return the SI unit of a signal, '' if it has none."""
     return _SI.get(next(iter(_DIMENSIONS[signal]), ''), '')
-
-
-def possible_units(signal: str) -> str:
-    """Return examples of a signal's units for a message."""
-    return ', '.join(_EXAMPLES[dimension] for dimension in _DIMENSIONS[signal]
-                     if dimension in _EXAMPLES) or 'none'
 
 
 def in_own_units(content: T, linear: bool) -> T:

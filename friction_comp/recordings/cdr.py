@@ -2,9 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Decodes many CDR messages of one type at once.
 
-A recording has up to millions of messages, usually with the same layout (joint names and array
-lengths). The layout is determined from one message; all messages with the same length, counts and
-strings are then decoded together with numpy. Messages with other layouts form further groups.
+The layout (joint names and array lengths) is determined from one message; all messages with the
+same length, counts and strings are then decoded together with numpy.
 """
 
 from __future__ import annotations
@@ -24,8 +23,7 @@ WRENCH = 'geometry_msgs/msg/WrenchStamped'
 TEMPERATURE = 'sensor_msgs/msg/Temperature'
 DYNAMIC_STATE = 'control_msgs/msg/DynamicJointState'
 
-# Largest number of values or names in one message, more than any robot has joints. Without a limit
-# one corrupt message could fill the memory, since all messages share one array.
+# Most values or names in one message: a corrupt one could fill the memory.
 MOST_VALUES = 200
 
 
@@ -118,8 +116,7 @@ def decode(type_name: str, payloads: Sequence[bytes]
            ) -> Iterator[tuple[np.ndarray, tuple[str, ...], dict[str, np.ndarray]]]:
     """Decode serialised messages of one type, in groups of the same layout.
 
-    Messages that are too short for their fields, are not CDR, or hold more than `MOST_VALUES`
-    values or names are left out.
+    Broken messages, or with more than `MOST_VALUES` values or names, are left out.
 
     Parameters
     ----------

@@ -2,10 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads mcap files, including the undamaged chunks of truncated or corrupt ones.
 
-The library `mcap` parses records, decompresses chunks and verifies their checksums, but its readers
-stop at the first invalid record, and take three times as long for the messages of a chunk. This
-reader finds the records itself, and continues after damage with the next chunk whose checksum is
-valid.
+The library `mcap` parses records and unpacks chunks, but its readers stop at the first invalid
+record. This one continues after damage with the next chunk whose checksum is valid.
 """
 
 from __future__ import annotations
@@ -46,16 +44,39 @@ class DamagedError(ValueError):
     """A file that cannot be read; the text says why."""
 
 
-class McapFile:
-    """One mcap file; raises DamagedError if it is empty."""
+class MessageFile:
+    """A file of messages; notes and counts are complete after `messages` has ended."""
 
-    def __init__(self, path: Path) -> None:
-        # Notes on missing or damaged parts; complete after `messages` has ended.
-        self.notes: list[str] = []
+    def __init__(self) -> None:
+        self.notes: list[str] = []              # on missing or damaged parts
         # Topic to (message type, number of messages), of the part that has been read.
         self.topics: dict[str, tuple[str, int]] = {}
         self.encodings: dict[str, str] = {}     # topic to serialisation
         self.custom: dict[str, str] = {}        # custom_data of rosbag2's metadata
+        self.progress = 0.0                     # share of the file that has been read
+
+    def close(self) -> None:
+        """Close the file."""
+
+    def messages(self, wanted: Wanted) -> Iterator[Message]:
+        """Yield (topic, type, receive time in ns, payload) of messages in the order of the file.
+
+        Only messages for which `wanted(topic, type)` is true are yielded; all are counted. Raises
+        DamagedError if the file has no readable record at all.
+        """
+        raise NotImplementedError
+
+    def count(self, topic: str, messages: int) -> None:
+        """Add to the number of a topic's messages."""
+        kind, before = self.topics[topic]
+        self.topics[topic] = kind, before + messages
+
+
+class McapFile(MessageFile):
+    """One mcap file; raises DamagedError if it is empty."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
         self._schemas: dict[int, str] = {}
         self._channels: dict[int, str] = {}
         self._message_count = 0
@@ -73,20 +94,9 @@ class McapFile:
             self._read_summary(self._footer)
 
     def close(self) -> None:
-        """Close the file."""
         self._file.close()
 
-    @property
-    def progress(self) -> float:
-        """Share of the file that has been read."""
-        return self._position / self._size
-
     def messages(self, wanted: Wanted) -> Iterator[Message]:
-        """Yield (topic, type, receive time in ns, payload) of messages in the order of the file.
-
-        Only messages for which `wanted(topic, type)` is true are yielded; all are counted. Raises
-        DamagedError if the file has no readable record at all.
-        """
         self._file.seek(0)
         begin = self._file.read(len(MAGIC))
         if begin != MAGIC:
@@ -119,7 +129,7 @@ class McapFile:
         # A corrupt length leads to an arbitrary position: resume from the last valid chunk.
         at = last_valid = len(MAGIC)
         while at < self._size:
-            self._position = at
+            self._position, self.progress = at, at / self._size
             record = self._record_at(at)
             if record is None:
                 following = self._next_chunk(last_valid)
@@ -186,9 +196,7 @@ class McapFile:
         for channel, count in counts.items():
             self._message_count += count
             if channel in self._channels:
-                topic = self._channels[channel]
-                kind, before = self.topics[topic]
-                self.topics[topic] = kind, before + count
+                self.count(self._channels[channel], count)
             else:
                 self._lost_messages += count
 
@@ -258,7 +266,7 @@ class McapFile:
         if self._expected is not None and self._message_count < self._expected:
             self.notes.append(
                 f'{self._expected - self._message_count} of {self._expected} messages are missing')
-        self._position = self._size
+        self.progress = 1.0
 
 
 def _unpack_chunk(record: bytes) -> bytes | None:

@@ -36,10 +36,8 @@ _REVERSED_SHARE = 0.8
 def check_plausible(samples: Samples, name: str, alone: bool = True) -> None:
     """Raise InputError for samples that are physically impossible.
 
-    They are if a value or the rate of position exceeds what any joint can have, velocity
-    contradicts position, or the effort has the wrong sign; the message names signal, value and
-    time. `alone` says that no other joint of the recording moved: then the gravity torque depends
-    on the position alone, and the motor's mean power must be positive.
+    `alone` says that no other joint of the recording moved: then the gravity torque depends on the
+    position alone, and the motor's mean power must be positive.
     """
     if not len(samples):
         return
@@ -97,11 +95,10 @@ def _fault_of_command(samples: Samples) -> str:
 
 
 def _fault_of_power(samples: Samples) -> str:
-    """Return the fault of an effort with reversed sign, judged by the motor's mean power.
+    """Return the fault of an effort with reversed sign.
 
-    At a given position, gravity is the same in both directions of motion, so friction must make the
-    effort larger in the positive than in the negative direction. This is not checked if a command
-    or a load was recorded: then the motor may have been braking or driven.
+    At a given position, friction must make the effort larger in the positive direction. With a
+    command or a load the motor may have been braking or driven: then this is not checked.
     """
     if samples.load is not None or (samples.command is not None and samples.command.any()):
         return ''

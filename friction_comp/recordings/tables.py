@@ -201,8 +201,7 @@ class TableScanner:
     def _controller_effort(self, columns: Columns, time: np.ndarray, joint: str
                            ) -> np.ndarray | None:
         """Return the effort of a position controller, from target and position."""
-        gains = [columns[gain] if isinstance(gain, str) else gain for gain in self._gains]
-        found = self._use.controller_effort(columns, time, joint, gains)
+        found = self._use.controller_effort(columns, time, joint, self._gains)
         if found is None:
             return None
         effort, note = found
