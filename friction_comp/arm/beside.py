@@ -83,24 +83,12 @@ def signs_at(indices: dict[Term, list[int]], joints: int) -> np.ndarray:
     return np.array([row + [0] * (longest - len(row)) for row in rows])
 
 
-def _is_known(signal: np.ndarray | None) -> bool:
-    return signal is not None and bool(np.isfinite(signal).all())
-
-
 class ArmTable(Table):
     """The columns of links, of all joints' friction, and of terms, and their sums over cells.
 
     A cell is one joint in one stretch; the columns are derivatives by the unknowns of `Prior`, as
-    differences from their means.
-
-    Parameters
-    ----------
-    sums : Sums
-        With the columns of `indices` after those of friction.
-    prior : Prior
-    x : ndarray, shape (U,)
-        The latest fit, with friction only or with any terms.
-    indices : dict of Term to list of int
+    differences from their means. `sums` have the columns of `indices` after those of friction, and
+    x, shape (U,), is the latest fit with any terms.
     """
 
     def __init__(self, sums: Sums, prior: Prior, x: np.ndarray, indices: dict[Term, list[int]]
@@ -147,12 +135,10 @@ class ArmTable(Table):
 
 
 class ArmSearch(Search):
-    """A search among the effects of position and of load at all joints.
+    """A search among the effects of position and of load at all joints, from the latest fit.
 
     An effect is an improvement where it is at one joint, and where the error of all is no larger: a
     joint's error says nothing of the others', but the links that are fitted to it are also theirs.
-
-    `tree`, `prior`, `x`, `variance` and `terms` are those of the latest fit; see `Sums`.
     """
 
     def __init__(self, rows: ArmRows, tree: Tree, prior: Prior, x: np.ndarray,
@@ -182,10 +168,7 @@ class ArmSearch(Search):
         return ArmTable(sums, self._prior, self._x, indices)
 
     def _update_candidates(self, terms: Sequence[Term]) -> None:
-        """Replace the candidates by those proposed for the residual of a fit.
-
-        Of each choice it is the one that explains most of its joint beside the links.
-        """
+        """Replace the candidates by what explains most of the residual, one of each choice."""
         self._known |= dict.fromkeys(terms)
         columns, sums, indices = self._measured([*self._known])
         residual = ArmTable(sums, self._prior, self._x, indices).residual_of(
@@ -221,7 +204,8 @@ class ArmSearch(Search):
             if kind.variable in ('position', 'load') and not kind.uses_inner_load
             # The links are all weight.
             and not kind.weight and not kind.insufficient_data(coverage)
-            and all(_is_known(getattr(samples, signal)) for signal in kind.needs)
+            and all((signal := getattr(samples, name)) is not None and np.isfinite(signal).all()
+                    for name in kind.needs)
             for constants in kind.propose(view)]
         moving = {self._tree.joints[j] for j in self._samples}
         return terms + [

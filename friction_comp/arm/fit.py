@@ -41,9 +41,9 @@ from friction_comp.arm.solver import (
 from friction_comp.errors import InputError
 from friction_comp.model.arm.arm import moving_states
 from friction_comp.model.arm.tree import FREE_FALL, PARAMETERS, Tree
-from friction_comp.model.differentiation import METHOD
 from friction_comp.parallel import one_thread
 from friction_comp.refinement.effect_columns import Term
+from friction_comp.refinement.recorded_motion import candidate_settings
 from friction_comp.samples import Samples
 
 if TYPE_CHECKING:
@@ -100,11 +100,9 @@ class ArmFit:
     declared: bool  # whether the currents per torque are those given
 
     def torque(self, samples: Samples) -> np.ndarray:
-        """Return the torque in N·m of the links on a joint, shape (N,).
+        """Return the torque in N·m of the links on a joint, shape (N,), fitted to other stretches.
 
-        In each stretch of a recording, the links that were fitted without this stretch are used, so
-        that it is a prediction. The samples are those of one joint with `arm`, and have the
-        `recording` numbers of the fit.
+        The samples are those of one joint with `arm` and the `recording` numbers of the fit.
         """
         motion = moving_states(samples, self.tree.joints, self.differentiation)
         joint_index = self.tree.joints.index(samples.joint)
@@ -217,10 +215,7 @@ class _Problem:
 
     def prepared(self, settings: dict[str, Any], terms: list[Term] | None = None,
                  tree: Tree | None = None) -> _Trial:
-        """Return what a fit with some differentiation settings, and terms beside the links, needs.
-
-        Its error is 0, but infinite if the URDF's torque has the wrong sign at every joint.
-        """
+        """Return what a fit needs; its error is infinite if the URDF's torques have wrong signs."""
         tree, terms = tree or self.chain.tree, terms or []
         rows = rows_of(self.chain, self.joints, settings, _MOST_ROWS['choice'])
         columns, indices = columns_of(rows, tree, terms)
@@ -254,10 +249,7 @@ class _Problem:
         return 0.5 * float(np.mean(np.log(errors + 1e-24)))
 
     def best(self, report: Callable[[float], None] = lambda share: None) -> _Trial:
-        """Return the fit with the settings of the lowest error, and effects beside the links.
-
-        Effects are searched before settings are compared, and once more with the best.
-        """
+        """Return the fit with the best settings; effects are searched before and after."""
         trials, choices = [], _settings(self.joints)
         first = self.with_effects(self.trial(choices[min(1, len(choices) - 1)]), 1)
         for settings in choices:
@@ -287,8 +279,7 @@ class _Problem:
 def _with_gravity_direction(problem: _Problem, best: _Trial) -> tuple[_Problem, _Trial]:
     """Return the arm with the direction of gravity that fits the recording best, and its trial.
 
-    An arm may be mounted on a wall or a ceiling, which its URDF does not say. A direction other
-    than the URDF's is used only if it lowers the held-out error clearly.
+    An arm may be mounted on a wall or a ceiling, which its URDF does not say.
     """
     settings = best.settings if best.error < math.inf else _settings(problem.joints)[-1]
     turned = []
@@ -310,10 +301,9 @@ def _with_gravity_direction(problem: _Problem, best: _Trial) -> tuple[_Problem, 
 
 
 def identifiable(products: np.ndarray) -> int:
-    """Return the number of base parameters: combinations that the joint torques determine.
+    """Return the number of combinations of parameters that the joint torques determine.
 
-    It is the number of singular values of the links' normalised columns above 1e-6 of the largest;
-    `products`, shape (10·J, 10·J), are the sums of products of these columns.
+    `products`, shape (10·J, 10·J), are the sums of products of the links' columns.
     """
     norm = np.sqrt(np.diag(products))
     seen = norm > 1e-9 * max(norm.max(), 1e-300)
@@ -324,22 +314,12 @@ def identifiable(products: np.ndarray) -> int:
 
 def _settings(joints: list[Samples]) -> list[dict[str, Any]]:
     """Return the differentiation settings to compare, by source and bandwidth."""
-    step = max(joints[0].sample_time, 1e-9)
-    narrow = [value for value in _BANDWIDTHS if value <= 0.3 / step]
-    sources = ['position']
     arm = joints[0].arm
-    velocity = None if arm is None else arm.velocity
-    if velocity is not None and np.any(velocity, axis=0).all():
-        sources.append('velocity')
-    return [{'method': METHOD, 'source': source, 'bandwidth': value}
-            for source in sources for value in [*narrow, None]]
+    return candidate_settings(joints[0], None if arm is None else arm.velocity, _BANDWIDTHS)
 
 
 def _typical_scale(problem: Sums, bodies: Bodies) -> float | None:
-    """Return a typical current per torque, A per N·m, with the URDF's links.
-
-    It is the weighted median of each joint's best fit; None if that is positive for no joint.
-    """
+    """Return the weighted median of the joints' currents per torque, A per N·m, if any."""
     scales, sizes, resisting = [], [], []
     links = bodies.prior.ravel()
     for matrix in problem.total[problem.counts > 0.0]:
@@ -391,10 +371,7 @@ def _held_out(problem: Sums, prior: Prior, x: np.ndarray) -> np.ndarray:
 
 def _choose_strength(problem: Sums, prior: Prior, x: np.ndarray) -> tuple[Prior, np.ndarray]:
     """Return the prior with the largest strength that predicts as well as the best, and errors."""
-    trials = []
-    for strength in STRENGTHS:
-        trial = replace(prior, strength=strength)
-        errors = _held_out(problem, trial, x)
-        trials.append((float(np.mean(np.log(errors))), trial, errors))
-    least = min(entry[0] for entry in trials)
-    return [entry[1:] for entry in trials if entry[0] <= least + _EQUAL_ERRORS][-1]
+    priors = [replace(prior, strength=strength) for strength in STRENGTHS]
+    trials = [(trial, _held_out(problem, trial, x)) for trial in priors]
+    sizes = [float(np.mean(np.log(errors))) for _, errors in trials]
+    return [trial for trial, size in zip(trials, sizes) if size <= min(sizes) + _EQUAL_ERRORS][-1]

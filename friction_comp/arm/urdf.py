@@ -166,9 +166,8 @@ def match_names(recorded: Sequence[str], described: Sequence[str],
                 path: str | Path) -> tuple[dict[str, str], list[str]]:
     """Return each recorded joint's name in a URDF file, and the recorded joints that it lacks.
 
-    Consecutive numbers, one for each joint of the file, are its joints in order: columns may count
-    from 0. Otherwise names match if they are equal, or if they are equal apart from case,
-    underscores, the words joint and axis, and a prefix. Raises InputError if a joint matches
+    Consecutive numbers, one for each joint, are the joints in order. Other names may differ in
+    case, underscores, the words joint and axis, and a prefix. Raises InputError if a joint matches
     several, two match one, or most are not in the file.
     """
     if len(recorded) == len(described) and all(name.isdigit() for name in recorded):

@@ -150,10 +150,7 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
 
 
 def _add_person_torque(samples: Samples, drive: Drive) -> Samples:
-    """Return samples with the person's torque added to the current, where the person moves the arm.
-
-    Motor and person carry the links together; see `load_coefficient`.
-    """
+    """Return samples with the torque of a person who carries the links added to the current."""
     share = load_coefficient(samples, clipped(samples.current), drive)
     if not share:
         return samples

@@ -21,7 +21,7 @@ from scipy import stats
 from friction_comp.errors import errors_name, InputError
 from friction_comp.files import plain
 from friction_comp.fleet.common_model import CommonModel, Compared
-from friction_comp.fleet.spread import FEWEST_UNITS, LEVEL, Spread, spread_of, units_from_recordings
+from friction_comp.fleet.spread import FEWEST_UNITS, LEVEL, spread_of, units_from_recordings
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.block_sums import BlockSums
@@ -167,9 +167,8 @@ class _Estimate:
 
 def _estimate(common: CommonModel, sums: BlockSums) -> _Estimate:
     """Return a recording's coefficients with the covariance of the jackknife."""
-    columns, count = common.columns, len(sums.rows)
+    chosen, count = common.columns, len(sums.rows)
     with_derivatives = range(len(sums.signs))
-    chosen = [list(with_derivatives).index(column) for column in columns]
     values = sums.fits(with_derivatives, np.ones((1, count)))[0]
     left_out = sums.fits(with_derivatives, 1.0 - np.eye(count))
     deviations = (left_out - left_out.mean(axis=0))[:, chosen]
@@ -270,6 +269,9 @@ def _parameter(one: Compared, unit: str, values: np.ndarray, errors: np.ndarray,
     if logarithmic:
         values, errors = np.log(values), errors / values
     back = np.exp if logarithmic else np.asarray
+
+    def ends(middle: float, half: float) -> tuple[float, float]:
+        return float(back(middle - half)), float(back(middle + half))
     units = units_from_recordings(values, errors, index, freedom)
     spread = spread_of(units, tests)
     half = stats.t.ppf(0.5 + 0.5 * LEVEL, units.freedom) * units.error
@@ -278,20 +280,11 @@ def _parameter(one: Compared, unit: str, values: np.ndarray, errors: np.ndarray,
     mean_half = float(stats.t.ppf(0.5 + 0.5 * LEVEL, inside - 1)) * spread.mean_error
     return ParameterSpread(
         one.name, one.unit.replace('A', unit, 1), 'logarithmic' if logarithmic else 'linear',
-        float(back(spread.mean)), _ends(back, spread.mean, mean_half),
-        spread.deviation, spread.interval, _range(back, spread, inside), spread.p_same, False,
-        [UnitValue(str(name), float(back(units.value[k])), _ends(back, units.value[k], half[k]),
+        float(back(spread.mean)), ends(spread.mean, mean_half), spread.deviation, spread.interval,
+        ends(spread.mean, spread.half_range(inside)), spread.p_same, False,
+        [UnitValue(str(name), float(back(units.value[k])), ends(units.value[k], half[k]),
                    float(spread.p_out[k]), bool(spread.out[k]), int(counts[k]))
          for k, name in enumerate(names)])
-
-
-def _ends(back: Any, middle: float, half: float) -> tuple[float, float]:
-    return float(back(middle - half)), float(back(middle + half))
-
-
-def _range(back: Any, spread: Spread, count: int) -> tuple[float, float]:
-    low, high = spread.range(count)
-    return float(back(low)), float(back(high))
 
 
 def _prior(fits: Sequence[_Estimate], index: np.ndarray, out: np.ndarray) -> Prior:

@@ -47,11 +47,10 @@ class Spread:
     p_out: np.ndarray  # (N,): of such a value of a unit of the population
     out: np.ndarray  # (N,): which units are out
 
-    def range(self, count: int) -> tuple[float, float]:
-        """Return the range of a further unit's value, from a population of `count` units."""
-        half = float(stats.t.ppf(0.5 + 0.5 * LEVEL, max(count - 2, 1))) * math.hypot(
+    def half_range(self, count: int) -> float:
+        """Return half the range of a further unit's value, from a population of `count` units."""
+        return float(stats.t.ppf(0.5 + 0.5 * LEVEL, max(count - 2, 1))) * math.hypot(
             self.deviation, self.mean_error)
-        return self.mean - half, self.mean + half
 
 
 def units_from_recordings(values: np.ndarray, errors: np.ndarray, unit: np.ndarray,
@@ -182,8 +181,7 @@ def _profile(units: Values, chosen: np.ndarray) -> tuple[float, float]:
 def _p_outside(units: Values, chosen: np.ndarray, index: int) -> float:
     """Return the probability of a unit's deviation from the population of the chosen others.
 
-    Its degrees of freedom are those of the variance between units, which is as uncertain as the
-    deviations of most chosen units make it, plus the unit's own variance of measurement.
+    Its degrees of freedom are those of the variance between units plus the unit's own.
     """
     mean, error, between = _population(units, chosen)
     own = _variances(units)

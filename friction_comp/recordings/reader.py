@@ -93,7 +93,6 @@ def read_recording_with_info(paths: AnyPath | Sequence[AnyPath], joint: str | No
 
 def _read_joint(scan: Scan, joint: str | None, torque_per_current: float, others: bool
                 ) -> tuple[Samples, RecordingInfo]:
-    """Return one joint's samples, if `others` with the motion of all joints, if several."""
     samples, info = to_samples(scan, joint, torque_per_current)
     if others and len(scan.joints) > 1:
         joints = usable_joints(scan, lambda joint: 1.0)
@@ -116,8 +115,7 @@ def read_arm(paths: AnyPath | Sequence[AnyPath],
     Returns
     -------
     dict of str to list of (Samples, RecordingInfo)
-        For each joint with an effort, one entry per recording. The samples' `arm` is the motion of
-        all joints at the times of this joint's states.
+        For each joint with an effort, one entry per recording, with the motion of all as `arm`.
 
     Raises
     ------
@@ -140,21 +138,10 @@ def read_arm(paths: AnyPath | Sequence[AnyPath],
 
 def read_joints(path: AnyPath, joint: str | None = None, progress: Progress | None = None,
                 layout: Layout | None = None) -> tuple[list[Samples], RecordingInfo]:
-    """Read one or all usable joints of one recording on one time base.
+    """Read one or all usable joints of one recording at the times at which all are usable.
 
-    `current` is the effort in N·m, as with k_t = n = 1.
-
-    Returns
-    -------
-    list of Samples
-        One per joint, all with the same `time`: the joint states in which all joints are usable.
-    RecordingInfo
-        That of the first joint, with the notes on all.
-
-    Raises
-    ------
-    InputError
-        If the recording or a joint cannot be used.
+    `current` is the effort in N·m, as with k_t = n = 1; the information is that of the first joint,
+    with the notes on all. Raises InputError if the recording or a joint cannot be used.
     """
     scan, = _scan_all(find_recording(path), progress, None, layout)
     notes: list[str] = []
@@ -196,14 +183,9 @@ def stream_recording_with_info(path: AnyPath, joint: str | None = None,
     """Read one joint of one recording in stretches of some seconds, each with its `RecordingInfo`.
 
     Concatenated, the stretches equal the result of `read_recording_with_info`, except that signals
-    are interpolated and checked within each stretch: a signal that covers less than half of a
-    stretch is None there. The last item has no samples, but the notes on the whole recording, such
-    as gaps or a truncated file.
-
-    Raises
-    ------
-    InputError
-        If the recording, the joint or a value cannot be used.
+    are interpolated and checked within each: a signal that covers less than half of a stretch is
+    None there. The last item has no samples, but the notes on the whole recording. Raises
+    InputError if the recording, the joint or a value cannot be used.
     """
     gain = Drive(torque_constant, gear_ratio).torque_per_current
     scanner = open_scanner(find_recording(path), None if others else joint, layout)

@@ -70,10 +70,7 @@ class Track:
 
 @dataclass
 class Scan:
-    """Raw contents of one recording, or of a stretch of it.
-
-    Notes, activity and the number of messages by topic are those of all that was read so far.
-    """
+    """Raw contents of one recording, or of a stretch of it with the notes so far."""
 
     path: Path
     tracks: list[Track]

@@ -2,9 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files of tables: their columns by name, read in blocks of rows.
 
-A file is text, or holds arrays: then each one-dimensional array is a column, each column of a
-matrix too, and numbers beside them hold for all rows. Several files with a signal each, such as
-``q.txt`` and ``tau.txt``, are one table.
+A file is text, or holds arrays, whose columns are columns, and numbers, which hold for all rows.
+Several files with a signal each, such as ``q.txt`` and ``tau.txt``, are one table.
 """
 
 from __future__ import annotations
@@ -51,10 +50,7 @@ def open_table(path: Path) -> Csv | Parquet | Arrays:
 
 
 def with_parts(paths: Sequence[Path]) -> list[Path]:
-    """Return paths with tables of one signal each, beside each other, as one path.
-
-    Its name lists the files in braces, which `parts_of` takes apart.
-    """
+    """Return paths with tables of one signal each as one, which `parts_of` takes apart."""
     groups: dict[Path, list[Path]] = {}
     for path in paths:
         if path.is_file() and path.name.lower().endswith(TABLES) and read_name(_stem(path)).signal:

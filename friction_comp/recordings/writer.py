@@ -43,10 +43,9 @@ def qos_profile(reliability: str = 'reliable', durability: str = 'volatile') -> 
 class RecordingWriter:
     """A rosbag2 folder with mcap storage that is readable at any time while it is written.
 
-    Messages are collected in chunks. Each chunk has a checksum, and is written whole when it is
-    full or `flush` is called; a thread syncs it to the disk. If the process is killed, only
-    messages after the last chunk are lost; a full disk loses nothing that was written.
-    ``metadata.yaml`` exists from the beginning and lists every file.
+    Messages are collected in chunks with checksums, each written whole when it is full or `flush`
+    is called. If the process is killed, only messages after the last chunk are lost; a full disk
+    loses nothing that was written. ``metadata.yaml`` exists from the beginning.
 
     Parameters
     ----------
@@ -116,16 +115,8 @@ class RecordingWriter:
     def add_topic(self, topic: str, type_name: str, qos: Sequence[Qos] = ()) -> str:
         """Declare a topic, so that it is listed even without messages; return its absolute name.
 
-        Parameters
-        ----------
-        topic, type_name : str
-        qos : sequence of dict, optional
-            QoS of its publishers, as `qos_profile` returns it; rosbag2's default when empty.
-
-        Raises
-        ------
-        InputError
-            If it is not a message type of ROS 2 Jazzy.
+        `qos` are the profiles of its publishers, see `qos_profile`; rosbag2's default when empty.
+        Raises InputError if it is not a message type of ROS 2 Jazzy.
         """
         name = topic if topic.startswith('/') else f'/{topic}'
         if name not in self._topics:
@@ -139,11 +130,8 @@ class RecordingWriter:
     def write(self, topic: str, type_name: str, stamp_ns: int, cdr: bytes) -> None:
         """Append a message: its time in ns and its CDR with encapsulation header.
 
-        Raises
-        ------
-        InputError
-            If writing fails, for instance because the disk is full. The recording is then closed,
-            and what was written before can be read.
+        Raises InputError if writing fails, for instance because the disk is full. The recording is
+        then closed, and what was written before can be read.
         """
         if not self._is_open:
             raise InputError(f'{self.path}: the recording is closed')
@@ -164,13 +152,7 @@ class RecordingWriter:
                 self._files[-1].flush()
 
     def close(self) -> None:
-        """Finish the recording.
-
-        Raises
-        ------
-        InputError
-            If nothing was recorded (then nothing is left behind), or the disk is full.
-        """
+        """Finish the recording; raises InputError if nothing was recorded, or the disk is full."""
         if not self._is_open:
             return
         if not self.message_count:
@@ -302,11 +284,7 @@ class _McapFile:
 
 
 class _SyncedFile:
-    """A new file that is written in whole blocks, which a thread syncs to the disk.
-
-    Data are collected in memory until `flush`. If a block cannot be written, for instance because
-    the disk is full, the file is truncated to the blocks before it.
-    """
+    """A new file of whole blocks, which a thread syncs to the disk."""
 
     def __init__(self, path: Path) -> None:
         self._file = path.open('xb', buffering=0)

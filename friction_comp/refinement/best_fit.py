@@ -298,7 +298,7 @@ def _other_settings(problem: Problem, fit: Fit) -> list[dict[str, Any]]:
         if signals != settings.get('signals', {}):
             others.append({**settings, 'signals': signals})
     errors: list[tuple[float, int, dict[str, Any]]] = []
-    for choice in candidate_settings(problem.raw):
+    for choice in candidate_settings(problem.raw, problem.raw.velocity):
         choice |= {name: settings[name] for name in (*_LAG, 'signals') if settings.get(name)}
         matrix = columns(rows.with_settings(problem.raw, choice))
         if np.isfinite(matrix).all():

@@ -61,11 +61,12 @@ def plain_columns(samples: Samples, transitions: Sequence[float],
     return np.column_stack(columns)
 
 
-def candidate_settings(samples: Samples) -> list[dict[str, Any]]:
-    """Return the differentiation settings to compare."""
-    rate = 1.0 / samples.sample_time
-    values = [*(value for value in _BANDWIDTHS if value <= 0.3 * rate), None]
-    recorded = samples.velocity is not None and np.any(samples.velocity)
+def candidate_settings(samples: Samples, velocity: np.ndarray | None,
+                       bandwidths: Sequence[float] = _BANDWIDTHS) -> list[dict[str, Any]]:
+    """Return the differentiation settings to compare; `velocity` is as recorded, if it was."""
+    rate = 1.0 / max(samples.sample_time, 1e-9)
+    values = [*(value for value in bandwidths if value <= 0.3 * rate), None]
+    recorded = velocity is not None and np.any(velocity, axis=0).all()
     sources = ('position', 'velocity') if recorded else ('position',)
     return [{'method': METHOD, 'source': source, 'bandwidth': value}
             for source in sources for value in values]
@@ -155,7 +156,7 @@ def row_starts(samples: Samples, usable: np.ndarray, length: int) -> np.ndarray:
 
 def smooth_settings(samples: Samples) -> dict[str, Any]:
     """Return the settings of the widest filter without an encoder's steps."""
-    choices = candidate_settings(samples)
+    choices = candidate_settings(samples, samples.velocity)
     return max((choice for choice in choices if (choice['bandwidth'] or np.inf) <= 20.0),
                key=lambda choice: (choice['bandwidth'], choice['source']), default=choices[-1])
 
@@ -240,7 +241,7 @@ def choose_differentiation(samples: Samples, unusable: np.ndarray, joints: Seque
     # The load first, since noise in motion may make up for its noise.
     signals = choose_signals(samples, {}, lambda changed: error_with(
         smoothed.with_(**changed), smooth_settings(samples))) if filtered else {}
-    for choice in candidate_settings(samples):
+    for choice in candidate_settings(samples, samples.velocity):
         if signals:
             choice['signals'] = signals
         moved = differentiate(samples, choice)
