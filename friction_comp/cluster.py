@@ -23,12 +23,8 @@ def runner_on_cluster(address: str) -> Iterator[Runner]:
     """Yield a function that does work on items as `parallel.run_each` does, on Dask's workers.
 
     Workers read the items themselves: files need the same path everywhere. Leaving the block
-    cancels what is not done.
-
-    Raises
-    ------
-    InputError
-        If Dask is not installed, or no scheduler with workers answers at the address.
+    cancels what is not done. Raises InputError if Dask is not installed, or no scheduler with
+    workers answers at the address.
     """
     try:
         from distributed import Client

@@ -12,12 +12,7 @@ import numpy as np
 
 
 def holm(p_values: Sequence[float]) -> np.ndarray:
-    """Return p-values adjusted for their number by Holm's step-down method, shape (N,).
-
-    References
-    ----------
-    S. Holm, Scandinavian Journal of Statistics 6(2), 1979.
-    """
+    """Return p-values, shape (N,), adjusted for their number by the method of Holm (1979)."""
     values = np.asarray(p_values, dtype=float)
     order = np.argsort(values, kind='stable')
     adjusted = np.empty(len(values))

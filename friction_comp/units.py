@@ -56,8 +56,10 @@ _EXAMPLES = {
     'time': 's, ms, µs, ns, min', 'angle': 'rad, mrad, deg, turn, counts/N (N per turn), m, mm, '
     'inch', 'angle/time': 'rad/s, deg/s, rpm, counts/N/s, m/s', 'torque': 'N·m, mN·m, N, kN, lbf',
     'current': 'A, mA', 'temperature': '°C'}
-_FACTOR = re.compile(r'\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)?\s*\*?\s*(.*)')
-_COUNTS = re.compile(r'counts?/(\d+(?:\.\d+)?)')
+_COUNTS = r'counts?/(\d+(?:\.\d+)?)'
+# Factor, what is above the quotient, and below.
+_PARTS = re.compile(r'\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)?\s*\*?\s*'
+                    rf'({_COUNTS}|[^/]*)(?:/(.*))?')
 
 
 class Unit(NamedTuple):
@@ -73,28 +75,14 @@ def parse_unit(text: str) -> Unit | None:
     ``counts/4096`` is a 4096th of a turn; its dimension is ``counts``. A factor may precede any
     unit: ``2.69mA``.
     """
-    match = _FACTOR.fullmatch(text.strip().replace('\u03bc', 'µ'))
-    number, rest = match.groups() if match else (None, '')
-    factor = float(number) if number else 1.0
-    if not rest or not math.isfinite(factor) or factor == 0.0:
+    match = _PARTS.fullmatch(text.strip().replace('\u03bc', 'µ'))
+    number, above_text, _, below_text = match.groups() if match else (None, '', None, None)
+    factor, above = float(number or 1.0), _product(above_text)
+    if above is None or not math.isfinite(factor) or factor == 0.0:
         return None
-    counts = _COUNTS.match(rest)
-    if counts:
-        if not float(counts[1]) > 0.0:
-            return None
-        above, below = Unit(1.0 / float(counts[1]), 'counts'), rest[counts.end():]
-        if below and not below.startswith('/'):
-            return None
-        below = below[1:]
-    else:
-        numerator, _, below = rest.partition('/')
-        known = _product(numerator)
-        if known is None:
-            return None
-        above = known
-    if not below:
+    if not below_text:
         return Unit(factor * above.factor, above.dimension)
-    divisor = _product(below)
+    divisor = _product(below_text)
     if divisor is None or '/' in divisor.dimension or '/' in above.dimension:
         return None
     return Unit(factor * above.factor / divisor.factor, f'{above.dimension}/{divisor.dimension}')
@@ -178,6 +166,9 @@ def _product(text: str) -> Unit | None:
 def _symbol(text: str) -> Unit | None:
     if text in _WORDS:
         return Unit(*_WORDS[text])
+    counts = re.fullmatch(_COUNTS, text)
+    if counts:
+        return Unit(1.0 / float(counts[1]), 'counts') if float(counts[1]) > 0.0 else None
     for symbol, dimension in _WITH_PREFIX.items():
         prefix = text[:len(text) - len(symbol)]
         if text.endswith(symbol) and prefix in _PREFIXES:

@@ -121,27 +121,13 @@ class ArmFit:
 @one_thread
 def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = None,
             progress: Callable[..., Any] | None = None, assumed: bool = False) -> ArmFit:
-    """Fit an arm to recordings.
+    """Fit the arm of a URDF to recorded samples of its J joints.
 
-    Parameters
-    ----------
-    chain : Chain
-        The arm of the URDF.
-    joints : list of Samples, length J
-        Recorded samples on one time base and with `arm`, in the order of `chain.tree.joints`.
-    declared : ndarray, shape (J,), optional
-        Current per torque in A per N·m, if torque constants and gear ratios are known.
-    progress : callable, optional
-        Called with the share 0..1 of the work done.
-    assumed : bool
-        Whether `declared` is an assumption, which is dropped if other values predict stretches that
-        were left out clearly better.
-
-    Raises
-    ------
-    InputError
-        If there are too few samples, or some are not finite, or the currents cannot be those of
-        the URDF.
+    The samples have one time base and `arm`, in the order of `chain.tree.joints`. `declared`, shape
+    (J,), are currents per torque in A per N·m, if known. If they are `assumed`, they are dropped
+    where other values predict stretches that were left out clearly better. `progress` is called
+    with the share 0..1 of the work done. Raises InputError if there are too few samples, some are
+    not finite, or the currents cannot be those of the URDF.
     """
     report = progress or (lambda share: None)
     if [one.joint for one in joints] != list(chain.tree.joints) or any(

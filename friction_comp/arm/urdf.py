@@ -30,19 +30,9 @@ _GENERIC_WORDS = ('joint', 'axis')
 class Chain:
     """An arm described by a URDF file, with its joints named as in recordings.
 
-    Attributes
-    ----------
-    tree : Tree
-        The arm with the file's parameters.
-    locked : list of str
-        Joints of the file that were not recorded; they are assumed to stay at position zero.
-    unknown : list of str
-        Recorded joints that the file does not describe, such as those of a gripper.
-
-    Raises
-    ------
-    InputError
-        If Pinocchio is missing, or the file cannot be used or is that of another robot.
+    `tree` has the file's parameters; `locked` joints of the file were not recorded and are assumed
+    to stay at position zero, `unknown` recorded ones are not in the file, such as a gripper's.
+    Raises InputError if Pinocchio is missing, or the file cannot be used or is another robot's.
     """
 
     def __init__(self, path: str | Path, joints: Sequence[str]) -> None:

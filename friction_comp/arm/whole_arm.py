@@ -76,15 +76,13 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
     drives, models : dict of str, optional
         Drives and initial models of joints.
     declared : collection of str
-        Joints whose torque constant and gear ratio are known. If they are of all joints, masses are
-        fitted to torques.
+        Joints whose drive is known. If all are, masses are fitted to torques.
     only : sequence of str, optional
         Joints to refine; all of the arm when omitted.
     progress : callable, optional
         Called with the share of the work done and the name of the step.
     torques : bool
-        Whether all currents are torques in N·m unless the recordings contradict: the current per
-        torque is then one.
+        Whether all currents are torques in N·m unless the recordings contradict.
     origins : mapping of str to Origin, optional
         Warnings and notes by joint; units are those that `torques` says.
 

@@ -50,24 +50,10 @@ class NewUnit:
 
 def fit_new_unit(recorded: Sequence[Samples], population: Population,
                  drive: Drive | None = None, declared: bool = False) -> NewUnit:
-    """Fit a unit with its population as prior.
+    """Fit a unit with its population as prior; the recording alone counts if it is out of that.
 
-    If the unit is out of the population, the population tells nothing about it, and the recording
-    alone is used.
-
-    Parameters
-    ----------
-    recorded : sequence of Samples
-    population : Population
-    drive : Drive, optional
-        The population's when omitted.
-    declared : bool
-        Whether torque constant and gear ratio of the drive are known.
-
-    Raises
-    ------
-    InputError
-        If the recordings cannot be used.
+    The drive is the population's when omitted; `declared` tells whether its torque constant and
+    gear ratio are known. Raises InputError if the recordings cannot be used.
     """
     like = replace(population.model, drive=drive or population.model.drive)
     common, prior = CommonModel.from_model(like), population.prior

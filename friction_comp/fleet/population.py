@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
+from friction_comp.checks import check_document
 from friction_comp.errors import errors_name, InputError
 from friction_comp.files import plain
 from friction_comp.fleet.common_model import CommonModel, Compared
@@ -138,10 +139,7 @@ def read_fleet(path: str | Path, joint: str | None = None) -> list[Population]:
     except ValueError as error:
         raise InputError(f'{path}: not a JSON document: {error}') from None
     with errors_name(path):
-        if not isinstance(document, dict) or document.get('format') != FORMAT:
-            raise InputError('not the fleet.json that refine --each writes')
-        if document.get('version') != VERSION:
-            raise InputError(f'is of version {document.get("version")!r}, not {VERSION}')
+        check_document(document, 'the fleet.json that refine --each writes', FORMAT, VERSION)
         try:
             found = [Population.from_dict(entry) for entry in document['joints']]
         except (AttributeError, KeyError, TypeError) as error:
@@ -190,22 +188,9 @@ def population_of(recordings: Sequence[tuple[str, BlockSums]], common: CommonMod
                    like: FrictionModel, unit: str, tests: int = 1) -> Population:
     """Return the population of one joint.
 
-    Parameters
-    ----------
-    recordings : sequence of tuple
-        Name of the unit, and the recording's `CommonModel.sums`.
-    common : CommonModel
-    like : FrictionModel
-        Any unit's: drive, joint and differentiation of the population's model.
-    unit : str
-        Unit of the recordings' current.
-    tests : int
-        How many joints are compared at the same time.
-
-    Raises
-    ------
-    InputError
-        If there are fewer than `spread.FEWEST_UNITS` units.
+    `recordings` are names of units with `CommonModel.sums`, and `unit` is that of their current;
+    drive, joint and differentiation are those of the model `like`. `tests` is the number of joints
+    compared at the same time. Raises InputError if there are fewer than `FEWEST_UNITS` units.
     """
     units_of = [name for name, _ in recordings]
     names, index = np.unique(units_of, return_inverse=True)

@@ -114,16 +114,9 @@ def _walk(cursor: _Cursor, kind: str) -> tuple[str, ...]:
 
 def decode(type_name: str, payloads: Sequence[bytes]
            ) -> Iterator[tuple[np.ndarray, tuple[str, ...], dict[str, np.ndarray]]]:
-    """Decode serialised messages of one type, in groups of the same layout.
+    """Decode serialised messages of one of this module's types, in groups of the same layout.
 
     Broken messages, or with more than `MOST_VALUES` values or names, are left out.
-
-    Parameters
-    ----------
-    type_name : str
-        One of the six message types named in this module.
-    payloads : list of bytes
-        The messages with their four-byte encapsulation header.
 
     Yields
     ------

@@ -12,11 +12,10 @@ from friction_comp.columns import assign, Assignment
 from friction_comp.errors import InputError
 from friction_comp.layout import Layout
 from friction_comp.recordings.storage import unreadable_on_error
-from friction_comp.recordings.table_files import is_table, open_table
+from friction_comp.recordings.table_files import is_table, open_table, whole_columns
 from friction_comp.samples import JointStates, Samples
 from friction_comp.trajectory import Trajectory
 
-_ROWS = 250_000
 # The name of a column that a plan does not have.
 _EFFORT = 'effort'
 
@@ -48,8 +47,7 @@ def read_plan(path: Path, layout: Layout | None = None) -> dict[str, Samples] | 
         return None
     wanted = [column.name for column in use.columns if column.name != _EFFORT]
     with unreadable_on_error(path):
-        blocks = [columns for columns, _ in table.blocks(wanted, _ROWS)]
-    values = {name: np.concatenate([block[name] for block in blocks]) for name in wanted}
+        values = whole_columns(table, wanted)
     time = use.signal_in(values, 'time', '')
     joints = {}
     for name in use.joints:

@@ -78,12 +78,7 @@ def read_recording_with_info(paths: AnyPath | Sequence[AnyPath], joint: str | No
                              layout: Layout | None = None) -> list[tuple[Samples, RecordingInfo]]:
     """Read recordings as `read_recording` does, each with its `RecordingInfo`.
 
-    Parameters
-    ----------
-    paths, joint, torque_constant, gear_ratio, progress, layout
-        As for `read_recording`.
-    others : bool
-        Whether to add the motion of all joints as `arm`.
+    The motion of all joints is added as `arm` unless `others` is false.
     """
     torque_per_current = Drive(torque_constant, gear_ratio).torque_per_current
     return number_recordings(
@@ -104,23 +99,10 @@ def read_arm(paths: AnyPath | Sequence[AnyPath],
              torque_per_current: Callable[[str], float] = lambda joint: 1.0,
              progress: Progress | None = None, layout: Layout | None = None
              ) -> dict[str, list[tuple[Samples, RecordingInfo]]]:
-    """Read every joint of recordings, as `read_recording` does.
+    """Read every joint with an effort, as `read_recording` does: an entry for each recording.
 
-    Parameters
-    ----------
-    paths, progress, layout
-    torque_per_current : callable
-        Returns k_t · n in N·m/A for a joint's name.
-
-    Returns
-    -------
-    dict of str to list of (Samples, RecordingInfo)
-        For each joint with an effort, one entry per recording, with the motion of all as `arm`.
-
-    Raises
-    ------
-    InputError
-        If a recording cannot be used, or recordings have different joints.
+    `torque_per_current` returns k_t · n in N·m/A for a joint's name. The samples have the motion of
+    all joints as `arm`. Raises InputError if a recording cannot be used, or has other joints.
     """
     result: dict[str, list[tuple[Samples, RecordingInfo]]] = {}
     for index, scan in enumerate(_scan_all(paths, progress, None, layout)):

@@ -88,13 +88,18 @@ def _joined(path: Path, parts: Sequence[Path]) -> Columns:
     columns: Columns = {}
     for part in parts:
         table = open_table(part)
-        blocks = [block for block, _ in table.blocks(table.names, 250_000)]
-        for k, name in enumerate(table.names):
-            values = np.concatenate([block[name] for block in blocks]) if blocks else np.empty(0)
+        for k, (name, values) in enumerate(whole_columns(table, table.names).items()):
             own = read_name(name).signal
             columns[name if own else _stem(part) if len(table.names) == 1
                     else f'{_stem(part)}_{k + 1}'] = values
     return columns
+
+
+def whole_columns(table: Csv | Parquet | Arrays, names: Sequence[str]) -> Columns:
+    """Return columns of a table in memory."""
+    blocks = [block for block, _ in table.blocks(names, 250_000)]
+    return {name: np.concatenate([np.empty(0), *(block[name] for block in blocks)])
+            for name in names}
 
 
 class Csv:

@@ -55,20 +55,14 @@ class RecordingWriter:
         Stored in metadata.yaml. ``model_file`` is the active model.
     compression : str, optional
         'none', 'message' or 'storage' (chunks inside the mcap file), all with zstd.
-    split_size : float, optional
-        Size in bytes after which the next file begins, at least 10,000; 0: never.
-    split_duration : float, optional
-        Duration in s of message time after which the next file begins, at least 0.1; 0: never.
+    split_size, split_duration : float, optional
+        Size in bytes (from 10,000) and time in s (from 0.1) after which the next file begins; 0:
+        never.
 
     Raises
     ------
     InputError
         If the folder exists or cannot be created, or files would be too small.
-
-    Examples
-    --------
-    >>> with RecordingWriter('trial') as recording:                       # doctest: +SKIP
-    ...     recording.write('joint_states', 'sensor_msgs/msg/JointState', stamp_ns, cdr)
     """
 
     def __init__(self, path: AnyPath, custom_data: dict[str, str] | None = None,

@@ -102,8 +102,7 @@ class Fit:
                                    *(term.columns(rows) for term in self.terms)])
         train = (table.block != np.arange(rows.blocks)[:, None]).astype(float)
         fits = table.sums.fits(table.indices(self.terms, derivatives=False), train)
-        return np.asarray(rows.target - np.einsum(
-            'ns,ns->n', columns, fits[rows.block_of_sample]))
+        return rows.target - np.einsum('ns,ns->n', columns, fits[rows.block_of_sample])
 
 
 def without_lag(settings: dict[str, Any]) -> dict[str, Any]:
@@ -208,13 +207,13 @@ def search_with(problem: Problem, settings: dict[str, Any] | None = None,
     search = EffectSearch(table, initial)
     starts = search.starts() if begin is None else [table.add(begin)]
     transition = table.transition
-    ends: list[tuple[float, int, list[Term], tuple[float, float], list[Term]]] = []
+    ends: list[tuple[float, list[Term], tuple[float, float], list[Term]]] = []
     for first_terms in starts:
         table.set_transition(*transition)
         terms = search.search_from(first_terms)
-        ends.append((search.error(terms) * (1.0 + thresholds.LEAST_SHARE) ** len(terms), len(ends),
+        ends.append((search.error(terms) * (1.0 + thresholds.LEAST_SHARE) ** len(terms),
                      terms, table.transition, search.candidates))
-    _, _, terms, transition, candidates = min(ends)
+    _, terms, transition, candidates = min(ends, key=lambda end: end[0])
     table.set_transition(*transition)
     return Fit(table, terms, len(initial), settings,
                [term for term in candidates if term in table.columns_of])
@@ -297,14 +296,14 @@ def _other_settings(problem: Problem, fit: Fit) -> list[dict[str, Any]]:
         signals = choose_signals(problem.raw, settings.get('signals', {}), error_with, True)
         if signals != settings.get('signals', {}):
             others.append({**settings, 'signals': signals})
-    errors: list[tuple[float, int, dict[str, Any]]] = []
+    errors: list[tuple[float, dict[str, Any]]] = []
     for choice in candidate_settings(problem.raw, problem.raw.velocity):
         choice |= {name: settings[name] for name in (*_LAG, 'signals') if settings.get(name)}
         matrix = columns(rows.with_settings(problem.raw, choice))
         if np.isfinite(matrix).all():
-            errors.append((error_of(matrix), len(errors), choice))
-    least, _, choice = min(errors)
-    now = [error for error, _, tried in errors if tried == settings]
+            errors.append((error_of(matrix), choice))
+    least, choice = min(errors, key=lambda entry: entry[0])
+    now = [error for error, tried in errors if tried == settings]
     if choice != settings and (not now or least < thresholds.LOWER_ERROR ** 2 * now[0]):
         others.append(choice)
     return others

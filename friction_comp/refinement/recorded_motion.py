@@ -225,7 +225,7 @@ def choose_differentiation(samples: Samples, unusable: np.ndarray, joints: Seque
                                 load=None)
     smoothed, start = smooth_motion(samples, unusable)
     block = blocks_of(samples, start)
-    errors: list[tuple[float, int, dict[str, Any]]] = []
+    errors: list[tuple[float, dict[str, Any]]] = []
 
     def error_with(moved: Samples, settings: dict[str, Any]) -> float:
         top = float(np.percentile(np.abs(np.asarray(moved.velocity)[start]), 95))
@@ -244,14 +244,15 @@ def choose_differentiation(samples: Samples, unusable: np.ndarray, joints: Seque
     for choice in candidate_settings(samples, samples.velocity):
         if signals:
             choice['signals'] = signals
-        moved = differentiate(samples, choice)
-        errors.append((error_with(moved, choice), len(errors), choice))
-    least = min(error for error, *_ in errors)
+        errors.append((error_with(differentiate(samples, choice), choice), choice))
+    least = min(error for error, _ in errors)
     # A narrow filter blunts reversals, so the widest of equivalent ones is used. The less of the
     # current a plain drive explains, the less its error says about the bandwidth.
     unexplained = least / max(float(np.sum((samples.current[start]) ** 2)), 1e-300)
-    return max(((choice['bandwidth'] or math.inf, order, choice) for error, order, choice in errors
-                if error <= ((1.0 + thresholds.EQUIVALENT) ** 2 + 0.4 * unexplained) * least))[-1]
+    most = ((1.0 + thresholds.EQUIVALENT) ** 2 + 0.4 * unexplained) * least
+    # Of equal bandwidths the last one, that of the recorded velocity.
+    return max((choice for error, choice in reversed(errors) if error <= most),
+               key=lambda choice: choice['bandwidth'] or math.inf)
 
 
 def choose_signals(samples: Samples, settings: dict[str, Any],

@@ -190,11 +190,10 @@ class LeftOutThirds:
                      'time': np.arange(len(table.target)),
                      'acceleration': np.abs(np.asarray(averages.acceleration)),
                      'load': averages.load, 'temperature': averages.temperature}
-        partitions = {name: _thirds(values) for name, values in variables.items()
-                      if values is not None}
         # Where nearly all values are equal, as accelerations by a velocity in whole register
         # counts, all are in one third, and nothing would be left to fit.
-        partitions = {name: part for name, part in partitions.items() if np.ptp(part // 2) > 0}
+        partitions = {name: part for name, values in variables.items()
+                      if values is not None and np.ptp((part := _thirds(values)) // 2) > 0}
         partitions[_PARTS] = 2 * rows.block
         if rows.region.any():
             partitions['posture'] = 2 * np.unique(rows.region, return_inverse=True)[1]
@@ -228,8 +227,7 @@ class LeftOutThirds:
         terms = list(terms)
         while True:
             errors = self.mean_errors(terms)
-            # Growth of the errors, number and terms; of equal ones, the first is the least.
-            trials: list[tuple[float, int, list[Term]]] = []
+            trials: list[tuple[float, list[Term]]] = []  # growth of the errors, and terms
             # Two terms that cancel each other have to be removed together.
             for removed in (some for size in (1, 2)
                             for some in combinations(terms[initial_count:], size)):
@@ -238,10 +236,10 @@ class LeftOutThirds:
                 growth = sum(math.log(other[name] / errors[name]) for name in errors
                              if name != _PARTS)
                 if growth < 0.0 and other[_PARTS] <= errors[_PARTS]:
-                    trials.append((growth, len(trials), rest))
+                    trials.append((growth, rest))
             if not trials:
                 return terms
-            terms = min(trials)[2]
+            terms = min(trials, key=lambda trial: trial[0])[1]
 
 
 def _thirds(values: np.ndarray) -> np.ndarray:
