@@ -66,30 +66,13 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
                declared: Collection[str] = (), only: Sequence[str] | None = None,
                progress: Callable[[float, str], None] | None = None,
                torques: bool = False, origins: Mapping[str, Origin] | None = None) -> ArmResult:
-    """Fit an arm's rigid bodies, then refine each joint.
+    """Fit an arm's rigid bodies to each joint's recordings with `arm`, then refine each joint.
 
-    Parameters
-    ----------
-    recorded : dict of str to list of Samples
-        Each joint's recordings, with `arm`.
-    urdf : path-like
-    drives, models : dict of str, optional
-        Drives and initial models of joints.
-    declared : collection of str
-        Joints whose drive is known. If all are, masses are fitted to torques.
-    only : sequence of str, optional
-        Joints to refine; all of the arm when omitted.
-    progress : callable, optional
-        Called with the share of the work done and the name of the step.
-    torques : bool
-        Whether all currents are torques in N·m unless the recordings contradict.
-    origins : mapping of str to Origin, optional
-        Warnings and notes by joint; units are those that `torques` says.
-
-    Raises
-    ------
-    InputError
-        If URDF or recordings cannot be used.
+    `drives` and `models`, the initial ones, are by joint; `declared` are the joints whose drive is
+    known. If all are, masses are fitted to torques. With `torques`, all currents are torques in N·m
+    unless the recordings contradict. `only` some joints are refined, all when omitted. `progress`
+    is called with the share of the work done and the name of the step. Units of `origins` are
+    those that `torques` says. Raises InputError if URDF or recordings cannot be used.
     """
     report = progress or (lambda share, word: None)
     drives, models = drives or {}, models or {}

@@ -116,18 +116,11 @@ def decode(type_name: str, payloads: Sequence[bytes]
            ) -> Iterator[tuple[np.ndarray, tuple[str, ...], dict[str, np.ndarray]]]:
     """Decode serialised messages of one of this module's types, in groups of the same layout.
 
-    Broken messages, or with more than `MOST_VALUES` values or names, are left out.
-
-    Yields
-    ------
-    index : ndarray of int
-        Indices of the messages of this group, shape (K,).
-    names : tuple of str
-        Joint names, the frame of a stamped message, or the label of an array's second dimension.
-        Of dynamic joint states, ``joint/interface``: the field JOINT holds a joint's interfaces.
-    fields : dict of ndarray
-        Each field's values, shape (K, number of values). Stamped messages have ``stamp`` in
-        nanoseconds, shape (K,).
+    Yields indices of the messages of a group, shape (K,); joint names, the frame of a stamped
+    message, or the label of an array's second dimension; and each field's values, shape (K, number
+    of values), with the ``stamp`` of stamped messages in ns, (K,). The names of dynamic joint
+    states are ``joint/interface``: the field JOINT holds a joint's interfaces. Broken messages, or
+    with more than `MOST_VALUES` values or names, are left out.
     """
     lengths = np.fromiter(map(len, payloads), dtype=np.int64, count=len(payloads))
     for length in np.unique(lengths):

@@ -72,7 +72,7 @@ def remaining_dependences(samples: Samples, residual: np.ndarray, slowest: float
         if slow:
             # By chance, whatever varies as slowly explains it, so that its cause stays open; that
             # it is no noise does not.
-            strength, name = _share_of_means(values, cells['time']), 'time'
+            strength, name = share_of_means(values, cells['time']), 'time'
         if strength * share < thresholds.LEAST_STRENGTH:
             break
         dependences.append(_dependence(name, strength * share, values, name, slow))
@@ -175,7 +175,7 @@ def _inseparable(dependences: list[Dependence], signals: dict[str, np.ndarray]) 
     return inseparable
 
 
-def _share_of_means(values: np.ndarray, cells: np.ndarray) -> float:
+def share_of_means(values: np.ndarray, cells: np.ndarray) -> float:
     """Return the share of a residual's power in the means of its cells."""
     total = np.bincount(cells, values)
     return float(total ** 2 @ (1.0 / np.maximum(np.bincount(cells), 1)) / (values @ values))

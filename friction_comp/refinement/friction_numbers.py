@@ -129,11 +129,5 @@ def _formula_line(numbers: dict[str, Any], model: FrictionModel, unit: str) -> s
 
 
 def quantity_in(unit: str) -> str:
-    """Return what an effort in a unit is called.
-
-    Examples
-    --------
-    >>> [quantity_in(unit) for unit in ('N·m', 'A', 'V')]
-    ['torque', 'current', 'effort']
-    """
+    """Return what an effort in a unit is called: torque, current or effort."""
     return {'N·m': 'torque', 'A': 'current'}.get(unit, 'effort')

@@ -16,7 +16,7 @@ import numpy as np
 from friction_comp.model.differentiation import DEFAULT_SETTINGS
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.best_fit import Fit, Problem
-from friction_comp.refinement.dependence import Dependence, remaining_dependences
+from friction_comp.refinement.dependence import Dependence, remaining_dependences, share_of_means
 from friction_comp.refinement.effect_columns import Term
 from friction_comp.refinement.friction_numbers import friction_of
 from friction_comp.refinement.judge import (
@@ -38,7 +38,7 @@ from friction_comp.refinement.result import (
 )
 from friction_comp.refinement.stability import LeftOutThirds, Parameter
 from friction_comp.samples import Samples
-from friction_comp.statistics import rms, smallest_step
+from friction_comp.statistics import quantile_edges, rms, smallest_step
 
 # Number of ranges of a variable in which samples at a limit are counted.
 _RANGES = 15
@@ -107,21 +107,14 @@ def clipping_dependence(rows: Rows) -> list[Dependence]:
     if not rows.clipped.any():
         return []
     share = float(rows.clipped.mean())
-    strongest = ('velocity', 0.0)
-    for name in ('velocity', 'acceleration', 'position', 'load', 'temperature'):
-        values = getattr(rows.samples, name)
-        if values is None:
-            continue
-        edges = np.quantile(values, np.linspace(0.0, 1.0, _RANGES + 1)[1:-1])
-        cell = np.searchsorted(edges, values)
-        count = np.maximum(np.bincount(cell), 1)
-        rate = np.bincount(cell, rows.clipped.astype(float)) / count
-        spread = float(count @ (rate - share) ** 2) / (len(cell) * share * (1.0 - share))
-        # Friction depends on velocity: another variable has to explain clearly more.
-        if spread > (1.5 * strongest[1] if strongest[0] == 'velocity' else strongest[1]):
-            strongest = (name, spread)
-    return [Dependence(*strongest, f'the current is at a limit in {100 * share:.2g} % of the '
-                       f'samples, mostly depending on {strongest[0]}; these are not fitted')]
+    strength = {name: share_of_means(rows.clipped - share, np.searchsorted(
+        quantile_edges(values, _RANGES), values))
+        for name in ('velocity', 'acceleration', 'position', 'load', 'temperature')
+        if (values := getattr(rows.samples, name)) is not None}
+    # Friction depends on velocity: another variable has to explain clearly more.
+    name = max(strength, key=lambda name: strength[name] * (1.5 if name == 'velocity' else 1.0))
+    return [Dependence(name, strength[name], f'the current is at a limit in {100 * share:.2g} % of '
+                       f'the samples, mostly depending on {name}; these are not fitted')]
 
 
 def unnamed_dependence(fit: Fit) -> list[Dependence]:
