@@ -48,6 +48,10 @@ class _QuotingDumper(yaml.SafeDumper):
     """Quotes strings that any version of YAML would read as a number, such as 3:00 and 0E0."""
 
 
+def _whole_number(loader: Any, node: Any) -> int:
+    return int(loader.construct_scalar(node))
+
+
 def _number(loader: Any, node: Any) -> float:
     text = loader.construct_scalar(node).lower()
     return float(text.replace('.inf', 'inf').replace('.nan', 'nan'))
@@ -63,8 +67,7 @@ for _tag, _pattern, _first in (
     for _either in (_PlainLoader, _QuotingDumper):
         _either.add_implicit_resolver(
             f'tag:yaml.org,2002:{_tag}', re.compile(_pattern), list(_first))
-_PlainLoader.add_constructor('tag:yaml.org,2002:int',
-                             lambda loader, node: int(loader.construct_scalar(node)))
+_PlainLoader.add_constructor('tag:yaml.org,2002:int', _whole_number)
 _PlainLoader.add_constructor('tag:yaml.org,2002:float', _number)
 
 # Largest size of a YAML document, bytes; the largest model files have a tenth of it.

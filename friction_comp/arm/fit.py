@@ -24,20 +24,10 @@ from typing import Any, NamedTuple, TYPE_CHECKING
 
 import numpy as np
 
+from friction_comp.arm import solver
 from friction_comp.arm.beside import ArmSearch, columns_of, signs_at
 from friction_comp.arm.link_inertia import Bodies
-from friction_comp.arm.solver import (
-    confidence_intervals,
-    FOLDS,
-    FRICTION,
-    LinkIntervals,
-    Prior,
-    rows_of,
-    solve,
-    squared_errors,
-    stretches_of,
-    Sums,
-)
+from friction_comp.arm.solver import LinkIntervals, Prior, Sums
 from friction_comp.errors import InputError
 from friction_comp.model.arm.arm import moving_states
 from friction_comp.model.arm.tree import FREE_FALL, PARAMETERS, Tree
@@ -150,26 +140,26 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
     report(0.7)
     sums, x = best.sums, best.x
     prior, errors = _choose_strength(sums, best.prior, x)
-    parts = [solve(sums.total - own, prior, x) for own in sums.folds]
+    parts = [solver.solve(sums.total - own, prior, x) for own in sums.folds]
     report(0.8)
     links = len(joints) * PARAMETERS
     no_links = sums.sums.copy()
     no_links[..., :links, :] = no_links[..., :links] = 0.0
     without = _held_out(replace(sums, sums=no_links), prior, x)
-    rows = rows_of(problem.chain, joints, best.settings, _MOST_ROWS['final'])
+    rows = solver.rows_of(problem.chain, joints, best.settings, _MOST_ROWS['final'])
     whole = rows.sums(columns_of(rows, best.tree, best.terms)[0])
     whole, x = _reweighted_fit(whole, prior, x)
     report(1.0)
-    first = np.nonzero(np.diff(stretches_of(joints[0].recording), prepend=-1))[0]
+    first = np.nonzero(np.diff(solver.stretches_of(joints[0].recording), prepend=-1))[0]
     held_out_stretches = [
-        HeldOutStretch(int(joints[0].recording[row]), float(joints[0].time[row]),
-                       *problem.arm_of(parts[index % FOLDS])) for index, row in enumerate(first)]
+        HeldOutStretch(int(joints[0].recording[row]), float(joints[0].time[row]), *problem.arm_of(
+            parts[index % solver.FOLDS])) for index, row in enumerate(first)]
     tree, scales = problem.arm_of(x)
     return ArmFit(
         tree, chain.tree, scales,
-        prior.friction(x)[:, :FRICTION], best.settings, prior.strength, errors, without,
+        prior.friction(x)[:, :solver.FRICTION], best.settings, prior.strength, errors, without,
         identifiable(whole.total[:, :links, :links].sum(axis=0)), held_out_stretches,
-        confidence_intervals(whole.sums, prior, x), problem.declared is not None)
+        solver.confidence_intervals(whole.sums, prior, x), problem.declared is not None)
 
 
 class _Trial(NamedTuple):
@@ -203,7 +193,7 @@ class _Problem:
                  tree: Tree | None = None) -> _Trial:
         """Return what a fit needs; its error is infinite if the URDF's torques have wrong signs."""
         tree, terms = tree or self.chain.tree, terms or []
-        rows = rows_of(self.chain, self.joints, settings, _MOST_ROWS['choice'])
+        rows = solver.rows_of(self.chain, self.joints, settings, _MOST_ROWS['choice'])
         columns, indices = columns_of(rows, tree, terms)
         sums = rows.sums(columns)
         typical = _typical_scale(sums, self.bodies)
@@ -231,7 +221,7 @@ class _Problem:
         if trial.error == math.inf:
             return math.inf
         total, prior = trial.sums.total, trial.prior
-        errors = squared_errors(total, prior, solve(total, prior, trial.x))
+        errors = solver.squared_errors(total, prior, solver.solve(total, prior, trial.x))
         return 0.5 * float(np.mean(np.log(errors + 1e-24)))
 
     def best(self, report: Callable[[float], None] = lambda share: None) -> _Trial:
@@ -247,7 +237,7 @@ class _Problem:
         """Return a fit of links and effects in turn, until a round finds the same effects."""
         if trial.error == math.inf:
             return trial
-        rows = rows_of(self.chain, self.joints, trial.settings, _MOST_ROWS['choice'])
+        rows = solver.rows_of(self.chain, self.joints, trial.settings, _MOST_ROWS['choice'])
         for _ in range(rounds):
             before = trial.terms
             links, _ = self.arm_of(trial.x)
@@ -339,8 +329,8 @@ def _typical_scale(problem: Sums, bodies: Bodies) -> float | None:
 def _reweighted_fit(problem: Sums, prior: Prior, x: np.ndarray) -> tuple[Sums, np.ndarray]:
     """Fit with each joint weighted by its inverse residual variance; return problem and fit."""
     for _ in range(_ROUNDS):
-        x = solve(problem.total, prior, x)
-        residual = squared_errors(problem.total, prior, x) / np.maximum(problem.counts, 1.0)
+        x = solver.solve(problem.total, prior, x)
+        residual = solver.squared_errors(problem.total, prior, x) / np.maximum(problem.counts, 1.0)
         residual = np.maximum(residual, 1e-24)
         problem = Sums(problem.sums / residual[:, None, None], problem.variance * residual,
                        problem.counts)
@@ -351,7 +341,7 @@ def _held_out(problem: Sums, prior: Prior, x: np.ndarray) -> np.ndarray:
     """Return each joint's RMS error in A on stretches that were not fitted, shape (J,)."""
     total, sums = problem.total, np.zeros(len(problem.counts))
     for own in problem.folds:
-        sums += squared_errors(own, prior, solve(total - own, prior, x))
+        sums += solver.squared_errors(own, prior, solver.solve(total - own, prior, x))
     return np.sqrt(sums * problem.variance / np.maximum(problem.counts, 1.0)) + 1e-12
 
 

@@ -10,15 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from friction_comp import signal_checks
 from friction_comp.errors import InputError
 from friction_comp.samples import Samples
-from friction_comp.signal_checks import (
-    beyond,
-    current_answer,
-    LIMITS,
-    velocity_fault,
-    velocity_ratios,
-)
 
 # Largest ratio of velocity to rate of position, or its inverse; a wrong unit gives 57 or more.
 _LARGEST_RATIO = 3.0
@@ -49,9 +43,9 @@ def check_plausible(samples: Samples, name: str, alone: bool = True) -> None:
 
 
 def _fault_of_limits(samples: Samples) -> str:
-    for signal, (limit, unit) in LIMITS.items():
+    for signal, (limit, unit) in signal_checks.LIMITS.items():
         values = getattr(samples, signal)
-        if values is not None and (impossible := beyond(signal, values)).any():
+        if values is not None and (impossible := signal_checks.beyond(signal, values)).any():
             worst = int(np.argmax(np.where(impossible, np.abs(values), 0.0)))
             return (f'{signal.replace("_", " ")} of {values[worst]:.4g} {unit} at '
                     f'{samples.time[worst]:.3f} s is impossible ({np.count_nonzero(impossible)} '
@@ -63,7 +57,7 @@ def _fault_of_rate(samples: Samples) -> str:
     step = np.diff(samples.time)
     with np.errstate(divide='ignore', invalid='ignore'):
         rate = np.abs(np.where(step > 0, np.diff(samples.position) / step, 0.0))
-    if not beyond('velocity', rate).any():
+    if not signal_checks.beyond('velocity', rate).any():
         return ''
     worst = int(np.argmax(rate))
     return (f'position jumps from {samples.position[worst]:.4g} to '
@@ -77,18 +71,18 @@ def _fault_of_velocity(samples: Samples) -> str:
     # Some drivers publish zeros where they measure no velocity.
     if velocity is None or not velocity.any():
         return ''
-    ratios = velocity_ratios(samples.time, samples.position, velocity)
+    ratios = signal_checks.velocity_ratios(samples.time, samples.position, velocity)
     ratios = ratios[np.isfinite(ratios)]
     contradict = (ratios <= 1.0 / _LARGEST_RATIO) | (ratios >= _LARGEST_RATIO)
     if len(ratios) >= _FEWEST_BLOCKS and contradict.mean() > _CONTRADICTING:
-        return velocity_fault(ratios, _LARGEST_RATIO)
+        return signal_checks.velocity_fault(ratios, _LARGEST_RATIO)
     return ''
 
 
 def _fault_of_command(samples: Samples) -> str:
     command, current = samples.command, samples.current
     if (command is not None and len(samples) >= 200 and command.any() and current.any()
-            and current_answer(command, current)[1] < _OPPOSED):
+            and signal_checks.current_answer(command, current)[1] < _OPPOSED):
         return ('effort and commanded current have opposite signs: one of them has the '
                 'wrong sign')
     return ''

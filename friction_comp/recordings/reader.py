@@ -13,6 +13,7 @@ import numpy as np
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.layout import Layout
+from friction_comp.recordings import sources
 from friction_comp.recordings.joint_samples import (
     joint_states_at,
     number_recordings,
@@ -22,13 +23,7 @@ from friction_comp.recordings.joint_samples import (
     WRAP_TIME,
 )
 from friction_comp.recordings.scan import Scan, Track
-from friction_comp.recordings.sources import (
-    find_recording,
-    find_recordings,
-    open_scanner,
-    part_of,
-    Progress,
-)
+from friction_comp.recordings.sources import Progress
 from friction_comp.recordings.storage import AnyPath
 from friction_comp.recordings.time_base import gap_length, GAPS
 from friction_comp.samples import Samples
@@ -125,7 +120,7 @@ def read_joints(path: AnyPath, joint: str | None = None, progress: Progress | No
     `current` is the effort in N·m, as with k_t = n = 1; the information is that of the first joint,
     with the notes on all. Raises InputError if the recording or a joint cannot be used.
     """
-    scan, = _scan_all(find_recording(path), progress, None, layout)
+    scan, = _scan_all(sources.find_recording(path), progress, None, layout)
     notes: list[str] = []
     read = list(usable_joints(scan, lambda joint: 1.0, notes).values()) if joint is None else [
         to_samples(scan, joint, 1.0)]
@@ -144,10 +139,11 @@ def read_joints(path: AnyPath, joint: str | None = None, progress: Progress | No
 def _scan_all(paths: AnyPath | Sequence[AnyPath], progress: Progress | None, joint: str | None,
               layout: Layout | None) -> Iterator[Scan]:
     """Yield the scan of each recording, and report the progress of all."""
-    recordings = find_recordings(paths)
+    recordings = sources.find_recordings(paths)
     for index, path in enumerate(recordings):
-        report = part_of(progress, index, len(recordings))
-        scanner = open_scanner(path, joint, layout and layout.of_recording(index, len(recordings)))
+        report = sources.part_of(progress, index, len(recordings))
+        own = layout and layout.of_recording(index, len(recordings))
+        scanner = sources.open_scanner(path, joint, own)
         parts: dict[str, list[Track]] = {}
         for scan in scanner.scans():
             for track in scan.tracks:
@@ -170,7 +166,7 @@ def stream_recording_with_info(path: AnyPath, joint: str | None = None,
     InputError if the recording, the joint or a value cannot be used.
     """
     gain = Drive(torque_constant, gear_ratio).torque_per_current
-    scanner = open_scanner(find_recording(path), None if others else joint, layout)
+    scanner = sources.open_scanner(sources.find_recording(path), None if others else joint, layout)
     clock, turns = _CommonClock(), _Turns()
     info = None
     for scan in _stretches(scanner.scans(), round(seconds * 1e9)):

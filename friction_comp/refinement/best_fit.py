@@ -16,7 +16,7 @@ from friction_comp.model.differentiation import as_recorded, shifted_in_time
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
-from friction_comp.refinement import thresholds
+from friction_comp.refinement import recorded_motion, thresholds
 from friction_comp.refinement.block_sums import held_out_error
 from friction_comp.refinement.effect_columns import (
     eq6_columns,
@@ -29,13 +29,6 @@ from friction_comp.refinement.effect_columns import (
 )
 from friction_comp.refinement.lag import best_response
 from friction_comp.refinement.prepare import prepare, Rows
-from friction_comp.refinement.recorded_motion import (
-    candidate_settings,
-    choose_differentiation,
-    choose_signals,
-    plain_columns,
-    smooth_settings,
-)
 from friction_comp.refinement.search import adjust_constants, Search
 from friction_comp.refinement.stability import Intervals
 from friction_comp.samples import Samples
@@ -224,11 +217,11 @@ def find_best_fit(problem: Problem) -> Fit:
     best = search_with(problem)
     tried = [best.settings]
     # A plain drive knows of no ripple, which a filter of the motion or of the load blurs.
-    wider = smooth_settings(problem.raw)
+    wider = recorded_motion.smooth_settings(problem.raw)
     others = [{**best.settings, **wider}] if wider['bandwidth'] and (
         best.settings['bandwidth'] or math.inf) < wider['bandwidth'] else []
     if best.settings.get('signals'):
-        others.append(choose_differentiation(
+        others.append(recorded_motion.choose_differentiation(
             problem.raw, best.rows.clipped, best.rows.joints, 0.0, filtered=False))
     for settings in others:
         best = min(best, search_with(problem, settings), key=Fit.mean_error)
@@ -275,7 +268,7 @@ def _other_settings(problem: Problem, fit: Fit) -> list[dict[str, Any]]:
         return held_out_error(rows.averaged(as_recorded(shifted, rows.samples, slow)), target,
                               rows.block)
     samples = rows.samples.with_(load=None) if rows.load_coefficient else rows.samples
-    plain = plain_columns(
+    plain = recorded_motion.plain_columns(
         samples, [rows.coverage.transition, _PLAIN_TRANSITION * rows.coverage.speed])
     current_lag, _ = fit.lag
     # Viscous friction after a low pass has an inertia, which must not be the only one.
@@ -293,11 +286,12 @@ def _other_settings(problem: Problem, fit: Fit) -> list[dict[str, Any]]:
             changed = {name: shifted_in_time(values, problem.raw, current_lag)
                        for name, values in changed.items()}
             return error_of(columns(replace(rows, samples=rows.samples.with_(**changed))))
-        signals = choose_signals(problem.raw, settings.get('signals', {}), error_with, True)
+        signals = recorded_motion.choose_signals(
+            problem.raw, settings.get('signals', {}), error_with, with_lag=True)
         if signals != settings.get('signals', {}):
             others.append({**settings, 'signals': signals})
     errors: list[tuple[float, dict[str, Any]]] = []
-    for choice in candidate_settings(problem.raw, problem.raw.velocity):
+    for choice in recorded_motion.candidate_settings(problem.raw, problem.raw.velocity):
         choice |= {name: settings[name] for name in (*_LAG, 'signals') if settings.get(name)}
         matrix = columns(rows.with_settings(problem.raw, choice))
         if np.isfinite(matrix).all():

@@ -22,19 +22,8 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.differentiation import as_recorded, differentiate
 from friction_comp.model.effects import Coverage
-from friction_comp.refinement import thresholds
+from friction_comp.refinement import recorded_motion, thresholds
 from friction_comp.refinement.block_sums import held_out_error
-from friction_comp.refinement.recorded_motion import (
-    arm_motion,
-    blocks_of,
-    choose_differentiation,
-    in_motion,
-    load_coefficient,
-    moving_joints,
-    plain_columns,
-    row_starts,
-    standstill_speed,
-)
 from friction_comp.samples import Samples
 from friction_comp.statistics import evenly_spread
 
@@ -90,7 +79,7 @@ class Rows:
     def with_settings(self, raw: Samples, settings: dict[str, Any]) -> Rows:
         """Return the rows with the motion of other differentiation settings."""
         return replace(self, samples=differentiate(raw, settings),
-                       motion=arm_motion(raw, self.joints, settings),
+                       motion=recorded_motion.arm_motion(raw, self.joints, settings),
                        time_constant=settings.get('time_constant', 0.0))
 
     def as_recorded(self, columns: np.ndarray) -> np.ndarray:
@@ -190,16 +179,16 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
     `samples` are joined; `declared` says that torque constant and gear ratio are known.
     """
     unusable = clipped(samples.current)
-    joints = moving_joints(samples)
-    load = load_coefficient(samples, unusable, drive) if declared else 0.0
-    settings = settings or choose_differentiation(samples, unusable, joints, load)
+    joints = recorded_motion.moving_joints(samples)
+    load = recorded_motion.load_coefficient(samples, unusable, drive) if declared else 0.0
+    settings = settings or recorded_motion.choose_differentiation(samples, unusable, joints, load)
     moved = differentiate(samples, settings)
-    slowest = standstill_speed(moved)
-    usable = in_motion(moved, unusable, slowest, settings['bandwidth'])
-    motion = arm_motion(samples, joints, settings)
+    slowest = recorded_motion.standstill_speed(moved)
+    usable = recorded_motion.in_motion(moved, unusable, slowest, settings['bandwidth'])
+    motion = recorded_motion.arm_motion(samples, joints, settings)
     length = samples_per_row(moved, int(usable.sum()))
-    start = thinned(row_starts(moved, usable, length))
-    block = blocks_of(moved, start)
+    start = thinned(recorded_motion.row_starts(moved, usable, length))
+    block = recorded_motion.blocks_of(moved, start)
     slow = settings.get('time_constant', 0.0)
     target = moved.current - as_recorded(
         load * np.asarray(moved.load), moved, slow) if load else moved.current
@@ -227,7 +216,7 @@ def choose_transition(rows: Rows) -> float:
         part = part.with_(load=None)
     best = (math.inf, speed)
     for width in np.geomspace(0.001, 0.25, 12) * speed:
-        error = held_out_error(plain_columns(part, [width]), target, rows.block)
+        error = held_out_error(recorded_motion.plain_columns(part, [width]), target, rows.block)
         if error < (1.0 - thresholds.EQUIVALENT) * best[0]:
             best = (error, float(width))
     return best[1]

@@ -14,20 +14,11 @@ from dataclasses import replace
 import numpy as np
 
 from friction_comp.model.differentiation import DEFAULT_SETTINGS
-from friction_comp.refinement import thresholds
+from friction_comp.refinement import judge, thresholds
 from friction_comp.refinement.best_fit import Fit, Problem
 from friction_comp.refinement.dependence import Dependence, remaining_dependences, share_of_means
 from friction_comp.refinement.effect_columns import Term
 from friction_comp.refinement.friction_numbers import friction_of
-from friction_comp.refinement.judge import (
-    ambiguities,
-    errors_of,
-    findings,
-    in_unit,
-    noise_floor,
-    STEPS,
-    verdict_of,
-)
 from friction_comp.refinement.prepare import Rows
 from friction_comp.refinement.result import (
     Correlation,
@@ -56,9 +47,9 @@ def report_of(problem: Problem, fit: Fit, start: Predicted, refined: Predicted, 
     dependences = [*clipping_dependence(rows), *unnamed_dependence(fit), *remaining_dependences(
         rows.at_rows, rows.averaged(refined.held_out), rows.coverage.slowest)]
     growth = LeftOutThirds(fit.table, fit.terms).error_growth(fit.terms)
-    noise = noise_floor(rows, refined.held_out)
+    noise = judge.noise_floor(rows, refined.held_out)
     effects = [] if kept else effects_of(problem, fit, unit)
-    open_questions = [] if kept else ambiguities(fit)
+    open_questions = [] if kept else judge.ambiguities(fit)
     base = 'the given model' if given else 'sigmoid of Eq. 6 fitted to the recording'
     if rows.load_coefficient and not given:
         base += ', the measured load taken as it is'
@@ -66,20 +57,20 @@ def report_of(problem: Problem, fit: Fit, start: Predicted, refined: Predicted, 
                        *(effect.name for effect in effects)])
     tested = dict(growth)
     if 'acceleration' not in growth:
-        tested[STEPS] = error_by_steps(raw, refined, rows.usable)
-    errors = errors_of(rows, refined, name, max(1.0, *tested.values()))
-    verdict = verdict_of(findings(fit, raw, errors, tested, noise, dependences, open_questions),
-                         unit)
+        tested[judge.STEPS] = error_by_steps(raw, refined, rows.usable)
+    errors = judge.errors_of(rows, refined, name, max(1.0, *tested.values()))
+    verdict = judge.verdict_of(judge.findings(
+        fit, raw, errors, tested, noise, dependences, open_questions), unit)
     return RefinementReport(
         unit=unit, joint=model.joint, samples=len(raw), samples_in_motion=int(rows.usable.sum()),
         samples_clipped=int(rows.clipped.sum()),
         held_out=f'{rows.blocks} long parts, each predicted by a fit to all others',
-        signal_rms=rms(raw.current[rows.usable]), before=errors_of(rows, start, base),
+        signal_rms=rms(raw.current[rows.usable]), before=judge.errors_of(rows, start, base),
         after=errors, noise_floor=noise, effects=effects,
         friction=friction_of(model, unit, rows.coverage.both_directions),
         assumed=list(origin.assumed),
         correlations=[] if kept else correlations_of(fit),
-        unexplained=[replace(dependence, note=in_unit(dependence.note, unit))
+        unexplained=[replace(dependence, note=judge.in_unit(dependence.note, unit))
                      for dependence in dependences],
         ambiguous=open_questions, thirds=growth,
         differentiation=dict(model.differentiation or DEFAULT_SETTINGS if kept else fit.settings),
@@ -234,4 +225,4 @@ def _found_effect(fit: Fit, terms: Sequence[Term], error: float, unit: str) -> F
     return FoundEffect(
         kind.name, kind.variable, error, chosen, effect.parameters,
         {'coefficients': bounds, **constants}, effect.holds_on_another_day,
-        in_unit(said, unit), effect.formula(), rivals)
+        judge.in_unit(said, unit), effect.formula(), rivals)
