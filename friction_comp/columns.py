@@ -277,7 +277,6 @@ def _labels(used: Sequence[Column], keys: Sequence[tuple[str, ...]], layout: Lay
 
 def _check_complete(used: Iterable[Column], names: Sequence[str], layout: Layout, where: str
                     ) -> None:
-    """Raise InputError if a signal that is needed has no column."""
     signals = {_kind(column.signal) for column in used}
     needed = {'time': not layout.rate, 'position': True, 'effort': not layout.stiffness,
               'reference_position': bool(layout.stiffness)}

@@ -47,5 +47,4 @@ def add_environment_to_ament_path() -> None:
 
 
 def _ament_prefixes() -> list[str]:
-    """Return the prefixes in AMENT_PREFIX_PATH."""
     return [p for p in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep) if p]

@@ -176,8 +176,6 @@ class _Trial(NamedTuple):
 
 @dataclass(frozen=True)
 class _Problem:
-    """What is fitted."""
-
     chain: Chain
     joints: list[Samples]
     bodies: Bodies
@@ -289,7 +287,6 @@ def identifiable(products: np.ndarray) -> int:
 
 
 def _settings(joints: list[Samples]) -> list[dict[str, Any]]:
-    """Return the differentiation settings to compare, by source and bandwidth."""
     arm = joints[0].arm
     return candidate_settings(joints[0], None if arm is None else arm.velocity, _BANDWIDTHS)
 
@@ -338,7 +335,6 @@ def _reweighted_fit(problem: Sums, prior: Prior, x: np.ndarray) -> tuple[Sums, n
 
 
 def _held_out(problem: Sums, prior: Prior, x: np.ndarray) -> np.ndarray:
-    """Return each joint's RMS error in A on stretches that were not fitted, shape (J,)."""
     total, sums = problem.total, np.zeros(len(problem.counts))
     for own in problem.folds:
         sums += solver.squared_errors(own, prior, solver.solve(total - own, prior, x))

@@ -140,7 +140,6 @@ def _add_person_torque(samples: Samples, drive: Drive) -> Samples:
 
 
 def _at_common_times(recorded: dict[str, list[Samples]]) -> list[Samples]:
-    """Return the joints' samples at the times at which all of them were recorded."""
     parts: list[list[Samples]] = [[] for _ in recorded]
     for joint_samples in zip(*recorded.values()):
         common = joint_samples[0].time

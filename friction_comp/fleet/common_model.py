@@ -150,13 +150,11 @@ class CommonModel:
 
 
 def _names_of(term: Term) -> list[tuple[str, str]]:
-    """Return the name and the unit of each coefficient of a term."""
     known = list(term.kind.coefficient_names)
     return known + [(f'coefficient {k + 1}', 'A') for k in range(len(known), _size(term))]
 
 
 def _size(term: Term) -> int:
-    """Return the number of columns of a term."""
     one = Samples(time=np.zeros(1), position=np.zeros(1), current=np.zeros(1),
                   velocity=np.full(1, 0.1), acceleration=np.zeros(1), load=np.zeros(1),
                   temperature=np.zeros(1))

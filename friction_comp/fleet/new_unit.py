@@ -118,7 +118,6 @@ def _rms(sums: BlockSums, columns: Sequence[int], values: np.ndarray) -> float:
 
 def _left_out(sums: BlockSums, columns: Sequence[int], mean: np.ndarray, deviation: np.ndarray,
               noise: float) -> float:
-    """Return the RMS error of each block by the fit to all others."""
     fits = np.array([_fitted(sums, columns, mean, deviation, noise, 1.0 - row)[0]
                      for row in np.eye(len(sums.rows))])
     errors = sums.squared_errors(columns, fits)

@@ -221,7 +221,6 @@ def population_of(recordings: Sequence[tuple[str, BlockSums]], common: CommonMod
 
 def _values(fits: Sequence[_Estimate], common: CommonModel, columns: tuple[int, ...]
             ) -> tuple[np.ndarray, np.ndarray]:
-    """Return a parameter's value and standard error in each recording."""
     where = [common.columns.index(column) for column in columns]
     part = np.array([fit.values[where] for fit in fits])
     if len(where) == 1:

@@ -73,7 +73,6 @@ class ActivityLog:
                 self.changes[0] = replace(first, time=min(first.time, begin))
 
     def _append(self, activity: Activity) -> None:
-        """Append an activity if it differs from the last one."""
         last = self.changes[-1] if self.changes else None
         if last is None or replace(activity, time=last.time, joints=last.joints) != last:
             self.changes.append(activity)

@@ -51,7 +51,6 @@ class _Cursor:
         return start
 
     def count(self, most: float = math.inf) -> int:
-        """Read a length of at most `most`, and add it to the fixed bytes."""
         start = self.advance(4, 4)
         self.fixed.extend(range(start, start + 4))
         count = int(struct.unpack_from(self.order + 'I', self.data, start)[0])
@@ -60,7 +59,6 @@ class _Cursor:
         return count
 
     def string(self) -> str:
-        """Read a string and add it to the fixed bytes."""
         size = self.count()
         start = self.advance(size, 1)
         self.fixed.extend(range(start, start + size))

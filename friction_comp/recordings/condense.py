@@ -67,7 +67,6 @@ def condensed(samples: Samples, limit: int) -> Samples:
 
 
 def _longest_average(samples: Samples) -> int:
-    """Return the number of samples in an average at the lowest rate."""
     return max(1, round(1.0 / max(samples.sample_time, 1e-9) / _SLOWEST_RATE))
 
 

@@ -180,7 +180,6 @@ def joint_states_at(samples: Samples, info: RecordingInfo,
 
 
 def _unwrap(time: np.ndarray, position: np.ndarray, notes: list[str]) -> np.ndarray:
-    """Return the position in rad without jumps by a turn, where the sensor wraps around."""
     jumps = np.diff(position)
     size = np.abs(jumps)
     wraps = (size > _WRAP[0]) & (size < _WRAP[1]) & (np.diff(time) < WRAP_TIME)
@@ -200,7 +199,6 @@ def _others_moved(scan: Scan, own: np.ndarray) -> bool:
 
 
 def _select_joint(scan: Scan, joint: str | None) -> tuple[Track, str, list[str], np.ndarray]:
-    """Return a joint's track and name, the names of all joints in the track, and its values."""
     tracks = scan.of('joint_states')
     if not tracks:
         if any(signal_of(topic, kind) == 'joint_states' for topic, (kind, _) in

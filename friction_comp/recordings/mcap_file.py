@@ -146,7 +146,6 @@ class McapFile(MessageFile):
         self._position = at
 
     def _record_at(self, at: int) -> bytes | None:
-        """Return the record at a position, None if it is invalid."""
         self._file.seek(at)
         header = self._file.read(_HEADER.size)
         if len(header) < _HEADER.size:
@@ -159,7 +158,6 @@ class McapFile(MessageFile):
         return None if opcode == Opcode.CHUNK and not _CHUNK.match(record) else record
 
     def _next_chunk(self, start: int) -> int | None:
-        """Return the position of the next valid chunk, or None."""
         data = mmap.mmap(self._file.fileno(), 0, access=mmap.ACCESS_READ)
         for match in _CHUNK.finditer(data, start):
             record = self._record_at(match.start())
@@ -208,7 +206,6 @@ class McapFile(MessageFile):
             self.notes.append('a description of its contents is damaged')
 
     def _add(self, record: object) -> None:
-        """Store the topics, number of messages or metadata in a record."""
         if isinstance(record, Schema):
             self._schemas[record.id] = record.name
         elif isinstance(record, Channel):
@@ -233,7 +230,6 @@ class McapFile(MessageFile):
         return footer if isinstance(footer, Footer) else None
 
     def _read_summary(self, footer: Footer) -> None:
-        """Read topics and number of messages from the index at the end."""
         self._file.seek(footer.summary_start)
         summary = self._file.read()
         try:
@@ -245,7 +241,6 @@ class McapFile(MessageFile):
             self.notes.append('the index at its end is damaged')
 
     def _report_damage(self, ended: bool) -> None:
-        """Note what is missing or damaged."""
         if self._lost_chunks:
             self.notes.append(f'{self._lost_chunks} damaged chunks left out (checksum)')
         if self._lost_messages:

@@ -194,8 +194,6 @@ def _is_wanted(topic: str, kind: str) -> bool:
 
 
 class _TopicReader:
-    """Collects one topic's messages and decodes them together."""
-
     def __init__(self, topic: str, signal: str, joint: str | None) -> None:
         self.topic, self.signal = topic, signal
         self.messages: list[tuple[int, int, bytes]] = []    # (receive time in ns, index, payload)

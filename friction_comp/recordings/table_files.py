@@ -84,7 +84,6 @@ def _one_signal(path: Path) -> bool:
 
 
 def _joined(path: Path, parts: Sequence[Path]) -> Columns:
-    """Return the columns of several files, named after the files."""
     columns: Columns = {}
     for part in parts:
         table = open_table(part)
@@ -176,7 +175,6 @@ class Csv:
                 first_line += len(lines)
 
     def _parse(self, lines: list[str], indices: list[int], first_line: int) -> np.ndarray:
-        """Return the selected cells, shape (rows, columns)."""
         if self._separator != ',':
             # A comma that does not separate is a decimal one.
             lines = [line.replace(',', '.') for line in lines]

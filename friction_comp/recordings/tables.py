@@ -142,7 +142,6 @@ class TableScanner:
                 self._use.notes.append(f'{said}: figures are in counts (--unit current=2.69mA)')
 
     def _times(self, columns: Columns, first: int) -> np.ndarray:
-        """Return the times of a block of rows in s; `first` is the number of its first row."""
         time, rate = self._use.time, self._layout.rate
         if rate or time is None:
             size = len(next(iter(columns.values())))
@@ -195,7 +194,6 @@ class TableScanner:
 
     def _controller_effort(self, columns: Columns, time: np.ndarray, joint: str
                            ) -> np.ndarray | None:
-        """Return the effort of a position controller, from target and position."""
         found = self._use.controller_effort(columns, time, joint, self._gains)
         if found is None:
             return None

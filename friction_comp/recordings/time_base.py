@@ -224,7 +224,6 @@ def _direction(scan: Scan, joint: str, joints: list[str], order: list[list[str]]
 
 def _find_joint(tracks: list[Track], joint: str, joints: list[str],
                 notes: list[str]) -> tuple[Track, np.ndarray] | None:
-    """Return the track with a joint's (or frame's) values, or None."""
     for track in tracks:
         if joint in track.values:
             return track, track.values[joint]

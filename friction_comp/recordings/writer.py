@@ -232,8 +232,6 @@ class RecordingWriter:
 
 
 class _McapFile:
-    """One mcap file of a recording."""
-
     def __init__(self, path: Path, compressed: bool) -> None:
         self.path = path
         self.counts: dict[str, int] = {}
@@ -256,7 +254,6 @@ class _McapFile:
         self.counts[topic] = 0
 
     def write(self, topic: str, time: int, payload: bytes) -> None:
-        """Add a message to the current chunk."""
         count = self.counts[topic]
         self._writer.add_message(self._channels[topic], time, payload, time, count)
         self.counts[topic] = count + 1
@@ -264,7 +261,6 @@ class _McapFile:
         self.last = time if self.last is None else max(self.last, time)
 
     def flush(self) -> None:
-        """End the chunk and write it."""
         self._writer.flush()
         self.stream.flush()
 
@@ -288,7 +284,6 @@ class _SyncedFile:
         self._sync: Future[None] = self._thread.submit(lambda: None)
 
     def write(self, data: bytes) -> int:
-        """Append to the current block."""
         if len(self._block) > _CHUNK:
             self.flush()
         self._block += data

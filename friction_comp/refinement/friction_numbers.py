@@ -115,7 +115,6 @@ def inertia_holds(model: FrictionModel) -> str:
 
 
 def _formula_line(numbers: dict[str, Any], model: FrictionModel, unit: str) -> str:
-    """Return the model as one line that a person can read, with its effects by name."""
     parts = [f"{numbers['coulomb']:.4g}·tanh(v/{numbers['transition']:.2g})",
              f"{numbers['viscous']:+.4g}·v"]
     if numbers['offset']:
