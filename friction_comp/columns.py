@@ -172,7 +172,7 @@ def _named(layout: Layout, where: str) -> list[Column]:
 
 
 def _unknown_unit(reading: Reading, layout: Layout) -> bool:
-    """Return whether a name gives an unknown unit, no effort's, and the user gives none."""
+    """Return whether a name gives an unknown unit, of no effort, and the user gives none."""
     signal = reading.signal
     given = any(one in layout.units for one in (signal, *_SAME_UNIT.get(signal, ())))
     return (bool(reading.unit) and not given and signal not in ('effort', 'current')

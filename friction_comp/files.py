@@ -101,7 +101,7 @@ def read_yaml(path: str | Path) -> Any:
 
 
 def encodable(text: str) -> str:
-    r"""Return text that can be written as UTF-8: other bytes of file names become ``\udcfc``."""
+    r"""Return text for UTF-8: other bytes, as of file names, become escapes such as ``\udcfc``."""
     return text.encode('utf-8', 'backslashreplace').decode('utf-8')
 
 

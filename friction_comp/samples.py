@@ -151,7 +151,7 @@ class Samples:
         return self._change(lambda values: values[index], recording=self.recording[index])
 
     def averaged(self, length: int) -> Samples:
-        """Return averages over `length` consecutive samples; rests of segments are dropped.
+        """Return averages over `length` consecutive samples of a segment; what remains is dropped.
 
         Direction and recording are those of the first sample.
         """
@@ -328,7 +328,10 @@ class Samples:
         return {}
 
     def segments(self, largest_gap: float = 5.0) -> list[slice]:
-        """Return slices of one recording each, without steps back or of `largest_gap` medians."""
+        """Return slices of samples without gaps, that is steps above `largest_gap` median ones.
+
+        A slice also ends where time decreases, and with a recording.
+        """
         if largest_gap not in self._segments:
             step = np.diff(self.time)
             broken = (step > largest_gap * max(self.sample_time, 1e-9)) | (step < 0)

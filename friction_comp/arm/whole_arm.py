@@ -70,9 +70,9 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
 
     `drives` and `models`, the initial ones, are by joint; `declared` are the joints whose drive is
     known. If all are, masses are fitted to torques. With `torques`, all currents are torques in N·m
-    unless the recordings contradict. `only` some joints are refined, all when omitted. `progress`
-    is called with the share of the work done and the name of the step. Units of `origins` are
-    those that `torques` says. Raises InputError if URDF or recordings cannot be used.
+    unless the recordings contradict. All joints are refined unless `only` some are. `progress` is
+    called with the share of the work done and the name of the step. Units of `origins` are those
+    that `torques` says. Raises InputError if URDF or recordings cannot be used.
     """
     report = progress or (lambda share, word: None)
     drives, models = drives or {}, models or {}

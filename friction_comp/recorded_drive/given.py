@@ -97,7 +97,7 @@ def unit_of(given: Given, model: FrictionModel | None, infos: Sequence[Recording
 
 
 def figures_unit(given: Given, in_ampere: bool, linear: bool) -> str:
-    """Return the unit without a model, of efforts that are currents and positions in m or not."""
+    """Return the unit without a model; `linear` is whether positions are lengths."""
     if given.figures:
         return str(given.figures)
     if given.torque_constant is not None or given.gear_ratio is not None or in_ampere:

@@ -94,7 +94,7 @@ def read_condensed(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
 
 def _choose_averaging(recordings: Sequence[Path], joint: str | None, layout: Layout | None,
                       limit: int) -> Averaging:
-    """Return the averaging that leaves about `limit` samples, as the largest recording begins."""
+    """Return the averaging for about `limit` samples, by how the largest recording begins."""
     sizes = [size_of(path) for path in recordings]
     if sum(sizes) < _LEAST_SAMPLE_SIZE * limit:
         return Averaging()

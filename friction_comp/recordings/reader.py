@@ -97,7 +97,7 @@ def read_arm(paths: AnyPath | Sequence[AnyPath],
     """Read every joint with an effort, as `read_recording` does: an entry for each recording.
 
     `torque_per_current` returns k_t · n in N·m/A for a joint's name. The samples have the motion of
-    all joints as `arm`. Raises InputError if a recording cannot be used, or has other joints.
+    all joints as `arm`. Raises InputError if a recording cannot be used, or their joints differ.
     """
     result: dict[str, list[tuple[Samples, RecordingInfo]]] = {}
     for index, scan in enumerate(_scan_all(paths, progress, None, layout)):

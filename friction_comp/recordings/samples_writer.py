@@ -25,8 +25,8 @@ def write_samples(path: AnyPath, samples: Samples | Sequence[Samples],
     """Write samples, one per joint, as a recording with the topics that the nodes publish.
 
     Several joints must share their time base; those without a name become ``joint_1`` and so on.
-    Effort is current · k_t · n, in N·m/A. `namespace` is the prefix of every topic, and `start_ns`
-    the stamp of time zero; the rest is as for `RecordingWriter`.
+    Effort is current · k_t · n, with k_t in N·m/A. `namespace` is the prefix of every topic, and
+    `start_ns` the stamp of time zero; the rest is as for `RecordingWriter`.
     """
     joints = [samples] if isinstance(samples, Samples) else list(samples)
     if not joints:

@@ -133,7 +133,7 @@ def unreadable(path: Path, reason: str) -> InputError:
 
 @contextmanager
 def unreadable_on_error(path: Path) -> Iterator[None]:
-    """Raise the error for an unreadable recording: libraries raise anything on corrupt files."""
+    """Turn any error but InputError, as libraries raise for corrupt files, into `unreadable`."""
     try:
         yield
     except InputError:

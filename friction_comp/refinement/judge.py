@@ -170,7 +170,7 @@ def in_unit(text: str, unit: str) -> str:
 
 
 def errors_of(rows: Rows, predicted: Predicted, name: str, growth: float = 1.0) -> Errors:
-    """Return the errors of a model; `growth` is that in thirds that were not fitted."""
+    """Return the errors of a model; `growth` is the ratio of those in left-out thirds to these."""
     moving, held_out = rows.usable, predicted.held_out
     errors, still = held_out[moving], held_out[~moving]
     block = rows.block_of_sample[moving]
