@@ -120,14 +120,8 @@ class ArmTable(Table):
     def set_transition(self, steepness: float, shift: float) -> None:
         """Do nothing: friction changes its sign where it does in the sums."""
 
-    def fitted_error(self, terms: Sequence[Term]) -> float:
-        """Return the squared error of a fit of terms to all stretches."""
-        columns = self.indices(terms)
-        found = np.repeat(self.sums.fit(columns)[None], len(self.block), axis=0)
-        return float(self.sums.squared_errors(columns, found).sum())
-
     def residual_of(self, columns: np.ndarray, terms: Sequence[Term]) -> np.ndarray:
-        """Return the residual of such a fit, A, (N, J); `columns` are those of `ArmRows`."""
+        """Return the residual of a fit of terms, A, (N, J); `columns` are those of `ArmRows`."""
         chosen = self.indices(terms)
         combination = (self._combine[:, :, -1]
                        - self._combine[:, :, chosen] @ self.sums.fit(chosen))
@@ -231,15 +225,15 @@ class ArmSearch(Search):
         sides = [[moved(index, name, step) for step in (-size, size)] for index, name in free]
         table = self._table(list(dict.fromkeys(
             [*terms, *(term for pair in sides for trial in pair for term in trial)])))
-        middle, changed = table.fitted_error(terms), terms
+        middle, changed = table.error(terms), terms
         for (index, name), pair in zip(free, sides):
-            low, high = (table.fitted_error(trial) for trial in pair)
+            low, high = (table.error(trial) for trial in pair)
             bend = low + high - 2.0 * middle
             step = 0.5 * (low - high) / bend if bend > 0.0 else 2.0 * np.sign(low - high)
             best = moved(index, name, float(np.clip(step, -2.0, 2.0)) * size)[index]
             changed = [best if k == index else term for k, term in enumerate(changed)]
         table = self._table(list(dict.fromkeys([*terms, *changed])))
-        return changed if table.fitted_error(changed) < middle else terms
+        return changed if table.error(changed) < middle else terms
 
     def errors(self, terms: Sequence[Term]) -> list[np.ndarray]:
         """Return the squared errors of held-out stretches of each joint."""

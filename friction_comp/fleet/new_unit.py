@@ -112,13 +112,13 @@ def _fitted(sums: BlockSums, columns: Sequence[int], mean: np.ndarray, deviation
 
 
 def _rms(sums: BlockSums, columns: Sequence[int], values: np.ndarray) -> float:
-    errors = sums.squared_errors(columns, np.repeat(values[None], len(sums.rows), axis=0))
+    """Return the RMS error with coefficients, those of all blocks or of each."""
+    errors = sums.squared_errors(columns, np.atleast_2d(values))
     return math.sqrt(max(float(errors.sum()), 0.0) / float(sums.rows.sum()))
 
 
 def _left_out(sums: BlockSums, columns: Sequence[int], mean: np.ndarray, deviation: np.ndarray,
               noise: float) -> float:
-    fits = np.array([_fitted(sums, columns, mean, deviation, noise, 1.0 - row)[0]
-                     for row in np.eye(len(sums.rows))])
-    errors = sums.squared_errors(columns, fits)
-    return math.sqrt(max(float(errors.sum()), 0.0) / float(sums.rows.sum()))
+    return _rms(sums, columns, np.array([
+        _fitted(sums, columns, mean, deviation, noise, 1.0 - row)[0]
+        for row in np.eye(len(sums.rows))]))

@@ -172,8 +172,7 @@ def _estimate(common: CommonModel, sums: BlockSums) -> _Estimate:
     deviations = (left_out - left_out.mean(axis=0))[:, chosen]
     covariance = (count - 1) / count * deviations.T @ deviations
     # Of the fit to all: one block may hold the only slow motion, which others cannot predict.
-    squares = sums.squared_errors(with_derivatives, np.repeat(values[None], count, axis=0)
-                                  ) / np.maximum(sums.rows, 1)
+    squares = sums.squared_errors(with_derivatives, values[None]) / np.maximum(sums.rows, 1)
     mean = float(np.average(squares, weights=sums.rows))
     spread = float(np.std(squares, ddof=1)) / math.sqrt(count) / max(mean, 1e-300)
     total = sums.gram.sum(axis=0)[:-1, :-1]

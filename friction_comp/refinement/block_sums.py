@@ -61,7 +61,7 @@ class BlockSums:
         return _squared_errors(own, _fits(own, weights[None]))
 
     def squared_errors(self, columns: Sequence[int], coefficients: np.ndarray) -> np.ndarray:
-        """Return the squared error of each block, (K,), by its own coefficients, shape (K, S)."""
+        """Return the squared error of each block, (K,); all have coefficients (1, S), or own."""
         return _squared_errors(self.part(columns), coefficients)
 
     def fits(self, columns: Sequence[int], weights: np.ndarray) -> np.ndarray:

@@ -185,7 +185,7 @@ class Table:
 
     def error(self, terms: Sequence[Term]) -> float:
         """Return the squared error of a fit of some terms to all blocks."""
-        columns, all_cells = self.indices(terms, derivatives=False), np.ones(len(self._cells))
+        columns, all_cells = self.indices(terms, derivatives=False), np.ones(len(self.block))
         return float(self.sums.errors_of_fit(columns, all_cells).sum())
 
     def coefficients(self, terms: Sequence[Term]) -> dict[int, float]:
