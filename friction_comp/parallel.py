@@ -15,15 +15,13 @@ from dataclasses import dataclass
 import functools
 import multiprocessing
 from multiprocessing import resource_tracker
+from multiprocessing.connection import Connection
 import os
 import signal
 import threading
-from typing import Any, cast, TYPE_CHECKING, TypeVar
+from typing import Any, cast, TypeVar
 
 from friction_comp.errors import InputError, one_line
-
-if TYPE_CHECKING:
-    from multiprocessing.connection import Connection
 
 F = TypeVar('F', bound=Callable[..., Any])
 T = TypeVar('T')

@@ -8,16 +8,17 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
+from friction_comp.column_values import to_numbers
+from friction_comp.columns import assign
+from friction_comp.controller_effort import gear_effort
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
+from friction_comp.layout import Layout
 from friction_comp.statistics import smallest_step
-
-if TYPE_CHECKING:
-    from friction_comp.layout import Layout
 
 _OPTIONAL = (
     'velocity', 'acceleration', 'load', 'temperature', 'command', 'direction',
@@ -273,10 +274,6 @@ class Samples:
         >>> samples.position.round(3).tolist()
         [0.0, 1.571, 3.142]
         """
-        from friction_comp.column_values import to_numbers
-        from friction_comp.columns import assign
-        from friction_comp.controller_effort import gear_effort
-
         names = [str(name) for name in (frame.columns if hasattr(frame, 'columns') else frame)]
         use, notes = assign(names, layout, 'data frame'), [] if notes is None else notes
         notes.extend(use.notes)

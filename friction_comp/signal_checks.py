@@ -15,12 +15,11 @@ from collections import deque
 from collections.abc import Mapping
 import math
 import statistics
-from typing import NamedTuple, TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from friction_comp.drive import Drive
+from friction_comp.drive import Drive
 
 LIMITS = {
     'position': (1e5, 'rad'), 'velocity': (1e4, 'rad/s'), 'current': (1e5, 'A'),

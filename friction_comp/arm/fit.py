@@ -20,7 +20,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import product
 import math
-from typing import Any, NamedTuple, TYPE_CHECKING
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from friction_comp.arm import solver
 from friction_comp.arm.beside import ArmSearch, columns_of, signs_at
 from friction_comp.arm.link_inertia import Bodies
 from friction_comp.arm.solver import LinkIntervals, Prior, Sums
+from friction_comp.arm.urdf import Chain
 from friction_comp.errors import InputError
 from friction_comp.model.arm.arm import moving_states
 from friction_comp.model.arm.tree import FREE_FALL, PARAMETERS, Tree
@@ -35,9 +36,6 @@ from friction_comp.parallel import one_thread
 from friction_comp.refinement.effect_columns import Term
 from friction_comp.refinement.recorded_motion import candidate_settings
 from friction_comp.samples import Samples
-
-if TYPE_CHECKING:
-    from friction_comp.arm.urdf import Chain
 
 FEWEST = 200  # samples
 # Regularisation strengths that are compared, and the one used for all other choices, in squared

@@ -14,14 +14,10 @@ prior that does not depend on units and frame.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import ArrayLike
 
 from friction_comp.model.arm.tree import PARAMETERS
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 # Least mass in kg and extent in m; many URDFs have massless links that only define frames.
 _LEAST_MASS, _LEAST_RADIUS = 1e-3, 1e-3

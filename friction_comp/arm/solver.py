@@ -13,19 +13,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 import functools
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from scipy import stats
 from scipy.linalg import block_diag
 
 from friction_comp.arm.link_inertia import Bodies
+from friction_comp.arm.urdf import Chain
 from friction_comp.model.arm.arm import moving_states
 from friction_comp.model.arm.tree import PARAMETERS
 from friction_comp.samples import Samples
-
-if TYPE_CHECKING:
-    from friction_comp.arm.urdf import Chain
 
 # Columns of a joint's friction and rotor: constant, Coulomb, viscous and acceleration; and which of
 # their coefficients must not be negative.

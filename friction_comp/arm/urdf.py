@@ -13,15 +13,13 @@ import os
 from pathlib import Path
 import re
 import sys
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from friction_comp.errors import InputError
 from friction_comp.model.arm.tree import FREE_FALL, Tree
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 # Words that drivers and robot descriptions add to joint names.
 _GENERIC_WORDS = ('joint', 'axis')
