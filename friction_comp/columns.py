@@ -75,8 +75,8 @@ class Assignment:
         return None if column is None else column.factor * table[column.name]
 
     def controller_effort(self, values: Mapping[str, np.ndarray], time: np.ndarray, joint: str,
-                          gains: Sequence[float | str]) -> tuple[np.ndarray, str] | None:
-        """Return a joint's effort and a note by `controller_effort`; None without a target.
+                          gains: Sequence[float | str]) -> np.ndarray | None:
+        """Return a joint's effort by `controller_effort`, and note how; None without a target.
 
         `gains` are `Layout.gains`, numbers or columns.
         """
@@ -86,7 +86,9 @@ class Assignment:
         if target is None or position is None:
             return None
         stiffness, damping = (values[gain] if isinstance(gain, str) else gain for gain in gains)
-        return controller_effort(time, target, position, velocity, stiffness, damping, rate)
+        effort, note = controller_effort(time, target, position, velocity, stiffness, damping, rate)
+        self.notes += [note] if note not in self.notes else []
+        return effort
 
 
 def assign(names: Sequence[str], layout: Layout | None, where: str, of_plan: bool = False

@@ -275,8 +275,7 @@ class Samples:
         [0.0, 1.571, 3.142]
         """
         names = [str(name) for name in (frame.columns if hasattr(frame, 'columns') else frame)]
-        use, notes = assign(names, layout, 'data frame'), [] if notes is None else notes
-        notes.extend(use.notes)
+        use = assign(names, layout, 'data frame')
         if joint is None and len(use.joints) > 1:
             raise InputError(f'data frame: several joints, name one: {", ".join(use.joints)}')
         chosen = use.joints[0] if joint is None or use.joints == [''] else joint
@@ -296,13 +295,13 @@ class Samples:
         if layout and layout.rate:
             signals['time'] = np.arange(len(signals['position'])) / layout.rate
         if gains:
-            computed = use.controller_effort(values, signals['time'], chosen, gains)
-            assert computed is not None     # `assign` has found the target
-            signals['effort'], note = computed
-            notes.append(note)
+            # `assign` has found the target.
+            signals['effort'] = use.controller_effort(values, signals['time'], chosen, gains)
         if 'link_torque' in signals:
             signals['effort'], note = gear_effort(signals['effort'], signals.pop('link_torque'))
-            notes.append(note)
+            use.notes.append(note)
+        if notes is not None:
+            notes.extend(use.notes)
         if use.effort_is_current:
             signals['current'] = signals.pop('effort')
         return Samples.from_arrays(torque_constant=torque_constant, gear_ratio=gear_ratio,

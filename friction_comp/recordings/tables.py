@@ -161,7 +161,7 @@ class TableScanner:
 
         def read(signal: str, name: str) -> np.ndarray | None:
             if signal == 'effort' and self._gains and use.of(signal, name) is None:
-                return self._controller_effort(columns, time, name)
+                return use.controller_effort(columns, time, name, self._gains)
             return use.signal_in(columns, signal, name)
 
         def stack(name: str, *signals: str) -> np.ndarray:
@@ -191,16 +191,6 @@ class TableScanner:
                       for name in use.joints if use.of('reference_position', name) is not None}
         if references:
             yield track('reference', references)
-
-    def _controller_effort(self, columns: Columns, time: np.ndarray, joint: str
-                           ) -> np.ndarray | None:
-        found = self._use.controller_effort(columns, time, joint, self._gains)
-        if found is None:
-            return None
-        effort, note = found
-        if note not in self._use.notes:
-            self._use.notes.append(note)
-        return effort
 
 
 def _stamps(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
