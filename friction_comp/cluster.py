@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 import threading
 from typing import Any
 
@@ -39,10 +40,7 @@ def runner_on_cluster(address: str) -> Iterator[Runner]:
         if not client.scheduler_info()['workers']:
             raise InputError(f'--scheduler {address}: has no workers: start some with '
                              f'dask worker {address} --nthreads 1')
-
-        def run(work: Callable[[Any], Any], items: Sequence[Any]) -> Outcomes[Any]:
-            return _run(client, work, items)
-        yield run
+        yield partial(_run, client)
 
 
 def _run(client: Any, work: Callable[[Any], Any], items: Sequence[Any]) -> Outcomes[Any]:
