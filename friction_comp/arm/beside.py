@@ -20,17 +20,12 @@ import numpy as np
 from friction_comp.arm.solver import ArmRows, FRICTION, FRICTION_SIGNS, linearised, Prior, Sums
 from friction_comp.model.arm.tree import PARAMETERS, Tree
 from friction_comp.model.effects import EFFECTS, ResidualView
+from friction_comp.refinement import search
 from friction_comp.refinement.block_sums import BlockSums
 from friction_comp.refinement.effect_columns import friction_groups, signs_of, Table, Term
 from friction_comp.refinement.prepare import coverage_of
 from friction_comp.refinement.recorded_motion import standstill_speed, TRANSITIONS
-from friction_comp.refinement.search import (
-    error_reductions,
-    free_constants,
-    Search,
-    total,
-    with_step,
-)
+from friction_comp.refinement.search import Search
 
 # Steps by which constants are changed, see `search.step_size`: a parabola gives the best.
 _STEPS = (0.5, 0.1)
@@ -176,7 +171,7 @@ class ArmSearch(Search):
             kept = [base + column for term in terms if joint_of(term) == joint
                     for column in indices[term]]
             own = [term for term in proposed if joint_of(term) == joint]
-            gains = error_reductions(
+            gains = search.error_reductions(
                 matrix, [*range(base), *kept],
                 [[base + column for column in indices[term]] for term in own],
                 np.zeros(len(matrix) - 1))
@@ -216,11 +211,11 @@ class ArmSearch(Search):
 
     def _adjusted(self, terms: list[Term], size: float) -> list[Term]:
         """Return terms with each constant where a parabola through three values has its least."""
-        free = free_constants(terms)
+        free = search.free_constants(terms)
 
         def moved(index: int, name: str, step: float) -> list[Term]:
             coverage = self._coverage[joint_of(terms[index])]
-            return [with_step(term, name, step, coverage) if k == index else term
+            return [search.with_step(term, name, step, coverage) if k == index else term
                     for k, term in enumerate(terms)]
         sides = [[moved(index, name, step) for step in (-size, size)] for index, name in free]
         table = self._table(list(dict.fromkeys(
@@ -243,6 +238,6 @@ class ArmSearch(Search):
     def is_improvement(self, before: Sequence[np.ndarray], after: Sequence[np.ndarray],
                        share: float = 1.0) -> bool:
         """Return whether the errors of a joint decrease by more than chance, and their sum does."""
-        return total(after) < total(before) and any(
+        return search.total(after) < search.total(before) and any(
             super(ArmSearch, self).is_improvement([old], [new], share)
             for old, new in zip(before, after))

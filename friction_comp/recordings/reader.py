@@ -13,15 +13,8 @@ import numpy as np
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.layout import Layout
-from friction_comp.recordings import sources
-from friction_comp.recordings.joint_samples import (
-    joint_states_at,
-    number_recordings,
-    RecordingInfo,
-    to_samples,
-    usable_joints,
-    WRAP_TIME,
-)
+from friction_comp.recordings import joint_samples, sources
+from friction_comp.recordings.joint_samples import RecordingInfo
 from friction_comp.recordings.scan import Scan, Track
 from friction_comp.recordings.sources import Progress
 from friction_comp.recordings.storage import AnyPath
@@ -76,17 +69,17 @@ def read_recording_with_info(paths: AnyPath | Sequence[AnyPath], joint: str | No
     The motion of all joints is added as `arm` unless `others` is false.
     """
     torque_per_current = Drive(torque_constant, gear_ratio).torque_per_current
-    return number_recordings(
+    return joint_samples.number_recordings(
         _read_joint(scan, joint, torque_per_current, others)
         for scan in _scan_all(paths, progress, None if others else joint, layout))
 
 
 def _read_joint(scan: Scan, joint: str | None, torque_per_current: float, others: bool
                 ) -> tuple[Samples, RecordingInfo]:
-    samples, info = to_samples(scan, joint, torque_per_current)
+    samples, info = joint_samples.to_samples(scan, joint, torque_per_current)
     if others and len(scan.joints) > 1:
-        joints = usable_joints(scan, lambda joint: 1.0)
-        samples = samples.with_(arm=joint_states_at(samples, info, joints))
+        joints = joint_samples.usable_joints(scan, lambda joint: 1.0)
+        samples = samples.with_(arm=joint_samples.joint_states_at(samples, info, joints))
     return samples, info
 
 
@@ -101,14 +94,14 @@ def read_arm(paths: AnyPath | Sequence[AnyPath],
     """
     result: dict[str, list[tuple[Samples, RecordingInfo]]] = {}
     for index, scan in enumerate(_scan_all(paths, progress, None, layout)):
-        joints = usable_joints(scan, torque_per_current)
+        joints = joint_samples.usable_joints(scan, torque_per_current)
         if result and set(joints) != set(result):
             name = sorted(set(joints) ^ set(result))[0]
             raise InputError(f'{scan.path}: joint {name!r} is not in all recordings: an arm needs '
                              'the same joints in each')
         for name, (samples, info) in joints.items():
             samples = samples.with_(recording=np.full(len(samples), index),
-                                    arm=joint_states_at(samples, info, joints))
+                                    arm=joint_samples.joint_states_at(samples, info, joints))
             result.setdefault(name, []).append((samples, info))
     return result
 
@@ -122,8 +115,8 @@ def read_joints(path: AnyPath, joint: str | None = None, progress: Progress | No
     """
     scan, = _scan_all(sources.find_recording(path), progress, None, layout)
     notes: list[str] = []
-    read = list(usable_joints(scan, lambda joint: 1.0, notes).values()) if joint is None else [
-        to_samples(scan, joint, 1.0)]
+    read = ([joint_samples.to_samples(scan, joint, 1.0)] if joint is not None else
+            [*joint_samples.usable_joints(scan, lambda joint: 1.0, notes).values()])
     first = read[0][1]
     # In µs since the first joint's start: joints of several topics may begin at different times.
     times = [np.round(1e6 * (samples.time + (info.start - first.start))) for samples, info in read]
@@ -270,7 +263,7 @@ class _Turns:
             return samples
         position = samples.position + self._offset
         # As within a stretch, only a jump between neighbours is a wrapped angle.
-        if self._last is not None and samples.time[0] - self._last[0] < WRAP_TIME:
+        if self._last is not None and samples.time[0] - self._last[0] < joint_samples.WRAP_TIME:
             turns = 2.0 * np.pi * round((position[0] - self._last[1]) / (2.0 * np.pi))
             self._offset, position = self._offset - turns, position - turns
         self._offset += info.turns
