@@ -83,7 +83,8 @@ def parse_unit(text: str) -> Unit | None:
     if not below_text:
         return Unit(factor * above.factor, above.dimension)
     divisor = _product(below_text)
-    if divisor is None or '/' in divisor.dimension or '/' in above.dimension:
+    if divisor is None or divisor.dimension == 'counts' or (
+            '/' in divisor.dimension + above.dimension):
         return None
     return Unit(factor * above.factor / divisor.factor, f'{above.dimension}/{divisor.dimension}')
 
