@@ -78,11 +78,8 @@ _ROS_MODULE = re.compile(r'rclpy|\w+_(msgs|srvs|interfaces)')
 def run(name: str, argv: list[str] | None = None) -> int:
     """Run a node or tool with its arguments, by default those of the process.
 
-    Returns
-    -------
-    int
-        0 when it did its work, 1 when ROS 2 is missing, 2 when its input cannot be used (one line
-        on standard error says why), 130 when it was interrupted from the keyboard.
+    Returns 0 when it did its work, 1 when ROS 2 is missing, 2 when its input cannot be used (one
+    line on standard error says why), 130 when it was interrupted from the keyboard.
     """
     argv = sys.argv[1:] if argv is None else argv
     room = 'nodes' if name in NODES else 'tools'

@@ -46,10 +46,7 @@ def _requirement(kind: str, above: float, least: float, most: float) -> str:
 
 
 def check_mapping(value: Any, name: str, known: Collection[str] | None = None) -> dict[str, Any]:
-    """Return a section of a file, called `name` in errors.
-
-    Raises InputError if it is not a mapping, or has entries that are not in `known`, if given.
-    """
+    """Return a section of a file; raises InputError if it is no mapping of `known` entries."""
     if not isinstance(value, dict):
         raise InputError(f'{name} is missing or not a mapping')
     unknown = sorted(str(key) for key in value if known is not None and key not in known)
@@ -68,10 +65,9 @@ def check_list(value: Any, name: str) -> list[Any]:
 
 def check_document(value: Any, kind: str, format_name: str, version: int,
                    known: Collection[str] | None = None) -> dict[str, Any]:
-    """Return the content of a file after a check of its entries `format` and `version`.
+    """Return the content of a file, called `kind` in errors.
 
-    `kind` names such a file in error messages. Raises InputError if it has another format or
-    version, or entries that are not in `known`, if given.
+    Raises InputError if it has another format or version, or entries that are not in `known`.
     """
     if not isinstance(value, dict) or value.get('format') != format_name:
         raise InputError(f"not {kind}: 'format: {format_name}' is missing")

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 import threading
 from typing import Any
 
@@ -22,14 +23,9 @@ _ALONE = threading.Lock()
 def runner_on_cluster(address: str) -> Iterator[Runner]:
     """Yield a function that does work on items as `parallel.run_each` does, on Dask's workers.
 
-    Workers read the items themselves: files need the same path everywhere. Work of a worker that
-    dies is done by another one; if an item kills several, it fails. Leaving the block cancels what
-    is not done.
-
-    Raises
-    ------
-    InputError
-        If Dask is not installed, or no scheduler with workers answers at the address.
+    Workers read the items themselves: files need the same path everywhere. Leaving the block
+    cancels what is not done. Raises InputError if Dask is not installed, or no scheduler with
+    workers answers at the address.
     """
     try:
         from distributed import Client
@@ -44,10 +40,7 @@ def runner_on_cluster(address: str) -> Iterator[Runner]:
         if not client.scheduler_info()['workers']:
             raise InputError(f'--scheduler {address}: has no workers: start some with '
                              f'dask worker {address} --nthreads 1')
-
-        def run(work: Callable[[Any], Any], items: Sequence[Any]) -> Outcomes[Any]:
-            return _run(client, work, items)
-        yield run
+        yield partial(_run, client)
 
 
 def _run(client: Any, work: Callable[[Any], Any], items: Sequence[Any]) -> Outcomes[Any]:

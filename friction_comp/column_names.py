@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads the name of a column: which quantity it is, measured or target, and of which joint.
 
-A name is split into words, at separators, between letters and digits, and where upper case begins.
 Words of the vocabulary give the quantity, whether it is a target, and the unit; what remains names
 the joint. Where no word gives the quantity, the unit does, as in ``encoder_rad``. No name of a
 particular robot is listed: ``actual_q_2``, ``a1 position [rad]``, ``posAct`` and
@@ -76,13 +75,10 @@ _NEVER = {'m', 'N', 'h', 'in'}      # of a motor, of an input
 
 @dataclass(frozen=True)
 class Reading:
-    """What the name of a column says.
-
-    `key` identifies the joint among all spellings, () if there is none; `joint` is its name.
-    """
+    """What the name of a column says."""
 
     signal: str = ''        # one of columns.SIGNALS, or '' if the name tells none
-    key: tuple[str, ...] = ()
+    key: tuple[str, ...] = ()   # identifies the joint among all spellings, () if there is none
     joint: str = ''
     unit: str = ''          # as written; '' if the name has none
     torque: bool = False    # whether a command is a torque rather than a current
@@ -168,10 +164,9 @@ def _read_words(bare: str, unit: str) -> Reading:
 
 
 def _unit_in(words: list[tuple[int, str]], used: set[int], signal: str) -> tuple[str, set[int]]:
-    """Return the unit among the words of a name and their places; '' if there is none.
+    """Return the unit among the words of a name that the signal can have, and its places.
 
-    It is one that the signal can have, any if `signal` is ''. Two words are a quotient or a
-    product: ``deg_s`` and ``N_m``.
+    Two words are a quotient or a product: ``deg_s`` and ``N_m``. It is '' if there is none.
     """
     spelt = ['' if k in used else word for k, (_, word) in enumerate(words)]
     for size in (3, 2, 1):

@@ -15,10 +15,7 @@ _DATE = re.compile(r'(\d{4}-\d\d-\d\d)[T ]?(\d\d:\d\d(?::\d\d(?:[.,]\d+)?)?)?'
 
 
 def to_numbers(values: np.ndarray, name: str, where: object) -> np.ndarray:
-    """Return the values of a column as floats, and dates in s.
-
-    Raises InputError, which begins with `where`, if it does not contain numbers.
-    """
+    """Return a column as floats, dates in s; raises InputError if its values are neither."""
     if np.issubdtype(values.dtype, np.datetime64):
         dates = values.astype('datetime64[ns]')
         return np.where(np.isnat(dates), np.nan, dates.astype(np.int64) * 1e-9)

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -76,15 +75,20 @@ class Assignment:
         return None if column is None else column.factor * table[column.name]
 
     def controller_effort(self, values: Mapping[str, np.ndarray], time: np.ndarray, joint: str,
-                          gains: Sequence[Any]) -> tuple[np.ndarray, str] | None:
-        """Return a joint's effort and a note by `controller_effort`; None without a target."""
+                          gains: Sequence[float | str]) -> np.ndarray | None:
+        """Return a joint's effort by `controller_effort`, and note how; None without a target.
+
+        `gains` are `Layout.gains`, numbers or columns.
+        """
         target, position, velocity, rate = (
             self.signal_in(values, signal, joint) for signal in (
                 'reference_position', 'position', 'velocity', 'reference_velocity'))
         if target is None or position is None:
             return None
-        stiffness, damping = gains
-        return controller_effort(time, target, position, velocity, stiffness, damping, rate)
+        stiffness, damping = (values[gain] if isinstance(gain, str) else gain for gain in gains)
+        effort, note = controller_effort(time, target, position, velocity, stiffness, damping, rate)
+        self.notes += [note] if note not in self.notes else []
+        return effort
 
 
 def assign(names: Sequence[str], layout: Layout | None, where: str, of_plan: bool = False
@@ -118,8 +122,8 @@ def assign(names: Sequence[str], layout: Layout | None, where: str, of_plan: boo
 def without_time(names: Sequence[str], layout: Layout, where: str) -> tuple[Column, Column] | None:
     """Return the columns of velocity and effort of a table of steady states, else None.
 
-    It has neither time nor position: each row is the mean of a motion at constant speed. Raises
-    InputError if it has several joints, and none is named.
+    Its rows are means of motion at constant speed, without time and position. Raises InputError if
+    it has several joints, and none is named.
     """
     if layout.rate or {'time', 'position'} & set(layout.columns):
         return None
@@ -170,10 +174,7 @@ def _named(layout: Layout, where: str) -> list[Column]:
 
 
 def _unknown_unit(reading: Reading, layout: Layout) -> bool:
-    """Return whether a column's name gives a unit that is not known, and the user gives none.
-
-    An effort may have any unit.
-    """
+    """Return whether a name gives an unknown unit, of no effort, and the user gives none."""
     signal = reading.signal
     given = any(one in layout.units for one in (signal, *_SAME_UNIT.get(signal, ())))
     return (bool(reading.unit) and not given and signal not in ('effort', 'current')
@@ -251,10 +252,7 @@ def _kind(signal: str) -> str:
 
 
 def _joint_columns(used: Sequence[Column], own: tuple[str, ...] | None) -> list[Column]:
-    """Return the columns of joints that have position and effort, and of no joint in particular.
-
-    `own` is the joint of the user's columns, None if none are named.
-    """
+    """Return the columns of joints with position and effort, of the user's (`own`) and of none."""
     positions = list(dict.fromkeys(c.key for c in used if c.signal == 'position'))
     efforts = list(dict.fromkeys(c.key for c in used if _kind(c.signal) == 'effort'))
     if len(positions) == len(efforts) == 1 and () not in efforts and positions != efforts:
@@ -268,10 +266,7 @@ def _joint_columns(used: Sequence[Column], own: tuple[str, ...] | None) -> list[
 
 def _labels(used: Sequence[Column], keys: Sequence[tuple[str, ...]], layout: Layout,
             own: tuple[str, ...] | None) -> dict[tuple[str, ...], str]:
-    """Return the name of each joint; `own` is that of the user's columns, None if none are given.
-
-    Alone, it needs no name.
-    """
+    """Return the name of each joint; that of the user's columns (`own`) needs none if alone."""
     labels = {key: next(c.joint for c in used if c.signal == 'position' and c.key == key)
               if key else '' for key in keys}
     if len(keys) == 1 and own is not None:
@@ -284,7 +279,6 @@ def _labels(used: Sequence[Column], keys: Sequence[tuple[str, ...]], layout: Lay
 
 def _check_complete(used: Iterable[Column], names: Sequence[str], layout: Layout, where: str
                     ) -> None:
-    """Raise InputError if a signal that is needed has no column."""
     signals = {_kind(column.signal) for column in used}
     needed = {'time': not layout.rate, 'position': True, 'effort': not layout.stiffness,
               'reference_position': bool(layout.stiffness)}

@@ -68,10 +68,7 @@ def _rate(time: np.ndarray, values: np.ndarray, usable: np.ndarray) -> np.ndarra
 
 def _viscous_friction(effort: np.ndarray, position: np.ndarray, velocity: np.ndarray,
                       acceleration: np.ndarray) -> tuple[float, float]:
-    """Return viscous friction of a plain drive (friction, inertia, weight) and its standard error.
-
-    The error follows from fits to parts of the recording.
-    """
+    """Return viscous friction of a plain drive, and its standard error."""
     width = max(_TRANSITION * float(np.nanmax(np.abs(velocity))), 1e-9)
     columns = np.column_stack([velocity, np.tanh(velocity / width), np.ones_like(velocity),
                                acceleration, np.sin(position), np.cos(position)])

@@ -53,8 +53,8 @@ def _whole_number(loader: Any, node: Any) -> int:
 
 
 def _number(loader: Any, node: Any) -> float:
-    text = loader.construct_scalar(node).lower().replace('.inf', 'inf').replace('.nan', 'nan')
-    return float(text)
+    text = loader.construct_scalar(node).lower()
+    return float(text.replace('.inf', 'inf').replace('.nan', 'nan'))
 
 
 # The core schema of YAML 1.2.
@@ -101,11 +101,7 @@ def read_yaml(path: str | Path) -> Any:
 
 
 def encodable(text: str) -> str:
-    r"""Return text that can be written as UTF-8.
-
-    File names may contain other bytes, which Python represents by surrogates: they are written as
-    escape sequences such as ``\udcfc``.
-    """
+    r"""Return text for UTF-8: other bytes, as of file names, become escapes such as ``\udcfc``."""
     return text.encode('utf-8', 'backslashreplace').decode('utf-8')
 
 

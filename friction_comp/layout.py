@@ -79,18 +79,12 @@ class Layout:
             for unit in units)
 
     def naming(self, names: Sequence[str], where: str) -> Layout:
-        """Return the layout with the columns as they are called in a table.
-
-        Raises InputError if one is missing.
-        """
+        """Return the layout with a table's own names; raises InputError if one is missing."""
         return replace(self, columns={signal: column_called(name, names, where)
                                       for signal, name in self.columns.items()})
 
     def gains(self, names: Sequence[str], where: str) -> tuple[float | str, ...]:
-        """Return stiffness and damping of one table, numbers or columns; empty if none are given.
-
-        Raises InputError if a column is missing.
-        """
+        """Return stiffness and damping of one table, numbers or columns; empty without any."""
         if not self.stiffness:
             return ()
         if max(len(self.stiffness), len(self.damping)) > 1:
@@ -111,10 +105,7 @@ class Layout:
 
 
 def column_called(name: str, names: Sequence[str], where: str) -> str:
-    """Return the column that the user means: that name, or the only one that is it with a unit.
-
-    Raises InputError if there is none.
-    """
+    """Return the column of that name, or the only one that is it with a unit; else InputError."""
     if name in names:
         return name
     alike = [one for one in names if plain_name(one) == name.strip().casefold()]

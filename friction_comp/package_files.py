@@ -12,11 +12,10 @@ from friction_comp.errors import InputError
 
 
 def package_file(*parts: str) -> Path:
-    """Return the path of a file or folder of the package.
+    """Return the path of a file or folder of the package; raises InputError if it is missing.
 
-    `parts` is its path below ``share/friction_comp``, such as ``'config',
-    'armin_configuration_1.yaml'``. It is searched in the source tree, if the package runs from one,
-    in all sourced workspaces and in the Python environment. Raises InputError if it is missing.
+    `parts` is its path below ``share/friction_comp``. It is searched in the source tree, if the
+    package runs from one, in all sourced workspaces and in the Python environment.
     """
     root = Path(__file__).resolve().parent.parent
     folders = [root] if (root / 'package.xml').is_file() else []
@@ -37,11 +36,9 @@ def middlewares() -> list[str]:
 
 
 def add_environment_to_ament_path() -> None:
-    """Add this Python environment to AMENT_PREFIX_PATH, where ROS 2 looks for packages.
+    """Add this Python environment to AMENT_PREFIX_PATH, before ROS 2 is imported.
 
-    Sourcing a workspace does this; activating a virtual environment with ROS 2 wheels does not. The
-    environment is added last, so that sourced workspaces take precedence. Must be called before
-    ROS 2 is imported.
+    Activating a virtual environment with ROS 2 wheels does not. Sourced workspaces take precedence.
     """
     if not Path(sys.prefix, 'share', 'ament_index').is_dir():
         return
@@ -50,5 +47,4 @@ def add_environment_to_ament_path() -> None:
 
 
 def _ament_prefixes() -> list[str]:
-    """Return the prefixes in AMENT_PREFIX_PATH."""
     return [p for p in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep) if p]

@@ -15,15 +15,13 @@ from dataclasses import dataclass
 import functools
 import multiprocessing
 from multiprocessing import resource_tracker
+from multiprocessing.connection import Connection
 import os
 import signal
 import threading
-from typing import Any, cast, TYPE_CHECKING, TypeVar
+from typing import Any, cast, TypeVar
 
 from friction_comp.errors import InputError, one_line
-
-if TYPE_CHECKING:
-    from multiprocessing.connection import Connection
 
 F = TypeVar('F', bound=Callable[..., Any])
 T = TypeVar('T')
@@ -33,8 +31,7 @@ U = TypeVar('U')
 def one_thread(function: F) -> F:
     """Return a function during which libraries of linear algebra use one thread.
 
-    Their threads share out products of large matrices. Of small ones they mostly wait for each
-    other, and a control loop that runs beside waits for them.
+    With small matrices their threads mostly wait for each other, and a control loop for them.
     """
     @functools.wraps(function)
     def limited(*arguments: Any, **named: Any) -> Any:
@@ -152,10 +149,7 @@ def child_process() -> Iterator[ProcessPoolExecutor]:
 
 
 def _end_with_parent(child_end: Connection) -> None:
-    """End this process when the parent closes its end of a pipe or is killed.
-
-    Otherwise it might work on for long, with no process left to receive the result.
-    """
+    """End this process, which might work on for long, when its parent closes a pipe or dies."""
     # Ctrl-C reaches both processes; the child waits until the parent closes the pipe.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 

@@ -33,10 +33,9 @@ class Page(Protocol):
 
 @contextmanager
 def output_folder(path: Path) -> Iterator[Path]:
-    """Yield a folder for results, which are moved to `path` when the block succeeds.
+    """Yield a hidden folder for results, which are moved to `path` when the block succeeds.
 
-    Until then they are in a hidden folder inside, which is removed if the block raises. Files with
-    the same names in `path` are replaced, others are kept.
+    Files with the same names in `path` are replaced, others are kept.
     """
     if path.exists() and not path.is_dir():
         raise InputError(f'{path}: exists and is not a folder')

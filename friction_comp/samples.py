@@ -8,16 +8,17 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
+from friction_comp.column_values import to_numbers
+from friction_comp.columns import assign
+from friction_comp.controller_effort import gear_effort
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
+from friction_comp.layout import Layout
 from friction_comp.statistics import smallest_step
-
-if TYPE_CHECKING:
-    from friction_comp.layout import Layout
 
 _OPTIONAL = (
     'velocity', 'acceleration', 'load', 'temperature', 'command', 'direction',
@@ -151,10 +152,9 @@ class Samples:
         return self._change(lambda values: values[index], recording=self.recording[index])
 
     def averaged(self, length: int) -> Samples:
-        """Return averages over `length` consecutive samples, segment by segment.
+        """Return averages over `length` consecutive samples of a segment; what remains is dropped.
 
-        Remaining samples at the end of a segment are dropped. Direction and recording are those of
-        the first sample, not averages.
+        Direction and recording are those of the first sample.
         """
         if length == 1 or not len(self):
             return self
@@ -274,14 +274,8 @@ class Samples:
         >>> samples.position.round(3).tolist()
         [0.0, 1.571, 3.142]
         """
-        from friction_comp.column_values import to_numbers
-        from friction_comp.columns import assign
-        from friction_comp.controller_effort import gear_effort
-
         names = [str(name) for name in (frame.columns if hasattr(frame, 'columns') else frame)]
         use = assign(names, layout, 'data frame')
-        if notes is not None:
-            notes.extend(use.notes)
         if joint is None and len(use.joints) > 1:
             raise InputError(f'data frame: several joints, name one: {", ".join(use.joints)}')
         chosen = use.joints[0] if joint is None or use.joints == [''] else joint
@@ -300,19 +294,14 @@ class Samples:
             signals['command'] /= torque_constant * gear_ratio
         if layout and layout.rate:
             signals['time'] = np.arange(len(signals['position'])) / layout.rate
-        found: list[str] = []
         if gains:
-            computed = use.controller_effort(
-                values, signals['time'], chosen,
-                [values[gain] if isinstance(gain, str) else gain for gain in gains])
-            assert computed is not None     # `assign` has found the target
-            signals['effort'], note = computed
-            found.append(note)
+            # `assign` has found the target.
+            signals['effort'] = use.controller_effort(values, signals['time'], chosen, gains)
         if 'link_torque' in signals:
             signals['effort'], note = gear_effort(signals['effort'], signals.pop('link_torque'))
-            found.append(note)
+            use.notes.append(note)
         if notes is not None:
-            notes.extend(found)
+            notes.extend(use.notes)
         if use.effort_is_current:
             signals['current'] = signals.pop('effort')
         return Samples.from_arrays(torque_constant=torque_constant, gear_ratio=gear_ratio,
@@ -335,10 +324,9 @@ class Samples:
         return {}
 
     def segments(self, largest_gap: float = 5.0) -> list[slice]:
-        """Return slices of samples without gaps.
+        """Return slices of samples without gaps, that is steps above `largest_gap` median ones.
 
-        A new segment begins after a time step longer than `largest_gap` median steps, where time
-        decreases, and at the start of another recording.
+        A slice also ends where time decreases, and with a recording.
         """
         if largest_gap not in self._segments:
             step = np.diff(self.time)
@@ -351,10 +339,7 @@ class Samples:
 
     @staticmethod
     def concatenate(parts: Iterable[Samples]) -> Samples:
-        """Concatenate samples of one joint; recordings are renumbered in order.
-
-        Signals that are not in all parts are dropped.
-        """
+        """Concatenate samples of one joint: signals in all parts, with recordings renumbered."""
         parts = list(parts)
         if not parts:
             raise InputError('no samples to concatenate')

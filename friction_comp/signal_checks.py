@@ -2,13 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checks whether measured signals are possible and agree with each other.
 
-A signal is compared with a second one: the integrated velocity with the change of position, and the
-measured current with the commanded one. The result of either comparison is a ratio: one if they
-agree, negative if a sign is wrong, and otherwise a value that often identifies a wrong unit.
-
-The functions take arrays, as recordings contain them. `VelocityCheck` and `CurrentCheck` apply them
-to recent samples of a running system. The caller decides how far a ratio may be from one, for
-instance by a factor of two before a drive is moved, or by a fifth in a diagnosis.
+The integrated velocity is compared with the change of position, and the measured current with the
+commanded one. The result of either comparison is a ratio: one if they agree, negative if a sign is
+wrong, and otherwise a value that often identifies a wrong unit. The caller decides how far it may
+be from one. The functions take arrays; `VelocityCheck` and `CurrentCheck` apply them to recent
+samples of a running system.
 """
 
 from __future__ import annotations
@@ -17,12 +15,11 @@ from collections import deque
 from collections.abc import Mapping
 import math
 import statistics
-from typing import NamedTuple, TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from friction_comp.drive import Drive
+from friction_comp.drive import Drive
 
 LIMITS = {
     'position': (1e5, 'rad'), 'velocity': (1e4, 'rad/s'), 'current': (1e5, 'A'),
@@ -36,10 +33,8 @@ STANDSTILL = 0.01
 """rad/s; slower, friction balances the other torques of a joint instead of following a model."""
 LOWEST = {'temperature': -273.15}
 """Smallest value of signals for which it is not minus the largest: absolute zero, °C."""
-
 BLOCK = 0.1
 """Duration over which velocity is integrated and compared with the change of position, s."""
-
 # A block is not used if the joint moved less than this, rad and encoder counts.
 _SHORT, _FEW_COUNTS = 2e-3, 50.0
 # A position that changes by at most so many counts while the velocity predicts more is stuck.
@@ -50,14 +45,12 @@ _VELOCITY_LAG = 0.02
 # Time steps above this in s, and above this multiple of the usual one, are gaps, over which nothing
 # is integrated.
 _GAP, _GAP_STEPS = 0.02, 3.0
-
 # Time constant with which currents are smoothed before they are compared, s: longer than the lag of
 # any drive. Longer delays are due to the connection between drive and controller.
 _SMOOTHING = 0.05
 LATEST = 0.3
-"""Largest delay of the measured current that is considered, s: a busy machine takes a tenth of a
-second or two to transfer a command. Current after a longer delay counts as no response."""
-
+"""Largest delay of the measured current that counts as a response, s: a busy machine takes a tenth
+of a second or two to transfer a command."""
 # Duration of measured current that is compared, s.
 _MEMORY = 0.5
 # Step between the delays that are compared, s.
@@ -68,7 +61,6 @@ _CLEARLY_BETTER = 0.005
 _LEAST_REMAINING = 0.2
 # Relative difference up to which a ratio is reported as that of a known unit.
 _UNIT_TOLERANCE = 0.1
-
 # Fewest blocks of motion that show whether a ratio is the same everywhere.
 _STEADY_BLOCKS = 10
 
@@ -102,10 +94,9 @@ def velocity_ratios(time: np.ndarray, position: np.ndarray, velocity: np.ndarray
                     resolution: float = 0.0) -> np.ndarray:
     """Return the ratio of integrated velocity to change of position in each block, shape (K,).
 
-    Signals have shape (N,), in s, rad and rad/s; samples that are not finite are omitted, and gaps
-    are not counted. `resolution` is that of the encoder, rad, if known. There is one ratio for each
-    block of `BLOCK` s in which the joint moved: infinite if the position is constant, 0 if the
-    velocity is zero, and 1 if a delayed velocity explains the difference.
+    Signals have shape (N,), in s, rad and rad/s; `resolution` is that of the encoder, rad. There is
+    one ratio for each block of `BLOCK` s in which the joint moved: infinite if the position is
+    constant, 0 if the velocity is zero, and 1 if a delayed velocity explains the difference.
     """
     good = np.isfinite(time) & np.isfinite(position) & np.isfinite(velocity)
     time, position, velocity = time[good], position[good], velocity[good]
@@ -223,8 +214,7 @@ def current_answer(command: np.ndarray, measured: np.ndarray) -> tuple[float, fl
 def late_answer(time: np.ndarray, command: np.ndarray, measured: np.ndarray) -> Answer:
     """Return how the measured current follows the commanded one, with the delay that fits best.
 
-    The last 0.8 s are used. Both currents were smoothed with the same filter; A, shape (N,). Time
-    is in s.
+    The last 0.8 s are used. Both currents, in A, were smoothed with the same filter; time is in s.
     """
     back = np.arange(round(_MEMORY / _GRID)) * _GRID
     recent = np.interp(time[-1] - back, time, measured, left=0.0)
@@ -301,10 +291,9 @@ class CurrentCheck:
             self._all[k] += step * value
 
     def gain(self, least: float, lately: bool = True) -> float:
-        """Return the ratio of measured to commanded current.
+        """Return the ratio of measured to commanded current, `lately` or of all samples.
 
-        It is that of about the last half second if `lately`, otherwise of all samples. It is NaN if
-        there is too little data, or the commanded current is below `least`, RMS in A.
+        It is NaN if there is too little data, or the commanded current is below `least`, RMS in A.
         """
         power, product, duration = self._recent if lately else self._all
         if duration < 0.3 * _MEMORY or power <= duration * least ** 2:

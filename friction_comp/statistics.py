@@ -12,12 +12,7 @@ import numpy as np
 
 
 def holm(p_values: Sequence[float]) -> np.ndarray:
-    """Return p-values adjusted for their number by Holm's step-down method, shape (N,).
-
-    References
-    ----------
-    S. Holm, Scandinavian Journal of Statistics 6(2), 1979.
-    """
+    """Return p-values, shape (N,), adjusted for their number by the method of Holm (1979)."""
     values = np.asarray(p_values, dtype=float)
     order = np.argsort(values, kind='stable')
     adjusted = np.empty(len(values))
@@ -43,10 +38,7 @@ def noise_level(values: np.ndarray) -> float:
 
 
 def smallest_step(values: np.ndarray) -> float:
-    """Return the smallest change between neighbours, beyond rounding errors; 0 without changes.
-
-    Of a position it usually is one encoder count.
-    """
+    """Return the smallest change between neighbours, usually one encoder count; 0 without any."""
     steps = np.abs(np.diff(values))
     steps = steps[steps > 1e-12]
     return float(np.min(steps)) if steps.size else 0.0
@@ -68,18 +60,14 @@ def top_speed(speed: np.ndarray, share: float = 0.95) -> float:
 
 
 def evenly_spread(index: Any) -> Any:
-    """Return places in 0..1 that are spread evenly, without a period, however many there are.
-
-    They are the multiples `index` of the golden ratio, modulo 1.
-    """
+    """Return multiples `index` of the golden ratio, modulo 1: evenly spread, without a period."""
     return index * (0.5 * (math.sqrt(5.0) - 1.0)) % 1.0
 
 
 def quantile_edges(values: np.ndarray, count: int, tails: Sequence[float] = ()) -> np.ndarray:
     """Return the inner edges of `count` ranges with equal numbers of values, ascending.
 
-    There are further edges at the quantiles `tails` and 1 - `tails`. If many values are equal,
-    there are fewer edges, since equal edges are merged.
+    There are further edges at the quantiles `tails` and 1 - `tails`. Equal edges are merged.
     """
     ends = np.array(tails, dtype=float)
     shares = np.concatenate((ends, np.linspace(0, 1, count + 1)[1:-1], 1.0 - ends))

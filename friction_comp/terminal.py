@@ -1,9 +1,8 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Standard output and error streams that never stop a tool.
+"""Standard output and error streams that never stop a tool, whose results are in files.
 
-The results of a tool are in files; its printed output is additional. If a pipe is closed (``|
-head``) or a terminal lacks some characters, only printed text is lost.
+If a pipe is closed (``| head``) or a terminal lacks some characters, only printed text is lost.
 """
 
 from __future__ import annotations

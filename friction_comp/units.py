@@ -2,9 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Units as people write them: a factor, products and one quotient of symbols with prefixes.
 
-``2.69mA``, ``0.229rpm``, ``kN·m``, ``inch/min`` and ``counts/4096/s`` are read by one grammar
-instead of a list. The result is the factor to SI units and the dimension, which tells whether a
-signal can have the unit.
+One grammar reads ``2.69mA``, ``0.229rpm``, ``kN·m``, ``inch/min`` and ``counts/4096/s``. The result
+is the factor to SI units and the dimension, which tells whether a signal can have the unit.
 """
 
 from __future__ import annotations
@@ -57,8 +56,10 @@ _EXAMPLES = {
     'time': 's, ms, µs, ns, min', 'angle': 'rad, mrad, deg, turn, counts/N (N per turn), m, mm, '
     'inch', 'angle/time': 'rad/s, deg/s, rpm, counts/N/s, m/s', 'torque': 'N·m, mN·m, N, kN, lbf',
     'current': 'A, mA', 'temperature': '°C'}
-_FACTOR = re.compile(r'\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)?\s*\*?\s*(.*)')
-_COUNTS = re.compile(r'counts?/(\d+(?:\.\d+)?)')
+_COUNTS = r'counts?/(\d+(?:\.\d+)?)'
+# Factor, what is above the quotient, and below.
+_PARTS = re.compile(r'\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)?\s*\*?\s*'
+                    rf'({_COUNTS}|[^/]*)(?:/(.*))?')
 
 
 class Unit(NamedTuple):
@@ -74,29 +75,16 @@ def parse_unit(text: str) -> Unit | None:
     ``counts/4096`` is a 4096th of a turn; its dimension is ``counts``. A factor may precede any
     unit: ``2.69mA``.
     """
-    match = _FACTOR.fullmatch(text.strip().replace('\u03bc', 'µ'))
-    number, rest = match.groups() if match else (None, '')
-    factor = float(number) if number else 1.0
-    if not rest or not math.isfinite(factor) or factor == 0.0:
+    match = _PARTS.fullmatch(text.strip().replace('\u03bc', 'µ'))
+    number, above_text, _, below_text = match.groups() if match else (None, '', None, None)
+    factor, above = float(number or 1.0), _product(above_text)
+    if above is None or not math.isfinite(factor) or factor == 0.0:
         return None
-    counts = _COUNTS.match(rest)
-    if counts:
-        if not float(counts[1]) > 0.0:
-            return None
-        above, below = Unit(1.0 / float(counts[1]), 'counts'), rest[counts.end():]
-        if below and not below.startswith('/'):
-            return None
-        below = below[1:]
-    else:
-        numerator, _, below = rest.partition('/')
-        known = _product(numerator)
-        if known is None:
-            return None
-        above = known
-    if not below:
+    if not below_text:
         return Unit(factor * above.factor, above.dimension)
-    divisor = _product(below)
-    if divisor is None or '/' in divisor.dimension or '/' in above.dimension:
+    divisor = _product(below_text)
+    if divisor is None or divisor.dimension == 'counts' or (
+            '/' in divisor.dimension + above.dimension):
         return None
     return Unit(factor * above.factor / divisor.factor, f'{above.dimension}/{divisor.dimension}')
 
@@ -118,11 +106,6 @@ def unit_of(signal: str, text: str) -> Unit | None:
     return unit
 
 
-def signals_with(text: str) -> list[str]:
-    """Return the signals that can have a unit."""
-    return [signal for signal in _DIMENSIONS if unit_of(signal, text) is not None]
-
-
 def unit_factor(signal: str, unit: str) -> float:
     """Return the factor that converts a column's numbers to SI units.
 
@@ -134,27 +117,23 @@ def unit_factor(signal: str, unit: str) -> float:
     if signal == 'effort':
         # In other units, such as volts or per cent of a servo's range, values stay as they are.
         return 1.0
-    raise InputError(f'{signal} cannot be in {unit!r}; its units are {possible_units(signal)}, '
+    possible = ', '.join(_EXAMPLES[one] for one in _DIMENSIONS[signal] if one in _EXAMPLES)
+    raise InputError(f'{signal} cannot be in {unit!r}; its units are {possible or "none"}, '
                      'with a factor before them if needed, as in 2.69mA')
 
 
 def signal_with_unit(unit: str) -> str | None:
     """Return a signal that has a known unit which effort cannot have, else None."""
-    signals = signals_with(unit)
-    return None if not signals or 'effort' in signals else (
-        'position' if parse_unit(unit).dimension == 'counts'  # type: ignore[union-attr]
-        else signals[0])
+    signals = [signal for signal in _DIMENSIONS if unit_of(signal, unit) is not None]
+    if not signals or 'effort' in signals:
+        return None
+    # Counts may be those of a timer, but are seldom.
+    return 'position' if 'position' in signals else signals[0]
 
 
 def default_unit(signal: str) -> str:
     """Return the SI unit of a signal, '' if it has none."""
     return _SI.get(next(iter(_DIMENSIONS[signal]), ''), '')
-
-
-def possible_units(signal: str) -> str:
-    """Return examples of a signal's units for a message."""
-    return ', '.join(_EXAMPLES[dimension] for dimension in _DIMENSIONS[signal]
-                     if dimension in _EXAMPLES) or 'none'
 
 
 def in_own_units(content: T, linear: bool) -> T:
@@ -188,6 +167,9 @@ def _product(text: str) -> Unit | None:
 def _symbol(text: str) -> Unit | None:
     if text in _WORDS:
         return Unit(*_WORDS[text])
+    counts = re.fullmatch(_COUNTS, text)
+    if counts:
+        return Unit(1.0 / float(counts[1]), 'counts') if float(counts[1]) > 0.0 else None
     for symbol, dimension in _WITH_PREFIX.items():
         prefix = text[:len(text) - len(symbol)]
         if text.endswith(symbol) and prefix in _PREFIXES:

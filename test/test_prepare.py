@@ -11,16 +11,8 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.differentiation import shifted_in_time
 from friction_comp.model.effects import EFFECTS
-from friction_comp.refinement.prepare import (
-    blocks_of,
-    clipped,
-    coverage_of,
-    join,
-    load_coefficient,
-    prepare,
-    row_starts,
-    samples_per_row,
-)
+from friction_comp.refinement.prepare import clipped, coverage_of, join, prepare, samples_per_row
+from friction_comp.refinement.recorded_motion import blocks_of, load_coefficient, row_starts
 from friction_comp.samples import Samples
 
 DRIVE = Drive(0.1, 100.0)

@@ -20,17 +20,12 @@ import numpy as np
 from friction_comp.arm.solver import ArmRows, FRICTION, FRICTION_SIGNS, linearised, Prior, Sums
 from friction_comp.model.arm.tree import PARAMETERS, Tree
 from friction_comp.model.effects import EFFECTS, ResidualView
+from friction_comp.refinement import search
 from friction_comp.refinement.block_sums import BlockSums
 from friction_comp.refinement.effect_columns import friction_groups, signs_of, Table, Term
 from friction_comp.refinement.prepare import coverage_of
 from friction_comp.refinement.recorded_motion import standstill_speed, TRANSITIONS
-from friction_comp.refinement.search import (
-    error_reductions,
-    free_constants,
-    Search,
-    total,
-    with_step,
-)
+from friction_comp.refinement.search import Search
 
 # Steps by which constants are changed, see `search.step_size`: a parabola gives the best.
 _STEPS = (0.5, 0.1)
@@ -83,24 +78,12 @@ def signs_at(indices: dict[Term, list[int]], joints: int) -> np.ndarray:
     return np.array([row + [0] * (longest - len(row)) for row in rows])
 
 
-def _is_known(signal: np.ndarray | None) -> bool:
-    return signal is not None and bool(np.isfinite(signal).all())
-
-
 class ArmTable(Table):
     """The columns of links, of all joints' friction, and of terms, and their sums over cells.
 
     A cell is one joint in one stretch; the columns are derivatives by the unknowns of `Prior`, as
-    differences from their means.
-
-    Parameters
-    ----------
-    sums : Sums
-        With the columns of `indices` after those of friction.
-    prior : Prior
-    x : ndarray, shape (U,)
-        The latest fit, with friction only or with any terms.
-    indices : dict of Term to list of int
+    differences from their means. `sums` have the columns of `indices` after those of friction, and
+    x, shape (U,), is the latest fit with any terms.
     """
 
     def __init__(self, sums: Sums, prior: Prior, x: np.ndarray, indices: dict[Term, list[int]]
@@ -132,14 +115,8 @@ class ArmTable(Table):
     def set_transition(self, steepness: float, shift: float) -> None:
         """Do nothing: friction changes its sign where it does in the sums."""
 
-    def fitted_error(self, terms: Sequence[Term]) -> float:
-        """Return the squared error of a fit of terms to all stretches."""
-        columns = self.indices(terms)
-        found = np.repeat(self.sums.fit(columns)[None], len(self.block), axis=0)
-        return float(self.sums.squared_errors(columns, found).sum())
-
     def residual_of(self, columns: np.ndarray, terms: Sequence[Term]) -> np.ndarray:
-        """Return the residual of such a fit, A, (N, J); `columns` are those of `ArmRows`."""
+        """Return the residual of a fit of terms, A, (N, J); `columns` are those of `ArmRows`."""
         chosen = self.indices(terms)
         combination = (self._combine[:, :, -1]
                        - self._combine[:, :, chosen] @ self.sums.fit(chosen))
@@ -147,12 +124,10 @@ class ArmTable(Table):
 
 
 class ArmSearch(Search):
-    """A search among the effects of position and of load at all joints.
+    """A search among the effects of position and of load at all joints, from the latest fit.
 
     An effect is an improvement where it is at one joint, and where the error of all is no larger: a
     joint's error says nothing of the others', but the links that are fitted to it are also theirs.
-
-    `tree`, `prior`, `x`, `variance` and `terms` are those of the latest fit; see `Sums`.
     """
 
     def __init__(self, rows: ArmRows, tree: Tree, prior: Prior, x: np.ndarray,
@@ -182,10 +157,7 @@ class ArmSearch(Search):
         return ArmTable(sums, self._prior, self._x, indices)
 
     def _update_candidates(self, terms: Sequence[Term]) -> None:
-        """Replace the candidates by those proposed for the residual of a fit.
-
-        Of each choice it is the one that explains most of its joint beside the links.
-        """
+        """Replace the candidates by what explains most of the residual, one of each choice."""
         self._known |= dict.fromkeys(terms)
         columns, sums, indices = self._measured([*self._known])
         residual = ArmTable(sums, self._prior, self._x, indices).residual_of(
@@ -199,7 +171,7 @@ class ArmSearch(Search):
             kept = [base + column for term in terms if joint_of(term) == joint
                     for column in indices[term]]
             own = [term for term in proposed if joint_of(term) == joint]
-            gains = error_reductions(
+            gains = search.error_reductions(
                 matrix, [*range(base), *kept],
                 [[base + column for column in indices[term]] for term in own],
                 np.zeros(len(matrix) - 1))
@@ -221,7 +193,8 @@ class ArmSearch(Search):
             if kind.variable in ('position', 'load') and not kind.uses_inner_load
             # The links are all weight.
             and not kind.weight and not kind.insufficient_data(coverage)
-            and all(_is_known(getattr(samples, signal)) for signal in kind.needs)
+            and all((signal := getattr(samples, name)) is not None and np.isfinite(signal).all()
+                    for name in kind.needs)
             for constants in kind.propose(view)]
         moving = {self._tree.joints[j] for j in self._samples}
         return terms + [
@@ -238,24 +211,24 @@ class ArmSearch(Search):
 
     def _adjusted(self, terms: list[Term], size: float) -> list[Term]:
         """Return terms with each constant where a parabola through three values has its least."""
-        free = free_constants(terms)
+        free = search.free_constants(terms)
 
         def moved(index: int, name: str, step: float) -> list[Term]:
             coverage = self._coverage[joint_of(terms[index])]
-            return [with_step(term, name, step, coverage) if k == index else term
+            return [search.with_step(term, name, step, coverage) if k == index else term
                     for k, term in enumerate(terms)]
         sides = [[moved(index, name, step) for step in (-size, size)] for index, name in free]
         table = self._table(list(dict.fromkeys(
             [*terms, *(term for pair in sides for trial in pair for term in trial)])))
-        middle, changed = table.fitted_error(terms), terms
+        middle, changed = table.error(terms), terms
         for (index, name), pair in zip(free, sides):
-            low, high = (table.fitted_error(trial) for trial in pair)
+            low, high = (table.error(trial) for trial in pair)
             bend = low + high - 2.0 * middle
             step = 0.5 * (low - high) / bend if bend > 0.0 else 2.0 * np.sign(low - high)
             best = moved(index, name, float(np.clip(step, -2.0, 2.0)) * size)[index]
             changed = [best if k == index else term for k, term in enumerate(changed)]
         table = self._table(list(dict.fromkeys([*terms, *changed])))
-        return changed if table.fitted_error(changed) < middle else terms
+        return changed if table.error(changed) < middle else terms
 
     def errors(self, terms: Sequence[Term]) -> list[np.ndarray]:
         """Return the squared errors of held-out stretches of each joint."""
@@ -265,6 +238,6 @@ class ArmSearch(Search):
     def is_improvement(self, before: Sequence[np.ndarray], after: Sequence[np.ndarray],
                        share: float = 1.0) -> bool:
         """Return whether the errors of a joint decrease by more than chance, and their sum does."""
-        return total(after) < total(before) and any(
+        return search.total(after) < search.total(before) and any(
             super(ArmSearch, self).is_improvement([old], [new], share)
             for old, new in zip(before, after))

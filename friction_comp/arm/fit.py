@@ -20,34 +20,22 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import product
 import math
-from typing import Any, NamedTuple, TYPE_CHECKING
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from friction_comp.arm import solver
 from friction_comp.arm.beside import ArmSearch, columns_of, signs_at
 from friction_comp.arm.link_inertia import Bodies
-from friction_comp.arm.solver import (
-    confidence_intervals,
-    FOLDS,
-    FRICTION,
-    LinkIntervals,
-    Prior,
-    rows_of,
-    solve,
-    squared_errors,
-    stretches_of,
-    Sums,
-)
+from friction_comp.arm.solver import LinkIntervals, Prior, Sums
+from friction_comp.arm.urdf import Chain
 from friction_comp.errors import InputError
 from friction_comp.model.arm.arm import moving_states
 from friction_comp.model.arm.tree import FREE_FALL, PARAMETERS, Tree
-from friction_comp.model.differentiation import METHOD
 from friction_comp.parallel import one_thread
 from friction_comp.refinement.effect_columns import Term
+from friction_comp.refinement.recorded_motion import candidate_settings
 from friction_comp.samples import Samples
-
-if TYPE_CHECKING:
-    from friction_comp.arm.urdf import Chain
 
 FEWEST = 200  # samples
 # Regularisation strengths that are compared, and the one used for all other choices, in squared
@@ -100,11 +88,9 @@ class ArmFit:
     declared: bool  # whether the currents per torque are those given
 
     def torque(self, samples: Samples) -> np.ndarray:
-        """Return the torque in N·m of the links on a joint, shape (N,).
+        """Return the torque in N·m of the links on a joint, shape (N,), fitted to other stretches.
 
-        In each stretch of a recording, the links that were fitted without this stretch are used, so
-        that it is a prediction. The samples are those of one joint with `arm`, and have the
-        `recording` numbers of the fit.
+        The samples are those of one joint with `arm` and the `recording` numbers of the fit.
         """
         motion = moving_states(samples, self.tree.joints, self.differentiation)
         joint_index = self.tree.joints.index(samples.joint)
@@ -123,27 +109,13 @@ class ArmFit:
 @one_thread
 def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = None,
             progress: Callable[..., Any] | None = None, assumed: bool = False) -> ArmFit:
-    """Fit an arm to recordings.
+    """Fit the arm of a URDF to recorded samples of its J joints.
 
-    Parameters
-    ----------
-    chain : Chain
-        The arm of the URDF.
-    joints : list of Samples, length J
-        Recorded samples on one time base and with `arm`, in the order of `chain.tree.joints`.
-    declared : ndarray, shape (J,), optional
-        Current per torque in A per N·m, if torque constants and gear ratios are known.
-    progress : callable, optional
-        Called with the share 0..1 of the work done.
-    assumed : bool
-        Whether `declared` is an assumption, which is dropped if other values predict stretches that
-        were left out clearly better.
-
-    Raises
-    ------
-    InputError
-        If there are too few samples, or some are not finite, or the currents cannot be those of
-        the URDF.
+    The samples have one time base and `arm`, in the order of `chain.tree.joints`. `declared`, shape
+    (J,), are currents per torque in A per N·m, if known. If they are `assumed`, they are dropped
+    where other values predict stretches that were left out clearly better. `progress` is called
+    with the share 0..1 of the work done. Raises InputError if there are too few samples, some are
+    not finite, or the currents cannot be those of the URDF.
     """
     report = progress or (lambda share: None)
     if [one.joint for one in joints] != list(chain.tree.joints) or any(
@@ -166,26 +138,26 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
     report(0.7)
     sums, x = best.sums, best.x
     prior, errors = _choose_strength(sums, best.prior, x)
-    parts = [solve(sums.total - own, prior, x) for own in sums.folds]
+    parts = [solver.solve(sums.total - own, prior, x) for own in sums.folds]
     report(0.8)
     links = len(joints) * PARAMETERS
     no_links = sums.sums.copy()
     no_links[..., :links, :] = no_links[..., :links] = 0.0
     without = _held_out(replace(sums, sums=no_links), prior, x)
-    rows = rows_of(problem.chain, joints, best.settings, _MOST_ROWS['final'])
+    rows = solver.rows_of(problem.chain, joints, best.settings, _MOST_ROWS['final'])
     whole = rows.sums(columns_of(rows, best.tree, best.terms)[0])
     whole, x = _reweighted_fit(whole, prior, x)
     report(1.0)
-    first = np.nonzero(np.diff(stretches_of(joints[0].recording), prepend=-1))[0]
+    first = np.nonzero(np.diff(solver.stretches_of(joints[0].recording), prepend=-1))[0]
     held_out_stretches = [
-        HeldOutStretch(int(joints[0].recording[row]), float(joints[0].time[row]),
-                       *problem.arm_of(parts[index % FOLDS])) for index, row in enumerate(first)]
+        HeldOutStretch(int(joints[0].recording[row]), float(joints[0].time[row]), *problem.arm_of(
+            parts[index % solver.FOLDS])) for index, row in enumerate(first)]
     tree, scales = problem.arm_of(x)
     return ArmFit(
         tree, chain.tree, scales,
-        prior.friction(x)[:, :FRICTION], best.settings, prior.strength, errors, without,
+        prior.friction(x)[:, :solver.FRICTION], best.settings, prior.strength, errors, without,
         identifiable(whole.total[:, :links, :links].sum(axis=0)), held_out_stretches,
-        confidence_intervals(whole.sums, prior, x), problem.declared is not None)
+        solver.confidence_intervals(whole.sums, prior, x), problem.declared is not None)
 
 
 class _Trial(NamedTuple):
@@ -202,8 +174,6 @@ class _Trial(NamedTuple):
 
 @dataclass(frozen=True)
 class _Problem:
-    """What is fitted."""
-
     chain: Chain
     joints: list[Samples]
     bodies: Bodies
@@ -217,12 +187,9 @@ class _Problem:
 
     def prepared(self, settings: dict[str, Any], terms: list[Term] | None = None,
                  tree: Tree | None = None) -> _Trial:
-        """Return what a fit with some differentiation settings, and terms beside the links, needs.
-
-        Its error is 0, but infinite if the URDF's torque has the wrong sign at every joint.
-        """
+        """Return what a fit needs; its error is infinite if the URDF's torques have wrong signs."""
         tree, terms = tree or self.chain.tree, terms or []
-        rows = rows_of(self.chain, self.joints, settings, _MOST_ROWS['choice'])
+        rows = solver.rows_of(self.chain, self.joints, settings, _MOST_ROWS['choice'])
         columns, indices = columns_of(rows, tree, terms)
         sums = rows.sums(columns)
         typical = _typical_scale(sums, self.bodies)
@@ -250,14 +217,11 @@ class _Problem:
         if trial.error == math.inf:
             return math.inf
         total, prior = trial.sums.total, trial.prior
-        errors = squared_errors(total, prior, solve(total, prior, trial.x))
+        errors = solver.squared_errors(total, prior, solver.solve(total, prior, trial.x))
         return 0.5 * float(np.mean(np.log(errors + 1e-24)))
 
     def best(self, report: Callable[[float], None] = lambda share: None) -> _Trial:
-        """Return the fit with the settings of the lowest error, and effects beside the links.
-
-        Effects are searched before settings are compared, and once more with the best.
-        """
+        """Return the fit with the best settings; effects are searched before and after."""
         trials, choices = [], _settings(self.joints)
         first = self.with_effects(self.trial(choices[min(1, len(choices) - 1)]), 1)
         for settings in choices:
@@ -269,7 +233,7 @@ class _Problem:
         """Return a fit of links and effects in turn, until a round finds the same effects."""
         if trial.error == math.inf:
             return trial
-        rows = rows_of(self.chain, self.joints, trial.settings, _MOST_ROWS['choice'])
+        rows = solver.rows_of(self.chain, self.joints, trial.settings, _MOST_ROWS['choice'])
         for _ in range(rounds):
             before = trial.terms
             links, _ = self.arm_of(trial.x)
@@ -287,8 +251,7 @@ class _Problem:
 def _with_gravity_direction(problem: _Problem, best: _Trial) -> tuple[_Problem, _Trial]:
     """Return the arm with the direction of gravity that fits the recording best, and its trial.
 
-    An arm may be mounted on a wall or a ceiling, which its URDF does not say. A direction other
-    than the URDF's is used only if it lowers the held-out error clearly.
+    An arm may be mounted on a wall or a ceiling, which its URDF does not say.
     """
     settings = best.settings if best.error < math.inf else _settings(problem.joints)[-1]
     turned = []
@@ -310,10 +273,9 @@ def _with_gravity_direction(problem: _Problem, best: _Trial) -> tuple[_Problem, 
 
 
 def identifiable(products: np.ndarray) -> int:
-    """Return the number of base parameters: combinations that the joint torques determine.
+    """Return the number of combinations of parameters that the joint torques determine.
 
-    It is the number of singular values of the links' normalised columns above 1e-6 of the largest;
-    `products`, shape (10·J, 10·J), are the sums of products of these columns.
+    `products`, shape (10·J, 10·J), are the sums of products of the links' columns.
     """
     norm = np.sqrt(np.diag(products))
     seen = norm > 1e-9 * max(norm.max(), 1e-300)
@@ -323,23 +285,12 @@ def identifiable(products: np.ndarray) -> int:
 
 
 def _settings(joints: list[Samples]) -> list[dict[str, Any]]:
-    """Return the differentiation settings to compare, by source and bandwidth."""
-    step = max(joints[0].sample_time, 1e-9)
-    narrow = [value for value in _BANDWIDTHS if value <= 0.3 / step]
-    sources = ['position']
     arm = joints[0].arm
-    velocity = None if arm is None else arm.velocity
-    if velocity is not None and np.any(velocity, axis=0).all():
-        sources.append('velocity')
-    return [{'method': METHOD, 'source': source, 'bandwidth': value}
-            for source in sources for value in [*narrow, None]]
+    return candidate_settings(joints[0], None if arm is None else arm.velocity, _BANDWIDTHS)
 
 
 def _typical_scale(problem: Sums, bodies: Bodies) -> float | None:
-    """Return a typical current per torque, A per N·m, with the URDF's links.
-
-    It is the weighted median of each joint's best fit; None if that is positive for no joint.
-    """
+    """Return the weighted median of the joints' currents per torque, A per N·m, if any."""
     scales, sizes, resisting = [], [], []
     links = bodies.prior.ravel()
     for matrix in problem.total[problem.counts > 0.0]:
@@ -373,8 +324,8 @@ def _typical_scale(problem: Sums, bodies: Bodies) -> float | None:
 def _reweighted_fit(problem: Sums, prior: Prior, x: np.ndarray) -> tuple[Sums, np.ndarray]:
     """Fit with each joint weighted by its inverse residual variance; return problem and fit."""
     for _ in range(_ROUNDS):
-        x = solve(problem.total, prior, x)
-        residual = squared_errors(problem.total, prior, x) / np.maximum(problem.counts, 1.0)
+        x = solver.solve(problem.total, prior, x)
+        residual = solver.squared_errors(problem.total, prior, x) / np.maximum(problem.counts, 1.0)
         residual = np.maximum(residual, 1e-24)
         problem = Sums(problem.sums / residual[:, None, None], problem.variance * residual,
                        problem.counts)
@@ -382,19 +333,15 @@ def _reweighted_fit(problem: Sums, prior: Prior, x: np.ndarray) -> tuple[Sums, n
 
 
 def _held_out(problem: Sums, prior: Prior, x: np.ndarray) -> np.ndarray:
-    """Return each joint's RMS error in A on stretches that were not fitted, shape (J,)."""
     total, sums = problem.total, np.zeros(len(problem.counts))
     for own in problem.folds:
-        sums += squared_errors(own, prior, solve(total - own, prior, x))
+        sums += solver.squared_errors(own, prior, solver.solve(total - own, prior, x))
     return np.sqrt(sums * problem.variance / np.maximum(problem.counts, 1.0)) + 1e-12
 
 
 def _choose_strength(problem: Sums, prior: Prior, x: np.ndarray) -> tuple[Prior, np.ndarray]:
     """Return the prior with the largest strength that predicts as well as the best, and errors."""
-    trials = []
-    for strength in STRENGTHS:
-        trial = replace(prior, strength=strength)
-        errors = _held_out(problem, trial, x)
-        trials.append((float(np.mean(np.log(errors))), trial, errors))
-    least = min(entry[0] for entry in trials)
-    return [entry[1:] for entry in trials if entry[0] <= least + _EQUAL_ERRORS][-1]
+    priors = [replace(prior, strength=strength) for strength in STRENGTHS]
+    trials = [(trial, _held_out(problem, trial, x)) for trial in priors]
+    sizes = [float(np.mean(np.log(errors))) for _, errors in trials]
+    return [trial for trial, size in zip(trials, sizes) if size <= min(sizes) + _EQUAL_ERRORS][-1]

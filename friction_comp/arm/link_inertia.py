@@ -14,14 +14,10 @@ prior that does not depend on units and frame.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import ArrayLike
 
 from friction_comp.model.arm.tree import PARAMETERS
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 # Least mass in kg and extent in m; many URDFs have massless links that only define frames.
 _LEAST_MASS, _LEAST_RADIUS = 1e-3, 1e-3
@@ -46,10 +42,7 @@ def parameters_of(pseudo: np.ndarray) -> np.ndarray:
 
 
 def nearest_possible(parameters: ArrayLike) -> np.ndarray:
-    """Return the ten parameters with mass and extent raised as far as a possible body needs.
-
-    Parameters that are clearly possible are not changed.
-    """
+    """Return the ten parameters with mass and extent raised as far as a possible body needs."""
     pseudo = pseudo_inertia(parameters)
     mass = max(pseudo[3, 3], _LEAST_MASS)
     centre = pseudo[:3, 3] / mass
@@ -66,13 +59,7 @@ def nearest_possible(parameters: ArrayLike) -> np.ndarray:
 
 
 class Bodies:
-    """The links' parameters as functions of ten unconstrained coordinates per link.
-
-    Parameters
-    ----------
-    prior : array_like, shape (L, 10)
-        The URDF's parameters.
-    """
+    """The links' parameters as functions of ten coordinates per link, zeros at a prior (L, 10)."""
 
     def __init__(self, prior: ArrayLike) -> None:
         self.prior = np.array([nearest_possible(row) for row in np.asarray(prior, dtype=float)])

@@ -3,9 +3,9 @@
 """Fits links, currents per torque and friction of all joints by regularised least squares.
 
 A recording is represented by sums of products of columns over stretches: the columns of the links'
-parameters, of each joint's friction, rotor and further effects, and its current. A stretch is left
-out by subtracting its sums. The model is nonlinear only in the parametrisation of the links and in
-the currents per torque, so the Levenberg-Marquardt method needs nothing but these sums.
+parameters, of each joint's friction, rotor and further effects, and its current. The model is
+nonlinear only in the parametrisation of the links and in the currents per torque, so the
+Levenberg-Marquardt method needs nothing but these sums.
 """
 
 from __future__ import annotations
@@ -13,19 +13,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 import functools
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from scipy import stats
 from scipy.linalg import block_diag
 
 from friction_comp.arm.link_inertia import Bodies
+from friction_comp.arm.urdf import Chain
 from friction_comp.model.arm.arm import moving_states
 from friction_comp.model.arm.tree import PARAMETERS
 from friction_comp.samples import Samples
-
-if TYPE_CHECKING:
-    from friction_comp.arm.urdf import Chain
 
 # Columns of a joint's friction and rotor: constant, Coulomb, viscous and acceleration; and which of
 # their coefficients must not be negative.
@@ -131,10 +129,7 @@ def top_speeds(velocity: np.ndarray) -> np.ndarray:
 
 def rows_of(chain: Chain, joints: list[Samples], settings: dict[str, Any], most_rows: int
             ) -> ArmRows:
-    """Return the rows of recordings of all joints, with the motion of some settings.
-
-    If there are more samples than `most_rows`, only every n-th is used.
-    """
+    """Return at most `most_rows` rows of recordings of all joints, with the motion of settings."""
     motion = moving_states(joints[0], chain.tree.joints, settings)
     rows = slice(None, None, max(1, len(joints[0]) // most_rows))
     q, v, a = motion = tuple(signal[rows] for signal in motion)  # type: ignore[assignment]
@@ -210,7 +205,7 @@ class Prior:
 def linearised(prior: Prior, x: np.ndarray) -> np.ndarray:
     """Return, as combinations of each joint's columns, the derivatives of its current by unknowns.
 
-    Shape (J, P, U + 1), where P is the number of columns of `Sums`; the last is the error of x.
+    Shape (J, P, U + 1), with P columns of `Sums`; the last is the error of x.
     """
     parameters, slopes = prior.bodies.parameters(x[prior.links])
     joints, width = prior.signs.shape
@@ -232,9 +227,9 @@ def linearised(prior: Prior, x: np.ndarray) -> np.ndarray:
 def solve(matrices: np.ndarray, prior: Prior, start: np.ndarray) -> np.ndarray:
     """Return the unknowns, shape (U,), that fit each joint's sums (see `Sums.total`) best.
 
-    Coefficients have the signs that the prior requires. The method is that of Levenberg and
-    Marquardt. Only links and scales are damped, in the prior's coordinates: the current is linear
-    in all else. The damping follows from how well the step was predicted (Nielsen 1999).
+    Coefficients have the signs that the prior requires. Only links and scales are damped: the
+    current is linear in all else. Damping follows from how well the step was predicted (Nielsen
+    1999).
     """
     lowest = prior.lowest
     x = np.maximum(start, lowest)
@@ -297,10 +292,9 @@ class LinkIntervals:
 def confidence_intervals(stretches: np.ndarray, prior: Prior, x: np.ndarray) -> LinkIntervals:
     """Return the intervals of the fit `x`; `stretches` are the sums of each stretch (`Sums.sums`).
 
-    The effect of noise is computed from the scatter of the gradient between stretches, since
-    successive errors are correlated (White's covariance, clustered by stretches, Liang and Zeger
-    1986); the uncertainty of the prior is added. A parameter that the prior determines more than
-    the recording has no interval: a recording does not show how accurate the URDF is.
+    Noise is White's covariance, clustered by stretches since successive errors are correlated
+    (Liang and Zeger 1986); the uncertainty of the prior is added. A parameter that the prior
+    determines more than the recording has no interval: it does not show how accurate the URDF is.
     """
     _, _, hessian = loss_gradient_hessian(stretches.sum(axis=0), prior, x)
     gradients = np.array([loss_gradient_hessian(own, prior, x)[1] for own in stretches])

@@ -13,15 +13,13 @@ import os
 from pathlib import Path
 import re
 import sys
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from friction_comp.errors import InputError
 from friction_comp.model.arm.tree import FREE_FALL, Tree
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 # Words that drivers and robot descriptions add to joint names.
 _GENERIC_WORDS = ('joint', 'axis')
@@ -30,19 +28,9 @@ _GENERIC_WORDS = ('joint', 'axis')
 class Chain:
     """An arm described by a URDF file, with its joints named as in recordings.
 
-    Attributes
-    ----------
-    tree : Tree
-        The arm with the file's parameters.
-    locked : list of str
-        Joints of the file that were not recorded; they are assumed to stay at position zero.
-    unknown : list of str
-        Recorded joints that the file does not describe, such as those of a gripper.
-
-    Raises
-    ------
-    InputError
-        If Pinocchio is missing, or the file cannot be used or is that of another robot.
+    `tree` has the file's parameters; `locked` joints of the file were not recorded and are assumed
+    to stay at position zero, `unknown` recorded ones are not in the file, such as a gripper's.
+    Raises InputError if Pinocchio is missing, or the file cannot be used or is another robot's.
     """
 
     def __init__(self, path: str | Path, joints: Sequence[str]) -> None:
@@ -166,9 +154,8 @@ def match_names(recorded: Sequence[str], described: Sequence[str],
                 path: str | Path) -> tuple[dict[str, str], list[str]]:
     """Return each recorded joint's name in a URDF file, and the recorded joints that it lacks.
 
-    Consecutive numbers, one for each joint of the file, are its joints in order: columns may count
-    from 0. Otherwise names match if they are equal, or if they are equal apart from case,
-    underscores, the words joint and axis, and a prefix. Raises InputError if a joint matches
+    Consecutive numbers, one for each joint, are the joints in order. Other names may differ in
+    case, underscores, the words joint and axis, and a prefix. Raises InputError if a joint matches
     several, two match one, or most are not in the file.
     """
     if len(recorded) == len(described) and all(name.isdigit() for name in recorded):

@@ -66,32 +66,13 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
                declared: Collection[str] = (), only: Sequence[str] | None = None,
                progress: Callable[[float, str], None] | None = None,
                torques: bool = False, origins: Mapping[str, Origin] | None = None) -> ArmResult:
-    """Fit an arm's rigid bodies, then refine each joint.
+    """Fit an arm's rigid bodies to each joint's recordings with `arm`, then refine each joint.
 
-    Parameters
-    ----------
-    recorded : dict of str to list of Samples
-        Each joint's recordings, with `arm`.
-    urdf : path-like
-    drives, models : dict of str, optional
-        Drives and initial models of joints.
-    declared : collection of str
-        Joints whose torque constant and gear ratio are known. If they are of all joints, masses are
-        fitted to torques.
-    only : sequence of str, optional
-        Joints to refine; all of the arm when omitted.
-    progress : callable, optional
-        Called with the share of the work done and the name of the step.
-    torques : bool
-        Whether all currents are torques in N·m unless the recordings contradict: the current per
-        torque is then one.
-    origins : mapping of str to Origin, optional
-        Warnings and notes by joint; units are those that `torques` says.
-
-    Raises
-    ------
-    InputError
-        If URDF or recordings cannot be used.
+    `drives` and `models`, the initial ones, are by joint; `declared` are the joints whose drive is
+    known. If all are, masses are fitted to torques. With `torques`, all currents are torques in N·m
+    unless the recordings contradict. All joints are refined unless `only` some are. `progress` is
+    called with the share of the work done and the name of the step. Units of `origins` are those
+    that `torques` says. Raises InputError if URDF or recordings cannot be used.
     """
     report = progress or (lambda share, word: None)
     drives, models = drives or {}, models or {}
@@ -150,10 +131,7 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
 
 
 def _add_person_torque(samples: Samples, drive: Drive) -> Samples:
-    """Return samples with the person's torque added to the current, where the person moves the arm.
-
-    Motor and person carry the links together; see `load_coefficient`.
-    """
+    """Return samples with the torque of a person who carries the links added to the current."""
     share = load_coefficient(samples, clipped(samples.current), drive)
     if not share:
         return samples
@@ -162,7 +140,6 @@ def _add_person_torque(samples: Samples, drive: Drive) -> Samples:
 
 
 def _at_common_times(recorded: dict[str, list[Samples]]) -> list[Samples]:
-    """Return the joints' samples at the times at which all of them were recorded."""
     parts: list[list[Samples]] = [[] for _ in recorded]
     for joint_samples in zip(*recorded.values()):
         common = joint_samples[0].time

@@ -13,12 +13,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from friction_comp.drive import Drive
+from friction_comp.errors import InputError
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement.block_sums import BlockSums
-from friction_comp.refinement.effect_columns import EQ6_COLUMNS, EQ6_LINEAR, Term
-from friction_comp.refinement.recording_sums import sums_of_recordings
+from friction_comp.refinement.effect_columns import EQ6_COLUMNS, EQ6_LINEAR, Table, Term
+from friction_comp.refinement.prepare import join, prepare
 from friction_comp.samples import Samples
 
 # Share of a joint's recordings that must show an effect.
@@ -28,8 +30,6 @@ _MOST_TRIED = 100
 # Span of position, rad, over which two ripples count as the same frequency: one movement to and
 # fro over most joints' range.
 _SPAN = 2.0
-
-
 # Effects that need the rest of the arm.
 _OF_THE_ARM = ('other_joints', 'rigid_body')
 
@@ -74,13 +74,29 @@ class CommonModel:
         return cls((model.sigmoid.steepness, model.sigmoid.shift), tuple(
             Term(type(effect), dict(effect.values)) for effect in model.effects))
 
-    def sums(self, recorded: Sequence[Samples], model: FrictionModel, declared: bool) -> BlockSums:
-        """Return the sums of recordings of a unit, differentiated as its own model was fitted.
+    def sums(self, recorded: Sequence[Samples], like: FrictionModel, declared: bool) -> BlockSums:
+        """Return the sums of a unit's recordings over blocks of time, which suffice for any fit.
 
-        `declared` tells whether the torque constant and the gear ratio of its drive are known.
+        They are those of the columns of Eq. 6 and of the terms in their order, with the drive and
+        the differentiation of the model `like`. `declared` tells whether the torque constant and
+        the gear ratio of the drive are known. Raises InputError if the recordings cannot be used.
         """
-        return sums_of_recordings(recorded, self.terms, self.transition,
-                                  model.drive if declared else None, model.differentiation or None)
+        raw, drive = join(recorded), like.drive if declared else Drive(1.0, 1.0)
+        rows, _ = prepare(raw, drive, like.differentiation or None, declared)
+        for term in self.terms:
+            for signal in term.kind.needs:
+                if getattr(rows.samples, signal) is None:
+                    raise InputError(
+                        f"effect '{term.kind.name}' needs {signal}, which is not recorded")
+        table = Table(rows, *self.transition)
+        if len(table.add(self.terms)) < len(self.terms):
+            raise InputError('an effect is not finite in the recordings')
+        columns = table.indices(self.terms)
+        inner = np.append(columns, table.sums.gram.shape[1] - 1)
+        gram = np.zeros((rows.blocks, len(inner), len(inner)))
+        np.add.at(gram, table.block, table.sums.gram[:, inner[:, None], inner])
+        count = np.bincount(table.block, table.sums.rows, rows.blocks).astype(int)
+        return BlockSums(gram, count, table.sums.signs[columns])
 
     @property
     def columns(self) -> list[int]:
@@ -134,13 +150,11 @@ class CommonModel:
 
 
 def _names_of(term: Term) -> list[tuple[str, str]]:
-    """Return the name and the unit of each coefficient of a term."""
     known = list(term.kind.coefficient_names)
     return known + [(f'coefficient {k + 1}', 'A') for k in range(len(known), _size(term))]
 
 
 def _size(term: Term) -> int:
-    """Return the number of columns of a term."""
     one = Samples(time=np.zeros(1), position=np.zeros(1), current=np.zeros(1),
                   velocity=np.full(1, 0.1), acceleration=np.zeros(1), load=np.zeros(1),
                   temperature=np.zeros(1))

@@ -22,7 +22,6 @@ from friction_comp.fleet.population import Population
 from friction_comp.fleet.spread import LEVEL
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement.block_sums import BlockSums
-from friction_comp.refinement.recording_sums import sums_of_recordings
 from friction_comp.samples import Samples
 from friction_comp.statistics import holm
 
@@ -51,31 +50,14 @@ class NewUnit:
 
 def fit_new_unit(recorded: Sequence[Samples], population: Population,
                  drive: Drive | None = None, declared: bool = False) -> NewUnit:
-    """Fit a unit with its population as prior.
+    """Fit a unit with its population as prior; the recording alone counts if it is out of that.
 
-    If the unit is out of the population, the population tells nothing about it, and the recording
-    alone is used.
-
-    Parameters
-    ----------
-    recorded : sequence of Samples
-    population : Population
-    drive : Drive, optional
-        The population's when omitted.
-    declared : bool
-        Whether torque constant and gear ratio of the drive are known.
-
-    Raises
-    ------
-    InputError
-        If the recordings cannot be used.
+    The drive is the population's when omitted; `declared` tells whether its torque constant and
+    gear ratio are known. Raises InputError if the recordings cannot be used.
     """
-    like = population.model
-    common = CommonModel.from_model(like)
-    sums = sums_of_recordings(
-        recorded, common.terms, common.transition, (drive or like.drive) if declared else None,
-        like.differentiation or None)
-    prior = population.prior
+    like = replace(population.model, drive=drive or population.model.drive)
+    common, prior = CommonModel.from_model(like), population.prior
+    sums = common.sums(recorded, like, declared)
     mean, deviation = np.array(prior.mean), np.array(prior.deviation)
     if len(mean) != len(common.columns):
         raise InputError(f"the population's model has {len(common.columns)} coefficients, its "
@@ -94,9 +76,8 @@ def fit_new_unit(recorded: Sequence[Samples], population: Population,
     told = np.where(np.isinf(deviation), 1.0, 1.0 - np.minimum(
         errors / np.where(deviation > 0.0, deviation, np.inf), 1.0) ** 2)
     told = np.where(deviation > 0.0, told, 0.0)
-    model = common.model(values, like)
     return NewUnit(
-        replace(model, drive=drive or model.drive), _names(common), values, errors, told, p,
+        common.model(values, like), _names(common), values, errors, told, p,
         _rms(sums, common.columns, mean),
         _left_out(sums, common.columns, mean, np.full(len(mean), np.inf), noise),
         _left_out(sums, common.columns, mean, deviation, noise))
@@ -131,14 +112,13 @@ def _fitted(sums: BlockSums, columns: Sequence[int], mean: np.ndarray, deviation
 
 
 def _rms(sums: BlockSums, columns: Sequence[int], values: np.ndarray) -> float:
-    errors = sums.squared_errors(columns, np.repeat(values[None], len(sums.rows), axis=0))
+    """Return the RMS error with coefficients, those of all blocks or of each."""
+    errors = sums.squared_errors(columns, np.atleast_2d(values))
     return math.sqrt(max(float(errors.sum()), 0.0) / float(sums.rows.sum()))
 
 
 def _left_out(sums: BlockSums, columns: Sequence[int], mean: np.ndarray, deviation: np.ndarray,
               noise: float) -> float:
-    """Return the RMS error of each block by the fit to all others."""
-    fits = np.array([_fitted(sums, columns, mean, deviation, noise, 1.0 - row)[0]
-                     for row in np.eye(len(sums.rows))])
-    errors = sums.squared_errors(columns, fits)
-    return math.sqrt(max(float(errors.sum()), 0.0) / float(sums.rows.sum()))
+    return _rms(sums, columns, np.array([
+        _fitted(sums, columns, mean, deviation, noise, 1.0 - row)[0]
+        for row in np.eye(len(sums.rows))]))

@@ -18,10 +18,11 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
+from friction_comp.checks import check_document
 from friction_comp.errors import errors_name, InputError
 from friction_comp.files import plain
 from friction_comp.fleet.common_model import CommonModel, Compared
-from friction_comp.fleet.spread import FEWEST_UNITS, LEVEL, Spread, spread_of, units_from_recordings
+from friction_comp.fleet.spread import FEWEST_UNITS, LEVEL, spread_of, units_from_recordings
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.block_sums import BlockSums
@@ -138,10 +139,7 @@ def read_fleet(path: str | Path, joint: str | None = None) -> list[Population]:
     except ValueError as error:
         raise InputError(f'{path}: not a JSON document: {error}') from None
     with errors_name(path):
-        if not isinstance(document, dict) or document.get('format') != FORMAT:
-            raise InputError('not the fleet.json that refine --each writes')
-        if document.get('version') != VERSION:
-            raise InputError(f'is of version {document.get("version")!r}, not {VERSION}')
+        check_document(document, 'the fleet.json that refine --each writes', FORMAT, VERSION)
         try:
             found = [Population.from_dict(entry) for entry in document['joints']]
         except (AttributeError, KeyError, TypeError) as error:
@@ -167,16 +165,14 @@ class _Estimate:
 
 def _estimate(common: CommonModel, sums: BlockSums) -> _Estimate:
     """Return a recording's coefficients with the covariance of the jackknife."""
-    columns, count = common.columns, len(sums.rows)
+    chosen, count = common.columns, len(sums.rows)
     with_derivatives = range(len(sums.signs))
-    chosen = [list(with_derivatives).index(column) for column in columns]
     values = sums.fits(with_derivatives, np.ones((1, count)))[0]
     left_out = sums.fits(with_derivatives, 1.0 - np.eye(count))
     deviations = (left_out - left_out.mean(axis=0))[:, chosen]
     covariance = (count - 1) / count * deviations.T @ deviations
     # Of the fit to all: one block may hold the only slow motion, which others cannot predict.
-    squares = sums.squared_errors(with_derivatives, np.repeat(values[None], count, axis=0)
-                                  ) / np.maximum(sums.rows, 1)
+    squares = sums.squared_errors(with_derivatives, values[None]) / np.maximum(sums.rows, 1)
     mean = float(np.average(squares, weights=sums.rows))
     spread = float(np.std(squares, ddof=1)) / math.sqrt(count) / max(mean, 1e-300)
     total = sums.gram.sum(axis=0)[:-1, :-1]
@@ -191,22 +187,9 @@ def population_of(recordings: Sequence[tuple[str, BlockSums]], common: CommonMod
                    like: FrictionModel, unit: str, tests: int = 1) -> Population:
     """Return the population of one joint.
 
-    Parameters
-    ----------
-    recordings : sequence of tuple
-        Name of the unit, and the recording's `CommonModel.sums`.
-    common : CommonModel
-    like : FrictionModel
-        Any unit's: drive, joint and differentiation of the population's model.
-    unit : str
-        Unit of the recordings' current.
-    tests : int
-        How many joints are compared at the same time.
-
-    Raises
-    ------
-    InputError
-        If there are fewer than `spread.FEWEST_UNITS` units.
+    `recordings` are names of units with `CommonModel.sums`, and `unit` is that of their current;
+    drive, joint and differentiation are those of the model `like`. `tests` is the number of joints
+    compared at the same time. Raises InputError if there are fewer than `FEWEST_UNITS` units.
     """
     units_of = [name for name, _ in recordings]
     names, index = np.unique(units_of, return_inverse=True)
@@ -237,7 +220,6 @@ def population_of(recordings: Sequence[tuple[str, BlockSums]], common: CommonMod
 
 def _values(fits: Sequence[_Estimate], common: CommonModel, columns: tuple[int, ...]
             ) -> tuple[np.ndarray, np.ndarray]:
-    """Return a parameter's value and standard error in each recording."""
     where = [common.columns.index(column) for column in columns]
     part = np.array([fit.values[where] for fit in fits])
     if len(where) == 1:
@@ -270,6 +252,9 @@ def _parameter(one: Compared, unit: str, values: np.ndarray, errors: np.ndarray,
     if logarithmic:
         values, errors = np.log(values), errors / values
     back = np.exp if logarithmic else np.asarray
+
+    def ends(middle: float, half: float) -> tuple[float, float]:
+        return float(back(middle - half)), float(back(middle + half))
     units = units_from_recordings(values, errors, index, freedom)
     spread = spread_of(units, tests)
     half = stats.t.ppf(0.5 + 0.5 * LEVEL, units.freedom) * units.error
@@ -278,20 +263,11 @@ def _parameter(one: Compared, unit: str, values: np.ndarray, errors: np.ndarray,
     mean_half = float(stats.t.ppf(0.5 + 0.5 * LEVEL, inside - 1)) * spread.mean_error
     return ParameterSpread(
         one.name, one.unit.replace('A', unit, 1), 'logarithmic' if logarithmic else 'linear',
-        float(back(spread.mean)), _ends(back, spread.mean, mean_half),
-        spread.deviation, spread.interval, _range(back, spread, inside), spread.p_same, False,
-        [UnitValue(str(name), float(back(units.value[k])), _ends(back, units.value[k], half[k]),
+        float(back(spread.mean)), ends(spread.mean, mean_half), spread.deviation, spread.interval,
+        ends(spread.mean, spread.half_range(inside)), spread.p_same, False,
+        [UnitValue(str(name), float(back(units.value[k])), ends(units.value[k], half[k]),
                    float(spread.p_out[k]), bool(spread.out[k]), int(counts[k]))
          for k, name in enumerate(names)])
-
-
-def _ends(back: Any, middle: float, half: float) -> tuple[float, float]:
-    return float(back(middle - half)), float(back(middle + half))
-
-
-def _range(back: Any, spread: Spread, count: int) -> tuple[float, float]:
-    low, high = spread.range(count)
-    return float(back(low)), float(back(high))
 
 
 def _prior(fits: Sequence[_Estimate], index: np.ndarray, out: np.ndarray) -> Prior:

@@ -47,31 +47,20 @@ class Spread:
     p_out: np.ndarray  # (N,): of such a value of a unit of the population
     out: np.ndarray  # (N,): which units are out
 
-    def range(self, count: int) -> tuple[float, float]:
-        """Return the range of a further unit's value, from a population of `count` units."""
-        half = float(stats.t.ppf(0.5 + 0.5 * LEVEL, max(count - 2, 1))) * math.hypot(
+    def half_range(self, count: int) -> float:
+        """Return half the range of a further unit's value, from a population of `count` units."""
+        return float(stats.t.ppf(0.5 + 0.5 * LEVEL, max(count - 2, 1))) * math.hypot(
             self.deviation, self.mean_error)
-        return self.mean - half, self.mean + half
 
 
 def units_from_recordings(values: np.ndarray, errors: np.ndarray, unit: np.ndarray,
                           freedom: float) -> Values:
-    """Return the value of each unit from those of its recordings.
+    """Return the value of each unit from those of its recordings, all of shape (R,).
 
-    Parameters
-    ----------
-    values, errors : ndarray, shape (R,)
-        Of each recording, with its standard error.
-    unit : ndarray of int, shape (R,)
-        Index of the unit of each recording.
-    freedom : float
-        Degrees of freedom of each error.
-
-    Notes
-    -----
-    How much a unit's recordings differ beyond their errors, for instance because of temperature, is
-    assumed to be the same for all units. Where no unit has several recordings, it is part of the
-    spread between units.
+    `errors` are standard errors, with `freedom` degrees of freedom each, and `unit` is the index of
+    each recording's unit. How much a unit's recordings differ beyond their errors, for instance
+    because of temperature, is assumed to be the same for all units. Where no unit has several
+    recordings, it is part of the spread between units.
     """
     count, repeated = int(unit.max()) + 1, len(values) - len(np.unique(unit))
 
@@ -95,29 +84,14 @@ def units_from_recordings(values: np.ndarray, errors: np.ndarray, unit: np.ndarr
 
 
 def spread_of(units: Values, tests: int = 1) -> Spread:
-    """Return the spread over units, and which of them are out.
+    """Return the spread over at least `FEWEST_UNITS` units, and which of them are out.
 
-    Parameters
-    ----------
-    units : Values
-        At least `FEWEST_UNITS`.
-    tests : int
-        How many parameters are tested together: 5 % is the probability that any unit is called out
-        in any of them although none is.
-
-    Notes
-    -----
-    The variance between units is that of Paule and Mandel, its interval the Q-profile [1]_. The
-    units that are out are found by the generalised extreme Studentised deviate [2]_: the most
-    extreme unit is removed again and again, and all that were removed up to the last significant
-    one are out, so that several cannot hide each other. Whether units differ at all is Welch's
-    analysis of variance [3]_.
-
-    References
-    ----------
-    .. [1] W. Viechtbauer, Statistics in Medicine 26(1), 2007.
-    .. [2] B. Rosner, Technometrics 25(2), 1983.
-    .. [3] B. L. Welch, Biometrika 38, 1951.
+    The variance between units is that of Paule and Mandel, its interval the Q-profile (Viechtbauer
+    2007). The units that are out are found by the generalised extreme Studentised deviate (Rosner
+    1983): the most extreme unit is removed again and again, and all that were removed up to the
+    last significant one are out, so that several cannot hide each other. With `tests` parameters,
+    5 % is the probability that any unit is called out in any of them although none is. Whether
+    units differ at all is Welch's analysis of variance (1951).
     """
     size = len(units.value)
     inside = np.ones(size, dtype=bool)
@@ -160,7 +134,6 @@ def _weighted_squares(value: np.ndarray, variance: np.ndarray) -> float:
 
 
 def _population(units: Values, chosen: np.ndarray) -> tuple[float, float, float]:
-    """Return mean, its standard error, and the variance between the chosen units."""
     value, own = units.value[chosen], _variances(units)[chosen]
     between = _root(lambda variance: _weighted_squares(value, own + variance) - (len(value) - 1),
                     value)
@@ -182,8 +155,7 @@ def _profile(units: Values, chosen: np.ndarray) -> tuple[float, float]:
 def _p_outside(units: Values, chosen: np.ndarray, index: int) -> float:
     """Return the probability of a unit's deviation from the population of the chosen others.
 
-    Its degrees of freedom are those of the variance between units, which is as uncertain as the
-    deviations of most chosen units make it, plus the unit's own variance of measurement.
+    Its degrees of freedom are those of the variance between units plus the unit's own.
     """
     mean, error, between = _population(units, chosen)
     own = _variances(units)

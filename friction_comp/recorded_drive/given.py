@@ -58,8 +58,7 @@ def with_current_limit(given: Given, drive: Drive, recorded: list[Samples]
                        ) -> tuple[Drive, dict[str, str]]:
     """Return the drive with its current limit, and a note on the origin of the limit.
 
-    If no limit is given, it is the largest current that lasted, which the drive has certainly
-    withstood: single wrong samples say nothing about it.
+    If no limit is given, it is the largest current that lasted, which the drive has withstood.
     """
     if given.current_limit:
         return replace(drive, current_limit=given.current_limit), {}
@@ -86,8 +85,7 @@ def _largest_lasting_current(samples: Samples) -> float:
 def unit_of(given: Given, model: FrictionModel | None, infos: Sequence[RecordingInfo] = ()) -> str:
     """Return the unit of the fitted signal: A if the drive is known, else that of the effort.
 
-    `given.figures` is a unit that the user named, as ``--unit`` must where effort is a servo's
-    voltage. Next come what says what the drive is, the recordings, and the name of the column.
+    The user's comes first, then the drive's, the recordings', and that in the name of the column.
     """
     if model is not None and not (given.figures or given.torque_constant or given.gear_ratio):
         return str(model.notes.get('unit', 'A'))
@@ -99,10 +97,7 @@ def unit_of(given: Given, model: FrictionModel | None, infos: Sequence[Recording
 
 
 def figures_unit(given: Given, in_ampere: bool, linear: bool) -> str:
-    """Return the unit of the figures without a model.
-
-    `in_ampere` is whether efforts are currents, `linear` whether positions are lengths.
-    """
+    """Return the unit without a model; `linear` is whether positions are lengths."""
     if given.figures:
         return str(given.figures)
     if given.torque_constant is not None or given.gear_ratio is not None or in_ampere:

@@ -48,10 +48,9 @@ def is_linear(result: RefineResult) -> bool:
 def refine_recordings(given: Given, paths: Sequence[Path],
                       show: Callable[..., None] = lambda *_: None
                       ) -> tuple[RefineResult, History | None]:
-    """Refine a model on recordings of one joint together.
+    """Refine a model on recordings of one joint together; also return its history, if asked for.
 
-    `show` is called with the share 0..1 that is done and a description. With a history, the
-    model's history with the new recordings is returned as well, else None.
+    `show` is called with the share 0..1 that is done and a description.
     """
     from friction_comp.recordings.condense import read_condensed
     from friction_comp.recordings.history import History
@@ -122,10 +121,7 @@ def assumed_in(given: Given, recordings: Iterable[tuple[Samples, RecordingInfo]]
 
 
 def _idle(given: Given, recorded: Sequence[Samples]) -> bool:
-    """Return whether the motor had no current and a load moved the joint.
-
-    The fit is then made in the load's unit, N·m, unless torque constant and gear ratio are given.
-    """
+    """Return whether the motor had no current and a load moved the joint: then the unit is N·m."""
     return (not given.torque_constant and not given.figures and all(
         samples.load is not None and not samples.current.any() for samples in recorded))
 
@@ -134,8 +130,8 @@ def showing_friction(recorded: Mapping[str, list[tuple[Samples, RecordingInfo]]]
                      ) -> dict[str, list[tuple[Samples, RecordingInfo]]]:
     """Return what of the joints' recordings shows friction; raises InputError if nothing does.
 
-    Unless the load of all joints was recorded in all recordings, it is what no compensation law
-    drove. Joints of an arm keep the same recordings, since they are fitted together.
+    Unless all loads were recorded, it is what no compensation law drove. Joints of an arm keep the
+    same recordings, since they are fitted together.
     """
     from friction_comp.recordings.joint_samples import without_compensation
 
@@ -156,10 +152,7 @@ def showing_friction(recorded: Mapping[str, list[tuple[Samples, RecordingInfo]]]
 
 
 def _check_loads(recorded: Iterable[tuple[object, Samples]]) -> None:
-    """Raise InputError if the load was measured in some recordings (name, samples) only.
-
-    Fitted together they have no load, and what the person did would count as friction.
-    """
+    """Raise InputError if only some recordings (name, samples) have a load: all would lose it."""
     names = {samples.load is not None: name for name, samples in recorded}
     if len(names) > 1:
         raise InputError(f'{names[True]}: has a load (interaction_wrench), and {names[False]} has '

@@ -47,10 +47,9 @@ class ActivityLog:
         self.changes: list[Activity] = []
 
     def add(self, time: int, raw: bytes, begin: int) -> None:
-        """Add a serialised DiagnosticArray received at `time`; skip it if it is truncated.
+        """Add a serialised DiagnosticArray received at `time`, ns; skip it if it is truncated.
 
-        Since reports come every second, a compensator's first report is also applied to the time
-        before it, back to the beginning of the recording at `begin` (both in ns).
+        A compensator's first report also applies to the time before it, back to `begin`, ns.
         """
         if not any(node in raw for node in _SOURCES):
             return
@@ -74,7 +73,6 @@ class ActivityLog:
                 self.changes[0] = replace(first, time=min(first.time, begin))
 
     def _append(self, activity: Activity) -> None:
-        """Append an activity if it differs from the last one."""
         last = self.changes[-1] if self.changes else None
         if last is None or replace(activity, time=last.time, joints=last.joints) != last:
             self.changes.append(activity)

@@ -2,9 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Decodes many CDR messages of one type at once.
 
-A recording has up to millions of messages, usually with the same layout (joint names and array
-lengths). The layout is determined from one message; all messages with the same length, counts and
-strings are then decoded together with numpy. Messages with other layouts form further groups.
+The layout (joint names and array lengths) is determined from one message; all messages with the
+same length, counts and strings are then decoded together with numpy.
 """
 
 from __future__ import annotations
@@ -24,8 +23,7 @@ WRENCH = 'geometry_msgs/msg/WrenchStamped'
 TEMPERATURE = 'sensor_msgs/msg/Temperature'
 DYNAMIC_STATE = 'control_msgs/msg/DynamicJointState'
 
-# Largest number of values or names in one message, more than any robot has joints. Without a limit
-# one corrupt message could fill the memory, since all messages share one array.
+# Most values or names in one message: a corrupt one could fill the memory.
 MOST_VALUES = 200
 
 
@@ -53,7 +51,6 @@ class _Cursor:
         return start
 
     def count(self, most: float = math.inf) -> int:
-        """Read a length of at most `most`, and add it to the fixed bytes."""
         start = self.advance(4, 4)
         self.fixed.extend(range(start, start + 4))
         count = int(struct.unpack_from(self.order + 'I', self.data, start)[0])
@@ -62,7 +59,6 @@ class _Cursor:
         return count
 
     def string(self) -> str:
-        """Read a string and add it to the fixed bytes."""
         size = self.count()
         start = self.advance(size, 1)
         self.fixed.extend(range(start, start + size))
@@ -116,28 +112,13 @@ def _walk(cursor: _Cursor, kind: str) -> tuple[str, ...]:
 
 def decode(type_name: str, payloads: Sequence[bytes]
            ) -> Iterator[tuple[np.ndarray, tuple[str, ...], dict[str, np.ndarray]]]:
-    """Decode serialised messages of one type, in groups of the same layout.
+    """Decode serialised messages of one of this module's types, in groups of the same layout.
 
-    Messages that are too short for their fields, are not CDR, or hold more than `MOST_VALUES`
-    values or names are left out.
-
-    Parameters
-    ----------
-    type_name : str
-        One of the six message types named in this module.
-    payloads : list of bytes
-        The messages with their four-byte encapsulation header.
-
-    Yields
-    ------
-    index : ndarray of int
-        Indices of the messages of this group, shape (K,).
-    names : tuple of str
-        Joint names, the frame of a stamped message, or the label of an array's second dimension.
-        Of dynamic joint states, ``joint/interface``: the field JOINT holds a joint's interfaces.
-    fields : dict of ndarray
-        Each field's values, shape (K, number of values). Stamped messages have ``stamp`` in
-        nanoseconds, shape (K,).
+    Yields indices of the messages of a group, shape (K,); joint names, the frame of a stamped
+    message, or the label of an array's second dimension; and each field's values, shape (K, number
+    of values), with the ``stamp`` of stamped messages in ns, (K,). The names of dynamic joint
+    states are ``joint/interface``: the field JOINT holds a joint's interfaces. Broken messages, or
+    with more than `MOST_VALUES` values or names, are left out.
     """
     lengths = np.fromiter(map(len, payloads), dtype=np.int64, count=len(payloads))
     for length in np.unique(lengths):

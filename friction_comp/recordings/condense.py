@@ -2,9 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads long or many recordings in limited memory, by averaging a few samples at a time.
 
-Samples are averaged while they are read. All signals are averaged over the same samples, so that
-they are filtered alike. If there are still too many averages at the lowest rate, only pieces spread
-evenly over all recordings are kept.
+All signals are averaged over the same samples, so that they are filtered alike. If there are still
+too many averages at the lowest rate, only pieces spread evenly over all recordings are kept.
 """
 
 from __future__ import annotations
@@ -68,7 +67,6 @@ def condensed(samples: Samples, limit: int) -> Samples:
 
 
 def _longest_average(samples: Samples) -> int:
-    """Return the number of samples in an average at the lowest rate."""
     return max(1, round(1.0 / max(samples.sample_time, 1e-9) / _SLOWEST_RATE))
 
 
@@ -78,8 +76,7 @@ def read_condensed(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
                    limit: int = LIMIT) -> list[tuple[Samples, RecordingInfo]]:
     """Read recordings of one joint as `read_recording_with_info` does, in limited memory.
 
-    `limit` is the approximate number of samples of all recordings together. If there are more, they
-    are averaged, and a note in the first recording's info says so.
+    More than about `limit` samples of all recordings together are averaged, and a note says so.
     """
     recordings = find_recordings(paths)
     averaging = _choose_averaging(recordings, joint, layout, limit)
@@ -97,10 +94,7 @@ def read_condensed(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
 
 def _choose_averaging(recordings: Sequence[Path], joint: str | None, layout: Layout | None,
                       limit: int) -> Averaging:
-    """Return the averaging that leaves about `limit` samples of all recordings.
-
-    Their number is estimated from the beginning of the largest recording and the sizes of all.
-    """
+    """Return the averaging for about `limit` samples, by how the largest recording begins."""
     sizes = [size_of(path) for path in recordings]
     if sum(sizes) < _LEAST_SAMPLE_SIZE * limit:
         return Averaging()

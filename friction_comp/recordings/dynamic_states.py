@@ -2,8 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Joint states with any interfaces, as ros2_control's joint_state_broadcaster publishes them.
 
-They hold what JointState cannot, such as current and temperature. They are used where the usual
-joint states have no effort.
+They may hold current and temperature, and are used where the usual joint states have no effort.
 """
 
 from __future__ import annotations

@@ -2,9 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stores averages of a drive's recordings in a small file beside its model.
 
-Averages of signals are stored rather than sums of products for least squares: a later refinement
-can fit new effects to them, while sums contain only the columns known when they were computed, and
-are larger.
+A later refinement can fit new effects to averages of signals; sums of products, which are larger,
+contain only the columns known when they were computed.
 """
 
 from __future__ import annotations
@@ -61,8 +60,7 @@ class History:
     def beside(cls, model: str | Path, drive: Drive, joint: str = '') -> History:
         """Return a model file's history, an empty one where there is none.
 
-        Raises InputError if it is invalid, of another joint, or made with another torque constant
-        or gear ratio.
+        Raises InputError if it is invalid, or of another joint or drive.
         """
         path, gain = cls.path_of(model), drive.torque_per_current
         if not path.exists():

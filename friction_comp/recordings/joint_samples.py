@@ -47,10 +47,7 @@ class RecordingInfo:
 
 def number_recordings(recordings: Iterable[tuple[Samples, RecordingInfo]]
                       ) -> list[tuple[Samples, RecordingInfo]]:
-    """Return recordings of one joint, each with `recording` set to its index.
-
-    Raises InputError if they are of several joints.
-    """
+    """Return recordings with `recording` set to their index; InputError for several joints."""
     numbered: list[tuple[Samples, RecordingInfo]] = []
     for samples, info in recordings:
         first = numbered[0][1] if numbered else info
@@ -82,8 +79,7 @@ def to_samples(scan: Scan, joint: str | None,
                torque_per_current: float) -> tuple[Samples, RecordingInfo]:
     """Interpolate one joint's signals to the times of its joint states.
 
-    Raises InputError if the joint is missing, `joint` is None although there are several, or the
-    values are impossible.
+    Raises InputError if the joint is missing or not named, or the values are impossible.
     """
     if scan.effort_is_current:
         torque_per_current = 1.0
@@ -170,10 +166,7 @@ def usable_joints(scan: Scan, torque_per_current: Callable[[str], float],
 
 def joint_states_at(samples: Samples, info: RecordingInfo,
                     joints: dict[str, tuple[Samples, RecordingInfo]]) -> JointStates:
-    """Return the motion of all `joints` at the times of one joint's `samples`.
-
-    It is interpolated linearly; beyond the ends, the nearest value is used.
-    """
+    """Return the motion of all `joints`, interpolated to the times of one joint's `samples`."""
     positions, speeds = [], []
     for other, other_info in joints.values():
         # Topics may begin at different times.
@@ -187,7 +180,6 @@ def joint_states_at(samples: Samples, info: RecordingInfo,
 
 
 def _unwrap(time: np.ndarray, position: np.ndarray, notes: list[str]) -> np.ndarray:
-    """Return the position in rad without jumps by a turn, where the sensor wraps around."""
     jumps = np.diff(position)
     size = np.abs(jumps)
     wraps = (size > _WRAP[0]) & (size < _WRAP[1]) & (np.diff(time) < WRAP_TIME)
@@ -207,7 +199,6 @@ def _others_moved(scan: Scan, own: np.ndarray) -> bool:
 
 
 def _select_joint(scan: Scan, joint: str | None) -> tuple[Track, str, list[str], np.ndarray]:
-    """Return a joint's track and name, the names of all joints in the track, and its values."""
     tracks = scan.of('joint_states')
     if not tracks:
         if any(signal_of(topic, kind) == 'joint_states' for topic, (kind, _) in

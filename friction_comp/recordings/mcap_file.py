@@ -2,10 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads mcap files, including the undamaged chunks of truncated or corrupt ones.
 
-The library `mcap` parses records, decompresses chunks and verifies their checksums, but its readers
-stop at the first invalid record, and take three times as long for the messages of a chunk. This
-reader finds the records itself, and continues after damage with the next chunk whose checksum is
-valid.
+The library `mcap` parses records and unpacks chunks, but its readers stop at the first invalid
+record. This one continues after damage with the next chunk whose checksum is valid.
 """
 
 from __future__ import annotations
@@ -46,16 +44,39 @@ class DamagedError(ValueError):
     """A file that cannot be read; the text says why."""
 
 
-class McapFile:
-    """One mcap file; raises DamagedError if it is empty."""
+class MessageFile:
+    """A file of messages; notes and counts are complete after `messages` has ended."""
 
-    def __init__(self, path: Path) -> None:
-        # Notes on missing or damaged parts; complete after `messages` has ended.
-        self.notes: list[str] = []
+    def __init__(self) -> None:
+        self.notes: list[str] = []              # on missing or damaged parts
         # Topic to (message type, number of messages), of the part that has been read.
         self.topics: dict[str, tuple[str, int]] = {}
         self.encodings: dict[str, str] = {}     # topic to serialisation
         self.custom: dict[str, str] = {}        # custom_data of rosbag2's metadata
+        self.progress = 0.0                     # share of the file that has been read
+
+    def close(self) -> None:
+        """Close the file."""
+
+    def messages(self, wanted: Wanted) -> Iterator[Message]:
+        """Yield (topic, type, receive time in ns, payload) of messages in the order of the file.
+
+        Only messages for which `wanted(topic, type)` is true are yielded; all are counted. Raises
+        DamagedError if the file has no readable record at all.
+        """
+        raise NotImplementedError
+
+    def count(self, topic: str, messages: int) -> None:
+        """Add to the number of a topic's messages."""
+        kind, before = self.topics[topic]
+        self.topics[topic] = kind, before + messages
+
+
+class McapFile(MessageFile):
+    """One mcap file; raises DamagedError if it is empty."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
         self._schemas: dict[int, str] = {}
         self._channels: dict[int, str] = {}
         self._message_count = 0
@@ -73,20 +94,9 @@ class McapFile:
             self._read_summary(self._footer)
 
     def close(self) -> None:
-        """Close the file."""
         self._file.close()
 
-    @property
-    def progress(self) -> float:
-        """Share of the file that has been read."""
-        return self._position / self._size
-
     def messages(self, wanted: Wanted) -> Iterator[Message]:
-        """Yield (topic, type, receive time in ns, payload) of messages in the order of the file.
-
-        Only messages for which `wanted(topic, type)` is true are yielded; all are counted. Raises
-        DamagedError if the file has no readable record at all.
-        """
         self._file.seek(0)
         begin = self._file.read(len(MAGIC))
         if begin != MAGIC:
@@ -119,7 +129,7 @@ class McapFile:
         # A corrupt length leads to an arbitrary position: resume from the last valid chunk.
         at = last_valid = len(MAGIC)
         while at < self._size:
-            self._position = at
+            self._position, self.progress = at, at / self._size
             record = self._record_at(at)
             if record is None:
                 following = self._next_chunk(last_valid)
@@ -136,7 +146,6 @@ class McapFile:
         self._position = at
 
     def _record_at(self, at: int) -> bytes | None:
-        """Return the record at a position, None if it is invalid."""
         self._file.seek(at)
         header = self._file.read(_HEADER.size)
         if len(header) < _HEADER.size:
@@ -149,7 +158,6 @@ class McapFile:
         return None if opcode == Opcode.CHUNK and not _CHUNK.match(record) else record
 
     def _next_chunk(self, start: int) -> int | None:
-        """Return the position of the next valid chunk, or None."""
         data = mmap.mmap(self._file.fileno(), 0, access=mmap.ACCESS_READ)
         for match in _CHUNK.finditer(data, start):
             record = self._record_at(match.start())
@@ -186,9 +194,7 @@ class McapFile:
         for channel, count in counts.items():
             self._message_count += count
             if channel in self._channels:
-                topic = self._channels[channel]
-                kind, before = self.topics[topic]
-                self.topics[topic] = kind, before + count
+                self.count(self._channels[channel], count)
             else:
                 self._lost_messages += count
 
@@ -200,7 +206,6 @@ class McapFile:
             self.notes.append('a description of its contents is damaged')
 
     def _add(self, record: object) -> None:
-        """Store the topics, number of messages or metadata in a record."""
         if isinstance(record, Schema):
             self._schemas[record.id] = record.name
         elif isinstance(record, Channel):
@@ -225,7 +230,6 @@ class McapFile:
         return footer if isinstance(footer, Footer) else None
 
     def _read_summary(self, footer: Footer) -> None:
-        """Read topics and number of messages from the index at the end."""
         self._file.seek(footer.summary_start)
         summary = self._file.read()
         try:
@@ -237,7 +241,6 @@ class McapFile:
             self.notes.append('the index at its end is damaged')
 
     def _report_damage(self, ended: bool) -> None:
-        """Note what is missing or damaged."""
         if self._lost_chunks:
             self.notes.append(f'{self._lost_chunks} damaged chunks left out (checksum)')
         if self._lost_messages:
@@ -258,7 +261,7 @@ class McapFile:
         if self._expected is not None and self._message_count < self._expected:
             self.notes.append(
                 f'{self._expected - self._message_count} of {self._expected} messages are missing')
-        self._position = self._size
+        self.progress = 1.0
 
 
 def _unpack_chunk(record: bytes) -> bytes | None:

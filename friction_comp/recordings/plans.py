@@ -4,19 +4,19 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
-from friction_comp.columns import assign, Assignment
-from friction_comp.errors import InputError
+from friction_comp.columns import assign
+from friction_comp.errors import errors_name, InputError
 from friction_comp.layout import Layout
 from friction_comp.recordings.storage import unreadable_on_error
-from friction_comp.recordings.table_files import is_table, open_table
+from friction_comp.recordings.table_files import is_table, open_table, whole_columns
 from friction_comp.samples import JointStates, Samples
 from friction_comp.trajectory import Trajectory
 
-_ROWS = 250_000
 # The name of a column that a plan does not have.
 _EFFORT = 'effort'
 
@@ -39,40 +39,29 @@ def read_plan(path: Path, layout: Layout | None = None) -> dict[str, Samples] | 
         return None
     with unreadable_on_error(path):
         table = open_table(path)
-    try:
+    with suppress(InputError):
         assign(table.names, layout, str(path))
         return None
-    except InputError:
-        use = _plan_columns(table.names, layout, str(path))
-    if use is None:
+    plans = []
+    # Of its positions, or of its targets if it has none.
+    for of_targets in (False, True):
+        # Whatever else is wrong is told by whoever reads a recording.
+        with suppress(InputError):
+            plans.append(assign([*table.names, _EFFORT], layout, str(path), of_targets))
+    if not plans:
         return None
+    use = plans[0]
     wanted = [column.name for column in use.columns if column.name != _EFFORT]
     with unreadable_on_error(path):
-        blocks = [columns for columns, _ in table.blocks(wanted, _ROWS)]
-    values = {name: np.concatenate([block[name] for block in blocks]) for name in wanted}
+        values = whole_columns(table, wanted)
     time = use.signal_in(values, 'time', '')
-    joints = {}
-    for name in use.joints:
-        try:
-            joints[name] = Samples.from_arrays(
-                time, use.signal_in(values, 'position', name),
-                current=np.zeros(len(values[wanted[0]])),
-                velocity=use.signal_in(values, 'velocity', name), joint=name)
-        except InputError as error:
-            raise InputError(f'{path}: {error}') from None
+    with errors_name(path):
+        joints = {name: Samples.from_arrays(
+            time, use.signal_in(values, 'position', name),
+            current=np.zeros(len(values[wanted[0]])),
+            velocity=use.signal_in(values, 'velocity', name), joint=name) for name in use.joints}
     length = {len(samples) for samples in joints.values()}
     if len(length) > 1:
         raise InputError(f'{path}: some joints lack a position in some rows')
     arm = JointStates(tuple(joints), np.column_stack([one.position for one in joints.values()]))
     return {name: samples.with_(arm=arm) for name, samples in joints.items()}
-
-
-def _plan_columns(names: list[str], layout: Layout | None, where: str) -> Assignment | None:
-    """Return the columns of a plan: its positions, or targets if it has none; else None."""
-    for of_targets in (False, True):
-        try:
-            return assign([*names, _EFFORT], layout, where, of_targets)
-        except InputError:
-            # Whatever else is wrong is told by whoever reads a recording.
-            continue
-    return None

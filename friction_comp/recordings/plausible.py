@@ -10,15 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from friction_comp import signal_checks
 from friction_comp.errors import InputError
 from friction_comp.samples import Samples
-from friction_comp.signal_checks import (
-    beyond,
-    current_answer,
-    LIMITS,
-    velocity_fault,
-    velocity_ratios,
-)
 
 # Largest ratio of velocity to rate of position, or its inverse; a wrong unit gives 57 or more.
 _LARGEST_RATIO = 3.0
@@ -36,10 +30,8 @@ _REVERSED_SHARE = 0.8
 def check_plausible(samples: Samples, name: str, alone: bool = True) -> None:
     """Raise InputError for samples that are physically impossible.
 
-    They are if a value or the rate of position exceeds what any joint can have, velocity
-    contradicts position, or the effort has the wrong sign; the message names signal, value and
-    time. `alone` says that no other joint of the recording moved: then the gravity torque depends
-    on the position alone, and the motor's mean power must be positive.
+    `alone` says that no other joint of the recording moved: then the gravity torque depends on the
+    position alone, and the motor's mean power must be positive.
     """
     if not len(samples):
         return
@@ -51,9 +43,9 @@ def check_plausible(samples: Samples, name: str, alone: bool = True) -> None:
 
 
 def _fault_of_limits(samples: Samples) -> str:
-    for signal, (limit, unit) in LIMITS.items():
+    for signal, (limit, unit) in signal_checks.LIMITS.items():
         values = getattr(samples, signal)
-        if values is not None and (impossible := beyond(signal, values)).any():
+        if values is not None and (impossible := signal_checks.beyond(signal, values)).any():
             worst = int(np.argmax(np.where(impossible, np.abs(values), 0.0)))
             return (f'{signal.replace("_", " ")} of {values[worst]:.4g} {unit} at '
                     f'{samples.time[worst]:.3f} s is impossible ({np.count_nonzero(impossible)} '
@@ -65,7 +57,7 @@ def _fault_of_rate(samples: Samples) -> str:
     step = np.diff(samples.time)
     with np.errstate(divide='ignore', invalid='ignore'):
         rate = np.abs(np.where(step > 0, np.diff(samples.position) / step, 0.0))
-    if not beyond('velocity', rate).any():
+    if not signal_checks.beyond('velocity', rate).any():
         return ''
     worst = int(np.argmax(rate))
     return (f'position jumps from {samples.position[worst]:.4g} to '
@@ -79,29 +71,28 @@ def _fault_of_velocity(samples: Samples) -> str:
     # Some drivers publish zeros where they measure no velocity.
     if velocity is None or not velocity.any():
         return ''
-    ratios = velocity_ratios(samples.time, samples.position, velocity)
+    ratios = signal_checks.velocity_ratios(samples.time, samples.position, velocity)
     ratios = ratios[np.isfinite(ratios)]
     contradict = (ratios <= 1.0 / _LARGEST_RATIO) | (ratios >= _LARGEST_RATIO)
     if len(ratios) >= _FEWEST_BLOCKS and contradict.mean() > _CONTRADICTING:
-        return velocity_fault(ratios, _LARGEST_RATIO)
+        return signal_checks.velocity_fault(ratios, _LARGEST_RATIO)
     return ''
 
 
 def _fault_of_command(samples: Samples) -> str:
     command, current = samples.command, samples.current
     if (command is not None and len(samples) >= 200 and command.any() and current.any()
-            and current_answer(command, current)[1] < _OPPOSED):
+            and signal_checks.current_answer(command, current)[1] < _OPPOSED):
         return ('effort and commanded current have opposite signs: one of them has the '
                 'wrong sign')
     return ''
 
 
 def _fault_of_power(samples: Samples) -> str:
-    """Return the fault of an effort with reversed sign, judged by the motor's mean power.
+    """Return the fault of an effort with reversed sign.
 
-    At a given position, gravity is the same in both directions of motion, so friction must make the
-    effort larger in the positive than in the negative direction. This is not checked if a command
-    or a load was recorded: then the motor may have been braking or driven.
+    At a given position, friction must make the effort larger in the positive direction. With a
+    command or a load the motor may have been braking or driven: then this is not checked.
     """
     if samples.load is not None or (samples.command is not None and samples.command.any()):
         return ''

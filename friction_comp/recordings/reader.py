@@ -13,22 +13,10 @@ import numpy as np
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.layout import Layout
-from friction_comp.recordings.joint_samples import (
-    joint_states_at,
-    number_recordings,
-    RecordingInfo,
-    to_samples,
-    usable_joints,
-    WRAP_TIME,
-)
+from friction_comp.recordings import joint_samples, sources
+from friction_comp.recordings.joint_samples import RecordingInfo
 from friction_comp.recordings.scan import Scan, Track
-from friction_comp.recordings.sources import (
-    find_recording,
-    find_recordings,
-    open_scanner,
-    part_of,
-    Progress,
-)
+from friction_comp.recordings.sources import Progress
 from friction_comp.recordings.storage import AnyPath
 from friction_comp.recordings.time_base import gap_length, GAPS
 from friction_comp.samples import Samples
@@ -78,26 +66,20 @@ def read_recording_with_info(paths: AnyPath | Sequence[AnyPath], joint: str | No
                              layout: Layout | None = None) -> list[tuple[Samples, RecordingInfo]]:
     """Read recordings as `read_recording` does, each with its `RecordingInfo`.
 
-    Parameters
-    ----------
-    paths, joint, torque_constant, gear_ratio, progress, layout
-        As for `read_recording`.
-    others : bool
-        Whether to add the motion of all joints as `arm`.
+    The motion of all joints is added as `arm` unless `others` is false.
     """
     torque_per_current = Drive(torque_constant, gear_ratio).torque_per_current
-    return number_recordings(
+    return joint_samples.number_recordings(
         _read_joint(scan, joint, torque_per_current, others)
         for scan in _scan_all(paths, progress, None if others else joint, layout))
 
 
 def _read_joint(scan: Scan, joint: str | None, torque_per_current: float, others: bool
                 ) -> tuple[Samples, RecordingInfo]:
-    """Return one joint's samples, if `others` with the motion of all joints, if several."""
-    samples, info = to_samples(scan, joint, torque_per_current)
+    samples, info = joint_samples.to_samples(scan, joint, torque_per_current)
     if others and len(scan.joints) > 1:
-        joints = usable_joints(scan, lambda joint: 1.0)
-        samples = samples.with_(arm=joint_states_at(samples, info, joints))
+        joints = joint_samples.usable_joints(scan, lambda joint: 1.0)
+        samples = samples.with_(arm=joint_samples.joint_states_at(samples, info, joints))
     return samples, info
 
 
@@ -105,61 +87,36 @@ def read_arm(paths: AnyPath | Sequence[AnyPath],
              torque_per_current: Callable[[str], float] = lambda joint: 1.0,
              progress: Progress | None = None, layout: Layout | None = None
              ) -> dict[str, list[tuple[Samples, RecordingInfo]]]:
-    """Read every joint of recordings, as `read_recording` does.
+    """Read every joint with an effort, as `read_recording` does: an entry for each recording.
 
-    Parameters
-    ----------
-    paths, progress, layout
-    torque_per_current : callable
-        Returns k_t · n in N·m/A for a joint's name.
-
-    Returns
-    -------
-    dict of str to list of (Samples, RecordingInfo)
-        For each joint with an effort, one entry per recording. The samples' `arm` is the motion of
-        all joints at the times of this joint's states.
-
-    Raises
-    ------
-    InputError
-        If a recording cannot be used, or recordings have different joints.
+    `torque_per_current` returns k_t · n in N·m/A for a joint's name. The samples have the motion of
+    all joints as `arm`. Raises InputError if a recording cannot be used, or their joints differ.
     """
     result: dict[str, list[tuple[Samples, RecordingInfo]]] = {}
     for index, scan in enumerate(_scan_all(paths, progress, None, layout)):
-        joints = usable_joints(scan, torque_per_current)
+        joints = joint_samples.usable_joints(scan, torque_per_current)
         if result and set(joints) != set(result):
             name = sorted(set(joints) ^ set(result))[0]
             raise InputError(f'{scan.path}: joint {name!r} is not in all recordings: an arm needs '
                              'the same joints in each')
         for name, (samples, info) in joints.items():
             samples = samples.with_(recording=np.full(len(samples), index),
-                                    arm=joint_states_at(samples, info, joints))
+                                    arm=joint_samples.joint_states_at(samples, info, joints))
             result.setdefault(name, []).append((samples, info))
     return result
 
 
 def read_joints(path: AnyPath, joint: str | None = None, progress: Progress | None = None,
                 layout: Layout | None = None) -> tuple[list[Samples], RecordingInfo]:
-    """Read one or all usable joints of one recording on one time base.
+    """Read one or all usable joints of one recording at the times at which all are usable.
 
-    `current` is the effort in N·m, as with k_t = n = 1.
-
-    Returns
-    -------
-    list of Samples
-        One per joint, all with the same `time`: the joint states in which all joints are usable.
-    RecordingInfo
-        That of the first joint, with the notes on all.
-
-    Raises
-    ------
-    InputError
-        If the recording or a joint cannot be used.
+    `current` is the effort in N·m, as with k_t = n = 1; the information is that of the first joint,
+    with the notes on all. Raises InputError if the recording or a joint cannot be used.
     """
-    scan, = _scan_all(find_recording(path), progress, None, layout)
+    scan, = _scan_all(sources.find_recording(path), progress, None, layout)
     notes: list[str] = []
-    read = list(usable_joints(scan, lambda joint: 1.0, notes).values()) if joint is None else [
-        to_samples(scan, joint, 1.0)]
+    read = ([joint_samples.to_samples(scan, joint, 1.0)] if joint is not None else
+            [*joint_samples.usable_joints(scan, lambda joint: 1.0, notes).values()])
     first = read[0][1]
     # In µs since the first joint's start: joints of several topics may begin at different times.
     times = [np.round(1e6 * (samples.time + (info.start - first.start))) for samples, info in read]
@@ -175,10 +132,11 @@ def read_joints(path: AnyPath, joint: str | None = None, progress: Progress | No
 def _scan_all(paths: AnyPath | Sequence[AnyPath], progress: Progress | None, joint: str | None,
               layout: Layout | None) -> Iterator[Scan]:
     """Yield the scan of each recording, and report the progress of all."""
-    recordings = find_recordings(paths)
+    recordings = sources.find_recordings(paths)
     for index, path in enumerate(recordings):
-        report = part_of(progress, index, len(recordings))
-        scanner = open_scanner(path, joint, layout and layout.of_recording(index, len(recordings)))
+        report = sources.part_of(progress, index, len(recordings))
+        own = layout and layout.of_recording(index, len(recordings))
+        scanner = sources.open_scanner(path, joint, own)
         parts: dict[str, list[Track]] = {}
         for scan in scanner.scans():
             for track in scan.tracks:
@@ -196,17 +154,12 @@ def stream_recording_with_info(path: AnyPath, joint: str | None = None,
     """Read one joint of one recording in stretches of some seconds, each with its `RecordingInfo`.
 
     Concatenated, the stretches equal the result of `read_recording_with_info`, except that signals
-    are interpolated and checked within each stretch: a signal that covers less than half of a
-    stretch is None there. The last item has no samples, but the notes on the whole recording, such
-    as gaps or a truncated file.
-
-    Raises
-    ------
-    InputError
-        If the recording, the joint or a value cannot be used.
+    are interpolated and checked within each: a signal that covers less than half of a stretch is
+    None there. The last item has no samples, but the notes on the whole recording. Raises
+    InputError if the recording, the joint or a value cannot be used.
     """
     gain = Drive(torque_constant, gear_ratio).torque_per_current
-    scanner = open_scanner(find_recording(path), None if others else joint, layout)
+    scanner = sources.open_scanner(sources.find_recording(path), None if others else joint, layout)
     clock, turns = _CommonClock(), _Turns()
     info = None
     for scan in _stretches(scanner.scans(), round(seconds * 1e9)):
@@ -310,7 +263,7 @@ class _Turns:
             return samples
         position = samples.position + self._offset
         # As within a stretch, only a jump between neighbours is a wrapped angle.
-        if self._last is not None and samples.time[0] - self._last[0] < WRAP_TIME:
+        if self._last is not None and samples.time[0] - self._last[0] < joint_samples.WRAP_TIME:
             turns = 2.0 * np.pi * round((position[0] - self._last[1]) / (2.0 * np.pi))
             self._offset, position = self._offset - turns, position - turns
         self._offset += info.turns

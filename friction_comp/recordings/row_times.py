@@ -19,7 +19,7 @@ _FEWEST_CHANGES = 50
 def spread_rounded(stamp: np.ndarray, position: np.ndarray, notes: list[str]) -> np.ndarray:
     """Return ascending stamps in ns, with rows that share one by rounding spread evenly.
 
-    They do if most rows in motion have the stamp of the row before although the position changed.
+    They do if most rows in motion have the stamp of the row before.
     """
     change, step = np.diff(position), np.diff(stamp)
     moved = np.isfinite(change) & (change != 0.0)

@@ -22,21 +22,11 @@ def write_samples(path: AnyPath, samples: Samples | Sequence[Samples],
                   torque_constant: float = 1.0, gear_ratio: float = 1.0, namespace: str = '',
                   start_ns: int = NANO, custom_data: dict[str, str] | None = None,
                   compression: str = 'none') -> None:
-    """Write samples as a recording with the topics that the nodes publish.
+    """Write samples, one per joint, as a recording with the topics that the nodes publish.
 
-    Parameters
-    ----------
-    path, custom_data, compression
-        As for `RecordingWriter`.
-    samples : Samples or list of Samples
-        One per joint; several joints must share their time base. Effort is current · k_t · n.
-        Signals that are None are not recorded; joints without a name become ``joint_1`` and so on.
-    torque_constant, gear_ratio : float
-        k_t in N·m/A and n.
-    namespace : str
-        Prefix of every topic.
-    start_ns : int
-        Stamp of time zero.
+    Several joints must share their time base; those without a name become ``joint_1`` and so on.
+    Effort is current · k_t · n, with k_t in N·m/A. `namespace` is the prefix of every topic, and
+    `start_ns` the stamp of time zero; the rest is as for `RecordingWriter`.
     """
     joints = [samples] if isinstance(samples, Samples) else list(samples)
     if not joints:

@@ -70,10 +70,7 @@ class Track:
 
 @dataclass
 class Scan:
-    """Raw contents of one recording, or of a stretch of it.
-
-    Notes, activity and the number of messages by topic are those of all that was read so far.
-    """
+    """Raw contents of one recording, or of a stretch of it with the notes so far."""
 
     path: Path
     tracks: list[Track]
@@ -197,8 +194,6 @@ def _is_wanted(topic: str, kind: str) -> bool:
 
 
 class _TopicReader:
-    """Collects one topic's messages and decodes them together."""
-
     def __init__(self, topic: str, signal: str, joint: str | None) -> None:
         self.topic, self.signal = topic, signal
         self.messages: list[tuple[int, int, bytes]] = []    # (receive time in ns, index, payload)

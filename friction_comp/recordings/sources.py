@@ -33,9 +33,8 @@ def part_of(progress: Progress | None, index: int, count: int) -> Progress:
 def find_recordings(paths: AnyPath | Sequence[AnyPath]) -> list[Path]:
     """Return the recordings at paths, and in folders at any depth in the order of their names.
 
-    Recordings are rosbag2 folders, .mcap, .db3 and ROS 1 .bag files; tables only if `paths` name
-    them. Tables of one signal each, in one folder, are one recording. Raises InputError if a path
-    does not exist or has no recording.
+    Tables are recordings only if `paths` name them; tables of one signal each, in one folder, are
+    one. Raises InputError if a path does not exist or has no recording.
     """
     unique: dict[Path, Path] = {}
     given = list(map(Path, [paths] if isinstance(paths, (str, PathLike)) else paths))
@@ -91,10 +90,7 @@ def _expand(path: Path) -> Iterator[Path]:
 
 def open_scanner(path: AnyPath, joint: str | None = None, layout: Layout | None = None,
                  **options: Any) -> MessageScanner | TableScanner:
-    """Return a reader of a recording in batches, of all joints or only `joint`.
-
-    The option ``batch`` is the number of messages or rows in a batch.
-    """
+    """Return a reader of a recording by ``batch`` messages or rows, of all joints or `joint`."""
     path = Path(path)
     if is_table(path) and not path.is_dir():
         return TableScanner(path, layout, joint, **options)
@@ -111,9 +107,8 @@ def open_scanner(path: AnyPath, joint: str | None = None, layout: Layout | None 
 def recorded_joints(path: AnyPath, layout: Layout | None = None) -> list[str]:
     """Return the joints in a recording's first joint states, '' for one without a name.
 
-    If the layout names the columns of one joint, it is that joint only.
-
-    Raises InputError if the recording cannot be read.
+    If the layout names the columns of one joint, it is that joint only. Raises InputError if the
+    recording cannot be read.
     """
     scan = next(open_scanner(path, layout=layout, batch=_FIRST_MESSAGES).scans())
     return scan.joints if scan.selected is None else [scan.selected]

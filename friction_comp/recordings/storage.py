@@ -13,17 +13,14 @@ import re
 import shutil
 import sqlite3
 from tempfile import TemporaryDirectory
-from typing import Any, TYPE_CHECKING
+from typing import Any
 from urllib.parse import quote
 
 import yaml
 import zstandard
 
 from friction_comp.errors import InputError, one_line
-from friction_comp.recordings.mcap_file import DamagedError, McapFile, Message, Wanted
-
-if TYPE_CHECKING:
-    from friction_comp.recordings.ros1_bag import Ros1Bag
+from friction_comp.recordings.mcap_file import DamagedError, McapFile, Message, MessageFile, Wanted
 
 AnyPath = str | PathLike[str]
 
@@ -38,10 +35,7 @@ def is_storage(path: Path) -> bool:
 
 
 def is_split_recording(folder: Path) -> bool:
-    """Return whether a folder without metadata contains the files of one recording.
-
-    rosbag2 names them after the folder, with a number.
-    """
+    """Return whether a folder without metadata contains files that rosbag2 named after it."""
     pattern = re.compile(re.escape(folder.name) + r'_\d+\.(mcap|db3)(\.zstd)?')
     files = [path.name for path in folder.iterdir() if is_storage(path)]
     return bool(files) and all(pattern.fullmatch(name) for name in files)
@@ -80,15 +74,14 @@ class Storage:
             raise unreadable(self.path, '; '.join(reasons) if len(failed) > 1 else failed[0][1])
         self.notes.extend(f'{reason}: this file is missing' for reason in reasons)
 
-    def _is_wanted(self, wanted: Wanted, opened: McapFile | SqliteFile | Ros1Bag, topic: str,
-                   kind: str) -> bool:
+    def _is_wanted(self, wanted: Wanted, opened: MessageFile, topic: str, kind: str) -> bool:
         if wanted(topic, kind):
             if opened.encodings.get(topic) not in ('cdr', '', None):
                 raise InputError(f'{self.path}: {topic} is not serialised as CDR')
             return True
         return False
 
-    def _add_contents(self, file: Path, opened: McapFile | SqliteFile | Ros1Bag) -> None:
+    def _add_contents(self, file: Path, opened: MessageFile) -> None:
         several = len(self.files) > 1
         self.notes.extend(f'{file.name}: {note}' if several else note for note in opened.notes)
         for topic, (kind, count) in opened.topics.items():
@@ -140,10 +133,7 @@ def unreadable(path: Path, reason: str) -> InputError:
 
 @contextmanager
 def unreadable_on_error(path: Path) -> Iterator[None]:
-    """Raise the error for an unreadable recording instead of any other but InputError.
-
-    Corrupt files may raise anything in the libraries that read them.
-    """
+    """Turn any error but InputError, as libraries raise for corrupt files, into `unreadable`."""
     try:
         yield
     except InputError:
@@ -164,7 +154,7 @@ def _natural_key(path: Path) -> list[str | int]:
     return [int(part) if part.isdigit() else part for part in re.split(r'(\d+)', path.name)]
 
 
-def _open(file: Path, folder: Path) -> McapFile | SqliteFile | Ros1Bag:
+def _open(file: Path, folder: Path) -> MessageFile:
     if file.suffix == '.zstd':
         plain = folder / file.stem
         with file.open('rb') as packed, plain.open('wb') as stream:
@@ -184,17 +174,11 @@ def _open(file: Path, folder: Path) -> McapFile | SqliteFile | Ros1Bag:
     return McapFile(file) if file.suffix == '.mcap' else SqliteFile(file)
 
 
-class SqliteFile:
-    """One .db3 file, with the interface of `McapFile`.
-
-    The topics' quality of service is ignored: its format differs between releases, and nothing here
-    depends on it. Raises DamagedError if the file is not a database with rosbag2's tables.
-    """
+class SqliteFile(MessageFile):
+    """One .db3 file; raises DamagedError if it is not a database with rosbag2's tables."""
 
     def __init__(self, path: Path) -> None:
-        self.notes: list[str] = []
-        self.custom: dict[str, str] = {}
-        self.progress = 0.0
+        super().__init__()
         self._database = sqlite3.connect(f'file:{quote(str(path))}?mode=ro', uri=True)
         try:
             rows = self._database.execute(
@@ -204,15 +188,13 @@ class SqliteFile:
             self._database.close()
             raise DamagedError(f'not a rosbag2 database: {error}') from None
         self._by_id = {row[0]: (str(row[1]), str(row[2])) for row in rows}
-        self.topics: dict[str, tuple[str, int]] = {str(r[1]): (str(r[2]), 0) for r in rows}
+        self.topics = {str(row[1]): (str(row[2]), 0) for row in rows}
         self.encodings = {str(row[1]): str(row[3]) for row in rows}
 
     def close(self) -> None:
-        """Close the database."""
         self._database.close()
 
     def messages(self, wanted: Wanted) -> Iterator[Message]:
-        """Yield the messages in the order they were written, as `McapFile.messages` does."""
         topic_ids = [k for k, topic_and_type in self._by_id.items() if wanted(*topic_and_type)]
         recovered = 0
         try:
@@ -225,8 +207,7 @@ class SqliteFile:
             for topic, count in self._database.execute(
                     'SELECT topic_id, count(*) FROM messages GROUP BY topic_id'):
                 if topic in self._by_id:
-                    name, kind = self._by_id[topic]
-                    self.topics[name] = kind, self.topics[name][1] + int(count)
+                    self.count(self._by_id[topic][0], int(count))
         except (sqlite3.Error, TypeError) as error:
             if not recovered:
                 raise DamagedError(f'the database is damaged: {error}') from None

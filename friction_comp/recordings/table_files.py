@@ -2,9 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files of tables: their columns by name, read in blocks of rows.
 
-A file is text, or holds arrays: then each one-dimensional array is a column, each column of a
-matrix too, and numbers beside them hold for all rows. Several files with a signal each, such as
-``q.txt`` and ``tau.txt``, are one table.
+A file is text, or holds arrays, whose columns are columns, and numbers, which hold for all rows.
+Several files with a signal each, such as ``q.txt`` and ``tau.txt``, are one table.
 """
 
 from __future__ import annotations
@@ -51,10 +50,7 @@ def open_table(path: Path) -> Csv | Parquet | Arrays:
 
 
 def with_parts(paths: Sequence[Path]) -> list[Path]:
-    """Return paths with tables of one signal each, beside each other, as one path.
-
-    Its name lists the files in braces, which `parts_of` takes apart.
-    """
+    """Return paths with tables of one signal each as one, which `parts_of` takes apart."""
     groups: dict[Path, list[Path]] = {}
     for path in paths:
         if path.is_file() and path.name.lower().endswith(TABLES) and read_name(_stem(path)).signal:
@@ -88,17 +84,21 @@ def _one_signal(path: Path) -> bool:
 
 
 def _joined(path: Path, parts: Sequence[Path]) -> Columns:
-    """Return the columns of several files, named after the files."""
     columns: Columns = {}
     for part in parts:
         table = open_table(part)
-        blocks = [block for block, _ in table.blocks(table.names, 250_000)]
-        for k, name in enumerate(table.names):
-            values = np.concatenate([block[name] for block in blocks]) if blocks else np.empty(0)
+        for k, (name, values) in enumerate(whole_columns(table, table.names).items()):
             own = read_name(name).signal
             columns[name if own else _stem(part) if len(table.names) == 1
                     else f'{_stem(part)}_{k + 1}'] = values
     return columns
+
+
+def whole_columns(table: Csv | Parquet | Arrays, names: Sequence[str]) -> Columns:
+    """Return columns of a table in memory."""
+    blocks = [block for block, _ in table.blocks(names, 250_000)]
+    return {name: np.concatenate([np.empty(0), *(block[name] for block in blocks)])
+            for name in names}
 
 
 class Csv:
@@ -175,7 +175,6 @@ class Csv:
                 first_line += len(lines)
 
     def _parse(self, lines: list[str], indices: list[int], first_line: int) -> np.ndarray:
-        """Return the selected cells, shape (rows, columns)."""
         if self._separator != ',':
             # A comma that does not separate is a decimal one.
             lines = [line.replace(',', '.') for line in lines]

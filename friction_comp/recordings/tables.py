@@ -1,10 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reads tables as recordings, and writes recordings as tables.
-
-The rows of a table are read as if they were messages: each block of rows becomes the same kind of
-tracks as a rosbag2 recording, so that all other code works on tables without changes.
-"""
+"""Reads tables as recordings, their rows as if they were messages, and writes them as tables."""
 
 from __future__ import annotations
 
@@ -96,7 +92,7 @@ class TableScanner:
                      for signal, unit in units.items() if signal in found)
 
     def _check_first(self, columns: Columns) -> None:
-        """Compare values with the units that are taken for granted, in the first block of rows.
+        """Compare values of the first block with the units that are taken for granted.
 
         Times that are dates get their unit. Raises InputError if others cannot be in s, or a
         position without a unit in rad.
@@ -126,8 +122,7 @@ class TableScanner:
     def _leave_out_raw(self, columns: Columns) -> None:
         """Deal with whole numbers without a unit, such as a register's: they are no SI values.
 
-        A velocity of these is left out, an effort has the unit of counts, and a position raises
-        InputError, since nothing can be said without its unit.
+        A velocity of these is left out, an effort is in counts, and a position raises InputError.
         """
         for column in list(self._use.columns):
             values = columns[column.name]
@@ -147,7 +142,6 @@ class TableScanner:
                 self._use.notes.append(f'{said}: figures are in counts (--unit current=2.69mA)')
 
     def _times(self, columns: Columns, first: int) -> np.ndarray:
-        """Return the times of a block of rows in s; `first` is the number of its first row."""
         time, rate = self._use.time, self._layout.rate
         if rate or time is None:
             size = len(next(iter(columns.values())))
@@ -167,7 +161,7 @@ class TableScanner:
 
         def read(signal: str, name: str) -> np.ndarray | None:
             if signal == 'effort' and self._gains and use.of(signal, name) is None:
-                return self._controller_effort(columns, time, name)
+                return use.controller_effort(columns, time, name, self._gains)
             return use.signal_in(columns, signal, name)
 
         def stack(name: str, *signals: str) -> np.ndarray:
@@ -198,24 +192,9 @@ class TableScanner:
         if references:
             yield track('reference', references)
 
-    def _controller_effort(self, columns: Columns, time: np.ndarray, joint: str
-                           ) -> np.ndarray | None:
-        """Return the effort of a position controller, from target and position."""
-        gains = [columns[gain] if isinstance(gain, str) else gain for gain in self._gains]
-        found = self._use.controller_effort(columns, time, joint, gains)
-        if found is None:
-            return None
-        effort, note = found
-        if note not in self._use.notes:
-            self._use.notes.append(note)
-        return effort
-
 
 def _stamps(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Convert times in s to ns; also return which rows have a valid time.
-
-    The other rows get the time of the row before, so that time does not jump.
-    """
+    """Convert times in s to ns, invalid ones to that of the row before; return which are valid."""
     valid = np.abs(time) < _LATEST
     stamp = np.zeros(len(time), dtype=np.int64)
     stamp[valid] = np.round(1e9 * time[valid]).astype(np.int64)
@@ -226,10 +205,7 @@ def _stamps(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def table_of(joints: Sequence[Samples]) -> dict[str, np.ndarray]:
-    """Return samples of joints on one time base as columns, such as ``elbow.position``.
-
-    Their `current` must be the effort in N·m, as read with k_t = n = 1.
-    """
+    """Return samples on one time base as columns, such as ``elbow.position``; current is effort."""
     columns = {'time': joints[0].time}
     for samples in joints:
         prefix = f'{samples.joint}.' if samples.joint else ''
@@ -241,13 +217,7 @@ def table_of(joints: Sequence[Samples]) -> dict[str, np.ndarray]:
 
 
 def write_table(path: Path, joints: Sequence[Samples]) -> None:
-    """Write the columns of `table_of` as CSV, Parquet or npz, depending on the file name.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be written.
-    """
+    """Write the columns of `table_of` as CSV, Parquet or npz; raises InputError if it cannot."""
     columns = table_of(joints)
     name = path.name.lower()
     stream = io.BytesIO()

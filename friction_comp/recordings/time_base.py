@@ -86,8 +86,7 @@ def clock_shifts(times: np.ndarray, order: np.ndarray, receive: np.ndarray,
                  notes: list[str]) -> Shifts:
     """Return the offsets with which times continue to increase after the clock was set back.
 
-    The step across each reset is the difference of the receive times, or ten usual steps if that is
-    not positive.
+    The step across each reset is that of the receive times, or ten usual steps.
     """
     shifts = Shifts()
     steps = np.diff(times)
@@ -128,31 +127,22 @@ def note_gaps(times: np.ndarray, notes: list[str]) -> None:
 
 @dataclass
 class TimeBase:
-    """Times of the joint states in ns, at which all other signals are evaluated.
-
-    `stamped` is whether the joint states have stamps.
-    """
+    """Times of the joint states in ns, at which all other signals are evaluated."""
 
     stamp: np.ndarray
     receive: np.ndarray
-    stamped: bool
+    stamped: bool  # whether the joint states have stamps
     shifts: Shifts
 
     def pair(self, track: Track) -> tuple[np.ndarray, np.ndarray]:
-        """Return the times of the joint states and of another topic, ns, on a common clock.
-
-        They are stamps if both topics have them, otherwise receive times.
-        """
+        """Return times of the joint states and of another topic, ns: stamps if both have them."""
         if self.stamped and track.stamp.any():
             return self.stamp, self.shifts.apply(track.stamp, track.order)
         return self.receive, track.receive
 
     def _finite_values(self, track: Track, values: np.ndarray
                        ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the times of the joint states, and times and finite values of another topic.
-
-        The times are those of `pair`; the other topic's are in ascending order.
-        """
+        """Return the times of `pair`, the other topic's in ascending order, and finite values."""
         times, other_times = self.pair(track)
         finite = np.isfinite(values)
         order = np.argsort(other_times[finite], kind='stable')
@@ -172,10 +162,7 @@ class TimeBase:
         return held
 
     def interpolate(self, track: Track, values: np.ndarray) -> np.ndarray | None:
-        """Return the signal at each joint state, or None if it covers less than half of them.
-
-        Beyond its ends the nearest value is used.
-        """
+        """Return the signal at each joint state, or None if it covers less than half of them."""
         times, other_times, values = self._finite_values(track, values)
         if not len(values):
             return None
@@ -191,8 +178,7 @@ def other_signals(scan: Scan, joint: str, joints: list[str], base: TimeBase,
                   torque_per_current: float, notes: list[str]) -> dict[str, Any]:
     """Return the signals of other topics, each shape (N,), by their names in `Samples`.
 
-    `joints` are all joints of the joint states, in their order; `torque_per_current` in N·m/A at
-    the joint converts commanded torques to currents.
+    `joints` are all of the joint states, in order; `torque_per_current` in N·m/A is at the joint.
     """
     signals: dict[str, Any] = {}
     for topic, names in _INTERPOLATED.items():
@@ -238,7 +224,6 @@ def _direction(scan: Scan, joint: str, joints: list[str], order: list[list[str]]
 
 def _find_joint(tracks: list[Track], joint: str, joints: list[str],
                 notes: list[str]) -> tuple[Track, np.ndarray] | None:
-    """Return the track with a joint's (or frame's) values, or None."""
     for track in tracks:
         if joint in track.values:
             return track, track.values[joint]

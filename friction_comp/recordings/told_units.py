@@ -2,9 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the values of a column tell of its unit, where neither its name nor the user gives one.
 
-Friction in a wrong unit of position or time fits a recording as well as in the right one: Coulomb
-friction is the same, and viscous friction and inertia are wrong by the factor. So what values tell
-against rad and s is asked, and what is taken for granted stands beside the results.
+Friction in a wrong unit of position or time fits a recording as well as in the right one. So what
+values tell against rad and s is asked, and what is taken for granted stands beside the results.
 """
 
 from __future__ import annotations
@@ -67,8 +66,7 @@ def _distance(position: np.ndarray, turn: float) -> float:
 def unit_of_weight(time: np.ndarray, position: np.ndarray, effort: np.ndarray) -> str:
     """Return the unit in which a link's weight repeats every turn and explains the effort.
 
-    The effort is fitted by friction, inertia and a weight, with the position in each unit. Signals
-    have shape (N,). It is '' where a weight in rad does as well, or none shows.
+    It is '' where a weight in rad does as well, or none shows. Signals have shape (N,).
     """
     half = max(round(0.5 * _SMOOTHING / max(float(np.median(np.diff(time))), 1e-6)), 1)
     average = np.full(2 * half + 1, 1.0 / (2 * half + 1))

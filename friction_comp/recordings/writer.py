@@ -43,10 +43,9 @@ def qos_profile(reliability: str = 'reliable', durability: str = 'volatile') -> 
 class RecordingWriter:
     """A rosbag2 folder with mcap storage that is readable at any time while it is written.
 
-    Messages are collected in chunks. Each chunk has a checksum, and is written whole when it is
-    full or `flush` is called; a thread syncs it to the disk. If the process is killed, only
-    messages after the last chunk are lost; a full disk loses nothing that was written.
-    ``metadata.yaml`` exists from the beginning and lists every file.
+    Messages are collected in chunks with checksums, each written whole when it is full or `flush`
+    is called. If the process is killed, only messages after the last chunk are lost; a full disk
+    loses nothing that was written. ``metadata.yaml`` exists from the beginning.
 
     Parameters
     ----------
@@ -56,20 +55,14 @@ class RecordingWriter:
         Stored in metadata.yaml. ``model_file`` is the active model.
     compression : str, optional
         'none', 'message' or 'storage' (chunks inside the mcap file), all with zstd.
-    split_size : float, optional
-        Size in bytes after which the next file begins, at least 10,000; 0: never.
-    split_duration : float, optional
-        Duration in s of message time after which the next file begins, at least 0.1; 0: never.
+    split_size, split_duration : float, optional
+        Size in bytes (from 10,000) and time in s (from 0.1) after which the next file begins; 0:
+        never.
 
     Raises
     ------
     InputError
         If the folder exists or cannot be created, or files would be too small.
-
-    Examples
-    --------
-    >>> with RecordingWriter('trial') as recording:                       # doctest: +SKIP
-    ...     recording.write('joint_states', 'sensor_msgs/msg/JointState', stamp_ns, cdr)
     """
 
     def __init__(self, path: AnyPath, custom_data: dict[str, str] | None = None,
@@ -116,16 +109,8 @@ class RecordingWriter:
     def add_topic(self, topic: str, type_name: str, qos: Sequence[Qos] = ()) -> str:
         """Declare a topic, so that it is listed even without messages; return its absolute name.
 
-        Parameters
-        ----------
-        topic, type_name : str
-        qos : sequence of dict, optional
-            QoS of its publishers, as `qos_profile` returns it; rosbag2's default when empty.
-
-        Raises
-        ------
-        InputError
-            If it is not a message type of ROS 2 Jazzy.
+        `qos` are the profiles of its publishers, see `qos_profile`; rosbag2's default when empty.
+        Raises InputError if it is not a message type of ROS 2 Jazzy.
         """
         name = topic if topic.startswith('/') else f'/{topic}'
         if name not in self._topics:
@@ -139,11 +124,8 @@ class RecordingWriter:
     def write(self, topic: str, type_name: str, stamp_ns: int, cdr: bytes) -> None:
         """Append a message: its time in ns and its CDR with encapsulation header.
 
-        Raises
-        ------
-        InputError
-            If writing fails, for instance because the disk is full. The recording is then closed,
-            and what was written before can be read.
+        Raises InputError if writing fails, for instance because the disk is full. The recording is
+        then closed, and what was written before can be read.
         """
         if not self._is_open:
             raise InputError(f'{self.path}: the recording is closed')
@@ -164,13 +146,7 @@ class RecordingWriter:
                 self._files[-1].flush()
 
     def close(self) -> None:
-        """Finish the recording.
-
-        Raises
-        ------
-        InputError
-            If nothing was recorded (then nothing is left behind), or the disk is full.
-        """
+        """Finish the recording; raises InputError if nothing was recorded, or the disk is full."""
         if not self._is_open:
             return
         if not self.message_count:
@@ -256,8 +232,6 @@ class RecordingWriter:
 
 
 class _McapFile:
-    """One mcap file of a recording."""
-
     def __init__(self, path: Path, compressed: bool) -> None:
         self.path = path
         self.counts: dict[str, int] = {}
@@ -280,7 +254,6 @@ class _McapFile:
         self.counts[topic] = 0
 
     def write(self, topic: str, time: int, payload: bytes) -> None:
-        """Add a message to the current chunk."""
         count = self.counts[topic]
         self._writer.add_message(self._channels[topic], time, payload, time, count)
         self.counts[topic] = count + 1
@@ -288,7 +261,6 @@ class _McapFile:
         self.last = time if self.last is None else max(self.last, time)
 
     def flush(self) -> None:
-        """End the chunk and write it."""
         self._writer.flush()
         self.stream.flush()
 
@@ -302,11 +274,7 @@ class _McapFile:
 
 
 class _SyncedFile:
-    """A new file that is written in whole blocks, which a thread syncs to the disk.
-
-    Data are collected in memory until `flush`. If a block cannot be written, for instance because
-    the disk is full, the file is truncated to the blocks before it.
-    """
+    """A new file of whole blocks, which a thread syncs to the disk."""
 
     def __init__(self, path: Path) -> None:
         self._file = path.open('xb', buffering=0)
@@ -316,7 +284,6 @@ class _SyncedFile:
         self._sync: Future[None] = self._thread.submit(lambda: None)
 
     def write(self, data: bytes) -> int:
-        """Append to the current block."""
         if len(self._block) > _CHUNK:
             self.flush()
         self._block += data

@@ -16,7 +16,7 @@ from friction_comp.model.differentiation import as_recorded, shifted_in_time
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
-from friction_comp.refinement import thresholds
+from friction_comp.refinement import recorded_motion, thresholds
 from friction_comp.refinement.block_sums import held_out_error
 from friction_comp.refinement.effect_columns import (
     eq6_columns,
@@ -28,14 +28,7 @@ from friction_comp.refinement.effect_columns import (
     Term,
 )
 from friction_comp.refinement.lag import best_response
-from friction_comp.refinement.prepare import blocks_of_samples, prepare, Rows, with_settings
-from friction_comp.refinement.recorded_motion import (
-    candidate_settings,
-    choose_differentiation,
-    choose_signals,
-    plain_columns,
-    smooth_settings,
-)
+from friction_comp.refinement.prepare import prepare, Rows
 from friction_comp.refinement.search import adjust_constants, Search
 from friction_comp.refinement.stability import Intervals
 from friction_comp.samples import Samples
@@ -67,8 +60,7 @@ class Fit:
     candidates: list[Term]  # the last ones
     # Share of bootstrap samples in which the lag lowers the error enough; 1 without a lag.
     lag_confidence: float = 1.0
-    # What the search found before terms that cannot be named were left out, and its mean squared
-    # error of blocks that were not fitted, A².
+    # Before terms that cannot be named were left out: the terms, and `mean_error`, A².
     found: tuple[Term, ...] = ()
     found_error: float = math.nan
     # Share of repeated searches that choose each term, and intervals; filled when terms are named.
@@ -87,19 +79,14 @@ class Fit:
         """Delay and time constant between current and torque, s."""
         return self.settings.get('lag', 0.0), self.settings.get('time_constant', 0.0)
 
-    def errors(self) -> np.ndarray:
-        """Return the squared error of each cell by a fit to all other blocks, shape (K,)."""
-        return self.table.held_out_errors(self.table.indices(self.terms))
-
     def mean_error(self) -> float:
         """Return the mean squared error of blocks that were not fitted, A²."""
-        return float(self.errors().sum()) / float(self.table.sums.rows.sum())
+        return float(self.table.block_errors(self.terms).sum() / self.table.sums.rows.sum())
 
     def rmse_with(self, terms: Sequence[Term]) -> float:
         """Return the held-out RMS error of some of the terms, at the present transition, A."""
-        table = self.table
-        errors = table.held_out_errors(table.indices(terms, derivatives=False))
-        return math.sqrt(float(errors.sum()) / float(table.sums.rows.sum()))
+        errors = self.table.block_errors(terms, derivatives=False)
+        return math.sqrt(float(errors.sum()) / float(self.table.sums.rows.sum()))
 
     def residual(self) -> np.ndarray:
         """Return the residual of each sample by a fit to all other blocks, A, shape (N,)."""
@@ -108,8 +95,7 @@ class Fit:
                                    *(term.columns(rows) for term in self.terms)])
         train = (table.block != np.arange(rows.blocks)[:, None]).astype(float)
         fits = table.sums.fits(table.indices(self.terms, derivatives=False), train)
-        return np.asarray(rows.target - np.einsum(
-            'ns,ns->n', columns, fits[blocks_of_samples(rows)]))
+        return rows.target - np.einsum('ns,ns->n', columns, fits[rows.block_of_sample])
 
 
 def without_lag(settings: dict[str, Any]) -> dict[str, Any]:
@@ -194,11 +180,10 @@ class EffectSearch(Search):
 
 def search_with(problem: Problem, settings: dict[str, Any] | None = None,
                 begin: Sequence[Term] | None = None) -> Fit:
-    """Search with some differentiation settings and return the best fit.
+    """Search with differentiation settings, chosen when omitted, and return the best fit.
 
-    Settings are chosen when omitted. The search begins with the terms of the initial model and
-    those of `begin`; when it is omitted, with each of `EffectSearch.starts`. The fit with the
-    lowest error is returned, where each term costs `LEAST_SHARE` of the error.
+    The search begins with the terms of the initial model and those of `begin`, or with each of
+    `EffectSearch.starts`. In the comparison, each term costs `LEAST_SHARE` of the error.
     """
     rows, settings = prepare(problem.raw, problem.drive, settings, problem.declared)
     model = problem.model
@@ -215,32 +200,28 @@ def search_with(problem: Problem, settings: dict[str, Any] | None = None,
     search = EffectSearch(table, initial)
     starts = search.starts() if begin is None else [table.add(begin)]
     transition = table.transition
-    ends: list[tuple[float, int, list[Term], tuple[float, float], list[Term]]] = []
+    ends: list[tuple[float, list[Term], tuple[float, float], list[Term]]] = []
     for first_terms in starts:
         table.set_transition(*transition)
         terms = search.search_from(first_terms)
-        ends.append((search.error(terms) * (1.0 + thresholds.LEAST_SHARE) ** len(terms), len(ends),
+        ends.append((search.error(terms) * (1.0 + thresholds.LEAST_SHARE) ** len(terms),
                      terms, table.transition, search.candidates))
-    _, _, terms, transition, candidates = min(ends)
+    _, terms, transition, candidates = min(ends, key=lambda end: end[0])
     table.set_transition(*transition)
     return Fit(table, terms, len(initial), settings,
                [term for term in candidates if term in table.columns_of])
 
 
 def find_best_fit(problem: Problem) -> Fit:
-    """Return the best fit over lags and bandwidths.
-
-    Both are chosen, like effects, by the error of blocks that were not fitted, after a whole
-    search with each.
-    """
+    """Return the best fit over lags and bandwidths, each tried with a whole search."""
     best = search_with(problem)
     tried = [best.settings]
     # A plain drive knows of no ripple, which a filter of the motion or of the load blurs.
-    wider = smooth_settings(problem.raw)
+    wider = recorded_motion.smooth_settings(problem.raw)
     others = [{**best.settings, **wider}] if wider['bandwidth'] and (
         best.settings['bandwidth'] or math.inf) < wider['bandwidth'] else []
     if best.settings.get('signals'):
-        others.append(choose_differentiation(
+        others.append(recorded_motion.choose_differentiation(
             problem.raw, best.rows.clipped, best.rows.joints, 0.0, filtered=False))
     for settings in others:
         best = min(best, search_with(problem, settings), key=Fit.mean_error)
@@ -267,11 +248,9 @@ def find_best_fit(problem: Problem) -> Fit:
 
 def _lag_confidence(lagged: Fit, unlagged: Fit) -> float:
     """Return the share of bootstrap samples of blocks in which a lag lowers the error enough."""
-    rng = np.random.default_rng(2)
-    lagged_errors, unlagged_errors = (
-        np.bincount(fit.table.block, fit.errors()) for fit in (lagged, unlagged))
-    drawn = rng.integers(0, len(unlagged_errors), (200, len(unlagged_errors)))
-    after, before = (errors[drawn].sum(axis=1) for errors in (lagged_errors, unlagged_errors))
+    after, before = (fit.table.block_errors(fit.terms) for fit in (lagged, unlagged))
+    drawn = np.random.default_rng(2).integers(0, len(before), (200, len(before)))
+    after, before = (errors[drawn].sum(axis=1) for errors in (after, before))
     return float(np.mean(after < thresholds.LAG_ERROR * before))
 
 
@@ -289,7 +268,7 @@ def _other_settings(problem: Problem, fit: Fit) -> list[dict[str, Any]]:
         return held_out_error(rows.averaged(as_recorded(shifted, rows.samples, slow)), target,
                               rows.block)
     samples = rows.samples.with_(load=None) if rows.load_coefficient else rows.samples
-    plain = plain_columns(
+    plain = recorded_motion.plain_columns(
         samples, [rows.coverage.transition, _PLAIN_TRANSITION * rows.coverage.speed])
     current_lag, _ = fit.lag
     # Viscous friction after a low pass has an inertia, which must not be the only one.
@@ -307,17 +286,18 @@ def _other_settings(problem: Problem, fit: Fit) -> list[dict[str, Any]]:
             changed = {name: shifted_in_time(values, problem.raw, current_lag)
                        for name, values in changed.items()}
             return error_of(columns(replace(rows, samples=rows.samples.with_(**changed))))
-        signals = choose_signals(problem.raw, settings.get('signals', {}), error_with, True)
+        signals = recorded_motion.choose_signals(
+            problem.raw, settings.get('signals', {}), error_with, with_lag=True)
         if signals != settings.get('signals', {}):
             others.append({**settings, 'signals': signals})
-    errors: list[tuple[float, int, dict[str, Any]]] = []
-    for choice in candidate_settings(problem.raw):
+    errors: list[tuple[float, dict[str, Any]]] = []
+    for choice in recorded_motion.candidate_settings(problem.raw, problem.raw.velocity):
         choice |= {name: settings[name] for name in (*_LAG, 'signals') if settings.get(name)}
-        matrix = columns(with_settings(rows, problem.raw, choice))
+        matrix = columns(rows.with_settings(problem.raw, choice))
         if np.isfinite(matrix).all():
-            errors.append((error_of(matrix), len(errors), choice))
-    least, _, choice = min(errors)
-    now = [error for error, _, tried in errors if tried == settings]
+            errors.append((error_of(matrix), choice))
+    least, choice = min(errors, key=lambda entry: entry[0])
+    now = [error for error, tried in errors if tried == settings]
     if choice != settings and (not now or least < thresholds.LOWER_ERROR ** 2 * now[0]):
         others.append(choice)
     return others

@@ -61,7 +61,7 @@ class BlockSums:
         return _squared_errors(own, _fits(own, weights[None]))
 
     def squared_errors(self, columns: Sequence[int], coefficients: np.ndarray) -> np.ndarray:
-        """Return the squared error of each block, (K,), by its own coefficients, shape (K, S)."""
+        """Return the squared error of each block, (K,); all have coefficients (1, S), or own."""
         return _squared_errors(self.part(columns), coefficients)
 
     def fits(self, columns: Sequence[int], weights: np.ndarray) -> np.ndarray:
@@ -117,8 +117,7 @@ def solve(sums: np.ndarray, norms: np.ndarray, signs: np.ndarray) -> np.ndarray:
     """Solve least squares problems with bounds at zero; return the coefficients, shape (F, S).
 
     A coefficient with the wrong sign is set to zero, the worst first, and the others are solved
-    for without it. `sums`, shape (F, S + 1, S + 1), are those of products of columns with these
-    `norms` and required `signs`, shape (S,), the target last.
+    for without it. `sums`, shape (F, S + 1, S + 1), are of columns with these `norms` and `signs`.
     """
     size = len(norms)
     scaled = sums[:, :-1, :-1] / norms[:, None] / norms

@@ -49,8 +49,7 @@ def remaining_dependences(samples: Samples, residual: np.ndarray, slowest: float
 
     Each dependence is subtracted before the next is searched for, so that a variable is reported
     only if it explains a part that others do not; then pairs of variables are tried. The samples
-    are in motion, with velocity and acceleration, and may have gaps; `slowest` is the speed of
-    standstill, rad/s.
+    are in motion; `slowest` is the speed of standstill, rad/s.
     """
     limit = _OUTLYING * float(robust_std(residual)) + 1e-300
     values = np.clip(residual, -limit, limit)
@@ -73,7 +72,7 @@ def remaining_dependences(samples: Samples, residual: np.ndarray, slowest: float
         if slow:
             # By chance, whatever varies as slowly explains it, so that its cause stays open; that
             # it is no noise does not.
-            strength, name = _share_of_means(values, cells['time']), 'time'
+            strength, name = share_of_means(values, cells['time']), 'time'
         if strength * share < thresholds.LEAST_STRENGTH:
             break
         dependences.append(_dependence(name, strength * share, values, name, slow))
@@ -94,9 +93,8 @@ def explained_share(residual: np.ndarray, cells: np.ndarray, block: np.ndarray,
                     rng: np.random.Generator) -> float:
     """Return the share of a residual's variance that cells explain; 0 if it may be chance.
 
-    The average share with flipped signs is subtracted. `cells` and `block`, shape (N,), are the
-    indices of each sample's cell and block. Blocks are longer than the correlation time, so that
-    without a dependence the signs of the residual in successive blocks are independent.
+    `cells` and `block`, shape (N,), are the indices of each sample's cell and block. Blocks are
+    longer than the correlation time, so that without a dependence their signs are independent.
     """
     count, rows = int(cells.max()) + 1, int(block.max()) + 1
     table = np.bincount(block * count + cells, residual, minlength=rows * count)
@@ -177,7 +175,7 @@ def _inseparable(dependences: list[Dependence], signals: dict[str, np.ndarray]) 
     return inseparable
 
 
-def _share_of_means(values: np.ndarray, cells: np.ndarray) -> float:
+def share_of_means(values: np.ndarray, cells: np.ndarray) -> float:
     """Return the share of a residual's power in the means of its cells."""
     total = np.bincount(cells, values)
     return float(total ** 2 @ (1.0 / np.maximum(np.bincount(cells), 1)) / (values @ values))

@@ -78,8 +78,7 @@ class Term:
 def eq6_columns(rows: Rows, steepness: float, shift: float) -> np.ndarray:
     """Return Eq. 6 as columns, shape (N, EQ6_COLUMNS): constant, transition, viscous, derivatives.
 
-    The last two are the derivatives of the transition with respect to the logarithm of its
-    steepness and to its shift: their coefficients are Gauss-Newton steps of both.
+    The last two are those of the transition by the logarithm of its steepness and by its shift.
     """
     v = np.asarray(rows.samples.velocity)
     half = 0.5 * steepness * (v - shift)
@@ -95,8 +94,7 @@ def eq6_columns(rows: Rows, steepness: float, shift: float) -> np.ndarray:
 class Table:
     """Columns of terms on the rows of a recording, shape (P, R), and their sums over cells.
 
-    A cell is the set of rows of one block and one region of posture, whose indices are `block` and
-    `region`, one of each cell.
+    A cell has the rows of one block and one region of posture: its indices `block` and `region`.
     """
 
     def __init__(self, rows: Rows, steepness: float, shift: float = 0.0) -> None:
@@ -123,12 +121,6 @@ class Table:
         part._keep_only(terms)
         return part
 
-    def _columns_for(self, term: Term) -> np.ndarray:
-        """Return a term's columns, shape (M, R)."""
-        if term in self.columns_of:
-            return self.columns[self.columns_of[term]]
-        return self.rows.averaged(term.columns(self.rows)).T
-
     def add(self, terms: Sequence[Term], part: Table | None = None) -> list[Term]:
         """Add terms, whose columns a part of the table may have; return the finite ones."""
         fresh: list[np.ndarray] = []
@@ -136,7 +128,8 @@ class Table:
         for term in terms:
             if term in self.columns_of:
                 continue
-            columns = (part or self)._columns_for(term)
+            columns = (part.columns[part.columns_of[term]] if part and term in part.columns_of
+                       else self.rows.averaged(term.columns(self.rows)).T)
             if np.isfinite(columns).all():
                 first = len(self.columns) + len(fresh)
                 self.columns_of[term] = list(range(first, first + len(columns)))
@@ -192,7 +185,7 @@ class Table:
 
     def error(self, terms: Sequence[Term]) -> float:
         """Return the squared error of a fit of some terms to all blocks."""
-        columns, all_cells = self.indices(terms, derivatives=False), np.ones(len(self._cells))
+        columns, all_cells = self.indices(terms, derivatives=False), np.ones(len(self.block))
         return float(self.sums.errors_of_fit(columns, all_cells).sum())
 
     def coefficients(self, terms: Sequence[Term]) -> dict[int, float]:
@@ -209,6 +202,10 @@ class Table:
         """Return the squared error of each cell by the fit to all other blocks, shape (K,)."""
         return self.sums.held_out_errors(columns, self.block)
 
+    def block_errors(self, terms: Sequence[Term], derivatives: bool = True) -> np.ndarray:
+        """Return the squared error of each block by the fit to all others, shape (B,)."""
+        return np.bincount(self.block, self.held_out_errors(self.indices(terms, derivatives)))
+
     def fit_transition(self, terms: Sequence[Term], rounds: int = 4) -> None:
         """Move the transition of Eq. 6 to its optimum beside some terms, by Gauss-Newton steps."""
         speed, part = self.rows.coverage.speed, self.part(terms)
@@ -223,8 +220,7 @@ class Table:
             before, coefficients = best, part.sums.fit(part.indices(terms))
             if not coefficients[1] > 0.0:
                 break
-            # Columns 3 and 4 are the derivatives of column 1, Coulomb friction, by the logarithm of
-            # the steepness and by the shift.
+            # Columns 3 and 4 are derivatives of column 1, Coulomb friction.
             growth = float(np.clip(coefficients[3] / coefficients[1], -1.0, 1.0))
             step = float(np.clip(
                 coefficients[4] / coefficients[1], -1.0 / current[0], 1.0 / current[0]))
@@ -251,8 +247,8 @@ class Table:
     def load_shares(self, terms: Sequence[Term]) -> list[dict[str, float]]:
         """Return the load on the teeth due to each term of a fit; see `Effect.load_share`.
 
-        Empty if no term gives a load that depends on position. The offset of Eq. 6 is a load where
-        it is part of such a term, as with gravity over a short range.
+        Empty if no term gives a load. The offset of Eq. 6 is one where it is part of such a term,
+        as with gravity over a short range.
         """
         coefficients, shares, carries_load = self.coefficients(terms), [], False
         for term in terms:
@@ -320,8 +316,7 @@ def proposals(table: Table, terms: Sequence[Term]) -> list[Term]:
 def friction_groups(names: Sequence[str], joint: str, widths: Sequence[float]) -> list[Group]:
     """Return friction of the sum and the difference of a joint's velocity and its neighbours'.
 
-    `names` are all joints in their order along the arm; friction changes its sign over each of the
-    `widths`, rad/s.
+    `names` are in order along the arm; friction changes its sign over each of the `widths`, rad/s.
     """
     index = list(names).index(joint)
     neighbours = names[max(0, index - 1):index + 2]
@@ -333,13 +328,11 @@ def friction_groups(names: Sequence[str], joint: str, widths: Sequence[float]) -
 def groups_for(names: Sequence[str], joint: str) -> list[Group]:
     """Return the groups of terms through which other joints may affect a joint's current.
 
-    `names` are all joints in the order of the recording, usually that along the arm. Terms that
-    depend on the joint alone are left to its own effects. The potential energy of a serial arm is a
-    sum of harmonics of sums and differences of joint angles, its kinetic energy of such harmonics
-    times two velocities; the torque of a joint follows from both by Lagrange's equations. Each
-    harmonic is a group of columns. Two facts of mechanics rule out groups that could only stand in
-    for something else: a joint's weight torque depends on its own angle, and its angle does not
-    change the inertia of the links behind it.
+    `names` are all joints, usually in their order along the arm. The potential energy of a serial
+    arm is a sum of harmonics of sums and differences of joint angles, its kinetic energy of such
+    harmonics times two velocities; the torque of a joint follows from both by Lagrange's equations.
+    Each harmonic is a group of columns. Two facts of mechanics rule out others: a joint's weight
+    torque depends on its own angle, and its angle does not change the inertia of the links behind.
     """
     sums: list[tuple[tuple[str, int], ...]] = [
         ((first, 1), (second, side)) for first, second in combinations(names, 2)
@@ -366,8 +359,7 @@ def groups_for(names: Sequence[str], joint: str) -> list[Group]:
 def neighbourhood(names: Sequence[str], joint: str) -> list[Group]:
     """Return the groups of a joint and its neighbours, and the weight of the links behind it.
 
-    Where an arm swings freely, weight and inertia cancel, and none of these groups helps alone, so
-    they are tried together.
+    Where an arm swings freely, weight and inertia cancel, so that they are tried together.
     """
     index = list(names).index(joint)
     neighbours = set(names[max(0, index - 1):index + 2])

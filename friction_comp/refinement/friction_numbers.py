@@ -28,11 +28,10 @@ _MOST_LOG = 1.0
 
 
 def recorded_of(fit: Fit, model: FrictionModel) -> Recorded:
-    """Return the speeds of the recordings, and the intervals of the numbers of a fit.
+    """Return the speeds of the recordings, and the intervals of the numbers of a fit's model.
 
     An interval contains the scatter over parts drawn at random, and how far a number moves if the
     slow, the middle or the fast third of the samples is left out.
-    `model` is the model of that fit.
     """
     rows = fit.rows
     speed = np.abs(np.asarray(rows.samples.velocity)[rows.usable])
@@ -41,7 +40,9 @@ def recorded_of(fit: Fit, model: FrictionModel) -> Recorded:
     weights = np.zeros((len(LINE) + 1, max(fit.intervals.coefficients) + 1))
     weights[:EQ6_LINEAR, :EQ6_LINEAR] = np.eye(EQ6_LINEAR)
     own = [term for term in fit.terms if term.group is None]
-    effects = [_effect_of(fit, term) for term in own]
+    # Their coefficients do not matter.
+    effects: list[Effect] = [term.kind({**term.constants, 'coefficients': [0.0] * len(
+        fit.table.columns_of[term])}) for term in own]
     sliding = Sliding(recorded.speeds or Sliding.of(model).speeds,
                       model.position_limits or Sliding.limits)
     for term, effect, line in zip(own, effects, sliding.lines(effects)):
@@ -50,7 +51,8 @@ def recorded_of(fit: Fit, model: FrictionModel) -> Recorded:
         if effect.name == 'inertia':
             weights[-1, columns[0]] = 1.0
     intervals, other_fits = {}, _without_thirds(fit)
-    for name, row, value in zip((*LINE, 'inertia'), weights, _values(model, recorded)):
+    values = *line_of(replace(model, recorded=recorded)).values(), inertia_of(model)
+    for name, row, value in zip((*LINE, 'inertia'), weights, values):
         moved = other_fits @ row
         half = math.hypot(fit.intervals.half_width(row), float(np.abs(moved[1:] - moved[0]).max()))
         # In motion in one direction, the offset is part of Coulomb friction.
@@ -83,23 +85,10 @@ def _without_thirds(fit: Fit) -> np.ndarray:
     return fits
 
 
-def _effect_of(fit: Fit, term: Any) -> Effect:
-    """Return a term as an effect; its coefficients do not matter."""
-    count = len(fit.table.columns_of[term])
-    effect: Effect = term.kind({**term.constants, 'coefficients': [0.0] * count})
-    return effect
-
-
-def _values(model: FrictionModel, recorded: Recorded) -> list[float | None]:
-    return [*line_of(replace(model, recorded=recorded)).values(), inertia_of(model)]
-
-
 def friction_of(model: FrictionModel, unit: str, both_directions: bool = True) -> FrictionNumbers:
-    """Return the numbers of a model, in its unit of current.
+    """Return the numbers of a model, in its unit of current, with the intervals that it holds.
 
-    Their 95 % intervals are those that the model holds. `torque_per_current` converts them to
-    N·m; it is None where that is not known, as of counts. Without motion in both directions, the
-    offset is part of Coulomb friction.
+    Without motion in both directions, the offset is part of Coulomb friction.
     """
     base = model.sigmoid
     numbers: dict[str, Any] = {
@@ -115,7 +104,7 @@ def friction_of(model: FrictionModel, unit: str, both_directions: bool = True) -
             side: {what: getattr(model.breakaway, f'{side}_{what}') for what in ('mean', 'std')}
             for side in ('positive', 'negative')},
         unit=unit, torque_per_current=model.torque_per(unit),
-        inertia_holds=inertia_holds(model), formula=formula_line(numbers, model, unit))
+        inertia_holds=inertia_holds(model), formula=_formula_line(numbers, model, unit))
 
 
 def inertia_holds(model: FrictionModel) -> str:
@@ -125,9 +114,7 @@ def inertia_holds(model: FrictionModel) -> str:
     return 'the motor with all links that moved'
 
 
-def formula_line(numbers: dict[str, Any], model: FrictionModel, unit: str) -> str:
-    """Return the model as one line that a person can read, with its effects by name."""
-    symbol = quantity_in(unit)
+def _formula_line(numbers: dict[str, Any], model: FrictionModel, unit: str) -> str:
     parts = [f"{numbers['coulomb']:.4g}·tanh(v/{numbers['transition']:.2g})",
              f"{numbers['viscous']:+.4g}·v"]
     if numbers['offset']:
@@ -137,15 +124,9 @@ def formula_line(numbers: dict[str, Any], model: FrictionModel, unit: str) -> st
     others = dict.fromkeys(effect.name.replace('_', ' ') for effect in model.effects
                            if effect.name not in ('inertia', 'hysteresis'))
     spaced = ' '.join(parts).replace(' +', ' + ').replace(' -', ' − ')
-    return f'{symbol} = {" + ".join([spaced, *others])}   [{unit}, v in rad/s]'
+    return f'{quantity_in(unit)} = {" + ".join([spaced, *others])}   [{unit}, v in rad/s]'
 
 
 def quantity_in(unit: str) -> str:
-    """Return what an effort in a unit is called.
-
-    Examples
-    --------
-    >>> [quantity_in(unit) for unit in ('N·m', 'A', 'V')]
-    ['torque', 'current', 'effort']
-    """
+    """Return what an effort in a unit is called: torque, current or effort."""
     return {'N·m': 'torque', 'A': 'current'}.get(unit, 'effort')

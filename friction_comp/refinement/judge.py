@@ -24,7 +24,7 @@ from friction_comp.refinement import thresholds
 from friction_comp.refinement.best_fit import Fit
 from friction_comp.refinement.dependence import Dependence, rank_correlation
 from friction_comp.refinement.effect_columns import first_model, Table
-from friction_comp.refinement.prepare import blocks_of_samples, Rows
+from friction_comp.refinement.prepare import Rows
 from friction_comp.refinement.result import (
     AGAIN,
     Errors,
@@ -42,10 +42,8 @@ from friction_comp.statistics import rms, robust_std
 
 STEPS = 'steps of the velocity'
 """Stands among variables for the error that `report.error_by_steps` returns."""
-_ORDER = (AGAIN, IN_PART, TRUST)
 # Every so many samples show whether joints move as one.
 _EVERY = 10
-
 
 _FINDINGS = {
     'pushes': (
@@ -156,7 +154,7 @@ def verdict_of(findings: Iterable[Finding], unit: str = 'A') -> Verdict:
     """Return what follows from findings on a model in a unit."""
     found = [replace(finding, text=in_unit(finding.text, unit)) for finding in findings]
     bad = sorted((finding for finding in found if finding.grade != TRUST),
-                 key=lambda finding: _ORDER.index(finding.grade))
+                 key=lambda finding: (AGAIN, IN_PART).index(finding.grade))
     reasons = [finding.text for finding in bad] or [
         'The model predicts long parts of the recording that were not fitted about as well as '
         'those that were, and no variable explains a large part of the remaining error.']
@@ -167,22 +165,15 @@ def verdict_of(findings: Iterable[Finding], unit: str = 'A') -> Verdict:
 
 
 def in_unit(text: str, unit: str) -> str:
-    """Return a sentence about currents with A replaced by the unit of the recording.
-
-    Effects describe themselves in A; a recording may hold torque in N·m or a servo's voltage.
-    """
+    """Return a sentence about currents in A with the unit of the recording in its place."""
     return text if unit == 'A' else re.sub(r'(?<=\d) A\b', f' {unit}', text)
 
 
 def errors_of(rows: Rows, predicted: Predicted, name: str, growth: float = 1.0) -> Errors:
-    """Return the errors of a model, whose `name` is for the reader.
-
-    `growth` is the ratio of the errors in thirds that were not fitted to those of other held-out
-    parts.
-    """
+    """Return the errors of a model; `growth` is the ratio of those in left-out thirds to these."""
     moving, held_out = rows.usable, predicted.held_out
     errors, still = held_out[moving], held_out[~moving]
-    block = blocks_of_samples(rows)[moving]
+    block = rows.block_of_sample[moving]
     parts = [rms(errors[block == k]) for k in np.unique(block)]
     variance = float(np.var(rows.target[moving]))
     error, overall = rms(errors), rms(held_out)
@@ -195,11 +186,10 @@ def errors_of(rows: Rows, predicted: Predicted, name: str, growth: float = 1.0) 
 
 
 def noise_floor(rows: Rows, residual: np.ndarray) -> float:
-    """Return the standard deviation of white noise in the residual, A.
+    """Return the standard deviation of white noise in the residual, shape (N,), A.
 
-    Second differences of the residual, shape (N,), remove whatever is smooth over three samples;
-    those of white noise have six times its variance. Slow noise is not included, and a filtered
-    signal shows less noise than its sensor has.
+    Second differences remove whatever is smooth over three samples; those of white noise have six
+    times its variance. A filtered signal shows less noise than its sensor has.
     """
     consecutive = rows.usable[2:] & rows.usable[1:-1] & rows.usable[:-2]
     step = np.diff(rows.samples.recording)
@@ -243,9 +233,8 @@ def ambiguities(fit: Fit) -> list[Question]:
 def friction_would_push(rows: Rows) -> bool:
     """Return whether friction would have to push for a plain drive to explain the current.
 
-    Eq. 6, inertia, weight, spring and load are fitted with the signs that physics requires and
-    with any signs. Where the second fit predicts much better, the current is a controller's
-    response, something that was not recorded moves the joint, or a signal has the wrong sign.
+    It would where a fit of Eq. 6, inertia, weight, spring and load with any signs predicts much
+    better than one with the signs that physics requires.
     """
     table = Table(rows, 2.0 / rows.coverage.transition)
     terms = table.add(first_model(table))
@@ -270,7 +259,7 @@ def moves_as_one(samples: Samples) -> bool:
 
 def error_of_constant(rows: Rows) -> float:
     """Return the RMS error of the simplest model in motion, A: the mean of all other parts."""
-    block, target = blocks_of_samples(rows)[rows.usable], rows.target[rows.usable]
+    block, target = rows.block_of_sample[rows.usable], rows.target[rows.usable]
     count, total = np.bincount(block), np.bincount(block, target)
     return rms(target - ((total.sum() - total) / np.maximum(count.sum() - count, 1))[block])
 
@@ -282,11 +271,10 @@ def friction_shows(fit: Fit) -> bool:
                          if (term.group.kind == 'friction' if term.group
                              else term.kind.role == RESISTS)
                          for column in table.columns_of[term])}
-    columns = table.indices(fit.terms, derivatives=False)
-    rest = [column for column in columns if column not in resisting]
-    without, complete = (np.bincount(table.block, table.held_out_errors(some))
-                         for some in (rest, columns))
-    return Search(table, []).is_improvement([without], [complete])
+    rest = [column for column in table.indices(fit.terms, derivatives=False)
+            if column not in resisting]
+    without = np.bincount(table.block, table.held_out_errors(rest))
+    return Search(table, []).is_improvement([without], [table.block_errors(fit.terms, False)])
 
 
 def findings_on_model(fit: Fit) -> Iterator[Finding]:
@@ -309,11 +297,7 @@ def findings_on_model(fit: Fit) -> Iterator[Finding]:
 def findings(fit: Fit, raw: Samples, after: Errors, growth: dict[str, float],
              noise: float, dependences: Sequence[Dependence],
              open_questions: Sequence[Question]) -> Iterator[Finding]:
-    """Yield all findings on a model.
-
-    `after`, `growth`, `noise` and `open_questions` are what `errors_of`,
-    `LeftOutThirds.error_growth`, `noise_floor` of the residual and `ambiguities` return.
-    """
+    """Yield all findings on a model; `growth` is what `LeftOutThirds.error_growth` returns."""
     rows, held_out = fit.rows, after.held_out_rmse
     constant = error_of_constant(rows)
     if friction_would_push(rows):

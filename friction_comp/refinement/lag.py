@@ -1,10 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The lag of the least error: a delay or a first-order low pass.
-
-A torque that follows the current by a low pass looks like a late one as long as the motion is slow.
-Either has one constant, so the one with less error is chosen.
-"""
+"""The lag of the least error: a delay, or a low pass, which looks like one in slow motion."""
 
 from __future__ import annotations
 
@@ -44,8 +40,7 @@ def best_response(error: Callable[[float, float], float], step: float,
     """Return the delay or the time constant of the least error, s; `now` if it is hardly less.
 
     One of both is zero. `error` returns the squared error with both, `step` is the time of a
-    sample, and `now` are those of the fit: near a delay there, delays of two samples more or less
-    are tried.
+    sample; near a delay in `now`, delays of two samples more or less are tried.
     """
     delay, slow = now
     fine = bool(delay or slow)

@@ -22,19 +22,8 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.differentiation import as_recorded, differentiate
 from friction_comp.model.effects import Coverage
-from friction_comp.refinement import thresholds
+from friction_comp.refinement import recorded_motion, thresholds
 from friction_comp.refinement.block_sums import held_out_error
-from friction_comp.refinement.recorded_motion import (
-    arm_motion,
-    blocks_of,
-    choose_differentiation,
-    in_motion,
-    load_coefficient,
-    moving_joints,
-    plain_columns,
-    row_starts,
-    standstill_speed,
-)
 from friction_comp.samples import Samples
 from friction_comp.statistics import evenly_spread
 
@@ -42,8 +31,7 @@ _SLOWEST_RATE = 100.0
 # A limit occurs more often than this multiple of the value next to it. At its turning points, a
 # sine in coarse steps has 2.4 times as many samples in the outermost step.
 _MORE_OFTEN = 3.0
-# Most rows that are searched, in multiples of `ROWS`; and how many consecutive rows are kept or
-# left out together where there are more.
+# Most rows that are searched, in multiples of `ROWS`, and how many are kept or left out together.
 _MOST, _PIECE = 4.0, 100
 
 
@@ -81,6 +69,19 @@ class Rows:
         return Samples(current=self.averaged(self.samples.current), joint=self.samples.joint,
                        recording=self.samples.recording[self.start], **known)
 
+    @property
+    def block_of_sample(self) -> np.ndarray:
+        """The block of each sample, shape (N,)."""
+        first = np.nonzero(np.diff(self.block, prepend=-1))[0]
+        return np.clip(np.searchsorted(self.start[first], np.arange(len(self.samples)),
+                                       side='right') - 1, 0, None)
+
+    def with_settings(self, raw: Samples, settings: dict[str, Any]) -> Rows:
+        """Return the rows with the motion of other differentiation settings."""
+        return replace(self, samples=differentiate(raw, settings),
+                       motion=recorded_motion.arm_motion(raw, self.joints, settings),
+                       time_constant=settings.get('time_constant', 0.0))
+
     def as_recorded(self, columns: np.ndarray) -> np.ndarray:
         """Return columns of a torque, shape (N, M), as the recorded current shows them."""
         return as_recorded(columns, self.samples, self.time_constant)
@@ -96,10 +97,7 @@ class Rows:
 
 
 def join(recordings: Sequence[Samples]) -> Samples:
-    """Join recordings to one `Samples`, without samples that are not finite.
-
-    Raises `InputError` if there are too few samples or no motion.
-    """
+    """Join recordings, without samples that are not finite; raises `InputError` if too few."""
     if isinstance(recordings, Samples) or not all(isinstance(r, Samples) for r in recordings):
         raise InputError('recordings must be a list of Samples, as read_recording returns it')
     # Sorted by content, so that the order in which files are named makes no difference.
@@ -132,9 +130,8 @@ def join(recordings: Sequence[Samples]) -> Samples:
 def clipped(current: np.ndarray) -> np.ndarray:
     """Return which samples sit at the limits of the current signal, shape (N,).
 
-    An extreme value is a limit where runs of samples repeat it exactly, and much more often than
-    the value next to it: neither a noisy signal nor one in coarse steps does so unless it is
-    clipped.
+    Runs of samples repeat a limit exactly, and much more often than the value next to it: neither a
+    noisy signal nor one in coarse steps does so.
     """
     mark = np.zeros(len(current), dtype=bool)
     span = float(np.ptp(current))
@@ -150,13 +147,6 @@ def clipped(current: np.ndarray) -> np.ndarray:
                 and count > _MORE_OFTEN * beside):
             mark |= at_limit
     return mark
-
-
-def blocks_of_samples(rows: Rows) -> np.ndarray:
-    """Return the block of each sample, shape (N,)."""
-    first = np.nonzero(np.diff(rows.block, prepend=-1))[0]
-    return np.clip(np.searchsorted(rows.start[first], np.arange(len(rows.samples)),
-                                   side='right') - 1, 0, None)
 
 
 def regions_of(position: np.ndarray) -> np.ndarray:
@@ -184,22 +174,21 @@ def thinned(start: np.ndarray) -> np.ndarray:
 
 def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = None,
             declared: bool = True) -> tuple[Rows, dict[str, Any]]:
-    """Return the rows that effects are fitted to, and the differentiation settings.
+    """Return the rows that effects are fitted to, and the settings, chosen when omitted.
 
-    `samples` are as recorded, joined. Settings are chosen when omitted. `declared` tells whether
-    the drive's torque constant and gear ratio are known.
+    `samples` are joined; `declared` says that torque constant and gear ratio are known.
     """
     unusable = clipped(samples.current)
-    joints = moving_joints(samples)
-    load = load_coefficient(samples, unusable, drive) if declared else 0.0
-    settings = settings or choose_differentiation(samples, unusable, joints, load)
+    joints = recorded_motion.moving_joints(samples)
+    load = recorded_motion.load_coefficient(samples, unusable, drive) if declared else 0.0
+    settings = settings or recorded_motion.choose_differentiation(samples, unusable, joints, load)
     moved = differentiate(samples, settings)
-    slowest = standstill_speed(moved)
-    usable = in_motion(moved, unusable, slowest, settings['bandwidth'])
-    motion = arm_motion(samples, joints, settings)
+    slowest = recorded_motion.standstill_speed(moved)
+    usable = recorded_motion.in_motion(moved, unusable, slowest, settings['bandwidth'])
+    motion = recorded_motion.arm_motion(samples, joints, settings)
     length = samples_per_row(moved, int(usable.sum()))
-    start = thinned(row_starts(moved, usable, length))
-    block = blocks_of(moved, start)
+    start = thinned(recorded_motion.row_starts(moved, usable, length))
+    block = recorded_motion.blocks_of(moved, start)
     slow = settings.get('time_constant', 0.0)
     target = moved.current - as_recorded(
         load * np.asarray(moved.load), moved, slow) if load else moved.current
@@ -219,13 +208,6 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
     return replace(rows, coverage=replace(coverage, transition=choose_transition(rows))), settings
 
 
-def with_settings(rows: Rows, raw: Samples, settings: dict[str, Any]) -> Rows:
-    """Return the rows with the motion of other differentiation settings."""
-    return replace(rows, samples=differentiate(raw, settings),
-                   motion=arm_motion(raw, rows.joints, settings),
-                   time_constant=settings.get('time_constant', 0.0))
-
-
 def choose_transition(rows: Rows) -> float:
     """Return the velocity in rad/s over which friction changes sign: tanh(v/transition)."""
     speed = rows.coverage.speed
@@ -234,7 +216,7 @@ def choose_transition(rows: Rows) -> float:
         part = part.with_(load=None)
     best = (math.inf, speed)
     for width in np.geomspace(0.001, 0.25, 12) * speed:
-        error = held_out_error(plain_columns(part, [width]), target, rows.block)
+        error = held_out_error(recorded_motion.plain_columns(part, [width]), target, rows.block)
         if error < (1.0 - thresholds.EQUIVALENT) * best[0]:
             best = (error, float(width))
     return best[1]
@@ -268,9 +250,6 @@ def coverage_of(samples: Samples, usable: np.ndarray, slowest: float, raw: Sampl
 
 
 def count_positions(position: np.ndarray) -> float:
-    """Return the number of positions that the encoder resolves over the range of motion.
-
-    Infinite where hardly any value occurs twice: the encoder is finer than the samples show.
-    """
+    """Return the number of positions that the encoder resolves, infinite if hardly any repeats."""
     values = np.unique(np.round(position / max(float(np.ptp(position)), 1e-300), 9))
     return math.inf if len(values) > 0.5 * len(position) else float(len(values))

@@ -40,8 +40,7 @@ def plain_columns(samples: Samples, transitions: Sequence[float],
                   motion: tuple[np.ndarray, ...] | None = None, index: int = 0) -> np.ndarray:
     """Return the columns of a plain drive: friction, inertia, weight and load.
 
-    No effect is selected: its held-out error is the criterion by which motion is prepared. For an
-    arm, `motion` is that of all joints, as of `moving_states`, and `index` the joint among them.
+    For an arm, `motion` is that of all joints, as of `moving_states`, and `index` the joint.
     """
     v, q = np.asarray(samples.velocity), samples.position
     columns = [np.ones_like(v), *(np.tanh(v / width) for width in transitions), v,
@@ -62,11 +61,12 @@ def plain_columns(samples: Samples, transitions: Sequence[float],
     return np.column_stack(columns)
 
 
-def candidate_settings(samples: Samples) -> list[dict[str, Any]]:
-    """Return the differentiation settings to compare."""
-    rate = 1.0 / samples.sample_time
-    values = [*(value for value in _BANDWIDTHS if value <= 0.3 * rate), None]
-    recorded = samples.velocity is not None and np.any(samples.velocity)
+def candidate_settings(samples: Samples, velocity: np.ndarray | None,
+                       bandwidths: Sequence[float] = _BANDWIDTHS) -> list[dict[str, Any]]:
+    """Return the differentiation settings to compare; `velocity` is as recorded, if it was."""
+    rate = 1.0 / max(samples.sample_time, 1e-9)
+    values = [*(value for value in bandwidths if value <= 0.3 * rate), None]
+    recorded = velocity is not None and np.any(velocity, axis=0).all()
     sources = ('position', 'velocity') if recorded else ('position',)
     return [{'method': METHOD, 'source': source, 'bandwidth': value}
             for source in sources for value in values]
@@ -86,8 +86,7 @@ def excerpt(samples: Samples, mask: np.ndarray) -> tuple[Samples, np.ndarray]:
 def standstill_speed(samples: Samples) -> float:
     """Return the speed below which the joint counts as standing still, rad/s.
 
-    One hundredth of the usual top speed, or more where the resolution of position does not allow
-    slower motion to be distinguished from rest.
+    A hundredth of the usual top speed, or more where the resolution of position hides slow motion.
     """
     speed = np.abs(np.asarray(samples.velocity))
     top = top_speed(speed)
@@ -98,11 +97,10 @@ def standstill_speed(samples: Samples) -> float:
 
 def in_motion(samples: Samples, unusable: np.ndarray, slowest: float,
               bandwidth: float | None) -> np.ndarray:
-    """Return which samples show friction: the joint moves, and the filter does not blur its motion.
+    """Return which samples show friction; raises `InputError` if too few are in motion.
 
-    Near standstill and gaps, the filter mixes in samples without motion, over about the inverse of
-    its bandwidth. Slow motion near a rest is presliding, where friction still builds up. These
-    samples are left out unless too few would remain. Raises `InputError` if too few are in motion.
+    Unless too few would remain, those near standstill and gaps are left out, where the filter mixes
+    in samples without motion, and slow ones near a rest, where friction still builds up.
     """
     speed = np.abs(np.asarray(samples.velocity))
     still = speed <= slowest
@@ -131,10 +129,9 @@ def in_motion(samples: Samples, unusable: np.ndarray, slowest: float,
 
 
 def blocks_of(samples: Samples, start: np.ndarray) -> np.ndarray:
-    """Return the block of each row, shape (R,): long periods with equal numbers of rows.
+    """Return the block of each row, shape (R,): long periods with about equal numbers of rows.
 
-    An edge between two blocks is moved to the nearest gap or recording's end within a third of a
-    block.
+    Edges are moved to the nearest gap or recording's end within a third of a block.
     """
     parts = samples.segments(max(0.5 / samples.sample_time, 20.0))
     run = np.searchsorted([part.start for part in parts], start, side='right')
@@ -159,7 +156,7 @@ def row_starts(samples: Samples, usable: np.ndarray, length: int) -> np.ndarray:
 
 def smooth_settings(samples: Samples) -> dict[str, Any]:
     """Return the settings of the widest filter without an encoder's steps."""
-    choices = candidate_settings(samples)
+    choices = candidate_settings(samples, samples.velocity)
     return max((choice for choice in choices if (choice['bandwidth'] or np.inf) <= 20.0),
                key=lambda choice: (choice['bandwidth'], choice['source']), default=choices[-1])
 
@@ -167,8 +164,7 @@ def smooth_settings(samples: Samples) -> dict[str, Any]:
 def smooth_motion(samples: Samples, unusable: np.ndarray) -> tuple[Samples, np.ndarray]:
     """Return samples with a smooth velocity, and the indices of (some of) those in motion.
 
-    Motion is detected from a smooth velocity, since without a filter an encoder's steps look like
-    standstill and bursts.
+    Without a filter, an encoder's steps look like standstill and bursts.
     """
     smooth = smooth_settings(samples)
     moved = differentiate(samples, smooth)
@@ -186,9 +182,8 @@ def load_coefficient(samples: Samples, unusable: np.ndarray, drive: Drive) -> fl
     By J·a = k_t·n·i + τ_b - F, friction is i + τ_b/(k_t·n). If the current shows the load, that is
     if the load lowers the error of blocks that were not fitted, with half to twice this
     coefficient, the motor carries it, and its coefficient is fitted as that of an effect. If it
-    does not, but the load overcomes friction or accelerates the joint, then a person moves the
-    joint, and the current is a function of the motion (a compensation law) or zero: the known
-    coefficient has to be used.
+    does not, but the load overcomes friction or accelerates the joint, then a person moves it, and
+    the current is that of a compensation law or zero: the known coefficient has to be used.
     """
     if samples.load is None or not np.any(samples.load):
         return 0.0
@@ -230,7 +225,7 @@ def choose_differentiation(samples: Samples, unusable: np.ndarray, joints: Seque
                                 load=None)
     smoothed, start = smooth_motion(samples, unusable)
     block = blocks_of(samples, start)
-    errors: list[tuple[float, int, dict[str, Any]]] = []
+    errors: list[tuple[float, dict[str, Any]]] = []
 
     def error_with(moved: Samples, settings: dict[str, Any]) -> float:
         top = float(np.percentile(np.abs(np.asarray(moved.velocity)[start]), 95))
@@ -246,17 +241,18 @@ def choose_differentiation(samples: Samples, unusable: np.ndarray, joints: Seque
     # The load first, since noise in motion may make up for its noise.
     signals = choose_signals(samples, {}, lambda changed: error_with(
         smoothed.with_(**changed), smooth_settings(samples))) if filtered else {}
-    for choice in candidate_settings(samples):
+    for choice in candidate_settings(samples, samples.velocity):
         if signals:
             choice['signals'] = signals
-        moved = differentiate(samples, choice)
-        errors.append((error_with(moved, choice), len(errors), choice))
-    least = min(error for error, *_ in errors)
+        errors.append((error_with(differentiate(samples, choice), choice), choice))
+    least = min(error for error, _ in errors)
     # A narrow filter blunts reversals, so the widest of equivalent ones is used. The less of the
     # current a plain drive explains, the less its error says about the bandwidth.
     unexplained = least / max(float(np.sum((samples.current[start]) ** 2)), 1e-300)
-    return max(((choice['bandwidth'] or math.inf, order, choice) for error, order, choice in errors
-                if error <= ((1.0 + thresholds.EQUIVALENT) ** 2 + 0.4 * unexplained) * least))[-1]
+    most = ((1.0 + thresholds.EQUIVALENT) ** 2 + 0.4 * unexplained) * least
+    # Of equal bandwidths the last one, that of the recorded velocity.
+    return max((choice for error, choice in reversed(errors) if error <= most),
+               key=lambda choice: choice['bandwidth'] or math.inf)
 
 
 def choose_signals(samples: Samples, settings: dict[str, Any],
@@ -264,8 +260,8 @@ def choose_signals(samples: Samples, settings: dict[str, Any],
                    ) -> dict[str, Any]:
     """Return the settings of measured signals with which other blocks are predicted best.
 
-    `samples` are as recorded, `settings` the present ones of the signals, and `error` returns the
-    squared error with some signals replaced. Lags are chosen anew only `with_lag`.
+    `settings` are the present ones, and `error` returns the squared error with some signals
+    replaced. Lags are chosen anew only `with_lag`.
     """
     chosen: dict[str, Any] = {}
     for name in MEASURED:
@@ -317,10 +313,9 @@ def arm_motion(samples: Samples, joints: Sequence[str], settings: dict[str, Any]
 
 
 def moving_joints(samples: Samples) -> tuple[str, ...]:
-    """Return all joints that moved; where rigid bodies are known, of a joint and its neighbours.
+    """Return all joints that moved, none where no other did.
 
-    None where no other moved. Beside rigid bodies only friction is to be found, which no joint has
-    in common with others than its neighbours.
+    Beside known rigid bodies they are neighbours: only these have friction in common.
     """
     arm, joint = samples.arm, samples.joint
     if arm is None or samples.coupling is not None or joint not in arm.joints:

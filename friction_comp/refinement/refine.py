@@ -31,8 +31,8 @@ from friction_comp.refinement.stability import intervals, LeftOutThirds, repeat_
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
 
-_STEEPNESSES = 16
-_MOST_SAMPLES = 30_000
+# Transitions that are tried on all samples, and the most samples for that.
+_STEEPNESSES, _MOST_SAMPLES = 16, 30_000
 
 
 @one_thread
@@ -79,14 +79,14 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
     fit = select_named(fit)
     report_progress(0.9, 'writing')
     raw, rows = problem.raw, fit.rows
-    new = with_numbers(model_of(fit, problem), fit)
+    new = model_of(fit, problem)
     if model:
         residual = model.measured(raw) - model.predict(raw, same_recording=True)
         start = Predicted(replace(model, drive=drive), residual, residual)
     else:
         plain = refit(fit_eq6_alone(problem, fit.settings), [])
         plain = replace(plain, intervals=intervals(plain.table, []))
-        first = with_numbers(model_of(plain, problem), plain)
+        first = model_of(plain, problem)
         start = Predicted(first, rows.samples.current - first.current(rows.samples),
                           plain.residual())
     refined = Predicted(new, raw.current - new.predict(raw, same_recording=True), fit.residual())
@@ -98,11 +98,6 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
         **refined.model.notes, **origin.notes, 'unit': origin.unit})
     return RefineResult(report, written, start.model, rows.samples, rows.usable, start.held_out,
                         refined.held_out, rows.coverage)
-
-
-def with_numbers(model: FrictionModel, fit: Fit) -> FrictionModel:
-    """Return the model of a fit with the speeds and the intervals of its numbers."""
-    return replace(model, recorded=recorded_of(fit, model))
 
 
 def select_named(fit: Fit) -> Fit:
@@ -144,12 +139,10 @@ def refit(fit: Fit, terms: Sequence[Term]) -> Fit:
 
 
 def _fit_transition_to_all_samples(table: Table, terms: Sequence[Term]) -> None:
-    """Set the transition of Eq. 6 that predicts all samples best.
+    """Set the transition of Eq. 6 that predicts all samples best, of those good in motion.
 
     Samples near standstill are not used to choose effects, since the current of a joint that
-    sticks is not friction. But only they show how steeply friction changes its sign: of all
-    transitions that explain the motion equally well, the one that best predicts all samples,
-    with starts, stops and reversals, is used.
+    sticks is not friction. But only they show how steeply friction changes its sign.
     """
     rows = table.rows
     index = np.arange(0, len(rows.samples), max(1, len(rows.samples) // _MOST_SAMPLES))
@@ -178,7 +171,10 @@ def _fit_transition_to_all_samples(table: Table, terms: Sequence[Term]) -> None:
 
 
 def model_of(fit: Fit, problem: Problem) -> FrictionModel:
-    """Return the model of a fit; the parts that refinement does not fit are the initial model's."""
+    """Return the model of a fit with the intervals of its numbers.
+
+    The parts that refinement does not fit are the initial model's.
+    """
     table, rows, settings = fit.table, fit.rows, fit.settings
     coefficients = table.coefficients(fit.terms)
     offset, coulomb, viscous = (coefficients[column] for column in range(EQ6_LINEAR))
@@ -206,6 +202,6 @@ def model_of(fit: Fit, problem: Problem) -> FrictionModel:
     fitted: dict[str, Any] = {
         'sigmoid': sigmoid, 'effects': effects, 'differentiation': dict(settings),
         'joint': problem.raw.joint or (initial.joint if initial else '')}
-    if not initial:
-        return FrictionModel(problem.drive, arm=arm, **fitted)
-    return replace(initial, drive=problem.drive, arm=arm or initial.arm, **fitted)
+    model = (replace(initial, drive=problem.drive, arm=arm or initial.arm, **fitted) if initial
+             else FrictionModel(problem.drive, arm=arm, **fitted))
+    return replace(model, recorded=recorded_of(fit, model))

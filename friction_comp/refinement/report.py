@@ -14,20 +14,11 @@ from dataclasses import replace
 import numpy as np
 
 from friction_comp.model.differentiation import DEFAULT_SETTINGS
-from friction_comp.refinement import thresholds
+from friction_comp.refinement import judge, thresholds
 from friction_comp.refinement.best_fit import Fit, Problem
-from friction_comp.refinement.dependence import Dependence, remaining_dependences
+from friction_comp.refinement.dependence import Dependence, remaining_dependences, share_of_means
 from friction_comp.refinement.effect_columns import Term
 from friction_comp.refinement.friction_numbers import friction_of
-from friction_comp.refinement.judge import (
-    ambiguities,
-    errors_of,
-    findings,
-    in_unit,
-    noise_floor,
-    STEPS,
-    verdict_of,
-)
 from friction_comp.refinement.prepare import Rows
 from friction_comp.refinement.result import (
     Correlation,
@@ -38,7 +29,7 @@ from friction_comp.refinement.result import (
 )
 from friction_comp.refinement.stability import LeftOutThirds, Parameter
 from friction_comp.samples import Samples
-from friction_comp.statistics import rms, smallest_step
+from friction_comp.statistics import quantile_edges, rms, smallest_step
 
 # Number of ranges of a variable in which samples at a limit are counted.
 _RANGES = 15
@@ -56,9 +47,9 @@ def report_of(problem: Problem, fit: Fit, start: Predicted, refined: Predicted, 
     dependences = [*clipping_dependence(rows), *unnamed_dependence(fit), *remaining_dependences(
         rows.at_rows, rows.averaged(refined.held_out), rows.coverage.slowest)]
     growth = LeftOutThirds(fit.table, fit.terms).error_growth(fit.terms)
-    noise = noise_floor(rows, refined.held_out)
+    noise = judge.noise_floor(rows, refined.held_out)
     effects = [] if kept else effects_of(problem, fit, unit)
-    open_questions = [] if kept else ambiguities(fit)
+    open_questions = [] if kept else judge.ambiguities(fit)
     base = 'the given model' if given else 'sigmoid of Eq. 6 fitted to the recording'
     if rows.load_coefficient and not given:
         base += ', the measured load taken as it is'
@@ -66,20 +57,20 @@ def report_of(problem: Problem, fit: Fit, start: Predicted, refined: Predicted, 
                        *(effect.name for effect in effects)])
     tested = dict(growth)
     if 'acceleration' not in growth:
-        tested[STEPS] = error_by_steps(raw, refined, rows.usable)
-    errors = errors_of(rows, refined, name, max(1.0, *tested.values()))
-    verdict = verdict_of(findings(fit, raw, errors, tested, noise, dependences, open_questions),
-                         unit)
+        tested[judge.STEPS] = error_by_steps(raw, refined, rows.usable)
+    errors = judge.errors_of(rows, refined, name, max(1.0, *tested.values()))
+    verdict = judge.verdict_of(judge.findings(
+        fit, raw, errors, tested, noise, dependences, open_questions), unit)
     return RefinementReport(
         unit=unit, joint=model.joint, samples=len(raw), samples_in_motion=int(rows.usable.sum()),
         samples_clipped=int(rows.clipped.sum()),
         held_out=f'{rows.blocks} long parts, each predicted by a fit to all others',
-        signal_rms=rms(raw.current[rows.usable]), before=errors_of(rows, start, base),
+        signal_rms=rms(raw.current[rows.usable]), before=judge.errors_of(rows, start, base),
         after=errors, noise_floor=noise, effects=effects,
         friction=friction_of(model, unit, rows.coverage.both_directions),
         assumed=list(origin.assumed),
         correlations=[] if kept else correlations_of(fit),
-        unexplained=[replace(dependence, note=in_unit(dependence.note, unit))
+        unexplained=[replace(dependence, note=judge.in_unit(dependence.note, unit))
                      for dependence in dependences],
         ambiguous=open_questions, thirds=growth,
         differentiation=dict(model.differentiation or DEFAULT_SETTINGS if kept else fit.settings),
@@ -91,9 +82,8 @@ def report_of(problem: Problem, fit: Fit, start: Predicted, refined: Predicted, 
 def error_by_steps(raw: Samples, refined: Predicted, usable: np.ndarray) -> float:
     """Return the error by the steps of the recorded velocity, over that on parts not fitted.
 
-    At constant speeds, a velocity in whole counts does not change, and its steps do not show. The
-    rate of any other velocity jumps by them, as it does if the recorded one is moved at random by
-    up to half a step.
+    At constant speeds, a velocity in whole counts does not change. The rate of any other jumps by
+    its steps, as it does if the recorded one is moved at random by up to half a step.
     """
     if raw.velocity is None:
         return 0.0
@@ -108,21 +98,14 @@ def clipping_dependence(rows: Rows) -> list[Dependence]:
     if not rows.clipped.any():
         return []
     share = float(rows.clipped.mean())
-    strongest = ('velocity', 0.0)
-    for name in ('velocity', 'acceleration', 'position', 'load', 'temperature'):
-        values = getattr(rows.samples, name)
-        if values is None:
-            continue
-        edges = np.quantile(values, np.linspace(0.0, 1.0, _RANGES + 1)[1:-1])
-        cell = np.searchsorted(edges, values)
-        count = np.maximum(np.bincount(cell), 1)
-        rate = np.bincount(cell, rows.clipped.astype(float)) / count
-        spread = float(count @ (rate - share) ** 2) / (len(cell) * share * (1.0 - share))
-        # Friction depends on velocity: another variable has to explain clearly more.
-        if spread > (1.5 * strongest[1] if strongest[0] == 'velocity' else strongest[1]):
-            strongest = (name, spread)
-    return [Dependence(*strongest, f'the current is at a limit in {100 * share:.2g} % of the '
-                       f'samples, mostly depending on {strongest[0]}; these are not fitted')]
+    strength = {name: share_of_means(rows.clipped - share, np.searchsorted(
+        quantile_edges(values, _RANGES), values))
+        for name in ('velocity', 'acceleration', 'position', 'load', 'temperature')
+        if (values := getattr(rows.samples, name)) is not None}
+    # Friction depends on velocity: another variable has to explain clearly more.
+    name = max(strength, key=lambda name: strength[name] * (1.5 if name == 'velocity' else 1.0))
+    return [Dependence(name, strength[name], f'the current is at a limit in {100 * share:.2g} % of '
+                       f'the samples, mostly depending on {name}; these are not fitted')]
 
 
 def unnamed_dependence(fit: Fit) -> list[Dependence]:
@@ -242,4 +225,4 @@ def _found_effect(fit: Fit, terms: Sequence[Term], error: float, unit: str) -> F
     return FoundEffect(
         kind.name, kind.variable, error, chosen, effect.parameters,
         {'coefficients': bounds, **constants}, effect.holds_on_another_day,
-        in_unit(said, unit), effect.formula(), rivals)
+        judge.in_unit(said, unit), effect.formula(), rivals)

@@ -36,8 +36,8 @@ def error_reductions(sums: np.ndarray, chosen: list[int], candidates: Sequence[S
                      signs: np.ndarray) -> np.ndarray:
     """Return the reduction of the fitted sum of squares by each candidate's columns, shape (N,).
 
-    `sums`, shape (P + 1, P + 1), are those of products, the target last; the `chosen` columns are
-    in the fit, and `signs`, shape (P,), are required.
+    `sums`, shape (P + 1, P + 1), have the target last; the `chosen` columns are in the fit, and
+    `signs`, shape (P,), are required.
     """
     norm = np.sqrt(np.maximum(np.diag(sums), 1e-300))
     inner = sums[chosen] / norm / norm[chosen][:, None]
@@ -66,8 +66,7 @@ class Search:
     """A search among the terms of a table, by the errors of blocks that were not fitted.
 
     Each block is predicted by the fit to all others. Where several joints moved, so is each
-    region of posture: most excitations pass the same postures again and again, and a wrong
-    term that fits these would not be noticed.
+    region of posture: a wrong term that fits the postures of the recording would not be noticed.
 
     `candidates` may be added, and `fixed` terms are always kept. `weights`, shape (B,), are the
     numbers of times that each block is fitted; blocks with weight 0 are held out.
@@ -94,10 +93,7 @@ class Search:
         return np.asarray(np.tensordot(self._weights, self.table.sums.gram, 1))
 
     def after_addition(self, terms: list[Term]) -> list[Term]:
-        """Return terms to which one was just added; called by `forward`.
-
-        A subclass may adjust their constants and update `candidates`.
-        """
+        """Return terms after one was added; a subclass may adjust them and update `candidates`."""
         return terms
 
     def errors(self, terms: Sequence[Term]) -> list[np.ndarray]:
@@ -108,7 +104,7 @@ class Search:
             if self._resampled:
                 errors = [sums.errors_of_fit(columns, self._weights)[self._held_out]]
             else:
-                errors = [np.bincount(table.block, table.held_out_errors(columns))]
+                errors = [table.block_errors(terms)]
                 errors += [sums.held_out_errors(columns, table.region)] if self._regions else []
             self._errors[key] = errors
         return self._errors[key]
@@ -119,11 +115,7 @@ class Search:
 
     def is_improvement(self, before: Sequence[np.ndarray], after: Sequence[np.ndarray],
                        share: float = 1.0) -> bool:
-        """Return whether `errors` decrease by more than chance.
-
-        Where several joints moved, they have to decrease in held-out regions of posture, too. The
-        thresholds are multiplied by `share`.
-        """
+        """Return whether all `errors` decrease clearly, by `share` of the thresholds."""
         for old, new in zip(before, after):
             gain, count = old - new, len(old)
             if not gain.sum() > share * thresholds.LEAST_SHARE * old.sum():
@@ -139,8 +131,7 @@ class Search:
     def with_own_terms(self, terms: Sequence[Term]) -> list[Term]:
         """Return terms, and the joint's own inertia or weight where groups of other joints need it.
 
-        An inertia or a weight that depends on other joints also has a part of the joint alone.
-        Without that part, the group would have to represent both, and fail in other postures.
+        Without that part, such a group would have to represent both, and fail in other postures.
         """
         groups = [term.group for term in terms if term.group]
         own = {'weight': 'gravity', 'kinetic': 'inertia'}
@@ -282,9 +273,9 @@ def at_limit(term: Term, coverage: Coverage) -> bool:
 
 def constant_derivatives(table: Table, terms: Sequence[Term], free: Sequence[tuple[int, str]]
                          ) -> np.ndarray:
-    """Return the derivatives of a fit's prediction with respect to constants, shape (Q, R).
+    """Return the derivatives of a fit's prediction by Q `free_constants`, shape (Q, R).
 
-    `free` are the Q constants, see `free_constants`; the unit of each is its `step_size`.
+    The unit of each constant is its `step_size`.
     """
     coefficients, rows = table.coefficients(terms), []
     for index, name in free:
@@ -297,11 +288,10 @@ def constant_derivatives(table: Table, terms: Sequence[Term], free: Sequence[tup
 
 
 def adjust_constants(table: Table, terms: Sequence[Term], rounds: int) -> list[Term]:
-    """Adjust the constants of terms together, by the Gauss-Newton method, and return the terms.
+    """Adjust the constants of terms together with the coefficients, and return the terms.
 
-    Each round solves for the coefficients and for small changes of the constants at once, and
-    halves the step until the error decreases. Terms that depend on the load of others get the loads
-    of the new fit.
+    Each round is a Gauss-Newton step, halved until the error decreases. Terms that depend on the
+    load of others get the loads of the new fit.
     """
     every, table = table, table.part(terms)
     terms = _with_current_loads(table, list(terms))

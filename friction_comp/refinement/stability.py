@@ -3,14 +3,12 @@
 """Which terms can be named: repeated searches, intervals, and thirds that were not fitted.
 
 The search is repeated on resampled blocks, and an effect is named where most searches choose it.
-Effects that predict as well in its place are those that the recording cannot distinguish from it.
 The scatter of the coefficients over resampled blocks gives their intervals.
 
 The next recording will differ from this one in speed, position, time, load or posture. Therefore
 each third of the samples, ordered by each of these, is predicted by a fit to the other thirds. The
-largest of these errors is the error expected elsewhere. How far a model reaches does not tell
-whether an effect is there: a term is left out only if both these errors and those of long parts are
-lower without it.
+largest of these errors is the error expected elsewhere. A term is left out only if both these
+errors and those of long parts are lower without it.
 """
 
 from __future__ import annotations
@@ -46,8 +44,8 @@ def repeat_search(table: Table, terms: Sequence[Term], initial_count: int,
                   candidates: Sequence[Term]) -> dict[Term, float]:
     """Repeat the whole search on resampled blocks; return the share that chooses each term.
 
-    The first `initial_count` of the terms of the fit are those of the initial model; all others,
-    and the candidates, may be chosen.
+    The first `initial_count` terms are those of the initial model; all others, and the candidates,
+    may be chosen.
     """
     rng = np.random.default_rng(0)
     fixed, span = list(terms[:initial_count]), table.rows.coverage.span
@@ -69,39 +67,33 @@ def repeat_search(table: Table, terms: Sequence[Term], initial_count: int,
         better = search.backward(search.forward(start))
         search.candidates = late
         searches.append(search.forward(better))
-
     return {term: float(np.mean([any(term.same_effect(other, span) for other in result)
                                  for result in searches])) for term in terms}
 
 
 def rivals_of(table: Table, terms: Sequence[Term], initial_count: int) -> dict[Term, list[str]]:
-    """Return by term the effects in whose place it is no improvement, most of them with none.
+    """Return by term the effects with which in its place blocks are predicted as well.
 
-    The motion of the recording cannot tell such a term from them: a fit with one of them, all
-    constants adjusted, predicts blocks that were not fitted as well. The first `initial_count`
-    terms are those of the initial model, and stay.
+    The motion of the recording cannot tell the term from them. The first `initial_count` terms are
+    those of the initial model, and stay.
     """
     rivals: dict[Term, list[str]] = {}
     trial = table.part(terms)
     trial.fit_transition(terms)
     search, now = Search(trial, []), trial.transition
-
-    def errors(some: Sequence[Term]) -> np.ndarray:
-        return np.bincount(trial.block, trial.held_out_errors(
-            trial.indices(some, derivatives=False)))
-    own = errors(terms)
+    own = trial.block_errors(terms, derivatives=False)
     for term in terms[initial_count:]:
         rest = [other for other in terms if other != term]
         # With constants on a grid, a rival predicts half as much better at least.
-        most = own.sum() + thresholds.STAYS * (errors(rest) - own).sum()
+        most = own.sum() + thresholds.STAYS * (trial.block_errors(rest, False) - own).sum()
         search.candidates = trial.add([
             other for other in proposals(trial, rest) if other.choice != term.choice])
         rivals[term] = []
         for other in search.shortlist(rest):
-            if errors([*rest, other]).sum() < most:
+            if trial.block_errors([*rest, other], False).sum() < most:
                 instead = adjust_constants(trial, [*rest, other], 3)
                 trial.fit_transition(instead)
-                if not search.is_improvement([errors(instead)], [own]):
+                if not search.is_improvement([trial.block_errors(instead, False)], [own]):
                     rivals[term].append(other.kind.name)
                 trial.set_transition(*now)
     return rivals
@@ -125,11 +117,10 @@ class Intervals:
     def excludes_zero(self, table: Table, term: Term) -> bool:
         """Return whether the interval of a term's contribution excludes zero.
 
-        Its columns may stand in for each other, as Coulomb and viscous friction at one speed, or
-        for other terms, as a weight over a short range for the offset: no coefficient is certain
-        then, but what they add to the other terms is. That of each fit is projected on that of the
-        fit to all blocks, and its interval is as wide as the choice of this direction requires
-        (Scheffé). Where physics requires the sign of any coefficient, only these count.
+        Its columns may stand in for each other, or for other terms: no coefficient is certain then,
+        but what they add to the other terms is. That of each fit is projected on that of the fit to
+        all blocks, and its interval is as wide as the choice of this direction requires (Scheffé).
+        Where physics requires the sign of any coefficient, only these count.
         """
         columns = table.columns_of[term]
         columns = [column for column in columns if table.sums.signs[column]] or columns
@@ -156,9 +147,8 @@ class Intervals:
 def intervals(table: Table, terms: Sequence[Term]) -> Intervals:
     """Return intervals from fits to resampled blocks.
 
-    Beside the columns of the terms, each fit has one column for each constant: the derivative of
-    its term, so that the interval of a coefficient includes the uncertainty of the constants. The
-    coefficient of such a column is a change of the constant, in steps of `step_size`.
+    Each fit has one more column for each constant, the derivative of its term, so that the interval
+    of a coefficient includes the uncertainty of the constants; its unit is a `step_size`.
     """
     free = free_constants(terms)
     indices = table.indices(terms)
@@ -187,11 +177,9 @@ def intervals(table: Table, terms: Sequence[Term]) -> Intervals:
 class LeftOutThirds:
     """Errors of terms on thirds of a variable that are left out of the fit, each in turn.
 
-    The variables are speed, position, time and acceleration, and load and temperature where they
-    were recorded. Where several joints moved, regions of posture are left out as well. A third
-    counts as far as twice the range of the others: a staircase of speeds has accelerations for
-    milliseconds, a hundred times those of the other samples, and who leaves these out knows nothing
-    of inertia.
+    Where several joints moved, regions of posture are left out as well. A third counts as far as
+    twice the range of the others: a staircase of speeds has accelerations for milliseconds, a
+    hundred times those of the other samples, and who leaves these out knows nothing of inertia.
     """
 
     def __init__(self, table: Table, terms: Sequence[Term]) -> None:
@@ -202,11 +190,10 @@ class LeftOutThirds:
                      'time': np.arange(len(table.target)),
                      'acceleration': np.abs(np.asarray(averages.acceleration)),
                      'load': averages.load, 'temperature': averages.temperature}
-        partitions = {name: _thirds(values) for name, values in variables.items()
-                      if values is not None}
         # Where nearly all values are equal, as accelerations by a velocity in whole register
         # counts, all are in one third, and nothing would be left to fit.
-        partitions = {name: part for name, part in partitions.items() if np.ptp(part // 2) > 0}
+        partitions = {name: part for name, values in variables.items()
+                      if values is not None and np.ptp((part := _thirds(values)) // 2) > 0}
         partitions[_PARTS] = 2 * rows.block
         if rows.region.any():
             partitions['posture'] = 2 * np.unique(rows.region, return_inverse=True)[1]
@@ -217,10 +204,7 @@ class LeftOutThirds:
             for name, part in partitions.items()}
 
     def mean_errors(self, terms: Sequence[Term]) -> dict[str, float]:
-        """Return the mean squared error for each variable whose thirds are left out in turn.
-
-        The entry `_PARTS` is that of blocks of time.
-        """
+        """Return the mean squared error for each variable, and for blocks of time (`_PARTS`)."""
         columns = [self._column_index[column] for column in self._table.indices(
             terms, derivatives=False)]
         errors = {}
@@ -238,14 +222,12 @@ class LeftOutThirds:
     def without_harmful(self, terms: Sequence[Term], initial_count: int) -> list[Term]:
         """Return the terms without those whose removal lowers the errors of thirds and of parts.
 
-        The first `initial_count` terms are always kept. Of the thirds, the mean logarithm counts,
-        so that no single variable decides.
+        Of the thirds, the mean logarithm counts. The first `initial_count` terms are kept.
         """
         terms = list(terms)
         while True:
             errors = self.mean_errors(terms)
-            # Growth of the errors, number and terms; of equal ones, the first is the least.
-            trials: list[tuple[float, int, list[Term]]] = []
+            trials: list[tuple[float, list[Term]]] = []  # growth of the errors, and terms
             # Two terms that cancel each other have to be removed together.
             for removed in (some for size in (1, 2)
                             for some in combinations(terms[initial_count:], size)):
@@ -254,10 +236,10 @@ class LeftOutThirds:
                 growth = sum(math.log(other[name] / errors[name]) for name in errors
                              if name != _PARTS)
                 if growth < 0.0 and other[_PARTS] <= errors[_PARTS]:
-                    trials.append((growth, len(trials), rest))
+                    trials.append((growth, rest))
             if not trials:
                 return terms
-            terms = min(trials)[2]
+            terms = min(trials, key=lambda trial: trial[0])[1]
 
 
 def _thirds(values: np.ndarray) -> np.ndarray:
