@@ -19,11 +19,10 @@ from friction_comp.drive import Drive
 from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.model.recorded import Recorded
+from friction_comp.model.measured import Breakaway, Recorded
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.model.simulator_joint import loss_of, of_several, simulator_joint
 from friction_comp.model.simulator_play import play
-from friction_comp.model.standstill import Breakaway
 from friction_comp.recordings import read_recording
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms

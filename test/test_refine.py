@@ -18,6 +18,7 @@ from test_prepare import swings
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
+from friction_comp.excitation.improve import moving
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
@@ -27,7 +28,7 @@ from friction_comp.refinement import refine
 from friction_comp.refinement.judge import Finding, verdict_of
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
-from friction_comp.tools.predict import main as run_predict, moving
+from friction_comp.tools.predict import main as run_predict
 from friction_comp.tools.refine import main as run_refine
 from simulated_recordings.drives import excitation_for, random_drive, record
 

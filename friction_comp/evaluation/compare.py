@@ -18,8 +18,7 @@ from friction_comp.evaluation.intervals import CONFIDENCE, Interval, mean_interv
 from friction_comp.evaluation.repetitions import Compensation, FIGURES, Repetition
 from friction_comp.statistics import holm
 
-# The figures that are compared where they are known; the trend is that of the first one. The first
-# two need a torque sensor; smoothness needs only motion.
+# Figures that are compared where known, the trend is of the first: two need a torque sensor.
 COMPARED = ('peak_torque', 'rms_torque', 'residual_current', 'announcement_to_motion', 'onset',
             'smoothness')
 _SIGNIFICANT = 0.05
@@ -29,8 +28,7 @@ _SIGNIFICANT = 0.05
 class Comparison:
     """One figure under two conditions.
 
-    Pairs are the n-th repetition under one condition with the n-th under the other, in the same
-    movement.
+    Pairs are the n-th repetitions under both conditions in the same movement.
     """
 
     figure: str  # a name in `FIGURES`
@@ -40,8 +38,8 @@ class Comparison:
     mean_first: float  # over the pairs
     mean_second: float
     difference: Interval  # second minus first
-    # p-value of Wilcoxon's two-sided signed-rank test, with Holm's correction for the number of
-    # comparisons of this figure; None for fewer than five pairs.
+    # p-value of Wilcoxon's signed-rank test, with Holm's correction; None for fewer than five
+    # pairs.
     p_value: float | None
 
     @property
@@ -61,9 +59,8 @@ class Comparison:
 def _is_informative(first: Compensation, second: Compensation, baseline: Compensation) -> bool:
     """Return whether comparing two conditions answers a question.
 
-    These are: what any condition changes against the baseline, if that has no direction; what any
-    condition changes against kinetic compensation with the same model; and what law, model or
-    direction alone changes. Other differences in several respects answer no question.
+    What any condition changes against the baseline, if that has no direction, or against kinetic
+    compensation with the same model; and what law, model or direction alone changes.
     """
     return ((first == baseline and not first.uses_direction)
             or (first.law == 'kinetic' and first.model == second.model)
@@ -74,8 +71,7 @@ def _is_informative(first: Compensation, second: Compensation, baseline: Compens
 def compare(repetitions: Sequence[Repetition]) -> list[Comparison]:
     """Compare conditions with the same movements, where the comparison `_is_informative`.
 
-    Conditions are ordered from no compensation over compensation without a direction to
-    compensation with one; each is `first` against those that follow.
+    From no compensation over that without a direction to that with one, each with those after it.
     """
     groups = _by_condition(repetitions)
     ordered = sorted(groups, key=lambda condition: (
@@ -120,7 +116,7 @@ def _compare_values(figure: str, first: Compensation, second: Compensation, valu
 def effect_size(comparison: Comparison) -> Interval | None:
     """Return the mean difference in standard deviations of the differences, Cohen's d_z.
 
-    The interval is the large-sample 95 % interval of Hedges and Olkin (1985); None without scatter.
+    With the large-sample interval of Hedges and Olkin (1985); None without scatter.
     """
     difference, count = comparison.difference, comparison.pairs
     if not difference.half:
@@ -138,8 +134,7 @@ class Trend:
     figure: str  # a name in `FIGURES`
     compensation: Compensation
     days: dict[str, Interval]  # mean over the day's repetitions, by ISO date
-    # Slope of a straight line through the daily means, None for fewer than three days. Repetitions
-    # of one day are not independent, so days are counted.
+    # Slope through the daily means, None for fewer than three days.
     per_week: Interval | None
     p_value: float | None  # of the slope
 

@@ -43,7 +43,7 @@ def evaluate(recordings: Sequence[Samples], names: Sequence[str] | None = None,
     Parameters
     ----------
     recordings : list of Samples
-        One or more recordings; repetitions under the same condition are averaged.
+        Repetitions under the same condition are averaged.
     names : list of str, optional
         Names of the recordings in messages.
     model : str, optional
@@ -51,8 +51,7 @@ def evaluate(recordings: Sequence[Samples], names: Sequence[str] | None = None,
     about : list of RecordingInfo, optional
         The info of each recording from `read_recording_with_info`, with active laws and models.
     friction : FrictionModel, optional
-        A model from which the current that a movement needs beyond the commanded one is computed,
-        also without a torque sensor.
+        A model from which the current that a movement needs beyond the commanded one is computed.
 
     Raises
     ------
@@ -102,8 +101,8 @@ class MeasuredJoint:
         notes = list(self.notes)
         repetitions = _without_identification(self.repetitions, notes)
         in_order_of_time = list(dict.fromkeys(r.compensation for r in repetitions))
-        # One group for each condition and direction of movement. Sorted by these keys, conditions
-        # without a direction and without a law come first.
+        # A group for each condition and direction of movement; those without direction and law
+        # first.
         groups: dict[tuple[Any, ...], list[Repetition]] = {}
         for r in repetitions:
             key = (abs(r.movement.direction), r.compensation.law != 'none',
@@ -131,9 +130,8 @@ def repetitions_of(samples: Samples, name: str, info: RecordingInfo | None,
                    whole: bool = True) -> list[Repetition]:
     """Find and measure the movements of a recording, or of a stretch of it.
 
-    `whole` is whether the recording ends with these samples. A movement that reaches the end is
-    left out, unless it is the only one of a whole recording. Notes for the reader are added to
-    `notes`, each line once.
+    A movement that reaches the end is left out, unless it is the only one of a `whole` recording.
+    Notes for the reader are added to `notes`, each line once.
     """
     movements = find_movements(samples)
     new_notes = []
@@ -214,10 +212,7 @@ def _condition(repetitions: list[Repetition], averages: Mapping[Any, Ensemble],
 
 def _average_torque_figures(repetitions: list[Repetition], time: np.ndarray,
                             mean: np.ndarray) -> dict[str, float]:
-    """Return the `torque_figures` of the averaged torque, N·m, at times since the movement began.
-
-    The phases of the average movement are the medians of those of the repetitions.
-    """
+    """Return the `torque_figures` of the averaged torque, with the medians of the phases."""
     movement = repetitions[0].movement
     medians: dict[str, Any] = {
         name: float(np.median([getattr(r.movement, name) - r.movement.begin for r in repetitions]))

@@ -24,8 +24,7 @@ class Condition:
     direction: int  # announced direction d
     movement: str  # 'positive' or 'negative'
     repetitions: int  # their number
-    # Number of those in which the joint did not start moving, so that the peak torque is a lower
-    # bound of the torque that was needed.
+    # Those in which the joint did not start moving: the peak torque is then a lower bound.
     stuck: int
     peak_torque: float  # largest magnitude of the mean of τ_b while `torque_figures` counts it
     peak_torque_std: float  # standard deviation of the repetitions' peaks
@@ -35,8 +34,7 @@ class Condition:
     false_starts: int  # number of repetitions in which it started without being pushed
     figures: dict[str, Interval]  # mean of the repetitions' figures, by the names in `FIGURES`
     false_start_share: Interval
-    # Each (N,): time since the start of the movement, s; means and standard deviations over
-    # repetitions, in N·m and rad; the reference where it was recorded.
+    # Each (N,): s since the start of the movement; means and standard deviations, N·m and rad.
     time: np.ndarray
     torque: np.ndarray
     torque_std: np.ndarray
@@ -89,10 +87,9 @@ class Evaluation:
     def pair(self) -> tuple[Compensation, Compensation] | None:
         """Return the conditions without and with direction whose comparison is reported first.
 
-        Pairs are considered in this order: both with the same law and model; kinetic compensation,
-        to which every law reduces without a direction, and a law with the same model; no
-        compensation and any law; the only two conditions. Of several pairs of one kind, the one
-        with the most repetitions is used. None where the choice is ambiguous.
+        In this order: both with the same law and model; kinetic compensation and a law with the
+        same model; no compensation and any law; the only two conditions. Of several pairs of one
+        kind, that with the most repetitions; None where the choice is ambiguous.
         """
         counts: Counter[Compensation] = Counter()
         for condition in self.conditions:
@@ -120,8 +117,7 @@ class Evaluation:
     def compared(self, name: str) -> tuple[float, float] | None:
         """Return 'peak_torque' or 'rms_torque' with d = 0 and with d = ±1, N·m.
 
-        Means over the repetitions, averaged over the movements that both conditions of `pair` have;
-        None where there are none.
+        Means over the repetitions of movements that both conditions of `pair` have; None without.
         """
         conditions = self.pair()
         if conditions is None:

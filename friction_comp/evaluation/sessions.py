@@ -39,14 +39,8 @@ def pieces_of(paths: Sequence[str | Path], joint: str | None = None,
               layout: Layout | None = None) -> tuple[list[Piece], list[Failure]]:
     """Return the pieces that can be evaluated, and the reasons why other recordings cannot.
 
-    Parameters
-    ----------
-    paths : sequence of path-like
-        Recordings, or folders of them; InputError if one holds no recording.
-    joint : str, optional
-        Only this joint.
-    layout : Layout, optional
-        The columns of tables.
+    `paths` are recordings or folders of them, InputError if one holds none; `joint` limits them to
+    one joint, `layout` has the columns of tables.
     """
     pieces: list[Piece] = []
     failures: list[Failure] = []
@@ -76,9 +70,8 @@ def evaluate_pieces(pieces: Sequence[Piece], failures: Sequence[Failure] = (),
 
     Parameters
     ----------
-    pieces : sequence of Piece
-    failures : sequence of Failure
-        Recordings that are left out already.
+    pieces, failures
+        As `pieces_of` returns them.
     model : path-like, optional
         Model file of one joint or of an arm, for the missing current: see `conditions.evaluate`.
         Pieces of joints that it does not hold are left out.
@@ -152,8 +145,7 @@ def _measure_piece(piece: Piece, model: str | Path | None, seconds: float) -> Me
         if buffer is None or len(buffer) < 2 or not (
                 at_end or buffer.time[-1] - buffer.time[0] >= 2.0 * seconds):
             continue
-        # The last stretch is evaluated again with the next one, since movements are recognised by
-        # comparison with their neighbours.
+        # The last stretch is evaluated again with the next: movements are compared with neighbours.
         end = buffer.time[-1] - (0.0 if at_end else seconds)
         # What begins where the last movement was cut off is its slow end.
         found = [r for r in repetitions_of(buffer, str(path), info, friction, notes, at_end)

@@ -75,9 +75,8 @@ def from_urdf(path: str | Path, acceleration: float,
               joints: Sequence[str] = ()) -> list[JointLimits]:
     """Return the limits, of all revolute joints by default, that a URDF states in ``<limit>``.
 
-    Joints that mimic another are left out: they have no motor of their own. A URDF does not state
-    the acceleration, rad/s². Raises InputError if the file cannot be used, or a joint has no limits
-    of position.
+    Not of joints that mimic another; a URDF does not state the acceleration, rad/s². Raises
+    InputError if the file cannot be used, or a joint has no limits of position.
     """
     try:
         root = ElementTree.parse(path).getroot()

@@ -37,47 +37,21 @@ _GRAIN = 0.01 * DEGREE
 
 @dataclass(frozen=True)
 class Taught:
-    """An exercise made of a recorded movement.
+    """An exercise made of a recorded movement."""
 
-    Attributes
-    ----------
-    document : dict
-        Content of the exercise file.
-    time : ndarray, shape (N,)
-        s, from the beginning of the exercise.
-    path : ndarray, shape (N, J)
-        The guided movement, rad from the beginning.
-    waypoints : ndarray, shape (K,)
-        Times of the waypoints, s.
-    slowed : float
-        Factor by which the tempo was reduced to keep limits of speed.
-    """
-
-    document: dict[str, Any]
-    time: np.ndarray
-    path: np.ndarray
-    waypoints: np.ndarray
-    slowed: float
+    document: dict[str, Any]    # content of the exercise file
+    time: np.ndarray            # s, from the beginning of the exercise, (N,)
+    path: np.ndarray            # the guided movement, rad from the beginning, (N, J)
+    waypoints: np.ndarray       # their times, s, (K,)
+    slowed: float               # factor of the tempo, to keep limits of speed
 
 
 def teach(joints: Sequence[str], time: np.ndarray, position: np.ndarray,
           speeds: Sequence[float] | None = None) -> Taught:
     """Return the exercise of a guided movement.
 
-    Parameters
-    ----------
-    joints : sequence of str
-    time : ndarray, shape (N,)
-        s.
-    position : ndarray, shape (N, J)
-        rad.
-    speeds : sequence of float, optional
-        Largest speed of each joint, rad/s: a faster movement is slowed down.
-
-    Raises
-    ------
-    InputError
-        If nothing moves, or the recording is too short.
+    Time is in s, (N,), position in rad, (N, J); movements faster than `speeds`, rad/s, are slowed
+    down. Raises InputError if nothing moves, or the recording is too short.
     """
     if not time[-1] - time[0] > 2.0 * _REST:
         raise InputError(f'{time[-1] - time[0]:.2g} s are too short for an exercise')

@@ -7,19 +7,27 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal import savgol_filter
 
 from friction_comp.errors import InputError
-from friction_comp.identification.sample import Sample
 from friction_comp.identification.waveforms import constant_velocity_windows
 
 # s at the beginning of a constant-velocity phase that are not used.
 _SETTLING = 0.25
 _TRANSIENT = 2.5e-3  # s that the current controller takes after a step of current
 _CYCLE_SMOOTHING = 0.02  # share of a cycle over which acceleration is computed
+
+
+class Sample(NamedTuple):
+    """What a motion is told of its joint at a time: s, rad and A; current is NaN if unknown."""
+
+    time: float
+    position: float
+    current: float
 
 
 @dataclass(frozen=True)
@@ -39,9 +47,9 @@ def constant_velocity_currents(time: ArrayLike, position: ArrayLike, current: Ar
                                ) -> tuple[KineticPoint, KineticPoint]:
     """Average the current over the phases of one cycle of Eq. 3 at +ω_c and at -ω_c.
 
-    `time` in s counts from the beginning of the cycle, `position` is in rad and the measured
-    `current` in A, each of shape (N,). If `acceleration_per_current` (k_t·n/J, rad/s² per A) is
-    given, the small current that still accelerates the joint is subtracted from the mean.
+    Time in s since the beginning of the cycle, position in rad and measured current in A, each
+    (N,). With `acceleration_per_current` (k_t·n/J, rad/s² per A), the small current that still
+    accelerates the joint is subtracted from the mean.
     """
     time, position, current = (
         np.asarray(values, dtype=float) for values in (time, position, current))
@@ -71,9 +79,9 @@ def acceleration_of_push(pushed: Sequence[Sample], coasted: Sequence[Sample], st
                          sign: int) -> float:
     """Estimate k_t·n/J in rad/s² per A from a push at constant current and the coasting after it.
 
-    Friction is about the same in both, so the difference of the accelerations is k_t·n/J times the
-    current of magnitude `strength` in A. The velocity controller's gains, which follow from it,
-    tolerate errors of tens of percent. NaN if it cannot be estimated.
+    Friction is about the same in both, so the difference of accelerations is k_t·n/J times the
+    current `strength`, A. The controller tolerates errors of tens of percent. NaN if it cannot be
+    estimated.
     """
     faster, top = _acceleration(pushed, sign)
     if not math.isfinite(faster) or top <= 0.0:
@@ -110,7 +118,7 @@ def acceleration_of_cycle(cycle: np.ndarray) -> float:
     """Estimate k_t·n/J in rad/s² per A from a cycle of Eq. 3: rows of s, rad and A, shape (N, 3).
 
     At a given speed and direction, friction is the same whether the joint accelerates or
-    decelerates: the difference in current is due to inertia. NaN if it is small compared with other
+    decelerates: the difference is due to inertia. NaN if it is small compared with other
     variations.
     """
     time, position, current = cycle.T
@@ -132,10 +140,9 @@ def acceleration_of_cycle(cycle: np.ndarray) -> float:
 
 def local_parabolas(values: np.ndarray, count: int,
                     step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Fit a parabola to `count` samples, `step` s apart, around every sample.
+    """Fit a parabola to `count` samples, `step` s apart, around every sample (Savitzky and Golay).
 
-    Savitzky and Golay, Analytical Chemistry 36(8), 1964. Returns value, slope and second derivative
-    at the centre, each of shape (N - count + 1,).
+    Returns value, slope and second derivative at the centre, each of shape (N - count + 1,).
     """
     inner = slice(count // 2, len(values) - count // 2)
     value, slope, bend = (

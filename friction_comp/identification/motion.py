@@ -9,7 +9,7 @@ needs, and shows whether the measured current is the commanded one.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from functools import partial
@@ -18,8 +18,8 @@ from typing import NoReturn
 
 from friction_comp.drive import Drive
 from friction_comp.identification.goal import IdentificationError, MotionGoal
-from friction_comp.identification.kinetic import acceleration_of_push, KineticPoint
-from friction_comp.identification.sample import Sample
+from friction_comp.identification.kinetic import acceleration_of_push, KineticPoint, Sample
+from friction_comp.identification.supervised_run import SupervisedRun
 from friction_comp.identification.supervision import LEAST_SHARE, Supervision
 from friction_comp.identification.velocity_control import (
     Controller,
@@ -39,8 +39,8 @@ _PATIENCE = 10.0        # longest time to come to rest, s
 _STILL_COUNTS, _STILL_ANGLE = 2.5, 1e-5
 _PUSH_SPEED = 0.3       # speed at which the short push ends, rad/s
 # Without a slope, the first current grows by a factor of e in so many s, from this share of the
-# drive's limit: fast below, slow enough to be read when the joint breaks free. Ramps then reach
-# what broke the joint free within so many s, and at most so many times that.
+# drive's limit; ramps reach what broke the joint free within so many s, and at most so many times
+# that.
 _GROWTH, _FIRST_SHARE, _RISE_TIME, _BEYOND = 0.7, 1.0 / 300.0, 1.2, 2.0
 # Share of the drive's limit beyond which the first current grows only if the encoder has counted:
 # a joint winds up before it breaks free, a dead encoder never counts.
@@ -57,28 +57,23 @@ def speed_over(samples: Sequence[Sample], sign: int, window: float) -> float:
     return 0.0
 
 
-class Motion(ABC):
-    """A joint's movements as generators that yield currents in A and receive samples."""
+class Motion(SupervisedRun):
+    """A run whose movements are generators that yield currents in A and receive samples."""
 
     def __init__(self, goal: MotionGoal, drive: Drive, torque: bool = False) -> None:
         goal.check(drive, torque)
-        self.goal, self.drive = goal, drive
+        self.goal = goal
         self.say = partial(drive.in_words, torque=torque)   # a current as text
         # Slope of the ramps in A/s and their largest current in A.
         self.ramp_slope = goal.ramp_slope or math.nan
         self.ramp_peak = goal.ramp_peak or drive.current_limit
         # Has to confirm that the measured current is the commanded one before the first push.
-        self.supervision = Supervision(
-            drive, goal.ramp_peak or _BLIND_SHARE * drive.current_limit, self.say)
-        self.phase = 'standstill'           # present step, for feedback
+        super().__init__(drive, Supervision(
+            drive, goal.ramp_peak or _BLIND_SHARE * drive.current_limit, self.say))
         self.sample = Sample(math.nan, math.nan, math.nan)  # the latest one
         self.start = math.nan               # position at the start, rad
-        self.acceleration = math.nan        # k_t·n/J, rad/s² per A; NaN before it is known
-        # Largest friction current known so far in the positive and negative direction, signed, A.
-        self.friction: tuple[float, float] | None = None
-        # Look-up table of commanded currents so far. Feedforward and limit of the controller follow
-        # from it and never from measured currents: a measurement in a wrong unit must not drive the
-        # joint.
+        # Look-up table of commanded currents so far, for the controller's feedforward and limit:
+        # measurements in a wrong unit must not drive the joint.
         self.commanded_points: list[KineticPoint] = []
         self.warnings: list[str] = []
         self._resolution = drive.position_resolution or 1e-6
@@ -86,8 +81,7 @@ class Motion(ABC):
         self._slid = 0                     # direction of the latest slide
         self._counted = False              # whether the encoder has ever changed
 
-    def run(self) -> Generator[float, Sample, None]:
-        """Yield currents in A and receive samples: the whole motion, from rest to rest."""
+    def _motion(self) -> Generator[float, Sample, None]:
         self.sample = yield 0.0
         self.start = self.sample.position
         yield from self._standstill(STILL_TIME)
@@ -99,16 +93,7 @@ class Motion(ABC):
     def _movements(self) -> Generator[float, Sample, None]:
         """Yield currents and receive samples, once friction and inertia are known."""
 
-    @abstractmethod
-    def remaining(self) -> float:
-        """Return the estimated time to the end in s."""
-
-    @abstractmethod
-    def bounds(self) -> tuple[float, float]:
-        """Return the lowest and highest position in rad that the joint may have."""
-
     def _step(self, command: float) -> Generator[float, Sample, Sample]:
-        """Apply a current and return the next sample."""
         self.sample = yield command
         return self.sample
 
@@ -129,7 +114,6 @@ class Motion(ABC):
     # The first motion.
 
     def _first_motion(self) -> Generator[float, Sample, None]:
-        """Push in both directions to measure `friction` and `acceleration`."""
         self.phase = 'push'
         rates = []
         for sign in (1, -1):
@@ -235,8 +219,8 @@ class Motion(ABC):
         """Return the largest plausible current in A at a speed.
 
         Beyond measured speeds, friction grows at most in proportion to speed. Twice that, plus
-        twice the current of the profile's acceleration, leaves room for gravity and control. If the
-        joint is blocked or the encoder stuck, the controller exceeds this limit.
+        twice the profile's acceleration, leaves room for gravity and control; a blocked joint or a
+        stuck encoder exceeds it.
         """
         push = max(self._push.values())
         known = max([push] + [
@@ -246,7 +230,6 @@ class Motion(ABC):
                    max(3.0 * push, 2.0 * known) + 2.0 * self._accelerating_current(speed))
 
     def _accelerating_current(self, speed: float) -> float:
-        """Return the current in A that accelerates the joint in a cycle at a speed."""
         return 10.0 * speed / self.goal.cycle(speed)[0] / self.acceleration
 
     def _expected_current(self, sign: int, speed: float) -> float:
@@ -264,10 +247,7 @@ class Motion(ABC):
                 allowance: float, speed: float,
                 factor: float = 1.0
                 ) -> Generator[float, Sample, tuple[float, list[Sample], list[float]]]:
-        """Follow reference(t) -> (position, velocity); return start time in s, samples, commands.
-
-        Each command in A is the one that was applied before its sample.
-        """
+        """Follow reference(t) -> (position, velocity); return start, samples, and commands."""
         parameters = self._controller(factor, speed)
         self.supervision.control(parameters.bandwidth)
         state = velocity_controller_state()
@@ -289,7 +269,6 @@ class Motion(ABC):
         return begin, samples, commands
 
     def _travel(self, target: float) -> Generator[float, Sample, None]:
-        """Travel to a position and stop there."""
         start = self.sample.position
         distance = target - start
         if abs(distance) > 0.01 * self.goal.motion_range:

@@ -22,16 +22,15 @@ import numpy as np
 from friction_comp.identification.kinetic import local_parabolas
 from friction_comp.statistics import noise_level
 
-# Limits of the smoothing window of f, s: shorter than a rotor needs to break free, and long enough
-# to suppress the resonance on the gear's compliance.
+# Limits of the smoothing window of f, s: a rotor breaks free more slowly, the gear resonates
+# faster.
 _SHORTEST, _LONGEST = 0.024, 0.064
 # Noise of f that remains after smoothing, as a share of the largest current.
 _NOISE = 0.007
 # Share of breakaway at which presliding ends.
 _PRESLIDING_END = 0.95
-# Standard deviations of presliding that the scatter does not include: of a distance that begins and
-# ends within a count, in counts, and of the method, as a share of the distance (gears of
-# `bench/law_table.py`, seeds 44 and 46: 0.09).
+# Beside the scatter, standard deviations of presliding: of begin and end within a count, counts,
+# and of the method, a share of the distance (gears of `bench/law_table.py`, seeds 44 and 46).
 _SHARE_OF_COUNT, _METHOD = 0.4, 0.09
 # Stiffness is computed up to this share of breakaway. Fewest counts that the joint must move there,
 # times the root of the number of ramps.
@@ -67,11 +66,8 @@ class RampFriction:
         """Return the displacement in rad at which friction reaches 95 % of this ramp's breakaway.
 
         Friction varies with position: where it is 4 % lower, 95 % of the mean would only be reached
-        at the flat end of the curve.
-
-        If teeth touch at the index `upturn`, the link's friction begins only after the backlash.
-        It is the part above the tangent at the touch, since the rotor's own friction is concave and
-        stays below. It is shifted back by the backlash.
+        at the flat end. If teeth touch at the index `upturn`, the link's friction begins only after
+        the backlash: it is the part above the tangent at the touch, shifted back by the backlash.
         """
         moved = np.maximum.accumulate(self.position)
         friction, crossed = self.current, moved[upturn]
@@ -90,9 +86,9 @@ def ramp_friction(time: np.ndarray, position: np.ndarray, current: np.ndarray, s
                   viscous: float = 0.0) -> RampFriction:
     """Separate friction from the current that accelerates the joint, along one ramp.
 
-    Time in s, position in rad and current in A, shape (N,), belong to a ramp in the direction
-    `sign` that starts at rest and ends with the largest current that holds; `resolution` is the
-    angle of an encoder count in rad.
+    Time in s, position in rad and current in A, shape (N,), of a ramp in the direction `sign` that
+    starts at rest and ends with the largest current that holds; `resolution` is an encoder count in
+    rad.
     """
     step = float(np.median(np.diff(time)))
     even = time[0] + step * np.arange(int((time[-1] - time[0]) / step) + 1)
@@ -127,10 +123,9 @@ def combined_presliding(measured: list[tuple[bool, float]]) -> float:
 
     Each entry of `measured` tells whether the preceding slide had the ramp's direction, and the
     displacement in rad. A Maxwell-slip contact remembers that slide: in its direction a ramp yields
-    less than the presliding distance, against it more. By Masing's rule (each branch of a
-    hysteresis loop is the first curve at twice its size) the sum is twice the distance. Contacts
-    without this memory (Dahl, LuGre) yield the same both times. The mean of both is the distance in
-    either case.
+    less than the presliding distance, against it more; by Masing's rule the sum is twice the
+    distance. Contacts without this memory (Dahl, LuGre) yield the same both times. The mean of both
+    is the distance in either case.
     """
     sides = [[value for same, value in measured if same is side] for side in (True, False)]
     return float(np.mean([np.median(side) for side in sides if side])) if measured else 0.0
@@ -139,8 +134,8 @@ def combined_presliding(measured: list[tuple[bool, float]]) -> float:
 def presliding_std(measured: list[tuple[bool, float]], distance: float, resolution: float) -> float:
     """Return the standard deviation of presliding at one rest from `combined_presliding`, rad.
 
-    It combines the scatter of the ramps, the encoder count within which a displacement begins and
-    ends, and the error of the method on gears with little scatter.
+    It combines the scatter of the ramps, the encoder count at begin and end, and the method's
+    error.
     """
     sides = [np.array([value for same, value in measured if same is side])
              for side in (True, False)]
@@ -155,9 +150,8 @@ def common_stiffness(ramps: Sequence[RampFriction], breakaway: float,
                      resolution: float) -> float | None:
     """Return the slope of friction over displacement up to a third of breakaway, A/rad.
 
-    The ramps have the direction of the slide before them. Then every contact sticks at the
-    beginning, as in a gear that is loaded for the first time; against it some slip at once. None if
-    the encoder is too coarse.
+    The ramps have the direction of the slide before them: then every contact sticks at first, while
+    against it some slip at once. None if the encoder is too coarse.
     """
     products = squares = moved = 0.0
     for ramp in ramps:
@@ -204,12 +198,11 @@ def find_backlash(ramps: Sequence[RampFriction], directions: Sequence[int],
                   resolution: float) -> tuple[float, list[int]]:
     """Return the backlash of a gear, rad, and each ramp's index at which teeth touch; 0 if none.
 
-    Friction of a gear's contacts rises ever more slowly with displacement, since every contact that
-    begins to slide leaves fewer that still stick (in the Dahl, LuGre, Bouc-Wen and Maxwell-slip
-    models alike): along a ramp it is a concave function of displacement. While teeth are apart,
-    only the motor's own friction acts; where they touch, that of the link is added and the curve
-    bends upwards. A dip of the curve below its concave hull indicates backlash. At its lowest point
-    teeth touch: the displacement up to there is what this ramp crossed.
+    Friction of a gear's contacts is a concave function of displacement, since every contact that
+    begins to slide leaves fewer that still stick (Dahl, LuGre, Bouc-Wen and Maxwell slip alike).
+    While teeth are apart, only the motor's own friction acts; where they touch, that of the link is
+    added and the curve bends upwards. A dip below its concave hull indicates backlash; its lowest
+    point is where teeth touch.
     """
     depths = [_upturn(ramp, resolution) for ramp in ramps]
     upturns = [at if depth > _DEPTH and ramp.position[at] >= _SEEN_COUNTS * resolution else 0

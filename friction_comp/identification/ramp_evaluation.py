@@ -11,7 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from friction_comp.identification.breakaway import breakaway_records, BreakawayRecords, SlideBegin
+from friction_comp.identification.breakaway import (
+    breakaway_records,
+    BreakawayRecords,
+    Held,
+    SlideBegin,
+)
 from friction_comp.identification.goal import IdentificationError
 from friction_comp.identification.presliding import (
     combined_presliding,
@@ -21,8 +26,7 @@ from friction_comp.identification.presliding import (
     ramp_friction,
     RampFriction,
 )
-from friction_comp.identification.staircase import Held
-from friction_comp.model.friction_model import Presliding
+from friction_comp.model.measured import Presliding
 
 # Share of a pause at its beginning whose current is not used: the current controller settles.
 _SETTLING = 0.3
@@ -57,7 +61,7 @@ def evaluate_ramps(ramps: Sequence[Ramp], resolution: float, acceleration_per_cu
                    viscous: float) -> RampEvaluation:
     """Evaluate the ramps of a drive: breakaway is the largest current that held the joint.
 
-    `resolution` is in rad per count, `acceleration_per_current` (k_t·n/J) in rad/s² per A, and
+    `resolution` is in rad per count, `acceleration_per_current` (k_t·n/J) in rad/s² per A,
     `viscous` (of Eq. 6) in A·s/rad. Raises IdentificationError if breakaway scatters because of
     backlash.
     """
@@ -65,30 +69,25 @@ def evaluate_ramps(ramps: Sequence[Ramp], resolution: float, acceleration_per_cu
     records = breakaway_records([
         SlideBegin(ramp.held.end, _held_current(ramp), ramp.held.position) for ramp in ramps],
         directions)
-    curves = [ramp_friction(*_until_held(ramp), ramp.direction, resolution,
-                            acceleration_per_current, viscous) for ramp in ramps]
+    curves = []
+    for ramp in ramps:
+        held = np.isfinite(ramp.samples[:, 2]) & (ramp.samples[:, 0] <= ramp.held.end)
+        time, position, current = ramp.samples[held].T
+        curves.append(ramp_friction(time, position, current, ramp.direction, resolution,
+                                    acceleration_per_current, viscous))
     backlash, upturns = find_backlash(curves, directions, resolution)
     warnings = [_backlash_message(backlash, records)] if backlash > 0.0 else []
-    return RampEvaluation(records, _presliding(ramps, curves, records, upturns, resolution,
-                                               backlash or None),
-                          warnings, backlash or None)
+    presliding = _presliding(ramps, curves, records, upturns, resolution, backlash or None)
+    return RampEvaluation(records, presliding, warnings, backlash or None)
 
 
 def _held_current(ramp: Ramp) -> float:
-    """Return the mean measured current in A of the pause that held."""
     begin = ramp.held.begin + _SETTLING * (ramp.held.end - ramp.held.begin)
     time, _, current = ramp.samples.T
     measured = current[(time >= begin) & (time <= ramp.held.end) & np.isfinite(current)]
     if not measured.size:
         raise IdentificationError('the measured current is not finite')
     return float(np.mean(measured))
-
-
-def _until_held(ramp: Ramp) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return time, position and current of the samples, as long as a current held the joint."""
-    rows = ramp.samples[np.isfinite(ramp.samples[:, 2])]
-    time, position, current = rows[rows[:, 0] <= ramp.held.end].T
-    return time, position, current
 
 
 def _backlash_message(backlash: float, records: BreakawayRecords) -> str:

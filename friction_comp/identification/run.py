@@ -4,7 +4,7 @@
 
 A ROS node or a plain loop runs the procedure by calling `IdentificationRun.update` with every
 sample. The movements are generators that yield currents and receive samples, one sample for each
-``yield``: `IdentificationMotion._movements` is the whole procedure in order, the methods below it
+``yield``: `IdentificationRun._movements` is the whole procedure in order, the methods below it
 are its steps. Measurements are stored in attributes.
 """
 
@@ -20,21 +20,7 @@ import numpy as np
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.identification.goal import (
-    IdentificationError,
-    IdentificationGoal,
-    IdentificationResult,
-)
-from friction_comp.identification.kinetic import (
-    acceleration_of_cycle,
-    constant_velocity_currents,
-    KineticPoint,
-)
-from friction_comp.identification.motion import Motion, speed_over, STILL_TIME
-from friction_comp.identification.ramp_evaluation import evaluate_ramps, Ramp
-from friction_comp.identification.sample import Sample
-from friction_comp.identification.sigmoid_fit import fit_sigmoid
-from friction_comp.identification.staircase import (
+from friction_comp.identification.breakaway import (
     FIRST_STAIR,
     Held,
     LONGEST_PAUSE,
@@ -44,7 +30,20 @@ from friction_comp.identification.staircase import (
     SLIDING_STAIR,
     STAIR,
 )
-from friction_comp.identification.supervised_run import SupervisedRun
+from friction_comp.identification.goal import (
+    IdentificationError,
+    IdentificationGoal,
+    IdentificationResult,
+)
+from friction_comp.identification.kinetic import (
+    acceleration_of_cycle,
+    constant_velocity_currents,
+    KineticPoint,
+    Sample,
+)
+from friction_comp.identification.motion import Motion, speed_over, STILL_TIME
+from friction_comp.identification.ramp_evaluation import evaluate_ramps, Ramp
+from friction_comp.identification.sigmoid_fit import fit_sigmoid
 from friction_comp.identification.supervision import check_load
 from friction_comp.identification.velocity_control import (
     Controller,
@@ -55,30 +54,41 @@ from friction_comp.identification.waveforms import cycle_position, cycle_velocit
 from friction_comp.statistics import evenly_spread, smallest_step
 
 # The joint slides when its mean speed over this time in s exceeds this speed in rad/s, and it has
-# moved by more than this many encoder counts. A ramp ends when it has slid this far, rad, at this
-# speed or since it came to rest last: a rotor that crosses backlash also slides, and is then
-# stopped; few robot gears have more backlash.
+# moved by more than so many counts. A ramp ends when it has slid this far, rad, at this speed or
+# since its last rest: a rotor that crosses backlash also slides, and is then stopped.
 CUT_SPEED, CUT_WINDOW, CUT_COUNTS, CUT_DISTANCE = 0.05, 0.02, 8.0, 5e-3
-# Stick-slip requires higher gains; a joint with more lag than expected, or with a link that is much
-# heavier than its rotor and oscillates against it, requires lower ones.
+# Stick-slip needs higher gains; lag, or a heavy link that oscillates against its rotor, lower ones.
 GAIN_LADDER = (1.0, 1.7, 0.3, 0.1)
-# Above this standard deviation, as a share of its mean, a current does not measure friction: the
-# controller oscillates, and the part that the amplifier cannot follow biases the mean.
+# Above this standard deviation, a share of its mean, a current does not measure friction.
 MAX_SCATTER = 0.15
 REST_SHARE = 0.1        # of the ramp period at zero current after each ramp, as in Eq. 8
-# Ramps start at positions up to this share of the motion range off its centre, so that cogging and
-# other position-dependent torques average out; four ramps at each position.
+# Ramps start up to this share of the motion range off its centre, to average out cogging.
 PLACES_SHARE = 0.015
-# Share of the current that broke the joint free in the short push that surely holds: a push is read
-# late. Share of the ramps that may begin with a stair that does not hold; each is repeated.
+# Share of a push's current, read late, that surely holds; share of the ramps that may be repeated.
 _PUSH_HOLDS, _MOST_LOST = 0.8, 0.2
 
 # Measured and commanded currents at one speed, forwards and backwards.
 _Cycle: TypeAlias = tuple[tuple[KineticPoint, ...], tuple[KineticPoint, ...]]
 
 
-class IdentificationMotion(Motion):
-    """The steps of one identification and what they measured."""
+class IdentificationRun(Motion):
+    """One identification, from standstill to zero current; see `SupervisedRun`.
+
+    Call `update` with every sample and apply the current that it returns, until `finished`. Then
+    `result()` fits the model.
+
+    Parameters
+    ----------
+    goal : IdentificationGoal
+    drive : Drive
+    torque : bool
+        Whether messages have joint torques in N·m instead of motor currents in A.
+
+    Raises
+    ------
+    InputError
+        If the drive cannot meet the goal.
+    """
 
     goal: IdentificationGoal
 
@@ -93,17 +103,16 @@ class IdentificationMotion(Motion):
         self._held: dict[int, list[float]] = {1: [], -1: []}    # largest currents that held, A
         self._ramp_time, self._lost = 0.25 * goal.ramp_period + 3.0, 0
         self._speeds_done = 0
+        self._result: IdentificationResult | None = None
         # Compile the function of the control loop before the first sample arrives.
         velocity_controller_step(
             Controller(1.0, 1.0), velocity_controller_state(), 0.0, 0.0, 0.0, 1e-3)
 
-    def bounds(self) -> tuple[float, float]:
-        """Return the ends of the motion range, which is centred on the position at the start."""
+    def _bounds(self) -> tuple[float, float]:
         half = 0.5 * self.goal.motion_range
         return self.start - half, self.start + half
 
-    def remaining(self) -> float:
-        """Return the estimated time to the end in s."""
+    def _time_left(self) -> float:
         goal, left = self.goal, 0.0
         for speed in goal.speeds[self._speeds_done:]:
             duration, width = goal.cycle(speed)
@@ -111,7 +120,6 @@ class IdentificationMotion(Motion):
         return left + (2 * goal.breakaway_cycles - len(self.ramps)) * self._ramp_time
 
     def _movements(self) -> Generator[float, Sample, None]:
-        """Yield currents and receive samples: sections 2.3 and 2.4 in order."""
         self._check_accelerations()
         for speed in self.goal.speeds:
             yield from self._constant_velocity(speed)
@@ -264,6 +272,52 @@ class IdentificationMotion(Motion):
         watch.slides = True
         return None
 
+    def result(self) -> IdentificationResult:
+        """Fit the curve of Eq. 6, evaluate the ramps and return an `IdentificationResult`.
+
+        Raises
+        ------
+        IdentificationError
+            If the run is not finished, or breakaway scatters because of backlash.
+        """
+        if not self.finished:
+            raise IdentificationError(f'identification is not complete: {self.error or self.phase}')
+        if self._result is None:
+            self._result = self._evaluate()
+        return self._result
+
+    def _evaluate(self) -> IdentificationResult:
+        points = sorted(self.points, key=lambda point: point.speed)
+        sigmoid, error = fit_sigmoid([p.speed for p in points], [p.current for p in points])
+        acceleration = self._acceleration()
+        ramps = evaluate_ramps(self.ramps, self._finest_step(), acceleration, sigmoid.viscous)
+        breakaway = ramps.records.statistics()
+        wrong, doubtful = check_load(
+            points, (breakaway.positive_mean, breakaway.negative_mean),
+            max(breakaway.positive_std, breakaway.negative_std), self.say)
+        if wrong:
+            raise IdentificationError(wrong)
+        return IdentificationResult(
+            points=points, sigmoid=sigmoid, sigmoid_error=error, breakaway=breakaway,
+            records=ramps.records, acceleration_per_current=acceleration,
+            goal=replace(self.goal, ramp_slope=self.ramp_slope),
+            warnings=[*self.warnings, *self.supervision.warnings(), *ramps.warnings,
+                      *([doubtful] if doubtful else [])],
+            presliding=ramps.presliding, backlash=ramps.backlash)
+
+    def _finest_step(self) -> float:
+        """Return the encoder's step in rad: that of the drive, or a coarser one that was seen."""
+        seen = [smallest_step(ramp.samples[:, 1]) for ramp in self.ramps]
+        return max(self.drive.position_resolution or 1e-6, min(filter(None, seen), default=0.0))
+
+    def _acceleration(self) -> float:
+        """Return k_t·n/J in rad/s² per A from the cycles of Eq. 3, or else from the push."""
+        push = self.acceleration
+        rates = [acceleration_of_cycle(cycle) for cycle in self.cycles_driven]
+        plausible = [rate for rate in rates if push / 5.0 < rate < 5.0 * push]
+        # The fastest cycle has the largest accelerations.
+        return plausible[-1] if plausible else push
+
 
 class _Slide:
     """The samples of a ramp, and whether the joint has slid away on it."""
@@ -297,79 +351,4 @@ class _Slide:
 
 
 def _current_scatter(points: Sequence[KineticPoint]) -> float:
-    """Return the scatter of the current at constant velocity as a share of its mean."""
     return max(point.standard_deviation / max(abs(point.current), 1e-9) for point in points)
-
-
-class IdentificationRun(SupervisedRun):
-    """One identification, from standstill to zero current; see `SupervisedRun`.
-
-    Call `update` with every sample and apply the current that it returns, until `finished`. Then
-    `result()` fits the model.
-
-    Parameters
-    ----------
-    goal : IdentificationGoal
-    drive : Drive
-    torque : bool
-        Whether messages have joint torques in N·m instead of motor currents in A.
-
-    Raises
-    ------
-    InputError
-        If the drive cannot meet the goal.
-    """
-
-    _motion: IdentificationMotion
-
-    def __init__(self, goal: IdentificationGoal, drive: Drive, torque: bool = False) -> None:
-        super().__init__(IdentificationMotion(goal, drive, torque))
-        self.goal = goal
-        self._result: IdentificationResult | None = None
-
-    def result(self) -> IdentificationResult:
-        """Fit the curve of Eq. 6, evaluate the ramps and return an `IdentificationResult`.
-
-        Raises
-        ------
-        IdentificationError
-            If the run is not finished, or breakaway scatters because of backlash.
-        """
-        if not self.finished:
-            raise IdentificationError(f'identification is not complete: {self.error or self.phase}')
-        if self._result is None:
-            self._result = self._evaluate()
-        return self._result
-
-    def _evaluate(self) -> IdentificationResult:
-        motion = self._motion
-        points = sorted(motion.points, key=lambda point: point.speed)
-        sigmoid, error = fit_sigmoid([p.speed for p in points], [p.current for p in points])
-        acceleration = self._acceleration()
-        ramps = evaluate_ramps(motion.ramps, self._resolution(), acceleration, sigmoid.viscous)
-        breakaway = ramps.records.statistics()
-        wrong, doubtful = check_load(
-            points, (breakaway.positive_mean, breakaway.negative_mean),
-            max(breakaway.positive_std, breakaway.negative_std), motion.say)
-        if wrong:
-            raise IdentificationError(wrong)
-        return IdentificationResult(
-            points=points, sigmoid=sigmoid, sigmoid_error=error, breakaway=breakaway,
-            records=ramps.records, acceleration_per_current=acceleration,
-            goal=replace(self.goal, ramp_slope=motion.ramp_slope),
-            warnings=[*motion.warnings, *motion.supervision.warnings(), *ramps.warnings,
-                      *([doubtful] if doubtful else [])],
-            presliding=ramps.presliding, backlash=ramps.backlash)
-
-    def _resolution(self) -> float:
-        """Return the encoder's step in rad: that of the drive, or a coarser one that was seen."""
-        seen = [smallest_step(ramp.samples[:, 1]) for ramp in self._motion.ramps]
-        return max(self.drive.position_resolution or 1e-6, min(filter(None, seen), default=0.0))
-
-    def _acceleration(self) -> float:
-        """Return k_t·n/J in rad/s² per A from the cycles of Eq. 3, or else from the push."""
-        push = self._motion.acceleration
-        rates = [acceleration_of_cycle(cycle) for cycle in self._motion.cycles_driven]
-        plausible = [rate for rate in rates if push / 5.0 < rate < 5.0 * push]
-        # The fastest cycle has the largest accelerations.
-        return plausible[-1] if plausible else push

@@ -23,8 +23,7 @@ from friction_comp.model.effects import Effect, EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 
-# Steepness of the sign change, in units of one over the slowest speed: the table does not show it,
-# and at this speed it is complete to a ten-thousandth.
+# Steepness of the sign change, in units of one over the slowest speed: there it is complete.
 _STEEP = 10.0
 # Scatter below which residuals are rounding errors, in units of the largest current.
 _ROUNDING = 1e-9

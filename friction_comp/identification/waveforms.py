@@ -32,10 +32,7 @@ def cycle_velocity(time: float, speed: float, cycle_time: float) -> float:
 
 
 def cycle_position(time: float, speed: float, cycle_time: float) -> float:
-    """Return the integral of Eq. 3 in rad since the beginning of the cycle; zero outside it.
-
-    The cycle ends where it began, and its far end at T/2 is 0.4·ω_c·T away (Eq. 4).
-    """
+    """Return the integral of Eq. 3 in rad; its far end at T/2 is 0.4·ω_c·T away (Eq. 4)."""
     share = time / cycle_time
     if share <= 0.0 or share >= 1.0:
         return 0.0
@@ -56,8 +53,8 @@ def cycle_position(time: float, speed: float, cycle_time: float) -> float:
 def ramp_current(time: float, slope: float, period: float) -> float:
     """Return the motor current of Eq. 8 in A at a time; zero outside the period.
 
-    The note prints the left side as a derivative, but Fig. 2 shows that the right side is the
-    current itself: two ramps of opposite sign with the gradient s. It reaches 0.4·s·T.
+    The note prints a derivative, but Fig. 2 shows that it is the current itself: two ramps of
+    opposite sign with the gradient s, up to 0.4·s·T.
     """
     share = time / period
     if 0.0 < share <= 0.4:
@@ -68,11 +65,7 @@ def ramp_current(time: float, slope: float, period: float) -> float:
 
 
 def travel_state(time: float, distance: float, duration: float) -> tuple[float, float]:
-    """Return position in rad and velocity in rad/s of a smooth move from rest to rest.
-
-    A quintic: velocity and acceleration are zero at both ends, the largest velocity is
-    1.875·distance/duration.
-    """
+    """Return position (rad) and velocity (rad/s) of a quintic from rest to rest."""
     share = min(max(time / duration, 0.0), 1.0)
     square, left = share * share, 1.0 - share
     position = distance * (share * square) * (10.0 - 15.0 * share + 6.0 * square)

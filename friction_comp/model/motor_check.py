@@ -2,10 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checks a model before its currents are sent to a motor.
 
-A valid model file may still have a mistake: 99.5 A instead of 0.0995 A, the file of another joint,
-a missing coefficient. The parts of a model are therefore compared with each other over the motion
-that it was identified on: its friction, its breakaway currents and its effects must be of similar
-size, and below the drive's limit.
+A valid file may have a mistake: 99.5 A instead of 0.0995 A, the file of another joint, a missing
+coefficient. Over the motion that it was identified on, its friction, breakaway currents and effects
+must therefore be of similar size, and below the drive's limit.
 """
 
 from __future__ import annotations
@@ -38,8 +37,7 @@ _COLD, _WARM = 10.0, 60.0
 _LARGEST_RATIO, _SMALLEST_RATIO = 5.0, 0.2
 # Exponents of friction laws are between 0.5 and 2.
 _STEEPEST = 10.0
-# Share of the sigmoid's span by which it may decrease where it should increase, since a fit is
-# never exact.
+# Share of the sigmoid's span by which a fit, never exact, may decrease where it should increase.
 _DIP = 0.1
 # Share of the largest current in the table by which the sigmoid may miss it.
 _MISS = 0.5
@@ -48,8 +46,7 @@ _MISS = 0.5
 def check_for_motor(model: FrictionModel, joint: str = '', joints: Collection[str] = ()) -> None:
     """Raise InputError, with the reason, if the currents of a model must not be sent to a motor.
 
-    `joint` is the joint that uses the model, `joints` are all that are driven together: the model
-    of one of them must not be used for another.
+    `joint` uses the model; it must not be that of another of the `joints` that are driven together.
     """
     if model.joint != joint and model.joint in joints:
         raise InputError(f"this is the model of joint '{model.joint}', not of '{joint}'")

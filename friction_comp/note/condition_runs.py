@@ -21,8 +21,8 @@ from friction_comp.simulation.random_sequence import random_states
 SAMPLE_TIME = 1e-3
 REPETITIONS = 10
 CONDITIONS = ('none', 'kinetic', 'paper', 'continuous', 'inertia')
-# Variation between a person's movements: standard deviations of stiffness (relative), of the time
-# at which the movement begins, s, and of its speed (relative).
+# A person's standard deviations of stiffness (relative), time of the begin, s, and speed
+# (relative).
 STIFFNESS_VARIATION, DELAY_VARIATION, SPEED_VARIATION = 0.05, 0.01, 0.02
 # Number of standstills, duration of each, s, and time in it at which a direction is announced, s.
 STANDSTILLS, STANDSTILL_TIME, ANNOUNCED = 360, 10.0, 0.5
@@ -51,10 +51,9 @@ def varied_reference(movement: ReferenceMovement, time: np.ndarray, repetitions:
 
 def run_trial(experiment: Experiment, model: FrictionModel, name: str, seed: int,
               repetitions: int = REPETITIONS) -> Evaluation:
-    """Run and evaluate the condition `name`, one of `CONDITIONS`.
+    """Run and evaluate the condition `name`, one of `CONDITIONS`, with the compensation's model.
 
-    `model` is that of the compensation. The seed determines all variation of person and joint, so
-    that it is the same under every condition.
+    The seed determines all variation of person and joint: it is the same under every condition.
     """
     movement = experiment.movement(compensated=name in ('paper', 'continuous'))
     count = round((movement.begins(1) + movement.movement_time + 1.0) / SAMPLE_TIME)
@@ -99,11 +98,8 @@ def with_breakaway_error(model: FrictionModel) -> FrictionModel:
 def stand_still(experiment: Experiment, model: FrictionModel, law: str, seed: int) -> np.ndarray:
     """Return how far an untouched joint moves in each of `STANDSTILLS`, rad; one hour in total.
 
-    A direction is announced in each.
-
-    Each standstill has new breakaway levels, while a single one of an hour would test only one pair
-    of levels. Half of them have d = 1, half d = -1. The law's breakaway currents are too large by
-    `BREAKAWAY_ERROR`.
+    Each has new breakaway levels and a direction announced, half of them d = 1; the law's breakaway
+    currents are too large by `BREAKAWAY_ERROR`.
     """
     model = with_breakaway_error(model)
     count = round(STANDSTILL_TIME / SAMPLE_TIME)

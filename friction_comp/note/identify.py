@@ -41,10 +41,9 @@ class Ramps:
 
 
 def identify_table(experiment: Experiment, seed: int) -> tuple[IdentificationResult, float]:
-    """Run the identification procedure sample by sample to measure the look-up table.
+    """Run the identification procedure for the look-up table; return result and drive time, s.
 
-    Returns its result and the drive time in s. The result contains the breakaway of a single cycle;
-    `identify_breakaway` measures many.
+    The result contains the breakaway of a single cycle; `identify_breakaway` measures many.
     """
     model = experiment.model()
     goal = IdentificationGoal(

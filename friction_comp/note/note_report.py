@@ -74,10 +74,7 @@ def _verdict(outcomes: list[ExperimentOutcome]) -> str:
 
 
 def compared(configurations: dict[str, Any]) -> list[list[str]]:
-    """Return a row of text for each result: its name, and the values of the configurations.
-
-    `configurations` are those of results.json; what the note measured is added in brackets.
-    """
+    """Return a row of text for each result in results.json, with the note's in brackets."""
     columns = [_cells(configurations[str(note.number)], note) for note in EXPERIMENTS]
     return [[name, *(column[name] for column in columns)] for name in columns[0]]
 

@@ -35,8 +35,8 @@ class Experiment:
     peak_kinetic: float
     peak_compensated: float
     reduction: float
-    # Slowest speeds of the table, deg/s. The note does not list the speeds of its table; the
-    # slowest determines how steep the fitted transition is.
+    # Slowest speeds of the table, deg/s, not in the note: they determine the transition's
+    # steepness.
     slow: tuple[float, ...]
 
     @property

@@ -19,31 +19,23 @@ import numpy as np
 
 from friction_comp.identification.breakaway import breakaway_records, BreakawayRecords, SlideBegin
 
-# Speed in rad/s that creep does not reach, and s over which it is computed. The speed of creep is
-# ramp slope times k_t·n over the stiffness: a few mrad/s at most for a geared joint.
+# Speed in rad/s that creep, some mrad/s, does not reach, and s over which it is computed.
 _RUNAWAY_SPEED, _SPEED_WINDOW = 0.02, 0.03
 _CURRENT_WINDOW = 0.1  # s on each side over which the current is averaged
 _SHORTEST_RAMP = 20    # samples
 _POINTS = 160          # of the fit
 _MISFIT = 0.13         # error of the fit as a share of the distance slid
-# Longest time in s from the beginning of the slide to the run-away: a sliding joint takes tenths of
-# a second. With a longer window, creep of soft contacts, which grows towards breakaway, would be
-# mistaken for the slide.
+# Longest time in s from the beginning of the slide to the run-away: tenths of a second. With a
+# longer window, creep of soft contacts would be mistaken for the slide.
 _LONGEST_WINDOW = 0.6
 
 
 def breakaway_currents(time: np.ndarray, position: np.ndarray, current: np.ndarray,
                        command: np.ndarray, resolution: float) -> BreakawayRecords:
-    """Find every breakaway in a recording of current ramps.
+    """Find every breakaway in current ramps, which may continue after it, as in Eq. 8, or not.
 
-    The ramps may continue after breakaway, as in Eq. 8, or end there, and may differ in slope.
-
-    Parameters
-    ----------
-    time, position, current, command : ndarray, shape (N,)
-        s, rad, and the measured and the commanded motor current in A, zero between ramps.
-    resolution : float
-        Joint angle of an encoder count in rad.
+    Time in s, position in rad, measured and commanded current in A, zero between ramps, each (N,);
+    `resolution` is the joint angle of an encoder count in rad.
     """
     signs = np.sign(command).astype(int)
     edges = [0, *(np.flatnonzero(np.diff(signs)) + 1).tolist(), len(signs)]
@@ -62,8 +54,7 @@ def slide_begin(time: np.ndarray, position: np.ndarray, current: np.ndarray, sig
                 resolution: float) -> SlideBegin | None:
     """Return where the joint begins to slide on one ramp; None if it does not.
 
-    The arrays contain this ramp only, in s, rad and measured A; `sign` is its direction, and
-    `resolution` the angle of an encoder count in rad.
+    The arrays contain this ramp only, in s, rad and measured A; `sign` is its direction.
     """
     if len(time) < _SHORTEST_RAMP:
         return None
@@ -99,11 +90,10 @@ def _current_at(time: np.ndarray, current: np.ndarray, instant: float) -> float:
 
 
 def _hinge(time: np.ndarray, position: np.ndarray, resolution: float) -> float:
-    """Return the time at which creep changes into a slide, by least squares.
+    """Return the time at which creep, a parabola, changes into a slide, by least squares.
 
-    Creep is a parabola. The slide adds quadratic and cubic terms that are not negative, without a
-    jump in speed. No formula holds far into the slide, so the weight of a sample decreases with the
-    distance slid.
+    The slide adds quadratic and cubic terms that are not negative. No formula holds far into it, so
+    the weight of a sample decreases with the distance slid.
     """
     count = min(_POINTS, len(time))
     if count < 12:

@@ -12,7 +12,7 @@ import numpy as np
 
 from friction_comp.model.effects.base import Effect
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.model.recorded import LINE, Recorded
+from friction_comp.model.measured import LINE, Recorded
 from friction_comp.model.sliding_friction import inertia_of, line_of, Sliding
 from friction_comp.refinement.best_fit import Fit
 from friction_comp.refinement.block_sums import BlockSums

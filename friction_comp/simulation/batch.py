@@ -76,8 +76,7 @@ def closed_loops(
     parameters, random, laws : ndarray, shape (R,), (R, 1) and (R,)
         For each of R runs: `joint_parameters`, `random_states` and `CompensationLaw.parameters`.
     reference : tuple of ndarray, each of shape (M, L)
-        Position, velocity and direction of M movements at each of L samples, as
-        `ReferenceMovement.at` returns them.
+        Position, velocity and direction of M movements, as `ReferenceMovement.at` returns them.
     which : ndarray of int, shape (R,), optional
         Index of each run's movement; the first for all when omitted.
     every : int
@@ -93,12 +92,9 @@ def closed_loops(
 
     Returns
     -------
-    log : dict of str to ndarray, shape (R, ceil(L / every))
-        The logged signals by name.
-    extremes : ndarray, shape (R, 2)
-        Lowest and highest true position of each run in rad.
-    guards : ndarray of compensation.law_fields.STATE, shape (R,)
-        Final states of the laws.
+    log, extremes, states
+        The logged signals by name, each (R, ceil(L / every)); lowest and highest true position in
+        rad, (R, 2); and the final states of the laws, (R,).
     """
     movements = np.ascontiguousarray(np.stack(
         [np.atleast_2d(np.asarray(a, dtype=float)) for a in reference], axis=1))

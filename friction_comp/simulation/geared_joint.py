@@ -88,10 +88,7 @@ def _advance_current(p: Record, s: Record, command: float, v: float, follow: flo
 def move_geared(p: Record, s: Record, random: np.ndarray, table: np.ndarray, memory: np.ndarray,
                 sample_time: float, command: float, reference_position: float,
                 reference_velocity: float, active: bool) -> None:
-    """Simulate the joint over one sample; parameters as for `joint.joint_sample`.
-
-    The person holds the link; undeclared effects act on the rotor.
-    """
+    """Simulate the joint over one sample; the person holds the link, see `joint.joint_sample`."""
     h = sample_time / SUBSTEPS
     amplify = low_pass_weight(h, p.current_lag)
     follow = low_pass_weight(h, p.actuation_lag)

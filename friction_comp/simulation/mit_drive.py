@@ -27,12 +27,8 @@ def in_bits(values: np.ndarray, largest: np.ndarray | float, bits: int) -> np.nd
 class MitDrive:
     """The controllers of J drives.
 
-    Parameters
-    ----------
-    kp, kd : ndarray, shape (J,)
-        N·m/rad and N·m·s/rad.
-    largest_torque : ndarray, shape (J,)
-        Range of the torque in a frame, N·m.
+    `kp` (N·m/rad), `kd` (N·m·s/rad) and the range of the torque in a frame, N·m, have the shape
+    (J,).
     """
 
     def __init__(self, kp: np.ndarray, kd: np.ndarray, largest_torque: np.ndarray) -> None:

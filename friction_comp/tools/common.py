@@ -54,10 +54,8 @@ class _Joined(argparse.Action):
 class Arguments(argparse.ArgumentParser):
     """An argument parser that reports an error in one line and exits with status 2.
 
-    ROS arguments (after ``--ros-args``) are accepted but not parsed, so that a tool can be started
-    with `ros2 run` or from a launch file.
-
-    The description is the docstring of the tool's module, shown without its name and markup.
+    ROS arguments (after ``--ros-args``) are not parsed, so that `ros2 run` and launch files can
+    start tools. The description is the docstring of the tool's module, without its name and markup.
     """
 
     def __init__(self, name: str, description: str, examples: Sequence[str] = ()) -> None:
@@ -169,7 +167,6 @@ def whole_number(least: int = 1, most: float = math.inf) -> Callable[[str], int]
 
 
 def _checked(text: str, kind: Callable[[str], T], check: Callable[[object], T]) -> T:
-    """Convert and check an argument; argparse puts its name before the error message."""
     value: object = text
     with suppress(ValueError):
         value = kind(text)

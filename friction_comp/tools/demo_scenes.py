@@ -9,7 +9,7 @@ from dataclasses import replace
 import importlib.util
 import math
 from pathlib import Path
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 from friction_comp.arm.whole_arm import refine_arm
 from friction_comp.errors import InputError
@@ -31,13 +31,11 @@ from friction_comp.reports.scene_reports import (
     wear_report,
     wear_words,
 )
+from friction_comp.samples import Samples
 from friction_comp.tools.common import progress
 from friction_comp.tools.demo_loop import JOINT, recorded, TRUE_MODEL
+from friction_comp.tools.demo_system import DemoSystem
 from friction_comp.tools.teach import main as teach
-
-if TYPE_CHECKING:
-    from friction_comp.samples import Samples
-    from friction_comp.tools.demo_system import DemoSystem
 
 # Joints of the arm, with the note's configuration whose drive they have.
 ARM = {'turn': 1, 'lift': 2, 'bend': 1}
@@ -53,12 +51,10 @@ WEAR_PERIOD = 2.0 * (1.0 + 40.0 / 30.0 + 0.5)
 # Half of the default tolerance, so that the change is detected early.
 WEAR_TOLERANCE = 0.125
 # s of simulated time within which a warning must come; s of movement before refinement, in which
-# the drive reaches nearly its final temperature. In the first half of the warm-up, effects of
-# temperature and of speed cannot always be distinguished, and a model that confuses them is wrong
-# once the drive is warmer.
+# the drive nearly reaches its final temperature: earlier, effects of temperature and of speed look
+# alike.
 WEAR_PATIENCE, WEAR_PAST = 400.0, 40.0
-# Simulated per real time during refinement: a loop that runs as fast as it can would leave little
-# processor time to it.
+# Simulated per real time during refinement, which needs processor time.
 WEAR_PACE = 1.0
 
 
@@ -196,7 +192,6 @@ def play_wear(system: DemoSystem) -> None:
 
 
 def _residual(system: DemoSystem) -> str:
-    """Return the verdict of the monitoring as text."""
     return system.ros.value('refinement', f'{JOINT}: residual') or ''
 
 
@@ -227,7 +222,7 @@ def _refine_live(system: DemoSystem) -> Any:
 
 
 def _wait_for_verdict(system: DemoSystem, begin: float) -> str:
-    """Keep moving with the refined model until the monitoring has a verdict; return its words."""
+    """Keep moving with the refined model until the monitoring has a verdict."""
     least = system.arguments.repetitions * WEAR_PERIOD + 1.0
 
     def going() -> bool:

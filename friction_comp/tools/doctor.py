@@ -119,10 +119,7 @@ def _interfaces() -> Iterator[Finding]:
 
 
 def _middleware() -> Iterator[Finding]:
-    """Yield a problem if RMW_IMPLEMENTATION names a middleware that is not installed.
-
-    Every ROS 2 process would end at once, with a message that names no remedy.
-    """
+    """Yield a problem if RMW_IMPLEMENTATION is not installed: every ROS 2 process would end."""
     wanted, installed = os.environ.get('RMW_IMPLEMENTATION'), middlewares()
     if wanted and installed and wanted not in installed:
         yield Finding(PROBLEM, 'middleware', f'RMW_IMPLEMENTATION is {wanted}, which is not '

@@ -149,8 +149,7 @@ def _play(arguments: Namespace, names: list[str], plan: JointPlan, ros: ToolClie
         index += 1
     path = folder / f'round_{index}'
     nodes.start('recorder', {'output': str(path), 'use_sim_time': bool(arguments.simulate)})
-    # A subscriber that has received one state receives all later ones. Diagnostics of the previous
-    # recorder may still arrive: they name another folder.
+    # Who has received one state receives all later ones; an earlier recorder names another folder.
     ros.wait_until(lambda: ros.value('recorder', 'hardware_id') == str(path)
                    and int(ros.value('recorder', 'joint_states') or 0) > 0,
                    'joint_states at the recorder')

@@ -57,7 +57,7 @@ def ros_arguments(parameters: Mapping[str, Any],
 def only_user(folder: Path) -> Iterator[None]:
     """Make a folder, and keep other tools that run nodes out of it during the block.
 
-    Raises InputError if one is in it. The lock is the kernel's: it ends with the process.
+    The lock is the kernel's: it ends with the process.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -94,8 +94,7 @@ class Nodes:
         self._logs.mkdir(parents=True, exist_ok=True)
         # If interrupted half-way, the process would run on unnoticed.
         with interrupts_deferred(), (self._logs / f'{name}.log').open('ab') as log:
-            # A separate session: an interrupt from the keyboard reaches only the tool, which stops
-            # the nodes in order.
+            # In a session of its own: an interrupt reaches the tool, which stops nodes in order.
             self._running[name] = subprocess.Popen(
                 [sys.executable, '-m', 'friction_comp', name,
                  *ros_arguments(parameters, remappings)],

@@ -59,7 +59,7 @@ def _gains(text: str | None) -> tuple[float | str, ...]:
 def check_tables(arguments: Namespace) -> tuple[Column, Column] | None:
     """Raise InputError for tables that cannot be used, before anything slow is imported.
 
-    Returns the columns of velocity and effort if the only recording is a table of steady states.
+    Returns velocity and effort if the only recording is a table of steady states.
     """
     from friction_comp.recordings.sources import find_recordings, open_scanner
     from friction_comp.recordings.storage import unreadable_on_error

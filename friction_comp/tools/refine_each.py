@@ -32,11 +32,9 @@ if TYPE_CHECKING:
     from friction_comp.fleet.population import Population
     from friction_comp.reports.html import Report
 
-# Number of recordings from which processes save more time than their start takes: some seconds of
-# processor time each, as much as a few short recordings take.
+# Recordings from which processes save more time than their start takes, some seconds each.
 MIN_SHARED = 8
-# Most recordings that get a page each besides the page on all. A page takes longer than refining,
-# and nobody reads a hundred; refine makes that of any one.
+# Most recordings that get a page each: nobody reads a hundred; refine makes that of any one.
 MOST_PAGES = 20
 # Written last into the folder of a recording.
 _DONE = 'resume.json'
@@ -48,8 +46,6 @@ _REFINING = 0.9
 
 @dataclass
 class _Batch:
-    """What became of all pieces so far."""
-
     done: dict[int, RefinedPiece] = field(default_factory=dict)
     failed: list[str] = field(default_factory=list)
     earlier: int = 0
@@ -59,9 +55,8 @@ class _Batch:
 def refine_each(arguments: Namespace) -> int:
     """Refine each joint of each recording; write a folder for each, and one page on all.
 
-    Each folder is written as soon as its joint is refined, whole or not at all: neither an
-    interrupt nor an unusable recording affects the others. What an earlier run with the same
-    arguments wrote is taken over. Returns 0, or 130 if interrupted.
+    Each folder is written as soon as its joint is refined, whole or not at all; what an earlier run
+    with the same arguments wrote is taken over. Returns 0, or 130 if interrupted.
     """
     if arguments.urdf:
         raise InputError('--each and --urdf exclude each other: the links are fitted once for all')
@@ -159,7 +154,6 @@ def _places(pieces: Sequence[Piece]) -> list[tuple[str, ...]]:
 
 
 def _folders(pieces: Sequence[Piece], places: Sequence[tuple[str, ...]]) -> list[str]:
-    """Return a different folder name for each piece."""
     joints = Counter(piece.path for piece in pieces)
     return folder_names(
         '_'.join(place) + (f'_{piece.joint}' if joints[piece.path] > 1 else '')

@@ -39,8 +39,6 @@ class RefinedPiece:
 
 @dataclass(frozen=True)
 class _Summed:
-    """A joint of a recording whose sums are needed."""
-
     group: tuple[str, str]  # joint, and unit of the figures
     robot: str
     piece: Piece
@@ -55,8 +53,8 @@ def fleet_of(arguments: Namespace, refined: Sequence[RefinedPiece], run: Runner,
              show: Callable[[int, int], None]) -> list[Population]:
     """Return the population of each joint that enough units have.
 
-    `show` is called with the number of recordings that are done, and that of all. A recording that
-    lacks a signal of the common model is left out.
+    `show` gets the number of recordings that are done, and of all. Those without a signal of the
+    common model are left out.
     """
     from friction_comp.fleet.common_model import CommonModel
     from friction_comp.fleet.population import population_of
@@ -96,7 +94,6 @@ def fleet_of(arguments: Namespace, refined: Sequence[RefinedPiece], run: Runner,
 
 
 def _sums_of_one(given: Given, item: _Summed) -> BlockSums:
-    """Return the sums of a joint of a recording."""
     from friction_comp.recorded_drive.refine_recordings import showing_friction
     from friction_comp.recordings.condense import read_condensed
 

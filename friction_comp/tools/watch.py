@@ -137,7 +137,7 @@ def columns_of(samples: Samples, model: FrictionModel | None) -> dict[str, np.nd
 
 
 def recorded_model(info: RecordingInfo, joint: str, notes: list[str]) -> FrictionModel | None:
-    """Return the compensator's model of a joint according to a recording, None if not readable.
+    """Return the compensator's model of a joint by a recording, None if not readable.
 
     If it changed, the first is returned, and a note on the others is added to `notes`.
     """

@@ -82,8 +82,7 @@ def joint_torques(parents: np.ndarray, prismatic: np.ndarray, rotations: np.ndar
 
     Other arguments are those of `Tree` and `Tree.torques`.
     """
-    # The base is the last frame and body, so that a parent of -1 is the base. It accelerates
-    # upwards instead of gravity.
+    # A parent of -1 is the base, the last frame, which accelerates upwards instead of gravity.
     size = len(parents)
     frames = np.zeros((size + 1, 3, 3))
     frames[size] = np.eye(3)

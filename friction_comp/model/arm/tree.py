@@ -16,11 +16,9 @@ from friction_comp.model.arm.recursion import joint_torques
 # Numbers of each link: see `Tree`.
 PARAMETERS = 10
 FREE_FALL = (0.0, 0.0, -9.81)
-# Rotation matrices in a file are rounded; if it is farther from orthonormal than this, it is no
-# rotation.
+# Rotation matrices in a file are rounded, by less than this in any product.
 _ROUNDED = 1e-6
-# The search of the largest weight: postures to start from, passes over the joints at most, and the
-# relative gain at which it ends.
+# The search of the largest weight: postures at its start, most passes over the joints, last gain.
 _STARTS, _SWEEPS, _CLOSE = 16, 20, 1e-6
 _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 _KINDS = ('revolute', 'prismatic')
@@ -88,16 +86,14 @@ class Tree:
 
     def weight(self, position: np.ndarray) -> np.ndarray:
         """Return the torque that holds the arm at rest, shape (L,), at a position of shape (L,)."""
-        q = np.asarray(position, dtype=float)[None]
-        rest = np.zeros_like(q)
-        return self.torques(q, rest, rest)[0]
+        return self._at_rest(np.asarray(position, dtype=float)[None])[0]
 
     def largest_weight(self, index: int) -> float:
         """Return the largest torque that holds a joint at rest over all postures, N·m or N.
 
-        Prismatic joints stay at zero, since their travel is not known. At rest the torque is a
-        constant plus one harmonic of each angle, so that three postures give the best angle of a
-        joint while the others stay. This is repeated for all joints, from many postures at once.
+        Prismatic joints stay at zero. At rest the torque is a constant plus one harmonic of each
+        angle, so that three postures give the best angle of a joint while the others stay; repeated
+        for all joints, from many postures.
         """
         size = len(self.joints)
         # Evenly distributed postures, each for a torque in both directions.
@@ -105,7 +101,7 @@ class Tree:
                                )[0].repeat(2, axis=0)
         q[:, self.prismatic] = 0.0
         signs = np.tile([1.0, -1.0], _STARTS)
-        largest = self._at_rest(q, index) * signs
+        largest = self._at_rest(q)[:, index] * signs
         for _ in range(_SWEEPS):
             before = largest
             for k in np.flatnonzero(~self.prismatic):
@@ -120,13 +116,13 @@ class Tree:
         angles = math.tau / 3.0 * np.arange(3.0)
         postures = q.repeat(3, axis=0)
         postures[:, k] = np.tile(angles, len(q))
-        torques = signs[:, None] * self._at_rest(postures, index).reshape(-1, 3)
+        torques = signs[:, None] * self._at_rest(postures)[:, index].reshape(-1, 3)
         cosine, sine = (2.0 / 3.0 * torques @ wave(angles) for wave in (np.cos, np.sin))
         return np.arctan2(sine, cosine), torques.mean(axis=1) + np.hypot(cosine, sine)
 
-    def _at_rest(self, postures: np.ndarray, index: int) -> np.ndarray:
+    def _at_rest(self, postures: np.ndarray) -> np.ndarray:
         still = np.zeros_like(postures)
-        return self.torques(postures, still, still)[:, index]
+        return self.torques(postures, still, still)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the tree as the plain values of a model file."""

@@ -100,7 +100,6 @@ class Cogging(Effect):
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        """Return terms with and without growth with speed; `propose` adds the frequency."""
         return [{'growth': growth, 'speed': coverage.speed, 'transition': coverage.transition}
                 for growth in (0.0, 1.0)]
 
@@ -167,8 +166,7 @@ class FrictionRipple(Cogging):
 class Bump(Effect):
     """``A·s·exp(-|q - q0|^p/(2·w^p))`` with s = tanh(v/v_t), or s = 1 where `directional` is 0.
 
-    A local bump, as caused by a worn or broken tooth. p = 2 gives a bell; larger exponents give a
-    flatter top.
+    A local bump, as of a worn or broken tooth: p = 2 gives a bell, larger p a flatter top.
     """
 
     name = 'bump'
@@ -191,7 +189,6 @@ class Bump(Effect):
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        """Return widths from a hundredth to an eighth of the range, positions a width apart."""
         if not coverage.span > 0:
             return []
         points = []
@@ -204,10 +201,7 @@ class Bump(Effect):
 
     @classmethod
     def propose(cls, view: ResidualView) -> list[dict[str, float]]:
-        """Return for each width the positions at which the residual stands out most.
-
-        The mean of the residual over a window is compared with its scatter.
-        """
+        """Return for each width where the mean of the residual stands out most from its scatter."""
         order = np.argsort(view.position)
         position = view.position[order]
         proposed = []

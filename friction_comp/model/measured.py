@@ -1,0 +1,93 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a model file keeps of measurements beside friction: at rest, and of the recordings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+from typing import Any
+
+from friction_comp.checks import check_interval, check_list, check_mapping, check_number
+from friction_comp.errors import InputError
+
+
+@dataclass(frozen=True)
+class Breakaway:
+    """Breakaway currents of Eq. 9 and 10 in A; the negative direction's mean is negative.
+
+    The positions, rad, at which they were measured allow effects of position to be subtracted.
+    """
+
+    positive_mean: float
+    negative_mean: float
+    positive_std: float = 0.0
+    negative_std: float = 0.0
+    positive_position: float | None = None
+    negative_position: float | None = None
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if value is not None or name.endswith('_mean'):
+                check_number(value, f'breakaway.{name}',
+                             least=0.0 if name.endswith('_std') else -math.inf)
+        if self.positive_mean < 0 or self.negative_mean > 0:
+            raise InputError(
+                'breakaway currents must have the sign of their direction, not '
+                f'{self.positive_mean} and {self.negative_mean}')
+
+
+@dataclass(frozen=True)
+class Presliding:
+    """Displacement of the gear before it slides, from current ramps."""
+
+    distance: float     # rad, from rest without load until friction is at 95 % of breakaway
+    stiffness: float | None = None      # A/rad, of friction up to a third of breakaway
+    std: float | None = None            # standard deviation between single rests, rad
+    backlash: float | None = None       # rad, not part of distance; 0 if there is none
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if name == 'backlash' and value is not None:
+                check_number(value, 'presliding.backlash', least=0.0)
+            elif value is not None or name == 'distance':
+                check_number(value, f'presliding.{name}', above=0.0)
+
+
+LINE = ('offset', 'coulomb', 'viscous')
+"""Parameters of the line, in A, A and A·s/rad."""
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """What a model file keeps of the recordings it was fitted to."""
+
+    speeds: tuple[float, ...] = ()  # quantiles of the speed in motion, rad/s, the lowest first
+    # 95 % intervals by parameter, in the model's unit of current, of `LINE`, inertia, transition.
+    intervals: tuple[tuple[str, tuple[float, float]], ...] = ()
+
+    @classmethod
+    def from_dict(cls, section: Any) -> Recorded:
+        """Read the section `recorded` of a model file."""
+        check_mapping(section, 'recorded', ('speeds', 'intervals'))
+        speeds = tuple(check_number(value, 'recorded.speeds', above=0.0) for value in check_list(
+            section.get('speeds'), 'recorded.speeds'))
+        intervals = []
+        known = (*LINE, 'inertia', 'transition')
+        for name, ends in check_mapping(
+                section.get('intervals') or {}, 'recorded.intervals', known).items():
+            intervals.append((name, check_interval(ends, f'recorded.intervals.{name}')))
+        return cls(speeds, tuple(intervals))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the section as plain values."""
+        return {'speeds': list(self.speeds),
+                'intervals': {name: list(ends) for name, ends in self.intervals}}
+
+    def interval(self, name: str, value: float) -> tuple[float, float] | None:
+        """Return a parameter's interval; None where it is unknown, or does not hold the value.
+
+        A model that was changed after the fit has other values than its intervals.
+        """
+        low, high = dict(self.intervals).get(name, (math.nan, math.nan))
+        return (low, high) if low <= value <= high else None
