@@ -12,14 +12,14 @@ from friction_comp.drive import Drive
 from friction_comp.identification.breakaway import rests
 from friction_comp.identification.goal import IdentificationError, IdentificationGoal
 from friction_comp.identification.kinetic import acceleration_of_cycle, local_parabolas, Sample
-from friction_comp.identification.presliding import (
+from friction_comp.identification.ramp_evaluation import (
     combined_presliding,
     common_stiffness,
+    evaluate_ramps,
     find_backlash,
     presliding_std,
     ramp_friction,
 )
-from friction_comp.identification.ramp_evaluation import evaluate_ramps
 from friction_comp.identification.run import IdentificationRun
 from friction_comp.identification.waveforms import (
     constant_velocity_windows,

@@ -16,9 +16,8 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from friction_comp.errors import InputError
-from friction_comp.evaluation.compare import compare, trends
+from friction_comp.evaluation.compare import compare, mean_interval, share_interval, trends
 from friction_comp.evaluation.ensemble import Ensemble
-from friction_comp.evaluation.intervals import mean_interval, share_interval
 from friction_comp.evaluation.movements import find_movements
 from friction_comp.evaluation.outcome import Condition, Evaluation
 from friction_comp.evaluation.repetitions import FIGURES, measure, NAMES, Repetition, torque_figures

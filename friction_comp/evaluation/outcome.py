@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.evaluation.compare import Comparison, Trend
-from friction_comp.evaluation.intervals import Interval
+from friction_comp.evaluation.compare import Comparison, Interval, Trend
 from friction_comp.evaluation.repetitions import Compensation, FIGURES, NAMES, Repetition
 
 

@@ -20,16 +20,7 @@ import numpy as np
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.identification.breakaway import (
-    FIRST_STAIR,
-    Held,
-    LONGEST_PAUSE,
-    rests,
-    SHORTEST_PAUSE,
-    SLIDE_SHARE,
-    SLIDING_STAIR,
-    STAIR,
-)
+from friction_comp.identification import breakaway as stairs, velocity_control as control
 from friction_comp.identification.goal import (
     IdentificationError,
     IdentificationGoal,
@@ -41,15 +32,10 @@ from friction_comp.identification.kinetic import (
     KineticPoint,
     Sample,
 )
-from friction_comp.identification.motion import Motion, speed_over, STILL_TIME
 from friction_comp.identification.ramp_evaluation import evaluate_ramps, Ramp
 from friction_comp.identification.sigmoid_fit import fit_sigmoid
+from friction_comp.identification.supervised_run import speed_over, STILL_TIME, SupervisedRun
 from friction_comp.identification.supervision import check_load
-from friction_comp.identification.velocity_control import (
-    Controller,
-    velocity_controller_state,
-    velocity_controller_step,
-)
 from friction_comp.identification.waveforms import cycle_position, cycle_velocity
 from friction_comp.statistics import evenly_spread, smallest_step
 
@@ -71,7 +57,7 @@ _PUSH_HOLDS, _MOST_LOST = 0.8, 0.2
 _Cycle: TypeAlias = tuple[tuple[KineticPoint, ...], tuple[KineticPoint, ...]]
 
 
-class IdentificationRun(Motion):
+class IdentificationRun(SupervisedRun):
     """One identification, from standstill to zero current; see `SupervisedRun`.
 
     Call `update` with every sample and apply the current that it returns, until `finished`. Then
@@ -105,8 +91,8 @@ class IdentificationRun(Motion):
         self._speeds_done = 0
         self._result: IdentificationResult | None = None
         # Compile the function of the control loop before the first sample arrives.
-        velocity_controller_step(
-            Controller(1.0, 1.0), velocity_controller_state(), 0.0, 0.0, 0.0, 1e-3)
+        control.velocity_controller_step(
+            control.Controller(1.0, 1.0), control.velocity_controller_state(), 0.0, 0.0, 0.0, 1e-3)
 
     def _bounds(self) -> tuple[float, float]:
         half = 0.5 * self.goal.motion_range
@@ -214,11 +200,11 @@ class IdentificationRun(Motion):
         expected = sum(held) / len(held) if held else _PUSH_HOLDS * self._push[sign]
         while True:
             begin = self.sample.time
-            ramp, level = yield from self._ramp(sign, FIRST_STAIR * expected)
+            ramp, level = yield from self._ramp(sign, stairs.FIRST_STAIR * expected)
             if ramp is not None:
                 break
             self._lost += 1
-            expected *= FIRST_STAIR
+            expected *= stairs.FIRST_STAIR
             if self._lost > 2 + _MOST_LOST * 2 * self.goal.breakaway_cycles:
                 raise IdentificationError(
                     f'no current holds the joint reliably: it slid at {self.say(level)}, although '
@@ -247,26 +233,26 @@ class IdentificationRun(Motion):
             rested = yield from self._pause(sign * current, watch)
             if rested is not None:
                 held, level = rested, current
-            stair *= 1.0 + (SLIDING_STAIR if watch.slides else STAIR)
+            stair *= 1.0 + (stairs.SLIDING_STAIR if watch.slides else stairs.STAIR)
         before, self._slid = self._slid, sign
         if held is None:
             return None, stair
         return Ramp(sign, before, np.array(watch.samples), held), level
 
-    def _pause(self, command: float, watch: _Slide) -> Generator[float, Sample, Held | None]:
+    def _pause(self, command: float, watch: _Slide) -> Generator[float, Sample, stairs.Held | None]:
         """Keep a current until it is clear whether it holds the joint; return the rest, if so."""
-        begin, first, duration = self.sample.time, len(watch.samples) - 1, SHORTEST_PAUSE
+        begin, first, duration = self.sample.time, len(watch.samples) - 1, stairs.SHORTEST_PAUSE
         while not watch.gone:
             watch.take((yield from self._step(command)))
             if self.sample.time - begin < 0.999 * duration:
                 continue
             time, position, _ = np.array(watch.samples[first:]).T
-            if rests(time, position, watch.sign, self._resolution):
+            if stairs.rests(time, position, watch.sign, self._resolution):
                 watch.rest()
-                return Held(begin, self.sample.time, self.sample.position)
+                return stairs.Held(begin, self.sample.time, self.sample.position)
             moved = watch.sign * (self.sample.position - position[0])
-            if (watch.slides or duration >= LONGEST_PAUSE
-                    or moved > SLIDE_SHARE * watch.sign * (position[0] - watch.home)):
+            if (watch.slides or duration >= stairs.LONGEST_PAUSE
+                    or moved > stairs.SLIDE_SHARE * watch.sign * (position[0] - watch.home)):
                 break
             duration *= 2.0
         watch.slides = True

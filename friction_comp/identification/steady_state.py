@@ -58,14 +58,13 @@ def fit_steady_states(speeds: np.ndarray, currents: np.ndarray, drive: Drive) ->
                          f'{count}')
     if not currents.any():
         raise InputError('all efforts are zero: there is no friction to fit')
-    plain = _Curve(speeds, currents, both, False, 0.0)
-    fits = [plain, *(_Curve(speeds, currents, both, skewed, power)
-                     for skewed, power in itertools.product((False, True), (0.0, 1.0, 2.0))
-                     if (skewed or power) and (both or not skewed))]
+    fits = [_Curve(speeds, currents, both, skewed, power)
+            for skewed, power in itertools.product((False, True), (0.0, 1.0, 2.0))
+            if both or not skewed]
     best = min(fits, key=lambda fit: fit.criterion)
     return SteadyStates(
         speeds, currents, best.values, best.intervals(), best.model(drive),
-        float(np.sqrt(np.mean(best.residual ** 2))), best.left_out(), plain.left_out())
+        float(np.sqrt(np.mean(best.residual ** 2))), best.left_out(), fits[0].left_out())
 
 
 class _Curve:

@@ -20,7 +20,7 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.identification.goal import MotionGoal
 from friction_comp.identification.kinetic import Sample
-from friction_comp.identification.motion import Motion, STILL_TIME
+from friction_comp.identification.supervised_run import STILL_TIME, SupervisedRun
 
 # Shares of the trajectory's range by which the joint may leave it, be pushed first, and lag behind.
 _BEYOND, _PUSHED, _BEHIND = 0.025, 0.1, 0.1
@@ -74,7 +74,7 @@ class TrajectoryGoal(MotionGoal):
         return duration, 0.4 * speed * duration
 
 
-class TrajectoryRun(Motion):
+class TrajectoryRun(SupervisedRun):
     """One trajectory, from standstill to zero current; see `SupervisedRun`."""
 
     goal: TrajectoryGoal

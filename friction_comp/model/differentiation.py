@@ -4,15 +4,13 @@
 
 from __future__ import annotations
 
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from friction_comp.checks import check_mapping, check_number
 from friction_comp.errors import InputError
-
-if TYPE_CHECKING:
-    from friction_comp.samples import Samples
+from friction_comp.samples import Samples
 
 METHOD = 'zero-phase Butterworth'
 # Used if a model does not say how it was fitted.

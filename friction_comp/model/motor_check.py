@@ -11,17 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Collection
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from friction_comp.errors import InputError
+from friction_comp.model.effects.base import Effect
 from friction_comp.model.effects.definitions import RESISTS
+from friction_comp.model.friction_model import FrictionModel
 from friction_comp.samples import Samples
-
-if TYPE_CHECKING:
-    from friction_comp.model.effects.base import Effect
-    from friction_comp.model.friction_model import FrictionModel
 
 CURRENT, TORQUE = 'A', 'N·m'
 """Units in which a motor can be commanded; `notes.unit` of a model is A if it is not given."""

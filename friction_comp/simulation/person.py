@@ -9,14 +9,11 @@ it does, so that every joint is eventually set in motion.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from numba import njit
 import numpy as np
 from numpy.typing import ArrayLike
 
-if TYPE_CHECKING:
-    from friction_comp.simulation.joint_parameters import Record
+from friction_comp.simulation.joint_parameters import Record
 
 ARRIVED = 0.1
 """Largest distance from the end of the reference movement at which a joint has arrived, rad. In the

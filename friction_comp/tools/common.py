@@ -12,7 +12,6 @@ import argparse
 from argparse import Namespace
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-import itertools
 import math
 from pathlib import Path
 import re
@@ -76,14 +75,15 @@ class Arguments(argparse.ArgumentParser):
         self.exit(2, f'{self._name}: {message} (try --help)\n')
 
     def parse(self, argv: Sequence[str] | None = None) -> Namespace:
-        """Return the parsed arguments; `command` is the whole command, marked as code for a page.
+        """Return the arguments; `command` is the whole command as code, `ros` its ROS arguments.
 
         The output path is checked as well, before computations that may take minutes.
         """
         given = list(sys.argv[1:] if argv is None else argv)
-        own = itertools.takewhile(lambda word: word != '--ros-args', given)
+        end = given.index('--ros-args') if '--ros-args' in given else len(given)
         self.given.clear()
-        parsed = self.parse_args(list(own))
+        parsed = self.parse_args(given[:end])
+        parsed.ros = given[end:]
         parsed.command = f'`friction_comp {shlex.join([self._name, *given])}`'
         if self._check_output is not None:
             self._check_output(parsed.output)

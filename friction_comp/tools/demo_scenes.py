@@ -19,18 +19,8 @@ from friction_comp.files import write_yaml
 from friction_comp.model.friction_model import arm_document, FrictionModel
 from friction_comp.package_files import package_file
 from friction_comp.recordings import read_arm
+from friction_comp.reports import scene_reports as pages
 from friction_comp.reports.evaluation_words import compared_peaks
-from friction_comp.reports.scene_reports import (
-    arm_scene_report,
-    compared_with_taught,
-    mean_figure,
-    peaks_of,
-    session_phases,
-    taught_words,
-    two_joints_report,
-    wear_report,
-    wear_words,
-)
 from friction_comp.samples import Samples
 from friction_comp.tools.common import progress
 from friction_comp.tools.demo_loop import JOINT, recorded, TRUE_MODEL
@@ -78,7 +68,7 @@ def play_two_joints(system: DemoSystem) -> None:
     shown = _recorded_joints(system.recording('continuous'), gains)
     peaks = {one.joint: compared_peaks(one) or ('–', '–') for one in evaluations}
     system.finish(
-        two_joints_report(evaluations, shown, exercise),
+        pages.two_joints_report(evaluations, shown, exercise),
         {'joints': [one.as_dict() for one in evaluations]},
         *(f'{joint}: peak {before} N·m with kinetic friction only, {after} N·m with the direction '
           'announced' for joint, (before, after) in peaks.items()))
@@ -128,13 +118,13 @@ def play_arm(system: DemoSystem) -> None:
     system.nodes.stop('compensator', 'plant')
 
     helped = _recorded_joints(system.recording('helped'), gains)
-    peaks = peaks_of(alone, helped)
-    taught = compared_with_taught(load_exercise(exercise), {
+    peaks = pages.peaks_of(alone, helped)
+    taught = pages.compared_with_taught(load_exercise(exercise), {
         'guided': guided, 'alone': alone, 'helped': helped})
     system.finish(
-        arm_scene_report(alone, helped, result, exercise, taught),
+        pages.arm_scene_report(alone, helped, result, exercise, taught),
         {'joints': peaks, 'arm': result.report(), 'taught': taught},
-        taught_words(taught),
+        pages.taught_words(taught),
         *(f'{joint}: the person gives {own["alone"]["rms"]:.2f} N·m RMS, '
           f'{own["alone"]["peak"]:.2f} at most, without help; '
           f'{own["helped"]["rms"]:.2f} and {own["helped"]["peak"]:.2f} with it'
@@ -174,7 +164,7 @@ def play_wear(system: DemoSystem) -> None:
     system.nodes.stop('exercise', 'recorder', 'refinement', 'compensator', 'plant')
 
     evaluation, = evaluate_recordings([system.recording('session')], JOINT)
-    phases = session_phases(evaluation, marks, system.arguments.repetitions)
+    phases = pages.session_phases(evaluation, marks, system.arguments.repetitions)
     facts = {
         'warning': warning, 'afterwards': afterwards, 'message': result.message,
         'verdict': result.verdict, 'error_before': result.error_before,
@@ -184,11 +174,11 @@ def play_wear(system: DemoSystem) -> None:
     with (system.output / 'repetitions.csv').open('w', newline='', encoding='utf-8') as stream:
         csv.writer(stream, lineterminator='\n').writerows(evaluation.table())
     system.finish(
-        wear_report(evaluation, phases, marks, facts, recorded(system.recording('session')),
+        pages.wear_report(evaluation, phases, marks, facts, recorded(system.recording('session')),
                     BINDING),
         {**facts, 'marks': marks,
-         'rms_torque': {name: mean_figure(part).as_dict() for name, part in phases.items()}},
-        wear_words(phases, facts).replace('**', ''))
+         'rms_torque': {name: pages.mean_figure(part).as_dict() for name, part in phases.items()}},
+        pages.wear_words(phases, facts).replace('**', ''))
 
 
 def _residual(system: DemoSystem) -> str:

@@ -138,11 +138,9 @@ class Coupling:
                 if any(side not in (1, -1) for _, side in entry['angles']) or (
                         len(dict(angles)) < len(angles)):
                     raise ValueError('angles must be different joints, each with sign 1 or -1')
-                group = Group(
-                    str(entry['kind']), angles,
-                    tuple(str(name) for name in entry['joints']),
-                    float(entry.get('width', 0.0)))
-                numbers = tuple(float(value) for value in entry['coefficients'])
+                group = Group(str(entry['kind']), angles, tuple(map(str, entry['joints'])),
+                              float(entry.get('width', 0.0)))
+                numbers = tuple(map(float, entry['coefficients']))
                 wanted = 2 if group.angles else 1
                 if _JOINTS.get(group.kind) != len(group.joints) or len(numbers) != wanted:
                     raise ValueError(f'a group of kind {group.kind!r} is not complete')
