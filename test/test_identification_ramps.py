@@ -11,7 +11,16 @@ import pytest
 from friction_comp.drive import Drive
 from friction_comp.identification.breakaway import rests
 from friction_comp.identification.goal import IdentificationError, IdentificationGoal
-from friction_comp.identification.kinetic import acceleration_of_cycle, local_parabolas, Sample
+from friction_comp.identification.kinetic import (
+    acceleration_of_cycle,
+    constant_velocity_windows,
+    cycle_position,
+    cycle_velocity,
+    local_parabolas,
+    ramp_current,
+    Sample,
+    travel_state,
+)
 from friction_comp.identification.ramp_evaluation import (
     combined_presliding,
     common_stiffness,
@@ -21,13 +30,6 @@ from friction_comp.identification.ramp_evaluation import (
     ramp_friction,
 )
 from friction_comp.identification.run import IdentificationRun
-from friction_comp.identification.waveforms import (
-    constant_velocity_windows,
-    cycle_position,
-    cycle_velocity,
-    ramp_current,
-    travel_state,
-)
 
 LEVEL, RATE, COUNT = 0.3, 60.0, 1.5e-5  # A, rad/s² per A, rad
 

@@ -70,10 +70,7 @@ def share_interval(hits: int, count: int) -> Interval:
 
 @dataclass
 class Comparison:
-    """One figure under two conditions.
-
-    Pairs are the n-th repetitions under both conditions in the same movement.
-    """
+    """One figure under two conditions, by pairs of their n-th repetitions of a movement."""
 
     figure: str  # a name in `FIGURES`
     first: Compensation
@@ -113,9 +110,7 @@ def _is_informative(first: Compensation, second: Compensation, baseline: Compens
 
 
 def compare(repetitions: Sequence[Repetition]) -> list[Comparison]:
-    """Compare conditions with the same movements, where the comparison `_is_informative`.
-
-    From no compensation over that without a direction to that with one, each with those after it.
+    """Compare conditions with the same movements, where `_is_informative`, the less helped first.
     """
     groups = _by_condition(repetitions)
     ordered = sorted(groups, key=lambda condition: (
@@ -158,10 +153,7 @@ def _compare_values(figure: str, first: Compensation, second: Compensation, valu
 
 
 def effect_size(comparison: Comparison) -> Interval | None:
-    """Return the mean difference in standard deviations of the differences, Cohen's d_z.
-
-    With the large-sample interval of Hedges and Olkin (1985); None without scatter.
-    """
+    """Return Cohen's d_z with the interval of Hedges and Olkin (1985); None without scatter."""
     difference, count = comparison.difference, comparison.pairs
     if not difference.half:
         return None

@@ -128,10 +128,7 @@ class Repetition:
 
 def measure(samples: Samples, movement: Movement, name: str, info: RecordingInfo | None,
             residual: np.ndarray | None) -> Repetition:
-    """Measure one movement of a recording, whose date, law and model are in `info`.
-
-    `residual` is the current by a model minus the commanded current, A, shape (N,).
-    """
+    """Measure one movement; `residual` is a model's minus the commanded current, A, (N,)."""
     part = _between(samples.time, movement.begin, movement.end)
     has_reference = samples.reference_position is not None or samples.reference_velocity is not None
     onset = _onset(samples, movement) if has_reference else None

@@ -44,10 +44,7 @@ class JointLimits:
 
 
 def from_yaml(path: str | Path, joints: Sequence[str] = ()) -> list[JointLimits]:
-    """Return limits, of all joints by default, in a file like MoveIt's ``joint_limits.yaml``.
-
-    Raises InputError if the file cannot be used, or a limit is missing.
-    """
+    """Return limits, of all joints by default, in a file like MoveIt's; or raise InputError."""
     document = read_yaml(path)
     entries = document.get('joint_limits') if isinstance(document, dict) else None
     if not isinstance(entries, dict) or not entries:

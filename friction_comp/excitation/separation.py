@@ -84,10 +84,7 @@ def open_pairs(report: dict[str, Any]) -> list[Pair]:
 
 
 def pairs_in(report: Any, source: str) -> list[Pair]:
-    """Return the pairs of effects that a report, called `source` in errors, leaves open.
-
-    Raises InputError if it is no report of refinement, or motion cannot resolve anything in it.
-    """
+    """Return the pairs that a report, called `source`, leaves open; or raise InputError."""
     entries = report.get('ambiguous') if isinstance(report, dict) else None
     if not isinstance(entries, list):
         raise InputError(f"{source}: is no report of refine: it has no list 'ambiguous'")

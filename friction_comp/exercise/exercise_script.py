@@ -62,9 +62,7 @@ class ExerciseScript:
                            for column, speed in zip(positions.T, self._speeds)]
 
     def at(self, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return position (rad), velocity (rad/s) and direction (-1, 0, +1), each shape (J,).
-
-        `time` is in s since the exercise began; before and after it the joints rest.
+        """Return position (rad), velocity (rad/s), direction (-1, 0, +1), each (J,), at a time in s.
         """
         inside = min(max(time, 0.0), self.duration)
         moving = 0.0 <= time <= self.duration

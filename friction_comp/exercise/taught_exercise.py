@@ -90,7 +90,8 @@ def teach(joints: Sequence[str], time: np.ndarray, position: np.ndarray,
 
 def _one_way(path: np.ndarray) -> tuple[np.ndarray, list[int]]:
     """Return a path that moves one way between its reversals and rests, and their indices."""
-    keys = _reversals(path)
+    # The extremes from which the path turns back by more than TURN.
+    keys = [int(k) for sign in (1.0, -1.0) for k in find_peaks(sign * path, prominence=TURN)[0]]
     for begin, end in _rests(path):
         # A rest at a reversal stands in its place.
         keys = [k for k in keys if not begin < k < end] + [begin, end]
@@ -104,11 +105,6 @@ def _one_way(path: np.ndarray) -> tuple[np.ndarray, list[int]]:
         up = shaped[last] >= shaped[first]
         shaped[first:last + 1] = (np.maximum if up else np.minimum).accumulate(part)
     return shaped, keys
-
-
-def _reversals(path: np.ndarray) -> list[int]:
-    """Return the indices of the extremes from which the path turns back by more than TURN."""
-    return [int(k) for sign in (1.0, -1.0) for k in find_peaks(sign * path, prominence=TURN)[0]]
 
 
 def _rests(path: np.ndarray) -> list[tuple[int, int]]:

@@ -15,8 +15,7 @@ from friction_comp.checks import check_number, check_whole_number
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.identification.breakaway import BreakawayRecords
-from friction_comp.identification.kinetic import KineticPoint
-from friction_comp.identification.waveforms import LARGEST_SPEED
+from friction_comp.identification.kinetic import KineticPoint, LARGEST_SPEED
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.measured import Breakaway, Presliding
 from friction_comp.model.sigmoid import Sigmoid

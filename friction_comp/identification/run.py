@@ -29,6 +29,8 @@ from friction_comp.identification.goal import (
 from friction_comp.identification.kinetic import (
     acceleration_of_cycle,
     constant_velocity_currents,
+    cycle_position,
+    cycle_velocity,
     KineticPoint,
     Sample,
 )
@@ -36,7 +38,6 @@ from friction_comp.identification.ramp_evaluation import evaluate_ramps, Ramp
 from friction_comp.identification.sigmoid_fit import fit_sigmoid
 from friction_comp.identification.supervised_run import speed_over, STILL_TIME, SupervisedRun
 from friction_comp.identification.supervision import check_load
-from friction_comp.identification.waveforms import cycle_position, cycle_velocity
 from friction_comp.statistics import evenly_spread, smallest_step
 
 # The joint slides when its mean speed over this time in s exceeds this speed in rad/s, and it has
@@ -214,10 +215,7 @@ class IdentificationRun(SupervisedRun):
         self._ramp_time += (self.sample.time - begin - self._ramp_time) / min(len(self.ramps), 8)
 
     def _ramp(self, sign: int, stair: float) -> Generator[float, Sample, tuple[Ramp | None, float]]:
-        """Raise the current to `stair`, A, and on by stairs of 1 % until the joint slides away.
-
-        Return the ramp and the largest current that held; no ramp if none did.
-        """
+        """Raise the current, A, from `stair` until the joint slides away; return ramp and level."""
         yield from self._standstill(max(STILL_TIME, REST_SHARE * self.goal.ramp_period))
         watch = _Slide(self.sample, sign, self._resolution, 0.2 * self.goal.motion_range)
         current, held, level = 0.0, None, stair

@@ -86,10 +86,7 @@ def _columns(x: np.ndarray, steepness: np.ndarray, shift: np.ndarray) -> np.ndar
 
 def _fit(x: np.ndarray, y: np.ndarray, steepness: np.ndarray, shift: np.ndarray, rounds: int
          ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the L1 error of each of G transitions, (G,), and coefficients, (G, 3).
-
-    Reweighted least squares: weights are inverse residuals above a bound that decreases each round.
-    """
+    """Return L1 error, (G,), and coefficients, (G, 3), of transitions: reweighted least squares."""
     design = _columns(x, steepness, shift)
     weights = np.ones(design.shape[:2])
     # Outside the transition, the second column is constant like the first. Rounding grows with N.

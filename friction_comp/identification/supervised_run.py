@@ -19,9 +19,13 @@ from typing import NoReturn
 from friction_comp.drive import Drive
 from friction_comp.identification import velocity_control as control
 from friction_comp.identification.goal import IdentificationError, MotionGoal
-from friction_comp.identification.kinetic import acceleration_of_push, KineticPoint, Sample
+from friction_comp.identification.kinetic import (
+    acceleration_of_push,
+    KineticPoint,
+    Sample,
+    travel_state,
+)
 from friction_comp.identification.supervision import Arrivals, LEAST_SHARE, LONGEST_GAP, Supervision
-from friction_comp.identification.waveforms import travel_state
 from friction_comp.signal_checks import LATEST
 
 STILL_TIME = 0.2        # s of standstill required before each ramp

@@ -88,10 +88,7 @@ class Supervision:
 
     def check(self, time: float, position: float, velocity: float | None, current: float,
               command: float, friction: Sequence[float] | None, acceleration: float) -> None:
-        """Check a sample against the current applied before it; raise IdentificationError on fault.
-
-        `velocity` is None or NaN if it is not measured; friction and acceleration are the run's.
-        """
+        """Check a sample against the current before it; raise IdentificationError on fault."""
         if self._last is None:
             self._last, self._first = (time, position), time
             return

@@ -76,10 +76,7 @@ def velocity_controller_state() -> np.ndarray:
 @njit(cache=True)
 def velocity_controller_step(parameters: Controller, state: np.ndarray, reference_position: float,
                              reference_velocity: float, position: float, time_step: float) -> float:
-    """Return the current in A for one sample and advance the state in place.
-
-    References are in rad and rad/s; `time_step` is the time since the previous sample in s.
-    """
+    """Return the current in A for one sample (rad, rad/s, s), and advance the state in place."""
     if np.isnan(state[LAST_POSITION]):
         state[LAST_POSITION], state[LAST_REFERENCE] = position, reference_velocity
     bandwidth = parameters.bandwidth

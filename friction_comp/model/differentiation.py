@@ -144,10 +144,7 @@ def advance(samples: Samples, lag: float) -> Samples:
 
 
 def shifted_in_time(values: np.ndarray, samples: Samples, lag: float) -> np.ndarray:
-    """Return the values at t + lag for the time t of each sample, shape (N,) or (N, M).
-
-    Beyond the ends of a segment the last values are held.
-    """
+    """Return the values at t + lag, (N,) or (N, M); beyond the ends of a segment the last ones."""
     source = np.reshape(np.asarray(values, dtype=float), (len(values), -1)).T
     shifted = np.empty_like(source)
     for part in samples.segments():

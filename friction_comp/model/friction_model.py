@@ -152,9 +152,7 @@ class FrictionModel:
         return torque if q.ndim else float(torque)
 
     def of_plan(self) -> tuple[FrictionModel, list[str]]:
-        """Return the model with the effects that a planned motion tells, and names of the others.
-
-        A plan has no load, no temperature and no time since the drive was cold.
+        """Return the model without effects that a plan lacks (load, temperature, time), and these.
         """
         kept = [effect for effect in self.effects
                 if effect.holds_on_another_day and set(effect.needs) <= _PLANNED]

@@ -14,10 +14,7 @@ from friction_comp.errors import InputError
 
 @dataclass(frozen=True)
 class Breakaway:
-    """Breakaway currents of Eq. 9 and 10 in A; the negative direction's mean is negative.
-
-    The positions, rad, at which they were measured allow effects of position to be subtracted.
-    """
+    """Breakaway currents of Eq. 9 and 10, A, signed, and the positions where measured, rad."""
 
     positive_mean: float
     negative_mean: float
@@ -85,9 +82,6 @@ class Recorded:
                 'intervals': {name: list(ends) for name, ends in self.intervals}}
 
     def interval(self, name: str, value: float) -> tuple[float, float] | None:
-        """Return a parameter's interval; None where it is unknown, or does not hold the value.
-
-        A model that was changed after the fit has other values than its intervals.
-        """
+        """Return a parameter's interval; None if it does not hold the value, as after a change."""
         low, high = dict(self.intervals).get(name, (math.nan, math.nan))
         return (low, high) if low <= value <= high else None

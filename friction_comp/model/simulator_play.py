@@ -48,10 +48,7 @@ def attributes(joint: SimulatorJoint, with_inertia: bool = True) -> str:
 
 
 def play(joint: SimulatorJoint, motion: Samples, torque: np.ndarray) -> Played | None:
-    """Play a motion with velocity and the torque of its motor without links, N·m, shape (N,).
-
-    None without MuJoCo or a known inertia.
-    """
+    """Play a motion with the torque of its motor, N·m, (N,); None without MuJoCo or an inertia."""
     try:
         import mujoco
     except ModuleNotFoundError:
@@ -69,10 +66,7 @@ def play(joint: SimulatorJoint, motion: Samples, torque: np.ndarray) -> Played |
 
 
 def swing(model: FrictionModel) -> tuple[Samples, np.ndarray]:
-    """Return a swing to and fro up to the model's largest speed, and its torque, N·m, (N,).
-
-    The torque is that of the joint itself, without links, load, temperature and time.
-    """
+    """Return a swing up to the model's largest speed, and the joint's own torque, N·m, (N,)."""
     kept, _ = joint_friction_only(model)
     inertia = [effect for effect in model.effects if effect.name in ('inertia', 'spring')]
     speed, turning = max(Sliding.of(model).speeds), 2.0 * math.pi * _SWING

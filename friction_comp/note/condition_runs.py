@@ -32,10 +32,7 @@ BREAKAWAY_ERROR = 0.1
 
 def varied_reference(movement: ReferenceMovement, time: np.ndarray, repetitions: int,
                      seed: int) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
-    """Return a person's varied reference in each repetition, and factors of the stiffness.
-
-    The reference is position, velocity and direction, each of shape (repetitions, N).
-    """
+    """Return a person's position, velocity, direction, (repetitions, N), and stiffness factors."""
     rng = np.random.default_rng(seed)
     begin = movement.begins(0)
     rows: tuple[list[np.ndarray], ...] = ([], [], [])
@@ -51,10 +48,7 @@ def varied_reference(movement: ReferenceMovement, time: np.ndarray, repetitions:
 
 def run_trial(experiment: Experiment, model: FrictionModel, name: str, seed: int,
               repetitions: int = REPETITIONS) -> Evaluation:
-    """Run and evaluate the condition `name`, one of `CONDITIONS`, with the compensation's model.
-
-    The seed determines all variation of person and joint: it is the same under every condition.
-    """
+    """Run and evaluate the condition `name`; a seed is the same person and joint in each."""
     movement = experiment.movement(compensated=name in ('paper', 'continuous'))
     count = round((movement.begins(1) + movement.movement_time + 1.0) / SAMPLE_TIME)
     time = np.arange(count) * SAMPLE_TIME

@@ -242,9 +242,6 @@ def undeclared_torque(table: np.ndarray, memory: np.ndarray, t: float, x: float,
 
 @njit(cache=True)
 def warmed_up(temperature: float, current: float, step: float, thermal: np.ndarray) -> float:
-    """Return the motor temperature in degrees Celsius after a time step in s; `current` in A.
-
-    It approaches ambient + heating·current² with its time constant, a first-order model.
-    """
+    """Return the motor temperature, °C, after a time step, s, at a current, A; of first order."""
     goal = thermal[0] + thermal[2] * current * current
     return goal + (temperature - goal) * math.exp(-step / thermal[3])

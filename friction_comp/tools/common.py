@@ -75,10 +75,7 @@ class Arguments(argparse.ArgumentParser):
         self.exit(2, f'{self._name}: {message} (try --help)\n')
 
     def parse(self, argv: Sequence[str] | None = None) -> Namespace:
-        """Return the arguments; `command` is the whole command as code, `ros` its ROS arguments.
-
-        The output path is checked as well, before computations that may take minutes.
-        """
+        """Return the arguments, with the `command` as code, and its ROS arguments as `ros`."""
         given = list(sys.argv[1:] if argv is None else argv)
         end = given.index('--ros-args') if '--ros-args' in given else len(given)
         self.given.clear()
@@ -185,10 +182,7 @@ def keep_inputs(output: Path, *inputs: Path) -> None:
 def write_results(arguments: Namespace, content: dict[str, Any], page: Page,
                   model: FrictionModel | None = None, files: Mapping[str, str] | None = None
                   ) -> None:
-    """Write report.json, report.html, model.yaml and texts by file name to --output, all or none.
-
-    Raises InputError if one cannot be written.
-    """
+    """Write report.json, report.html, model.yaml and texts by file name to --output, or nothing."""
     with output_folder(arguments.output) as folder:
         write_report(folder, content, page, arguments.command)
         if model is not None:

@@ -55,10 +55,7 @@ def ros_arguments(parameters: Mapping[str, Any],
 
 @contextmanager
 def only_user(folder: Path) -> Iterator[None]:
-    """Make a folder, and keep other tools that run nodes out of it during the block.
-
-    The lock is the kernel's: it ends with the process.
-    """
+    """Make a folder, and keep other tools that run nodes out of it, by a lock of the kernel."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)

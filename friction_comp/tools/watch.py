@@ -133,10 +133,7 @@ def columns_of(samples: Samples, model: FrictionModel | None) -> dict[str, np.nd
 
 
 def recorded_model(info: RecordingInfo, joint: str, notes: list[str]) -> FrictionModel | None:
-    """Return the compensator's model of a joint by a recording, None if not readable.
-
-    If it changed, the first is returned, and a note on the others is added to `notes`.
-    """
+    """Return the compensator's first model of a joint by a recording, None if not readable."""
     from friction_comp.model.friction_model import FrictionModel
 
     reported = [activity.of(joint).model for _, activity in info.activity]

@@ -241,7 +241,9 @@ class Effect(ABC):
     def current(self, samples: Samples) -> np.ndarray:
         """Return the effect's current in A, shape (N,)."""
         self.check_signals(samples)
-        matrix = self.matrix(_clip_to_ranges(samples, self.valid_range), self.values)
+        within = {name: np.clip(getattr(samples, name), *ends)
+                  for name, ends in self.valid_range.items() if getattr(samples, name) is not None}
+        matrix = self.matrix(samples.with_(**within), self.values)
         if matrix.shape[1] != len(self.coefficients):
             raise InputError(f"effect '{self.name}' takes {matrix.shape[1]} coefficients, "
                              f'not {len(self.coefficients)}')
@@ -308,9 +310,3 @@ def with_range(effect: Effect, samples: Samples) -> Effect:
     twin = copy.copy(effect)
     twin.valid_range = ranges
     return twin
-
-
-def _clip_to_ranges(samples: Samples, ranges: dict[str, tuple[float, float]]) -> Samples:
-    known = {name: np.clip(getattr(samples, name), *ends) for name, ends in ranges.items()
-             if getattr(samples, name) is not None}
-    return samples.with_(**known) if known else samples

@@ -35,10 +35,7 @@ class LiveTerm:
     def update(self, time: float, position: float, velocity: float,
                temperature: float | None = None, load: float | None = None,
                rigid_body: float | None = None, coupling: float | None = None) -> float:
-        """Return the current in A for this sample; units are those of `Signals`.
-
-        `rigid_body` and `coupling` are the torques of the arm at rest.
-        """
+        """Return the current in A for this sample; units as in `Signals`, arm at rest."""
         sign = math.tanh(velocity / self._transition) if self._transition else 0.0
         state = self._remember(time, position, velocity)
         # By position, in the order of the fields: arguments by name take twice as long.

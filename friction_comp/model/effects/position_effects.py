@@ -105,9 +105,7 @@ class Cogging(Effect):
 
     @classmethod
     def propose(cls, view: ResidualView) -> list[dict[str, float]]:
-        """Return the frequencies of the largest peaks in the spectrum of the residual.
-
-        Of a shaft that turns many times, these are harmonics of a turn.
+        """Return the largest peaks in the residual's spectrum; harmonics of a turn if it turned often.
         """
         coverage, proposed = view.coverage, []
         highest = highest_frequency(view.velocity, view.row_time, coverage.resolution)

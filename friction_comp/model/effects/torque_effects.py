@@ -177,10 +177,7 @@ class OtherJoints(Effect):
 
 
 class LoadTorque(Effect):
-    """``A·τ_b``: the current that the measured back-driving torque saves the motor.
-
-    By mechanics A = -1/(k_t·n); another value means that the declared torque constant is wrong.
-    """
+    """``A·τ_b``: the current that the measured torque saves the motor; by mechanics -1/(k_t·n)."""
 
     name = 'load_torque'
     coefficient_names = (('current per load', 'A/(N·m)'),)
