@@ -98,11 +98,7 @@ class Comparison:
 
 
 def _is_informative(first: Compensation, second: Compensation, baseline: Compensation) -> bool:
-    """Return whether comparing two conditions answers a question.
-
-    What any condition changes against the baseline, if that has no direction, or against kinetic
-    compensation with the same model; and what law, model or direction alone changes.
-    """
+    """Return whether a comparison is with the baseline, with kinetic, or of one change alone."""
     return ((first == baseline and not first.uses_direction)
             or (first.law == 'kinetic' and first.model == second.model)
             or sum((first.law != second.law, first.model != second.model,
@@ -110,8 +106,7 @@ def _is_informative(first: Compensation, second: Compensation, baseline: Compens
 
 
 def compare(repetitions: Sequence[Repetition]) -> list[Comparison]:
-    """Compare conditions with the same movements, where `_is_informative`, the less helped first.
-    """
+    """Compare conditions with equal movements, where `_is_informative`; the less helped first."""
     groups = _by_condition(repetitions)
     ordered = sorted(groups, key=lambda condition: (
         condition.uses_direction, condition.law != 'none', condition))

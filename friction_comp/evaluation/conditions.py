@@ -293,10 +293,9 @@ def _without_identification(repetitions: list[Repetition], notes: list[str]) -> 
 def repetitions_of(samples: Samples, name: str, info: RecordingInfo | None,
                    friction: FrictionModel | None, notes: list[str],
                    whole: bool = True) -> list[Repetition]:
-    """Find and measure the movements of a recording, or of a stretch of it.
+    """Find and measure the movements of a recording, or of a stretch of it; add new `notes`.
 
-    A movement that reaches the end is left out, unless it is the only one of a `whole` recording.
-    Notes for the reader are added to `notes`, each line once.
+    One that reaches the end is left out, unless it is the only one of a `whole` recording.
     """
     movements = find_movements(samples)
     new_notes = []

@@ -31,10 +31,9 @@ class RecordedFriction:
 
 
 def recorded_friction(history: History, model: FrictionModel) -> list[RecordedFriction]:
-    """Return the friction in each recording that shows sliding.
+    """Return the friction in each recording that shows sliding, or raise InputError.
 
     The level is the factor of Eq. 6 with the least squared error beside the model's other effects.
-    Raises InputError if the model needs a signal that was not recorded.
     """
     recorded = []
     for recording, samples in zip(history.recordings, history.samples()):

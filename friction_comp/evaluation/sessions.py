@@ -39,8 +39,7 @@ def pieces_of(paths: Sequence[str | Path], joint: str | None = None,
               layout: Layout | None = None) -> tuple[list[Piece], list[Failure]]:
     """Return the pieces that can be evaluated, and the reasons why other recordings cannot.
 
-    `paths` are recordings or folders of them, InputError if one holds none; `joint` limits them to
-    one joint, `layout` has the columns of tables.
+    `paths` are recordings or folders of them, `layout` has the columns of tables.
     """
     pieces: list[Piece] = []
     failures: list[Failure] = []
@@ -66,31 +65,14 @@ def evaluate_pieces(pieces: Sequence[Piece], failures: Sequence[Failure] = (),
                     model: str | Path | None = None, seconds: float = _STRETCH,
                     progress: Callable[[float], None] | None = None,
                     run: Runner = run_each) -> list[Evaluation]:
-    """Evaluate pieces; the result does not depend on their order.
+    """Evaluate pieces; return one evaluation for each joint, whatever the order of the pieces.
 
-    Parameters
-    ----------
-    pieces, failures
-        As `pieces_of` returns them.
-    model : path-like, optional
-        Model file of one joint or of an arm, for the missing current: see `conditions.evaluate`.
-        Pieces of joints that it does not hold are left out.
-    seconds : float
-        Length of the stretches in which recordings are read.
-    progress : callable, optional
-        Called with the share 0..1 that is done.
-    run : callable
-        Runs the work, in this process or in several.
-
-    Returns
-    -------
-    list of Evaluation
-        One for each joint. Recordings that cannot be used are named in the notes.
-
-    Raises
-    ------
-    InputError
-        If no recording can be used, with the first one's reason.
+    Recordings of `failures`, and those that cannot be used, are named in the notes. `model` is the
+    file of one joint or of an arm, for the missing current (see `conditions.evaluate`); pieces of
+    joints that it does not hold are left out. Recordings are read in stretches of so many
+    `seconds`; `progress` is called with the share 0..1 that is done; `run` does the work, here or
+    in several processes. Raises InputError if no recording can be used, with the first one's
+    reason.
     """
     joints: dict[str, MeasuredJoint] = {}
     left_out = list(failures)

@@ -111,23 +111,11 @@ def improve(play: Callable[[JointPlan], Samples], limits: JointLimits, drive: Dr
             plan: Callable[..., JointPlan] = plan_joint) -> Improvement:
     """Refine, plan, move and record until the model predicts motion that it has not seen.
 
-    Parameters
-    ----------
-    play : callable
-        Moves the joint along a plan and returns the recording.
-    limits, drive, schedule
-    model : FrictionModel, optional
-        The initial model; the note's sigmoid when omitted.
-    recorded : sequence of Samples
-        Recordings from before the first round.
-    progress, done, plan : callable, optional
-        Called with the share of the budget that is spent and the present step; called with the
-        results so far after each round; a replacement of `plan_joint`.
-
-    Raises
-    ------
-    InputError
-        If limits, model or recordings cannot be used.
+    `play` moves the joint along a plan and returns the recording. `model` is the initial one, else
+    the note's sigmoid, and `recorded` are recordings from before the first round. `progress` is
+    called with the share of the budget that is spent and the present step, `done` with the results
+    so far after each round; `plan` replaces `plan_joint`. Raises InputError if limits, model or
+    recordings cannot be used.
     """
     seconds, budget = schedule.seconds, schedule.budget
     recordings, rounds = list(recorded), list[Round]()

@@ -76,8 +76,7 @@ def samples_of(moves: Sequence[Move], start: float, seconds: float, rate: float,
                joint: str) -> Samples:
     """Return moves and rests between them, in order of time, sampled at a rate in Hz.
 
-    The current is zero, `start` the position before the first, rad; the last sample is at the end
-    or just after it.
+    The current is zero; the last sample is at the end or just after it.
     """
     time = np.arange(math.ceil(seconds * rate - 1e-9) + 1) / rate
     position = np.full(len(time), start)

@@ -62,8 +62,7 @@ class ExerciseScript:
                            for column, speed in zip(positions.T, self._speeds)]
 
     def at(self, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return position (rad), velocity (rad/s), direction (-1, 0, +1), each (J,), at a time in s.
-        """
+        """Return position (rad), velocity (rad/s), direction (-1, 0, +1), (J,), at a time in s."""
         inside = min(max(time, 0.0), self.duration)
         moving = 0.0 <= time <= self.duration
         position = np.array([float(path(inside)) for path in self._paths])
@@ -81,7 +80,8 @@ class ExerciseScript:
                      (0, math.nan)) for spans in self._announced]
 
     def of(self, joints: Sequence[str]) -> ExerciseScript:
-        """Return the exercise for these joints in order; InputError if it moves one that lacks."""
+        """Return the exercise for these joints, in order; InputError if one that moves is not there.
+        """
         if unknown := sorted(set(self.joints) - set(joints)):
             raise InputError(f'the exercise moves {", ".join(unknown)}, but the joints are '
                              f'{", ".join(joints)}')

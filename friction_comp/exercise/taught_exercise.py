@@ -48,10 +48,9 @@ class Taught:
 
 def teach(joints: Sequence[str], time: np.ndarray, position: np.ndarray,
           speeds: Sequence[float] | None = None) -> Taught:
-    """Return the exercise of a guided movement.
+    """Return the exercise of a guided movement, slowed down to `speeds`, rad/s; or InputError.
 
-    Time is in s, (N,), position in rad, (N, J); movements faster than `speeds`, rad/s, are slowed
-    down. Raises InputError if nothing moves, or the recording is too short.
+    Time is in s, (N,), position in rad, (N, J).
     """
     if not time[-1] - time[0] > 2.0 * _REST:
         raise InputError(f'{time[-1] - time[0]:.2g} s are too short for an exercise')

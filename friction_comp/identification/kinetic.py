@@ -68,8 +68,8 @@ def cycle_position(time: float, speed: float, cycle_time: float) -> float:
 def ramp_current(time: float, slope: float, period: float) -> float:
     """Return the motor current of Eq. 8 in A at a time; zero outside the period.
 
-    The note prints a derivative, but Fig. 2 shows that it is the current itself: two ramps of
-    opposite sign with the gradient s, up to 0.4·s·T.
+    By Fig. 2 it is the current itself, not its derivative: two ramps of opposite sign up to
+    0.4·s·T.
     """
     share = time / period
     if 0.0 < share <= 0.4:

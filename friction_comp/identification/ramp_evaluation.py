@@ -146,8 +146,7 @@ def combined_presliding(measured: list[tuple[bool, float]]) -> float:
 def presliding_std(measured: list[tuple[bool, float]], distance: float, resolution: float) -> float:
     """Return the standard deviation of presliding at one rest from `combined_presliding`, rad.
 
-    It combines the scatter of the ramps, the encoder count at begin and end, and the method's
-    error.
+    It combines the ramps' scatter, the encoder count and the method's error.
     """
     sides = [np.array([value for same, value in measured if same is side])
              for side in (True, False)]

@@ -114,22 +114,10 @@ class SupervisedRun(ABC):
                current: float = 0.0) -> float:
         """Take one sample of the joint and return the current to apply, A; zero when finished.
 
-        Parameters
-        ----------
-        time : float
-            s, on any time base; a sample that is not newer than the last one changes nothing.
-        position : float
-            rad.
-        velocity : float, optional
-            rad/s; only compared with the change of position, which is more precise.
-        current : float
-            Measured motor current in A.
-
-        Raises
-        ------
-        IdentificationError
-            If the joint leaves its range, the encoder fails, or the drive does not respond as
-            expected. From then on every call returns zero.
+        Time is in s on any base (a sample that is not newer changes nothing), position in rad, the
+        velocity in rad/s is only compared with the change of position, the measured current is in
+        A. Raises IdentificationError if the joint leaves its range, the encoder fails, or the drive
+        does not respond as expected; from then on every call returns zero.
         """
         if self.finished or self.error:
             return 0.0

@@ -29,10 +29,9 @@ _LONGEST = 3600.0
 
 @dataclass(frozen=True)
 class TrajectoryGoal(MotionGoal):
-    """A trajectory of one joint, and the current ramp that breaks it free first.
+    """A trajectory of one joint, from rest to rest, cubic between its points.
 
-    It starts and ends at rest; positions between the points are cubic. Raises InputError if the
-    trajectory cannot be followed.
+    Raises InputError if it cannot be followed.
     """
 
     times: Sequence[float]          # s, ascending from zero or later

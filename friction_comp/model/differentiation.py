@@ -93,10 +93,9 @@ def prepared_signal(samples: Samples, values: np.ndarray, bandwidth: float | Non
                     lag: float | None = None) -> np.ndarray:
     """Return a measured signal as it was at the sensor, without noise above a bandwidth, (N,).
 
-    Noise of a signal lowers its coefficient in a fit, and other terms take the rest. Values that
-    are held over several samples are interpolated, those that are not finite stay. `bandwidth`, Hz,
-    is that of the filter, as for motion; `lag`, s, that by which the signal follows what it
-    measures.
+    Noise lowers its coefficient in a fit. Values that are held over several samples are
+    interpolated, those that are not finite stay. `bandwidth`, Hz, is as for motion, `lag`, s, that
+    of the signal.
     """
     finite = np.isfinite(values)
     result = np.array(values, dtype=float)
@@ -196,8 +195,7 @@ def _smooth(signal: np.ndarray, sample_time: float, bandwidth: float | None) -> 
 def _derivative(values: np.ndarray, time: np.ndarray) -> np.ndarray:
     """Return the slope by central differences of second order, one-sided at both ends, (N, ...).
 
-    Delayed samples may arrive together, with hardly any time between their stamps: a step counts as
-    a quarter of the median step at least.
+    Delayed samples may arrive together: a step is a quarter of the median step at least.
     """
     step = np.diff(time)
     step = np.maximum(step, 0.25 * float(np.median(step)))

@@ -21,8 +21,7 @@ VELOCITY_UNITS = {'rad/s': 1.0, 'deg/s': math.pi / 180.0}
 
 def kinetic_current(velocity: Any, upper: float, lower: float, steepness: float, shift: float,
                     viscous: float) -> Any:
-    """Return Eq. 6 at a velocity, array or number, rad/s, in the unit of the plateaus (`Sigmoid`).
-    """
+    """Return Eq. 6 at a velocity, array or number, rad/s, in the unit of the plateaus."""
     return viscous * velocity + lower + (upper - lower) / (
         1.0 + np.exp(-steepness * (velocity - shift)))
 

@@ -142,8 +142,8 @@ def breakaway_currents(time: np.ndarray, position: np.ndarray, current: np.ndarr
                        command: np.ndarray, resolution: float) -> BreakawayRecords:
     """Find every breakaway in current ramps, which may continue after it, as in Eq. 8, or not.
 
-    Time in s, position in rad, measured and commanded current in A, zero between ramps, each (N,);
-    `resolution` is the joint angle of an encoder count in rad.
+    In s, rad, measured and commanded A (zero between ramps), each (N,); `resolution` is a count in
+    rad.
     """
     signs = np.sign(command).astype(int)
     edges = [0, *(np.flatnonzero(np.diff(signs)) + 1).tolist(), len(signs)]
@@ -160,8 +160,7 @@ def breakaway_currents(time: np.ndarray, position: np.ndarray, current: np.ndarr
 
 def slide_begin(time: np.ndarray, position: np.ndarray, current: np.ndarray, sign: int,
                 resolution: float) -> SlideBegin | None:
-    """Return where the joint begins to slide on one ramp in direction `sign`; None if it does not.
-    """
+    """Return where the joint begins to slide on one ramp, None if not; `sign` is its direction."""
     if len(time) < _SHORTEST_RAMP:
         return None
     runaway = _runaway(time, position, sign, resolution)
@@ -198,8 +197,7 @@ def _current_at(time: np.ndarray, current: np.ndarray, instant: float) -> float:
 def _hinge(time: np.ndarray, position: np.ndarray, resolution: float) -> float:
     """Return the time at which creep, a parabola, changes into a slide, by least squares.
 
-    The slide adds quadratic and cubic terms that are not negative. No formula holds far into it, so
-    the weight of a sample decreases with the distance slid.
+    No formula holds far into the slide, so weights decrease with the distance slid.
     """
     count = min(_POINTS, len(time))
     if count < 12:

@@ -69,12 +69,12 @@ def closed_loops(
         *, released: int | None = None, speed: float = 0.0,
         disturbance: np.ndarray | None = None, logged: Sequence[str] = LOGGED
         ) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
-    """Simulate many joints with their laws, which use Eq. 6 without further effects.
+    """Simulate R joints with their laws, which use Eq. 6 without further effects.
 
     Parameters
     ----------
     parameters, random, laws : ndarray, shape (R,), (R, 1) and (R,)
-        For each of R runs: `joint_parameters`, `random_states` and `CompensationLaw.parameters`.
+        `joint_parameters`, `random_states` and `CompensationLaw.parameters` of each run.
     reference : tuple of ndarray, each of shape (M, L)
         Position, velocity and direction of M movements, as `ReferenceMovement.at` returns them.
     which : ndarray of int, shape (R,), optional
@@ -82,13 +82,10 @@ def closed_loops(
     every : int
         Log every n-th sample; 0 logs nothing.
     released : int, optional
-        Sample at which the person lets go; never when omitted. With 0 the joint is always free.
-    speed : float
-        Initial velocity of the joint, rad/s.
-    disturbance : ndarray, shape (L,) or (D, L), optional
-        Added to the position that the law receives, rad; run r has row r modulo D.
-    logged : sequence of str
-        Some of `SIGNALS`.
+        Sample at which the person lets go; never when omitted.
+    speed, disturbance, logged
+        Initial velocity, rad/s; added to the position that the law receives, rad, (L,) or (D, L),
+        run r has row r modulo D; and some of `SIGNALS`.
 
     Returns
     -------

@@ -36,8 +36,7 @@ _STEP = 1e-3
 class CheapForce:
     """Force sensors of J joints, in counts, `rate` values per second.
 
-    `breakaway` is the torque that breaks each joint away, N·m, shape (J,): the range is 2 to 8
-    times as large.
+    Their range is 2 to 8 times the torque that breaks each joint away, N·m, (J,).
     """
 
     range = (0.0, COUNTS - 1.0)

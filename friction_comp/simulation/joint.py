@@ -130,10 +130,9 @@ class PlantState:
 
 
 class Plant:
-    """Simulated joints that are stepped one sample at a time.
+    """Simulated joints that are stepped one sample at a time; a seed gives the same numbers.
 
-    Each joint has a model (see `joint_parameters`) and an `Undeclared` or None. The same seed and
-    commands give the same numbers.
+    Each joint has a model (see `joint_parameters`) and an `Undeclared` or None.
     """
 
     def __init__(self, models: Iterable[FrictionModel], seed: int | Sequence[int] = 0,
@@ -178,14 +177,9 @@ class Plant:
              human_active: ArrayLike | None = None) -> PlantState:
         """Apply a constant current over one sample and return the measured values at its end.
 
-        Parameters
-        ----------
-        command : array_like, shape (J,)
-            Motor current in A. Non-finite values count as 0; others are clipped to the limit.
-        reference_position, reference_velocity : array_like, shape (J,), optional
-            The movement that the person follows, at the present time: rad, rad/s.
-        human_active : array_like of bool, shape (J,), optional
-            Which joints the person holds; all that have a reference when omitted.
+        All arrays have the shape (J,). Currents in A that are not finite count as 0, others are
+        clipped to the limit. The person follows the reference, rad and rad/s at the present time,
+        on the joints where `human_active`, by default all that have one.
         """
         if human_active is None:
             active = self._nobody if reference_position is None else self._everybody

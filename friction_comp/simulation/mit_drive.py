@@ -25,11 +25,7 @@ def in_bits(values: np.ndarray, largest: np.ndarray | float, bits: int) -> np.nd
 
 
 class MitDrive:
-    """The controllers of J drives.
-
-    `kp` (N·m/rad), `kd` (N·m·s/rad) and the range of the torque in a frame, N·m, have the shape
-    (J,).
-    """
+    """The controllers of J drives: `kp`, `kd` and the torque's range in N·m, rad and s, (J,)."""
 
     def __init__(self, kp: np.ndarray, kd: np.ndarray, largest_torque: np.ndarray) -> None:
         self._kp, self._kd, self._largest = kp, kd, largest_torque

@@ -26,10 +26,9 @@ law, which leaves a part of the friction to the person."""
 def follow_reference(p: Record, s: Record, h: float, reaction_weight: float, active: bool,
                      reference_position: float, reference_velocity: float, position: float,
                      velocity: float) -> None:
-    """Advance the person's torque `s.human`, N·m, by one substep of h s; units are rad and rad/s.
+    """Advance the person's torque `s.human`, N·m, by one substep of h s.
 
-    `reaction_weight` is that of the reaction's low pass, `active` whether the person holds the
-    joint.
+    `reaction_weight` is that of the low pass, `active` whether the person holds the joint.
     """
     if not active:
         s.human = s.integral_torque = 0.0

@@ -53,8 +53,7 @@ class _Joined(argparse.Action):
 class Arguments(argparse.ArgumentParser):
     """An argument parser that reports an error in one line and exits with status 2.
 
-    ROS arguments (after ``--ros-args``) are not parsed, so that `ros2 run` and launch files can
-    start tools. The description is the docstring of the tool's module, without its name and markup.
+    The description is the docstring of the tool's module, without its name and markup.
     """
 
     def __init__(self, name: str, description: str, examples: Sequence[str] = ()) -> None:

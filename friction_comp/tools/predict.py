@@ -89,11 +89,7 @@ def main(argv: list[str] | None = None) -> int:
 
 def table(samples: Samples, info: RecordingInfo, measured: np.ndarray,
           predicted: np.ndarray) -> str:
-    """Return the CSV text: one row for every joint state of the recording.
-
-    Those that are not among the samples (not finite, or a repeated stamp) get the values before
-    them.
-    """
+    """Return the CSV text: one row for every joint state, unusable ones as those before them."""
     import numpy as np
 
     received, rows = np.asarray(info.stamps, dtype=float), np.asarray(info.rows, dtype=int)

@@ -73,11 +73,7 @@ def _models(arguments: Namespace, plan: dict[str, Samples]) -> dict[str, Frictio
 
 
 def _current(model: FrictionModel, samples: Samples) -> np.ndarray:
-    """Return the current of a plan, (N,), with acceleration as planned where it is known.
-
-    The model's `lag` and `time_constant` make it lead the motion. A sensor's own lag is not the
-    plan's.
-    """
+    """Return the current of a plan, (N,), which leads its motion by `lag` and `time_constant`."""
     settings = model.settings
     slow = max(settings.get('time_constant') or 0.0, 0.0)
     if samples.acceleration is not None and model.arm is None:

@@ -25,8 +25,7 @@ from friction_comp.tools.refine_arguments import folder_names, given_of, print_s
 def refine_whole_arm(arguments: Namespace) -> int:
     """Refine the joints of an arm and write their reports and models; return 0.
 
-    For one joint (``--joint``) the files are those without a URDF; otherwise each joint has a
-    folder with them, next to those of the whole arm.
+    Each has a folder next to the files of the whole arm, except that of ``--joint``.
     """
     if arguments.figures not in (None, 'A', 'N·m', 'Nm'):
         raise InputError(f'--unit: with --urdf effort is in A or N·m, not in {arguments.figures}')

@@ -51,10 +51,9 @@ class _Summed:
 
 def fleet_of(arguments: Namespace, refined: Sequence[RefinedPiece], run: Runner,
              show: Callable[[int, int], None]) -> list[Population]:
-    """Return the population of each joint that enough units have.
+    """Return the population of each joint that enough units have; `show` gets done and all.
 
-    `show` gets the number of recordings that are done, and of all. Those without a signal of the
-    common model are left out.
+    Recordings without a signal of the common model are left out.
     """
     from friction_comp.fleet.common_model import CommonModel
     from friction_comp.fleet.population import population_of

@@ -76,10 +76,9 @@ class Tree:
         return np.array([kind == 'prismatic' for kind in self.kinds])
 
     def torques(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """Return the torque that each joint has to supply, without friction and rotors.
+        """Return the torque of each joint without friction and rotors, N·m or N, (N, L).
 
-        In N·m, or N of prismatic joints, shape (N, L), for position, velocity and acceleration of
-        the same shape; rad or m, and s.
+        Position, velocity and acceleration have the same shape; rad or m, and s.
         """
         q, v, a = (np.ascontiguousarray(values, dtype=float) for values in (q, v, a))
         result = np.empty(q.shape)

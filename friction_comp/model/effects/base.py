@@ -263,8 +263,7 @@ _latest_sign: tuple[Any, float, Any] = (None, 0.0, None)
 def friction_sign(velocity: np.ndarray, transition: float) -> np.ndarray:
     """Return the sign of friction, which passes through zero smoothly as Eq. 6 does, shape (N,).
 
-    The latest result is cached: a search needs it hundreds of times, and it takes longer than most
-    effects.
+    The latest result is cached: a search needs it hundreds of times.
     """
     global _latest_sign
     latest = _latest_sign

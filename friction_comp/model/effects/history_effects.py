@@ -204,10 +204,9 @@ class Backlash(Effect):
 
 @njit(cache=True)
 def rest_step(state: float, dt: float, dq: float, velocity: float, c: Any) -> float:
-    """Return the share of the friction gained at rest, 0..1, one sample later.
+    """Return the share of the friction gained at rest, 0..1, one sample later; see `Effect.step`.
 
-    It grows as 1 - exp(-rest/time_constant) while the speed is below the constant `velocity`, and
-    fades over a distance of motion; see `Effect.step`.
+    It grows with the time below the constant `velocity`, and fades over a distance of motion.
     """
     if abs(velocity) < c.velocity:
         return 1.0 - (1.0 - state) * math.exp(-dt / c.time_constant)

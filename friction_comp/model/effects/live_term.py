@@ -51,8 +51,7 @@ class LiveTerm:
                    ) -> tuple[float, float]:
         """Return the current in A in the positive and in the negative direction; see `update`.
 
-        Values are those after sliding far enough to complete the reversal, which the caller models;
-        memories without a direction have the value of this sample.
+        As after sliding far enough to complete the reversal, which the caller models.
         """
         state = self._remember(time, position, speed)
         values = []

@@ -30,8 +30,7 @@ FEWEST_PERIODS = 1.5
 def highest_frequency(velocity: np.ndarray, sample_time: float, resolution: float) -> float:
     """Return the highest spatial frequency in rad/rad that a recording can show.
 
-    A period must take at least three samples of `sample_time` s at the slowest quarter of the
-    speeds, and cover at least four position steps of `resolution` rad (0 if there are none).
+    Three samples, s, at the slowest quarter of the speeds, and four steps of `resolution`, rad.
     """
     slow = float(np.percentile(np.abs(velocity), 25))
     highest = 2.0 * math.pi / max(3.0 * slow * sample_time, 1e-12)
@@ -105,8 +104,7 @@ class Cogging(Effect):
 
     @classmethod
     def propose(cls, view: ResidualView) -> list[dict[str, float]]:
-        """Return the largest peaks in the residual's spectrum; harmonics of a turn if it turned often.
-        """
+        """Return the largest peaks in the residual's spectrum; harmonics if it turned often."""
         coverage, proposed = view.coverage, []
         highest = highest_frequency(view.velocity, view.row_time, coverage.resolution)
         separation = 2.0 * math.pi / max(coverage.span, 1e-9)

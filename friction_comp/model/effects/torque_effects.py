@@ -138,8 +138,7 @@ class Inertia(Effect):
 class RigidBody(Effect):
     """``k·τ(q, dq/dt, d²q/dt²)``: weight and inertia of all links, from a URDF.
 
-    The torque τ in N·m is that of the model's arm; k is the joint's current per torque. Only the
-    weight is fed back: accelerations from encoders are too late and too noisy.
+    k is the joint's current per torque of the arm. Only the weight is fed back.
     """
 
     name = 'rigid_body'
