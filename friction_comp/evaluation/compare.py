@@ -18,7 +18,7 @@ from friction_comp.evaluation.repetitions import Compensation, FIGURES, Repetiti
 from friction_comp.statistics import holm
 
 CONFIDENCE = 0.95
-# Figures that are compared where known, the trend is of the first: two need a torque sensor.
+# Compared where they are known, the trend is of the first; the first two need a torque sensor.
 COMPARED = ('peak_torque', 'rms_torque', 'residual_current', 'announcement_to_motion', 'onset',
             'smoothness')
 _SIGNIFICANT = 0.05

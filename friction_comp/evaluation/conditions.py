@@ -18,15 +18,7 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from friction_comp.errors import InputError
-from friction_comp.evaluation.compare import (
-    compare,
-    Comparison,
-    Interval,
-    mean_interval,
-    share_interval,
-    Trend,
-    trends,
-)
+from friction_comp.evaluation import compare
 from friction_comp.evaluation.ensemble import Ensemble
 from friction_comp.evaluation.movements import find_movements
 from friction_comp.evaluation.repetitions import (
@@ -64,8 +56,8 @@ class Condition:
     rms_torque: float  # over all repetitions, from start to end of the movement
     mean_torque_constant_velocity: float  # negative where the joint pulls the person along
     false_starts: int  # number of repetitions in which it started without being pushed
-    figures: dict[str, Interval]  # mean of the repetitions' figures, by the names in `FIGURES`
-    false_start_share: Interval
+    figures: dict[str, compare.Interval]  # means over the repetitions, by `FIGURES`
+    false_start_share: compare.Interval
     # Each (N,): s since the start of the movement; means and standard deviations, N·m and rad.
     time: np.ndarray
     torque: np.ndarray
@@ -97,8 +89,8 @@ class Evaluation:
     conditions: list[Condition]
     model: str | None  # model files that were active
     repetitions: list[Repetition]
-    comparisons: list[Comparison]  # between conditions with the same movements
-    trends: list[Trend]  # empty where all repetitions are of one day
+    comparisons: list[compare.Comparison]  # between conditions with the same movements
+    trends: list[compare.Trend]  # empty where all repetitions are of one day
     notes: list[str]
 
     @property
@@ -276,8 +268,8 @@ class MeasuredJoint:
         kept = [_without_odd_durations(groups[key], notes) for key in sorted(groups)]
         conditions = [_condition(group, self.averages, notes) for group in kept]
         all_kept = [repetition for group in kept for repetition in group]
-        return Evaluation(self.joint, conditions, model, repetitions, compare(all_kept),
-                          trends(all_kept), notes)
+        return Evaluation(self.joint, conditions, model, repetitions, compare.compare(all_kept),
+                          compare.trends(all_kept), notes)
 
 
 def _without_identification(repetitions: list[Repetition], notes: list[str]) -> list[Repetition]:
@@ -366,9 +358,9 @@ def _condition(repetitions: list[Repetition], averages: Mapping[Any, Ensemble],
             0.0 if peaks else float('nan')),
         rms_torque=ensemble.rms('load', points[(time >= 0.0) & (time <= duration)]),
         false_starts=starts,
-        figures={name: mean_interval(values) for name in FIGURES if (values := [
+        figures={name: compare.mean_interval(values) for name in FIGURES if (values := [
             r.figures[name] for r in repetitions if name in r.figures])},
-        false_start_share=share_interval(starts, len(repetitions)),
+        false_start_share=compare.share_interval(starts, len(repetitions)),
         time=time, torque=torque, torque_std=torque_std,
         position=position, position_std=position_std,
         reference=ensemble.mean_and_std('reference_position', points)[0] if has_reference else None)

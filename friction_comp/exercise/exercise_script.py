@@ -80,8 +80,7 @@ class ExerciseScript:
                      (0, math.nan)) for spans in self._announced]
 
     def of(self, joints: Sequence[str]) -> ExerciseScript:
-        """Return the exercise for these joints, in order; InputError if one that moves is not there.
-        """
+        """Return the exercise for these joints, in order; InputError if another one moves."""
         if unknown := sorted(set(self.joints) - set(joints)):
             raise InputError(f'the exercise moves {", ".join(unknown)}, but the joints are '
                              f'{", ".join(joints)}')

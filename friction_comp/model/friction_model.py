@@ -152,7 +152,7 @@ class FrictionModel:
         return torque if q.ndim else float(torque)
 
     def of_plan(self) -> tuple[FrictionModel, list[str]]:
-        """Return the model without effects that a plan lacks (load, temperature, time); these."""
+        """Return the model with the effects that a plan tells, and the names of the others."""
         kept = [effect for effect in self.effects
                 if effect.holds_on_another_day and set(effect.needs) <= _PLANNED]
         others = [effect.name for effect in self.effects if effect not in kept]

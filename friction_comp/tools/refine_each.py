@@ -15,22 +15,19 @@ import json
 import os
 from pathlib import Path
 import time
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 from friction_comp import __version__
 from friction_comp.errors import InputError
+from friction_comp.evaluation.sessions import Piece, pieces_of
 from friction_comp.files import encodable, plain, to_yaml
+from friction_comp.fleet.population import fleet_json, Population
 from friction_comp.parallel import attempt, Failure, interrupts_deferred, run_each, Runner
 from friction_comp.recorded_drive.refine_recordings import refine_recordings
-from friction_comp.results import output_folder, to_json
+from friction_comp.results import output_folder, Page, to_json
 from friction_comp.tools.common import progress, write_results
 from friction_comp.tools.refine_arguments import folder_names, given_of, layout_of
 from friction_comp.tools.refined_fleet import fleet_of, RefinedPiece
-
-if TYPE_CHECKING:
-    from friction_comp.evaluation.sessions import Piece
-    from friction_comp.fleet.population import Population
-    from friction_comp.reports.html import Report
 
 # Recordings from which processes save more time than their start takes, some seconds each.
 MIN_SHARED = 8
@@ -39,7 +36,7 @@ MOST_PAGES = 20
 # Written last into the folder of a recording.
 _DONE = 'resume.json'
 # Arguments that do not change the result of a recording.
-_NEUTRAL = ('recordings', 'joint', 'output', 'jobs', 'json', 'command', 'scheduler')
+_NEUTRAL = ('recordings', 'joint', 'output', 'jobs', 'json', 'command', 'ros', 'scheduler')
 # Share of the progress bar for refining; the rest is comparing.
 _REFINING = 0.9
 
@@ -60,7 +57,6 @@ def refine_each(arguments: Namespace) -> int:
     """
     if arguments.urdf:
         raise InputError('--each and --urdf exclude each other: the links are fitted once for all')
-    from friction_comp.evaluation.sessions import pieces_of
     from friction_comp.reports.refinement_overviews import each_report
 
     begin = time.monotonic()
@@ -206,12 +202,10 @@ def _earlier_result(folder: Path, made_from: str) -> dict[str, Any] | None:
     return found if usable and (folder / 'report.json').is_file() else None
 
 
-def _write_results(arguments: Namespace, content: dict[str, Any], page: Report,
+def _write_results(arguments: Namespace, content: dict[str, Any], page: Page,
                    populations: Sequence[Population]) -> None:
     files: dict[str, str] = {}
     if populations:
-        from friction_comp.fleet.population import fleet_json
-
         names = folder_names(f'population_{one.joint}' for one in populations)
         files = {'fleet.json': fleet_json(populations), **{
             f'{name}.yaml': to_yaml(one.model.to_dict())

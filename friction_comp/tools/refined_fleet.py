@@ -13,18 +13,19 @@ from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
+from friction_comp.evaluation.sessions import Piece
+from friction_comp.fleet.common_model import CommonModel
+from friction_comp.fleet.population import Population, population_of
+from friction_comp.fleet.spread import FEWEST_UNITS
+from friction_comp.model.friction_model import FrictionModel
 from friction_comp.parallel import attempt, Failure, Runner
 from friction_comp.recorded_drive.given import Given
+from friction_comp.recorded_drive.refine_recordings import showing_friction
+from friction_comp.recordings.condense import read_condensed
+from friction_comp.refinement.block_sums import BlockSums
 from friction_comp.tools.refine_arguments import given_of
-
-if TYPE_CHECKING:
-    from friction_comp.evaluation.sessions import Piece
-    from friction_comp.fleet.common_model import CommonModel
-    from friction_comp.fleet.population import Population
-    from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.refinement.block_sums import BlockSums
 
 
 @dataclass(frozen=True)
@@ -55,11 +56,6 @@ def fleet_of(arguments: Namespace, refined: Sequence[RefinedPiece], run: Runner,
 
     Recordings without a signal of the common model are left out.
     """
-    from friction_comp.fleet.common_model import CommonModel
-    from friction_comp.fleet.population import population_of
-    from friction_comp.fleet.spread import FEWEST_UNITS
-    from friction_comp.model.friction_model import FrictionModel
-
     groups: dict[tuple[str, str], list[RefinedPiece]] = defaultdict(list)
     for one in refined:
         groups[one.row['joint'], one.row['unit']].append(one)
@@ -93,9 +89,6 @@ def fleet_of(arguments: Namespace, refined: Sequence[RefinedPiece], run: Runner,
 
 
 def _sums_of_one(given: Given, item: _Summed) -> BlockSums:
-    from friction_comp.recorded_drive.refine_recordings import showing_friction
-    from friction_comp.recordings.condense import read_condensed
-
     drive = item.model.drive
     recordings = read_condensed([item.piece.path], item.piece.joint, drive.torque_constant,
                                 drive.gear_ratio, layout=given.layout)

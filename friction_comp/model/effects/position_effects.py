@@ -30,7 +30,8 @@ FEWEST_PERIODS = 1.5
 def highest_frequency(velocity: np.ndarray, sample_time: float, resolution: float) -> float:
     """Return the highest spatial frequency in rad/rad that a recording can show.
 
-    Three samples, s, at the slowest quarter of the speeds, and four steps of `resolution`, rad.
+    A period takes three samples, `sample_time` s, at the slowest quarter of the speeds, and four
+    position steps of `resolution` rad (0 if there are none) at least.
     """
     slow = float(np.percentile(np.abs(velocity), 25))
     highest = 2.0 * math.pi / max(3.0 * slow * sample_time, 1e-12)
