@@ -273,7 +273,6 @@ class MeasuredJoint:
 
 
 def _without_identification(repetitions: list[Repetition], notes: list[str]) -> list[Repetition]:
-    """Return the repetitions without those of identification, unless there are no others."""
     kept = [r for r in repetitions if r.compensation.law != 'identification']
     if not kept or len(kept) == len(repetitions):
         return repetitions

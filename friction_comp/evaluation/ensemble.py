@@ -92,6 +92,5 @@ class Ensemble:
 
 
 def _padded(sums: np.ndarray, size: int) -> np.ndarray:
-    """Return sums padded with zeros to at least `size` points."""
     missing = size - sums.shape[1]
     return np.pad(sums, ((0, 0), (0, missing))) if missing > 0 else sums

@@ -110,7 +110,6 @@ def _runs(values: np.ndarray) -> Iterator[tuple[int, int]]:
 
 
 def _announced_direction(samples: Samples, start: int, stop: int) -> int:
-    """Return the direction that was announced during most of the acceleration."""
     if samples.direction is None:
         return 0
     counts = np.bincount(samples.direction[start:stop].astype(int) + 1, minlength=3)

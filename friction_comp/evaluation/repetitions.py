@@ -274,7 +274,6 @@ def _is_restless(samples: Samples, movement: Movement) -> bool:
 
 
 def _is_false_start(samples: Samples, movement: Movement, peak: float | None) -> bool:
-    """Return whether the joint started during the standstill without being pushed."""
     middle_of_rest = 0.5 * (movement.rest_begin + movement.begin)
     begin = max(middle_of_rest, movement.begin - LEAD)
     part = _between(samples.time, begin, movement.begin)

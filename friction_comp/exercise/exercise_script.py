@@ -75,7 +75,6 @@ class ExerciseScript:
         return np.array([end for _, end in self._spans_at(time)])
 
     def _spans_at(self, time: float) -> list[tuple[int, float]]:
-        """Return the direction of each joint, and the end of its movement."""
         return [next(((sign, last) for begin, end, sign, last in spans if begin <= time < end),
                      (0, math.nan)) for spans in self._announced]
 

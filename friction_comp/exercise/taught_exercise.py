@@ -124,7 +124,6 @@ def _rests(path: np.ndarray) -> list[tuple[int, int]]:
 
 
 def _add_where_far(time: np.ndarray, shape: np.ndarray, knots: list[int]) -> np.ndarray:
-    """Return knots between which monotone cubics are close to the path everywhere."""
     while True:
         curve = PchipInterpolator(time[knots], shape[knots])(time)
         far = np.abs(curve - shape).max(axis=1)

@@ -286,7 +286,6 @@ def _held_current(ramp: Ramp) -> float:
 
 
 def _backlash_message(backlash: float, records: BreakawayRecords) -> str:
-    """Return the warning about backlash; raise if breakaway scatters too much because of it."""
     for side, sign in (('positive', 1), ('negative', -1)):
         levels = np.abs(records.currents(sign))
         if len(levels) > 1 and 2.0 * np.std(levels, ddof=1) > (

@@ -141,7 +141,6 @@ class IdentificationRun(SupervisedRun):
                     f'{self.say(self.drive.current_limit)}: lower the speed or widen the range')
 
     def _constant_velocity(self, speed: float) -> Generator[float, Sample, None]:
-        """Run a cycle of Eq. 3 at one speed, with lower gains if the controller oscillates."""
         best = None
         for factor in GAIN_LADDER:
             if factor > self._highest_gain:
@@ -304,8 +303,6 @@ class IdentificationRun(SupervisedRun):
 
 
 class _Slide:
-    """The samples of a ramp, and whether the joint has slid away on it."""
-
     def __init__(self, sample: Sample, sign: int, resolution: float, farthest: float) -> None:
         self.sign, self.samples = sign, [sample]
         self.gone = self.slides = False     # slides: it did not come to rest on the last stair

@@ -68,8 +68,6 @@ def fit_steady_states(speeds: np.ndarray, currents: np.ndarray, drive: Drive) ->
 
 
 class _Curve:
-    """One shape of the curve, fitted by least squares."""
-
     def __init__(self, speeds: np.ndarray, currents: np.ndarray, both: bool, skewed: bool,
                  power: float) -> None:
         self._speeds, self._currents, self._power = speeds, currents, power

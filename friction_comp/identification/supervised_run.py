@@ -280,7 +280,6 @@ class SupervisedRun(ABC):
         return current
 
     def _update_friction(self) -> None:
-        """Update `friction` after a push or a cycle, not with every sample."""
         if 0.0 in self._push.values():
             return
         positive, negative = (

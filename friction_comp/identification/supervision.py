@@ -140,7 +140,6 @@ class Supervision:
             f'{answer.gain:.2g} ± {answer.error:.2g}: effort is too noisy, or not measured')
 
     def _refuse_gain(self, answer: Answer) -> None:
-        """Raise IdentificationError if the gain is wrong by more than noise explains."""
         gain, error = answer.gain, _ERRORS * answer.error
         if 1.0 / _FACTOR - error <= gain <= _FACTOR + error:
             return

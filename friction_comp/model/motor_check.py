@@ -68,7 +68,6 @@ def _check_unit(model: FrictionModel) -> None:
 
 
 def _motion(model: FrictionModel) -> Samples:
-    """Return a movement to and fro at the speeds that the model was identified at."""
     speed = model.largest_speed(_SPEED)
     time = np.arange(0.0, 2.0 * _PERIOD, 1.0 / _RATE)
     turn = 2.0 * math.pi / _PERIOD
@@ -81,7 +80,6 @@ def _motion(model: FrictionModel) -> Samples:
 
 
 def _check_sigmoid(model: FrictionModel, motion: Samples) -> float:
-    """Return the largest sliding friction of the sigmoid, A."""
     velocity = np.asarray(motion.velocity)
     speeds = np.linspace(velocity.min(), velocity.max(), 401)
     current = np.asarray(model.sigmoid(speeds), dtype=float)

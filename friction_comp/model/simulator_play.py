@@ -80,7 +80,6 @@ def swing(model: FrictionModel) -> tuple[Samples, np.ndarray]:
 
 
 def _parts(motion: Samples) -> list[slice]:
-    """Return the segments of a motion up to the longest that is played."""
     parts, left = [], _LONGEST
     for part in motion.segments():
         time = motion.time[part]

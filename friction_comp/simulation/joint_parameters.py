@@ -175,7 +175,6 @@ def _set_human(p: np.void, section: dict[str, Any], typical: float, inertia: flo
 
 
 def _set_gear(p: np.void, model: FrictionModel, presliding: float) -> None:
-    """Turn a rigid joint into one of two inertias; `presliding` is a distance in rad."""
     section = model.simulation
     if section['gear'] not in tuple(GEARS):
         raise InputError(

@@ -70,7 +70,6 @@ def play_loop(system: DemoSystem) -> None:
 
 
 def _identify(system: DemoSystem) -> Path:
-    """Return the model file that identification writes."""
     system.log('starts a simulated joint with effects that its model lacks, and identification')
     # Identification and the recorder listen from the first state on.
     system.start_plant([JOINT], [TRUE_MODEL], UNDECLARED, wait_for_reference=False,

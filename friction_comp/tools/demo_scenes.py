@@ -199,7 +199,6 @@ def _wait_for_warning(system: DemoSystem) -> str:
 
 
 def _refine_live(system: DemoSystem) -> Any:
-    """Refine from all that the node has kept, while the joint moves on."""
     system.ros.set_parameter('plant', 'pace', WEAR_PACE)
     with progress('refines beside the running loop') as show:
         result = system.ros.refine(

@@ -158,7 +158,6 @@ def open_system(arguments: Namespace) -> Iterator[DemoSystem]:
 
 
 def _open_page(output: Path) -> subprocess.Popen[str]:
-    """Start the live page and print its address."""
     path = output / 'logs' / 'watch.log'
     with path.open('w') as log:
         page = subprocess.Popen(

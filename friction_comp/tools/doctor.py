@@ -144,7 +144,6 @@ def check_running_system(arguments: argparse.Namespace) -> list[Finding]:
 
 
 def _check_models(seen: Observation, given: list[FrictionModel]) -> list[Finding]:
-    """Compare models with live data: those that are given, or without them the compensator's."""
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.monitoring.checkup import check_joint
 

@@ -149,7 +149,6 @@ def joint_of(arguments: Namespace, models: list[FrictionModel]) -> SimulatorJoin
 
 
 def _over_history(joint: SimulatorJoint, model: FrictionModel, path: Path) -> SimulatorJoint:
-    """Return the numbers with the range of friction over the recordings of a history."""
     from friction_comp.evaluation.drive_history import recorded_friction
     from friction_comp.recordings.history import History
 
@@ -202,7 +201,6 @@ def _missed(loss: Loss, unit: str) -> str:
 
 
 def _lacking(joint: SimulatorJoint, form: str) -> list[str]:
-    """Return the numbers that a form has no place for."""
     lines = []
     if form not in ('tanh', 'json') and abs(joint.offset) > 0.02 * abs(joint.coulomb):
         lines.append(f'offset {joint.offset:.3g} {joint.unit}: no place for it in this form')

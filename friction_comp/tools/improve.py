@@ -166,7 +166,6 @@ def _play(arguments: Namespace, names: list[str], plan: JointPlan, ros: ToolClie
 
 
 def _write(arguments: Namespace, names: list[str], improvement: Improvement) -> None:
-    """Write the results so far: an interruption loses only the present round."""
     from friction_comp.reports.excitation_report import improvement_report
     from friction_comp.reports.refinement_report import refinement_report
 

@@ -50,7 +50,6 @@ def predict_plan(arguments: Namespace, plan: dict[str, Samples]) -> int:
 
 
 def _models(arguments: Namespace, plan: dict[str, Samples]) -> dict[str, FrictionModel]:
-    """Return the models of the plan's joints that are wanted, by name."""
     path: Path = arguments.model
     names = joints_of(read_yaml(path))
     if names is None or arguments.joint:

@@ -47,7 +47,6 @@ def layout_of(arguments: Namespace) -> Layout:
 
 
 def _gains(text: str | None) -> tuple[float | str, ...]:
-    """Return the gains of an argument, each a number or the name of a column."""
     def read(one: str) -> float | str:
         try:
             return check_number(float(one), 'a gain', least=0.0)

@@ -107,7 +107,6 @@ def _runner(arguments: Namespace, count: int) -> Iterator[Runner]:
 
 def _refine_pieces(arguments: Namespace, pieces: Sequence[Piece], batch: _Batch, run: Runner,
                    show: Callable[..., None]) -> None:
-    """Refine each piece and write its folder, except for those that an earlier run did."""
     places = _places(pieces)
     folders, units = _folders(pieces, places), [place[0] for place in places]
     keys = [_fingerprint(arguments, piece) for piece in pieces]
@@ -181,7 +180,6 @@ def _refine_one(arguments: Namespace, with_page: bool, piece: Piece
 
 
 def _fingerprint(arguments: Namespace, piece: Piece) -> str:
-    """Return a text that changes with the recording's files, the model and the arguments."""
     files = sorted(piece.path.rglob('*')) if piece.path.is_dir() else [piece.path]
     states = [(str(file.relative_to(piece.path)), state.st_size, state.st_mtime_ns)
               for file in files if file.is_file() for state in [file.stat()]]

@@ -72,7 +72,6 @@ def refine_table(arguments: Namespace, columns: tuple[Column, Column]) -> int:
 
 
 def _report(fit: SteadyStates, unit: str) -> dict[str, Any]:
-    """Return the content of report.json, with the entries that `refine` has for a recording."""
     one_direction = 'offset' not in fit.values
     signal = rms(fit.currents)
     reasons, again = [], []

@@ -114,7 +114,6 @@ class Tree:
 
     def _best_angles(self, index: int, signs: np.ndarray, q: np.ndarray, k: int
                      ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the angles of joint k with the largest torque, (N,), and these torques."""
         angles = math.tau / 3.0 * np.arange(3.0)
         postures = q.repeat(3, axis=0)
         postures[:, k] = np.tile(angles, len(q))
