@@ -145,7 +145,7 @@ def test_mujoco_gives_the_models_current_within_the_error_stated(tmp_path):
     ('tanh', ('Fc', 'Fv', 'Fo', 'k')),
     ('isaac', ('static_friction', 'dynamic_friction', 'viscous_friction', 'armature'))])
 def test_yaml_forms_hold_the_numbers_that_refine_reports(tmp_path, form, keys):
-    recorded = Recorded((0.5, 1.0), (('coulomb', (0.19, 0.21)), ('inertia', (0.005, 0.009))))
+    recorded = Recorded((0.5, 1.0), {'coulomb': (0.19, 0.21), 'inertia': (0.005, 0.009)})
     text = exported(tmp_path, replace(PLAIN, recorded=recorded), form)
     numbers = yaml.safe_load(text)['elbow']
     # Static friction is never below the dynamic one, as the note's breakaway would be.

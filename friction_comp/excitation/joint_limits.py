@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 import math
 from pathlib import Path
 import xml.etree.ElementTree as ElementTree
@@ -37,10 +37,6 @@ class JointLimits:
         if not self.lowest < self.highest:
             raise InputError(f'joint {self.joint!r}: the lowest position {self.lowest:g} is not '
                              f'below the highest {self.highest:g}')
-
-    def slowed(self, share: float) -> JointLimits:
-        """Return the limits with only a share of velocity and acceleration."""
-        return replace(self, velocity=share * self.velocity, acceleration=share * self.acceleration)
 
 
 def from_yaml(path: str | Path, joints: Sequence[str] = ()) -> list[JointLimits]:

@@ -10,7 +10,7 @@ so that the pair of effects that is hardest to distinguish is separated best.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 import math
 
@@ -202,7 +202,8 @@ def plan_joint(limits: JointLimits, pairs: Sequence[Pair], seconds: float, seed:
         if model is None or peak_torque(model, samples_of(
                 moves, start, seconds, 200.0, limits.joint)) <= MARGIN * limits.effort:
             return JointPlan(limits, start, tuple(moves), seconds, shares)
-        reduced = reduced.slowed(_SLOWER)
+        reduced = replace(reduced, velocity=_SLOWER * reduced.velocity,
+                          acceleration=_SLOWER * reduced.acceleration)
     raise InputError(
         f'joint {limits.joint!r}: {seconds:g} s are too short for motion within these limits'
         if reduced is limits else f'joint {limits.joint!r}: by its model even slow motion needs '

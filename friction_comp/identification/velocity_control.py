@@ -21,9 +21,8 @@ BANDWIDTH = 100.0
 profile. It falls with rate and delay, see `stable_bandwidth`."""
 
 PHASE = 1.0
-"""Phase margin in rad of the loop without any delay: a quarter turn less what filter, integrator
-and position take at the crossover frequency, 0.2 + 0.2 + 0.16 rad. A delay of this over the
-bandwidth makes the loop unstable."""
+"""Phase margin in rad without any delay: a quarter turn less filter, integrator and position, 0.2 +
+0.2 + 0.16 rad. A delay of this over the bandwidth makes the loop unstable."""
 
 DELAY_SHARE = 0.4
 """Share of `PHASE` that sampling and delay may take: 34 degrees then remain."""

@@ -226,7 +226,7 @@ class FrictionModel:
             document['position_limits'] = self.position_limits
         document['effects'] = [effect.to_dict() for effect in self.effects]
         if self.recorded is not None:
-            document['recorded'] = self.recorded.to_dict()
+            document['recorded'] = vars(self.recorded)
         for name in ('lookup_table', 'differentiation', 'simulation', 'notes'):
             if getattr(self, name):
                 document[name] = getattr(self, name)

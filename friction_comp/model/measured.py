@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 import math
 from typing import Any
 
@@ -61,7 +61,7 @@ class Recorded:
 
     speeds: tuple[float, ...] = ()  # quantiles of the speed in motion, rad/s, the lowest first
     # 95 % intervals by parameter, in the model's unit of current, of `LINE`, inertia, transition.
-    intervals: tuple[tuple[str, tuple[float, float]], ...] = ()
+    intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     @classmethod
     def from_dict(cls, section: Any) -> Recorded:
@@ -69,19 +69,12 @@ class Recorded:
         check_mapping(section, 'recorded', ('speeds', 'intervals'))
         speeds = tuple(check_number(value, 'recorded.speeds', above=0.0) for value in check_list(
             section.get('speeds'), 'recorded.speeds'))
-        intervals = []
-        known = (*LINE, 'inertia', 'transition')
-        for name, ends in check_mapping(
-                section.get('intervals') or {}, 'recorded.intervals', known).items():
-            intervals.append((name, check_interval(ends, f'recorded.intervals.{name}')))
-        return cls(speeds, tuple(intervals))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the section as plain values."""
-        return {'speeds': list(self.speeds),
-                'intervals': {name: list(ends) for name, ends in self.intervals}}
+        intervals = check_mapping(section.get('intervals') or {}, 'recorded.intervals',
+                                  (*LINE, 'inertia', 'transition'))
+        return cls(speeds, {name: check_interval(ends, f'recorded.intervals.{name}')
+                            for name, ends in intervals.items()})
 
     def interval(self, name: str, value: float) -> tuple[float, float] | None:
         """Return a parameter's interval; None if it does not hold the value, as after a change."""
-        low, high = dict(self.intervals).get(name, (math.nan, math.nan))
+        low, high = self.intervals.get(name, (math.nan, math.nan))
         return (low, high) if low <= value <= high else None

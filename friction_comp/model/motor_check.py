@@ -47,7 +47,11 @@ def check_for_motor(model: FrictionModel, joint: str = '', joints: Collection[st
     """
     if model.joint != joint and model.joint in joints:
         raise InputError(f"this is the model of joint '{model.joint}', not of '{joint}'")
-    _check_unit(model)
+    unit = unit_of(model)
+    if unit not in (CURRENT, TORQUE):
+        raise InputError(
+            f"notes.unit: its figures are in '{unit}', not in A or N·m: they are no current. "
+            "Convert the recording's effort and refine it again")
     motion = _motion(model)
     friction = _check_sigmoid(model, motion)
     resisting = [_check_effect(model, effect, motion, friction) for effect in model.effects]
@@ -57,14 +61,6 @@ def check_for_motor(model: FrictionModel, joint: str = '', joints: Collection[st
 def unit_of(model: FrictionModel) -> str:
     """Return the unit of the model's currents by its notes."""
     return str(model.notes.get('unit') or CURRENT)
-
-
-def _check_unit(model: FrictionModel) -> None:
-    unit = unit_of(model)
-    if unit not in (CURRENT, TORQUE):
-        raise InputError(
-            f"notes.unit: its figures are in '{unit}', not in A or N·m: they are no current. "
-            "Convert the recording's effort and refine it again")
 
 
 def _motion(model: FrictionModel) -> Samples:

@@ -206,7 +206,7 @@ def loss_of(model: FrictionModel, joint: SimulatorJoint | FrictionTable, form: s
 class FrictionTable:
     """Friction torque over speed, position and load, without weight, spring and inertia."""
 
-    names: list[str]        # of the columns: velocity, position, load, torque
+    names = ('velocity (rad/s)', 'position (rad)', 'load (N·m)', 'torque (N·m)')
     rows: np.ndarray        # (N, 4)
 
     @classmethod
@@ -230,8 +230,7 @@ class FrictionTable:
             rows.append(np.column_stack((
                 np.asarray(motion.velocity), motion.position, np.full(len(motion), load),
                 torque))[shown])
-        return cls(['velocity (rad/s)', 'position (rad)', 'load (N·m)', 'torque (N·m)'],
-                   np.concatenate(rows))
+        return cls(np.concatenate(rows))
 
     def torque(self, motion: Samples, form: str = 'csv') -> np.ndarray:
         """Return the torque in a motion, N·m, shape (N,): linear between the rows."""

@@ -65,7 +65,7 @@ def recorded_of(fit: Fit, model: FrictionModel) -> Recorded:
     if 0.0 < spread <= _MOST_LOG:
         transition = 2.0 / model.sigmoid.steepness
         intervals['transition'] = (transition * math.exp(-spread), transition * math.exp(spread))
-    return Recorded(recorded.speeds, tuple(intervals.items()))
+    return Recorded(recorded.speeds, intervals)
 
 
 def _without_thirds(fit: Fit) -> np.ndarray:

@@ -16,10 +16,9 @@ from numpy.typing import ArrayLike
 from friction_comp.simulation.joint_parameters import Record
 
 ARRIVED = 0.1
-"""Largest distance from the end of the reference movement at which a joint has arrived, rad. In the
-note's experiments, joints with compensation end at most 0.083 rad short of it, joints without it at
-least 0.18 rad. With half this value the person would also finish movements under the continuous
-law, which leaves a part of the friction to the person."""
+"""Largest distance from the end of the reference at which a joint has arrived, rad. In the note,
+joints with compensation end at most 0.083 rad short of it, those without it at least 0.18 rad; with
+half of this the person would finish movements under the continuous law, too."""
 
 
 @njit(cache=True)

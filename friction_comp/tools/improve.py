@@ -13,6 +13,7 @@ from argparse import Namespace
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, ExitStack
 from dataclasses import replace
+from itertools import count
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -144,9 +145,7 @@ def _play(arguments: Namespace, names: list[str], plan: JointPlan, ros: ToolClie
 
     folder = arguments.output.absolute() / 'recordings'
     folder.mkdir(parents=True, exist_ok=True)
-    index = 1
-    while (folder / f'round_{index}').exists():
-        index += 1
+    index = next(k for k in count(1) if not (folder / f'round_{k}').exists())
     path = folder / f'round_{index}'
     nodes.start('recorder', {'output': str(path), 'use_sim_time': bool(arguments.simulate)})
     # Who has received one state receives all later ones; an earlier recorder names another folder.

@@ -88,11 +88,6 @@ def folder_names(names: Iterable[str]) -> list[str]:
     return folders
 
 
-def print_summary(report: RefinementReport) -> None:
-    """Print the report of a refinement in a few lines."""
-    print(*summary_lines(report), sep='\n')
-
-
 def summary_lines(report: RefinementReport) -> list[str]:
     """Return the report of a refinement in a few lines."""
     from friction_comp.reports.friction_words import number_lines

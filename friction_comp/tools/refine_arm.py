@@ -19,7 +19,7 @@ from friction_comp.reports.refinement_overviews import arm_report
 from friction_comp.reports.refinement_report import refinement_report
 from friction_comp.results import output_folder, write_report
 from friction_comp.tools.common import progress
-from friction_comp.tools.refine_arguments import folder_names, given_of, print_summary
+from friction_comp.tools.refine_arguments import folder_names, given_of, summary_lines
 
 
 def refine_whole_arm(arguments: Namespace) -> int:
@@ -74,8 +74,7 @@ def refine_whole_arm(arguments: Namespace) -> int:
     for line in result.notes:
         print(f'note: {line}')
     for name, one in result.results.items():
-        print(f'{name}:')
-        print_summary(one.report)
+        print(f'{name}:', *summary_lines(one.report), sep='\n')
     print(arguments.output / 'report.html')
     return 0
 
