@@ -58,6 +58,11 @@ class Arm:
         """Names of the joints whose motion is needed."""
         return tuple(self.source.joints)
 
+    @property
+    def signal(self) -> str:
+        """The field of `Samples` that `with_signal` fills."""
+        return 'coupling' if isinstance(self.source, Coupling) else 'rigid_body'
+
     def with_signal(self, samples: Samples, joint: str = '') -> Samples:
         """Return samples with `rigid_body` in N·m, or `coupling` in A, if it is not known yet.
 
@@ -65,8 +70,7 @@ class Arm:
         """
         if self.friction is not None:
             samples = self.friction.with_signal(samples, joint)
-        coupled = isinstance(self.source, Coupling)
-        if (samples.coupling if coupled else samples.rigid_body) is not None:
+        if getattr(samples, self.signal) is not None:
             return samples
         motion = moving_states(samples, self.joints, self.differentiation)
         if isinstance(self.source, Coupling):
