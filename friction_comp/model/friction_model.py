@@ -140,16 +140,13 @@ class FrictionModel:
             if {'rigid_body', 'coupling'} & set(effect.needs):
                 raise InputError(f"effect '{effect.name}' needs the motion of the whole arm: "
                                  'predict takes its plan')
-        q, v, a = np.broadcast_arrays(*(
-            np.asarray(values, dtype=float) for values in (position, velocity, acceleration)))
+        q, v, a = (np.asarray(values, dtype=float)
+                   for values in (position, velocity, acceleration))
         if not np.isfinite(q + v + a).all():
             raise InputError('position, velocity and acceleration must be finite')
-        # Each state is a recording of its own, since they do not follow each other.
-        states = Samples(
-            time=np.zeros(q.size), position=q.ravel(), current=np.zeros(q.size),
-            velocity=v.ravel(), acceleration=a.ravel(), recording=np.arange(q.size))
-        torque = gain * self.of_plan()[0].current(states).reshape(q.shape)
-        return torque if q.ndim else float(torque)
+        torque = gain * sum((effect.of_states(q, v, a) for effect in self.of_plan()[0].effects),
+                            self.sigmoid(v) + 0.0 * (q + a))
+        return torque if np.ndim(torque) else float(torque)
 
     def of_plan(self) -> tuple[FrictionModel, list[str]]:
         """Return the model with the effects that a plan tells, and the names of the others."""

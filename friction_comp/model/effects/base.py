@@ -232,6 +232,19 @@ class Effect(ABC):
             result[index] = column
         return result.T
 
+    def of_states(self, position: Any, velocity: Any, acceleration: Any) -> Any:
+        """Return the current in A in states that do not follow each other, as in steady sliding."""
+        position, velocity, acceleration = (
+            np.clip(values, *self.valid_range[name]) if name in self.valid_range else values
+            for name, values in (('position', position), ('velocity', velocity),
+                                 ('acceleration', acceleration)))
+        c, transition = self.Constants(**self.values), self.values.get('transition')
+        sign = np.tanh(velocity / transition) if transition else 0.0 * velocity
+        memory = self.start(sign, c) if self.has_memory else 0.0
+        x = Signals(0.0, position, velocity, acceleration, sign=sign, memory=memory)
+        return sum(gain * column for gain, column in zip(
+            self.coefficients, self.columns(x, c), strict=True))
+
     def check_signals(self, samples: Samples) -> None:
         """Raise InputError if the effect needs a signal that the samples lack."""
         for signal in self.needs:
