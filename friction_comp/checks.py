@@ -45,6 +45,15 @@ def _requirement(kind: str, above: float, least: float, most: float) -> str:
     return f'{kind}{above_words}{least_words}{most_words}'
 
 
+def check_interval(value: Any, name: str) -> tuple[float, float]:
+    """Return two numbers of a file, the lower one first; raises InputError if they are not."""
+    if isinstance(value, (list, tuple)) and len(value) == 2:
+        low, high = (check_number(end, name) for end in value)
+        if low <= high:
+            return low, high
+    raise InputError(f'{name} must be two numbers, the lower one first, not {value!r}')
+
+
 def check_mapping(value: Any, name: str, known: Collection[str] | None = None) -> dict[str, Any]:
     """Return a section of a file; raises InputError if it is no mapping of `known` entries."""
     if not isinstance(value, dict):

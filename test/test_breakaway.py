@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from friction_comp.errors import InputError
-from friction_comp.identification.waveforms import ramp_current
-from friction_comp.note.recorded_ramps import breakaway_currents
+from friction_comp.identification.kinetic import ramp_current
+from friction_comp.note.identify import breakaway_currents
 
 PERIOD = 10.0
 COUNT = 1.57e-5  # rad

@@ -274,7 +274,7 @@ def test_a_model_that_cannot_be_used_is_named_before_the_system_is_observed(monk
     pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
     monkeypatch.setattr('friction_comp.ros.system_probe.observe', lambda *_: 1 / 0)
     with pytest.raises(InputError, match=r'nothere\.yaml'):
-        doctor.check_running_system(Namespace(seconds=1.0, model=['nothere.yaml']), [])
+        doctor.check_running_system(Namespace(seconds=1.0, model=['nothere.yaml'], ros=[]))
 
 
 def test_a_middleware_that_is_not_installed_is_named_before_it_ends_the_process(

@@ -16,9 +16,9 @@ from test_evaluate import PERIOD, REST, trial as made_trial
 
 from friction_comp.__main__ import run
 from friction_comp.errors import InputError
+from friction_comp.evaluation.compare import mean_interval, share_interval
 from friction_comp.evaluation.conditions import evaluate
 from friction_comp.evaluation.ensemble import Ensemble
-from friction_comp.evaluation.intervals import mean_interval, share_interval
 from friction_comp.evaluation.movements import spectral_arc_length
 from friction_comp.evaluation.sessions import evaluate_pieces, evaluate_recordings, pieces_of
 from friction_comp.files import write_yaml

@@ -19,11 +19,10 @@ from friction_comp.drive import Drive
 from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.model.recorded import Recorded
+from friction_comp.model.measured import Breakaway, Recorded
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.model.simulator_joint import loss_of, of_several, simulator_joint
 from friction_comp.model.simulator_play import play
-from friction_comp.model.standstill import Breakaway
 from friction_comp.recordings import read_recording
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
@@ -146,7 +145,7 @@ def test_mujoco_gives_the_models_current_within_the_error_stated(tmp_path):
     ('tanh', ('Fc', 'Fv', 'Fo', 'k')),
     ('isaac', ('static_friction', 'dynamic_friction', 'viscous_friction', 'armature'))])
 def test_yaml_forms_hold_the_numbers_that_refine_reports(tmp_path, form, keys):
-    recorded = Recorded((0.5, 1.0), (('coulomb', (0.19, 0.21)), ('inertia', (0.005, 0.009))))
+    recorded = Recorded((0.5, 1.0), {'coulomb': (0.19, 0.21), 'inertia': (0.005, 0.009)})
     text = exported(tmp_path, replace(PLAIN, recorded=recorded), form)
     numbers = yaml.safe_load(text)['elbow']
     # Static friction is never below the dynamic one, as the note's breakaway would be.

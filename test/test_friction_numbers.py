@@ -11,7 +11,7 @@ import pytest
 from friction_comp.drive import Drive
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.model.recorded import Recorded
+from friction_comp.model.measured import Recorded
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.model.sliding_friction import line_of
 from friction_comp.refinement import refine

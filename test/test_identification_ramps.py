@@ -9,26 +9,27 @@ import numpy as np
 import pytest
 
 from friction_comp.drive import Drive
+from friction_comp.identification.breakaway import rests
 from friction_comp.identification.goal import IdentificationError, IdentificationGoal
-from friction_comp.identification.kinetic import acceleration_of_cycle, local_parabolas
-from friction_comp.identification.presliding import (
+from friction_comp.identification.kinetic import (
+    acceleration_of_cycle,
+    constant_velocity_windows,
+    cycle_position,
+    cycle_velocity,
+    local_parabolas,
+    ramp_current,
+    Sample,
+    travel_state,
+)
+from friction_comp.identification.ramp_evaluation import (
     combined_presliding,
     common_stiffness,
+    evaluate_ramps,
     find_backlash,
     presliding_std,
     ramp_friction,
 )
-from friction_comp.identification.ramp_evaluation import evaluate_ramps
-from friction_comp.identification.run import IdentificationMotion
-from friction_comp.identification.sample import Sample
-from friction_comp.identification.staircase import rests
-from friction_comp.identification.waveforms import (
-    constant_velocity_windows,
-    cycle_position,
-    cycle_velocity,
-    ramp_current,
-    travel_state,
-)
+from friction_comp.identification.run import IdentificationRun
 
 LEVEL, RATE, COUNT = 0.3, 60.0, 1.5e-5  # A, rad/s² per A, rad
 
@@ -39,7 +40,7 @@ def ramp(contact, slope=0.2, sign=1, before=-1, level=LEVEL, strengthening=0.0, 
     What a slide takes more at speed is `strengthening`, A, reached within 0.02 rad/s.
     """
     drive = Drive(0.1, 100.0, round(2.0 * math.pi / COUNT / 100.0), 3.0)
-    motion = IdentificationMotion(IdentificationGoal(
+    motion = IdentificationRun(IdentificationGoal(
         (0.1, 0.2), ramp_slope=slope, ramp_period=5.0 * LEVEL / slope), drive)
     x, v, t = 0.0, 0.0, 0.0
     motion.sample, motion._slid = Sample(0.0, 0.0, 0.0), before

@@ -12,8 +12,7 @@ from helpers import ROOT
 import numpy as np
 import pytest
 
-from friction_comp.evaluation.compare import Comparison, effect_size, Trend
-from friction_comp.evaluation.intervals import mean_interval
+from friction_comp.evaluation.compare import Comparison, effect_size, mean_interval, Trend
 from friction_comp.evaluation.repetitions import Compensation
 from friction_comp.evaluation.sessions import evaluate_recordings
 from friction_comp.reports.evaluation_report import (

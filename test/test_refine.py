@@ -18,6 +18,7 @@ from test_prepare import swings
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
+from friction_comp.excitation.improve import moving
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
@@ -27,7 +28,7 @@ from friction_comp.refinement import refine
 from friction_comp.refinement.judge import Finding, verdict_of
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
-from friction_comp.tools.predict import main as run_predict, moving
+from friction_comp.tools.predict import main as run_predict
 from friction_comp.tools.refine import main as run_refine
 from simulated_recordings.drives import excitation_for, random_drive, record
 
@@ -160,7 +161,8 @@ def test_predict_counts_motion_as_refinement_does():
                               (17.0, 19.0, 0.0)):
         assert np.mean(moves[(time > begin) & (time < end)]) == share
     short = Samples(time=time[:100], position=samples.position[:100], current=speed[:100])
-    assert not moving(short, note_model()).any()
+    with pytest.raises(InputError, match='hardly moves'):
+        moving(short, note_model())
 
 
 @pytest.mark.slow

@@ -19,7 +19,7 @@ STEEPEST = 4.0 / SPEEDS[0]
 REFERENCE_TEMPERATURE = 25.0
 # How sure a model says that its presliding is, as a share; what identification is off by.
 STD = 0.1
-SEEN = 3.0   # the least backlash that a model knows, counts; see identification/presliding.py
+SEEN = 3.0   # the least backlash that a model knows, counts; see identification/ramp_evaluation.py
 
 
 def fit_sigmoid(speeds, currents):

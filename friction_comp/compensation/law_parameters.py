@@ -18,7 +18,8 @@ from friction_comp.compensation.law_fields import (
     PARAMETERS,
 )
 from friction_comp.errors import InputError
-from friction_comp.model.friction_model import Breakaway, FrictionModel
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.measured import Breakaway
 
 LAWS = {'none': NONE, 'kinetic': KINETIC, 'paper': PAPER, 'continuous': CONTINUOUS,
         'desired': DESIRED}

@@ -1,11 +1,11 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Compares conditions over their repetitions and from day to day."""
+"""Compares conditions over their repetitions and from day to day, with confidence intervals."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import date
 from itertools import combinations
 import math
@@ -14,24 +14,63 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from friction_comp.evaluation.intervals import CONFIDENCE, Interval, mean_interval, student_quantile
 from friction_comp.evaluation.repetitions import Compensation, FIGURES, Repetition
 from friction_comp.statistics import holm
 
-# The figures that are compared where they are known; the trend is that of the first one. The first
-# two need a torque sensor; smoothness needs only motion.
+CONFIDENCE = 0.95
+# Compared where they are known, the trend is of the first; the first two need a torque sensor.
 COMPARED = ('peak_torque', 'rms_torque', 'residual_current', 'announcement_to_motion', 'onset',
             'smoothness')
 _SIGNIFICANT = 0.05
 
 
+@dataclass(frozen=True)
+class Interval:
+    """An estimate with the ends of its 95 % interval, None for a single value."""
+
+    mean: float
+    low: float | None
+    high: float | None
+    count: int
+
+    @classmethod
+    def around(cls, mean: float, half: float, count: int) -> Interval:
+        """Return the interval with half of its width given."""
+        return cls(mean, mean - half, mean + half, count)
+
+    @property
+    def half(self) -> float | None:
+        """Half the width of the interval."""
+        return None if self.low is None or self.high is None else 0.5 * (self.high - self.low)
+
+    def as_dict(self) -> dict[str, float | int | None]:
+        """Return the entry of report.json."""
+        return asdict(self)
+
+
+def mean_interval(values: Sequence[float]) -> Interval:
+    """Return the mean of one or more values with its interval from Student's t."""
+    count, mean = len(values), float(np.mean(values))
+    if count < 2:
+        return Interval(mean, None, None, count)
+    half = student_quantile(count - 1) * np.std(values, ddof=1) / np.sqrt(count)
+    return Interval.around(mean, float(half), count)
+
+
+def student_quantile(freedom: int) -> float:
+    """Return Student's t for half the width of the interval in standard errors."""
+    return float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, freedom))
+
+
+def share_interval(hits: int, count: int) -> Interval:
+    """Return the share of hits in `count` with Wilson's interval."""
+    ends = stats.binomtest(hits, count).proportion_ci(CONFIDENCE, method='wilson')
+    return Interval(hits / count, float(ends.low), float(ends.high), count)
+
+
 @dataclass
 class Comparison:
-    """One figure under two conditions.
-
-    Pairs are the n-th repetition under one condition with the n-th under the other, in the same
-    movement.
-    """
+    """One figure under two conditions, by pairs of their n-th repetitions of a movement."""
 
     figure: str  # a name in `FIGURES`
     first: Compensation
@@ -40,8 +79,8 @@ class Comparison:
     mean_first: float  # over the pairs
     mean_second: float
     difference: Interval  # second minus first
-    # p-value of Wilcoxon's two-sided signed-rank test, with Holm's correction for the number of
-    # comparisons of this figure; None for fewer than five pairs.
+    # p-value of Wilcoxon's signed-rank test, with Holm's correction; None for fewer than five
+    # pairs.
     p_value: float | None
 
     @property
@@ -59,12 +98,7 @@ class Comparison:
 
 
 def _is_informative(first: Compensation, second: Compensation, baseline: Compensation) -> bool:
-    """Return whether comparing two conditions answers a question.
-
-    These are: what any condition changes against the baseline, if that has no direction; what any
-    condition changes against kinetic compensation with the same model; and what law, model or
-    direction alone changes. Other differences in several respects answer no question.
-    """
+    """Return whether a comparison is with the baseline, with kinetic, or of one change alone."""
     return ((first == baseline and not first.uses_direction)
             or (first.law == 'kinetic' and first.model == second.model)
             or sum((first.law != second.law, first.model != second.model,
@@ -72,11 +106,7 @@ def _is_informative(first: Compensation, second: Compensation, baseline: Compens
 
 
 def compare(repetitions: Sequence[Repetition]) -> list[Comparison]:
-    """Compare conditions with the same movements, where the comparison `_is_informative`.
-
-    Conditions are ordered from no compensation over compensation without a direction to
-    compensation with one; each is `first` against those that follow.
-    """
+    """Compare conditions with equal movements, where `_is_informative`; the less helped first."""
     groups = _by_condition(repetitions)
     ordered = sorted(groups, key=lambda condition: (
         condition.uses_direction, condition.law != 'none', condition))
@@ -118,10 +148,7 @@ def _compare_values(figure: str, first: Compensation, second: Compensation, valu
 
 
 def effect_size(comparison: Comparison) -> Interval | None:
-    """Return the mean difference in standard deviations of the differences, Cohen's d_z.
-
-    The interval is the large-sample 95 % interval of Hedges and Olkin (1985); None without scatter.
-    """
+    """Return Cohen's d_z with the interval of Hedges and Olkin (1985); None without scatter."""
     difference, count = comparison.difference, comparison.pairs
     if not difference.half:
         return None
@@ -138,8 +165,7 @@ class Trend:
     figure: str  # a name in `FIGURES`
     compensation: Compensation
     days: dict[str, Interval]  # mean over the day's repetitions, by ISO date
-    # Slope of a straight line through the daily means, None for fewer than three days. Repetitions
-    # of one day are not independent, so days are counted.
+    # Slope through the daily means, None for fewer than three days.
     per_week: Interval | None
     p_value: float | None  # of the slope
 

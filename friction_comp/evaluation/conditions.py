@@ -8,20 +8,27 @@ active law and model, the announced direction d, and the direction of the moveme
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 import math
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
 from friction_comp.errors import InputError
-from friction_comp.evaluation.compare import compare, trends
+from friction_comp.evaluation import compare
 from friction_comp.evaluation.ensemble import Ensemble
-from friction_comp.evaluation.intervals import mean_interval, share_interval
 from friction_comp.evaluation.movements import find_movements
-from friction_comp.evaluation.outcome import Condition, Evaluation
-from friction_comp.evaluation.repetitions import FIGURES, measure, NAMES, Repetition, torque_figures
+from friction_comp.evaluation.repetitions import (
+    Compensation,
+    FIGURES,
+    measure,
+    NAMES,
+    Repetition,
+    torque_figures,
+)
 from friction_comp.recordings import RecordingInfo
 from friction_comp.samples import Samples
 
@@ -29,10 +36,160 @@ if TYPE_CHECKING:
     # Importing it takes longer than all else, and few evaluations need it.
     from friction_comp.model.friction_model import FrictionModel
 
-__all__ = ['Condition', 'Evaluation', 'evaluate']
-
 # Repetitions whose duration differs from the median by more than this share are left out.
 _ODD = 0.25
+
+
+@dataclass
+class Condition:
+    """The repetitions under one condition; torques in N·m, NaN where none was measured."""
+
+    compensation: Compensation
+    direction: int  # announced direction d
+    movement: str  # 'positive' or 'negative'
+    repetitions: int  # their number
+    # Those in which the joint did not start moving: the peak torque is then a lower bound.
+    stuck: int
+    peak_torque: float  # largest magnitude of the mean of τ_b while `torque_figures` counts it
+    peak_torque_std: float  # standard deviation of the repetitions' peaks
+    peak_time: float  # of the peak of the mean, s after the start of the movement
+    rms_torque: float  # over all repetitions, from start to end of the movement
+    mean_torque_constant_velocity: float  # negative where the joint pulls the person along
+    false_starts: int  # number of repetitions in which it started without being pushed
+    figures: dict[str, compare.Interval]  # means over the repetitions, by `FIGURES`
+    false_start_share: compare.Interval
+    # Each (N,): s since the start of the movement; means and standard deviations, N·m and rad.
+    time: np.ndarray
+    torque: np.ndarray
+    torque_std: np.ndarray
+    position: np.ndarray
+    position_std: np.ndarray
+    reference: np.ndarray | None = None
+
+    def mean_of(self, name: str) -> float:
+        """Return the mean of one of `FIGURES` over the repetitions; NaN where it is unknown."""
+        return self.figures[name].mean if name in self.figures else float('nan')
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the figures without the curves."""
+        named = {name: getattr(self, name) for name in (
+            'direction', 'movement', 'repetitions', 'stuck', 'peak_torque', 'peak_torque_std',
+            'peak_time', 'rms_torque', 'mean_torque_constant_velocity', 'false_starts')}
+        return {
+            **named, 'law': self.compensation.law or None, 'model': self.compensation.model or None,
+            'figures': {name: value.as_dict() for name, value in self.figures.items()},
+            'false_start_share': self.false_start_share.as_dict()}
+
+
+@dataclass
+class Evaluation:
+    """All conditions of one joint and their comparisons."""
+
+    joint: str
+    conditions: list[Condition]
+    model: str | None  # model files that were active
+    repetitions: list[Repetition]
+    comparisons: list[compare.Comparison]  # between conditions with the same movements
+    trends: list[compare.Trend]  # empty where all repetitions are of one day
+    notes: list[str]
+
+    @property
+    def measured(self) -> bool:
+        """Whether the back-driving torque was measured."""
+        return any('peak_torque' in r.figures for r in self.repetitions)
+
+    def names_of(self, condition: Compensation) -> tuple[str, ...]:
+        """Return the names of a condition; the model only if there are several."""
+        models = {c.compensation.model for c in self.conditions if c.compensation.model}
+        parts = condition.names if len(models) > 1 else condition.names[:2]
+        return tuple(filter(None, parts))
+
+    def label(self, condition: Compensation) -> str:
+        """Return the names of a condition in one line."""
+        return ' · '.join(self.names_of(condition))
+
+    def pair(self) -> tuple[Compensation, Compensation] | None:
+        """Return the conditions without and with direction whose comparison is reported first.
+
+        In this order: both with the same law and model; kinetic compensation and a law with the
+        same model; no compensation and any law; the only two conditions. Of several pairs of one
+        kind, that with the most repetitions; None where the choice is ambiguous.
+        """
+        counts: Counter[Compensation] = Counter()
+        for condition in self.conditions:
+            counts[condition.compensation] += condition.repetitions
+        plain = [c for c in counts if c.announced >= 0 and not c.uses_direction]
+        assisted = [c for c in counts if c.announced == 1 and c.uses_direction]
+        pairs = list(product(plain, assisted))
+        for comparable in (
+                [(a, b) for a, b in pairs if (a.law, a.model) == (b.law, b.model)],
+                [(a, b) for a, b in pairs if (a.law, a.model) == ('kinetic', b.model)],
+                [(a, b) for a, b in pairs if a.law == 'none']):
+            if comparable:
+                return max(comparable, key=lambda pair: (min(counts[c] for c in pair), pair))
+        return pairs[0] if len(pairs) == 1 else None
+
+    def stuck(self, condition: Compensation) -> int:
+        """Return the number of movements under a condition in which the joint did not move."""
+        return sum(r.compensation == condition and not r.moved for r in self.repetitions)
+
+    def mean_of(self, name: str, condition: Compensation) -> float:
+        """Return the mean of one of `FIGURES` under a condition, averaged over both movements."""
+        return float(np.mean([c.mean_of(name) for c in self.conditions
+                              if c.compensation == condition]))
+
+    def compared(self, name: str) -> tuple[float, float] | None:
+        """Return a torque with d = 0 and d = ±1, N·m, over movements that both of `pair` have."""
+        conditions = self.pair()
+        if conditions is None:
+            return None
+        values = {(c.compensation, c.movement): c.mean_of(name) for c in self.conditions}
+        both = np.array([[values.get((condition, movement), np.nan) for condition in conditions]
+                         for movement in NAMES.values()])
+        both = both[np.isfinite(both).all(axis=1)]
+        return (float(both[:, 0].mean()), float(both[:, 1].mean())) if both.size else None
+
+    @property
+    def is_bound(self) -> bool:
+        """Whether the peak's reduction is a lower bound: the joint did not start without d."""
+        conditions, change = self.pair(), self.peak_reduction
+        return (conditions is not None and change is not None and change >= 0.0
+                and bool(self.stuck(conditions[0])) and not self.stuck(conditions[1]))
+
+    def _reduction(self, name: str) -> float | None:
+        pair = self.compared(name)
+        return 1.0 - pair[1] / pair[0] if pair and pair[0] > 0 else None
+
+    @property
+    def peak_reduction(self) -> float | None:
+        """Relative reduction of the peak torque with d = ±1."""
+        return self._reduction('peak_torque')
+
+    @property
+    def rms_reduction(self) -> float | None:
+        """Relative reduction of the RMS torque with d = ±1."""
+        return self._reduction('rms_torque')
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the content of report.json."""
+        return {
+            'joint': self.joint, 'conditions': [c.as_dict() for c in self.conditions],
+            'peak_reduction': self.peak_reduction, 'rms_reduction': self.rms_reduction,
+            'reduction_is_bound': self.is_bound, 'model': self.model,
+            'torque_measured': self.measured,
+            'comparisons': [c.as_dict() for c in self.comparisons],
+            'trends': [t.as_dict() for t in self.trends], 'notes': self.notes,
+        }
+
+    def table(self) -> list[list[Any]]:
+        """Return a header and one row for each repetition."""
+        header = ['joint', 'recording', 'day', 'begin', 'duration', 'movement', 'direction', 'law',
+                  'model', *FIGURES, 'moved', 'false_start']
+        return [header, *([
+            self.joint, r.recording, r.day, round(r.begin, 4), round(r.duration, 4),
+            NAMES[r.movement.sign], r.movement.direction, r.compensation.law, r.compensation.model,
+            *(f'{r.figures[name]:.6g}' if name in r.figures else '' for name in FIGURES),
+            int(r.moved), int(r.false_start)] for r in self.repetitions)]
 
 
 def evaluate(recordings: Sequence[Samples], names: Sequence[str] | None = None,
@@ -43,7 +200,7 @@ def evaluate(recordings: Sequence[Samples], names: Sequence[str] | None = None,
     Parameters
     ----------
     recordings : list of Samples
-        One or more recordings; repetitions under the same condition are averaged.
+        Repetitions under the same condition are averaged.
     names : list of str, optional
         Names of the recordings in messages.
     model : str, optional
@@ -51,8 +208,7 @@ def evaluate(recordings: Sequence[Samples], names: Sequence[str] | None = None,
     about : list of RecordingInfo, optional
         The info of each recording from `read_recording_with_info`, with active laws and models.
     friction : FrictionModel, optional
-        A model from which the current that a movement needs beyond the commanded one is computed,
-        also without a torque sensor.
+        A model from which the current that a movement needs beyond the commanded one is computed.
 
     Raises
     ------
@@ -102,8 +258,8 @@ class MeasuredJoint:
         notes = list(self.notes)
         repetitions = _without_identification(self.repetitions, notes)
         in_order_of_time = list(dict.fromkeys(r.compensation for r in repetitions))
-        # One group for each condition and direction of movement. Sorted by these keys, conditions
-        # without a direction and without a law come first.
+        # A group for each condition and direction of movement; those without direction and law
+        # first.
         groups: dict[tuple[Any, ...], list[Repetition]] = {}
         for r in repetitions:
             key = (abs(r.movement.direction), r.compensation.law != 'none',
@@ -112,12 +268,11 @@ class MeasuredJoint:
         kept = [_without_odd_durations(groups[key], notes) for key in sorted(groups)]
         conditions = [_condition(group, self.averages, notes) for group in kept]
         all_kept = [repetition for group in kept for repetition in group]
-        return Evaluation(self.joint, conditions, model, repetitions, compare(all_kept),
-                          trends(all_kept), notes)
+        return Evaluation(self.joint, conditions, model, repetitions, compare.compare(all_kept),
+                          compare.trends(all_kept), notes)
 
 
 def _without_identification(repetitions: list[Repetition], notes: list[str]) -> list[Repetition]:
-    """Return the repetitions without those of identification, unless there are no others."""
     kept = [r for r in repetitions if r.compensation.law != 'identification']
     if not kept or len(kept) == len(repetitions):
         return repetitions
@@ -129,11 +284,9 @@ def _without_identification(repetitions: list[Repetition], notes: list[str]) -> 
 def repetitions_of(samples: Samples, name: str, info: RecordingInfo | None,
                    friction: FrictionModel | None, notes: list[str],
                    whole: bool = True) -> list[Repetition]:
-    """Find and measure the movements of a recording, or of a stretch of it.
+    """Find and measure the movements of a recording, or of a stretch of it; add new `notes`.
 
-    `whole` is whether the recording ends with these samples. A movement that reaches the end is
-    left out, unless it is the only one of a whole recording. Notes for the reader are added to
-    `notes`, each line once.
+    One that reaches the end is left out, unless it is the only one of a `whole` recording.
     """
     movements = find_movements(samples)
     new_notes = []
@@ -204,9 +357,9 @@ def _condition(repetitions: list[Repetition], averages: Mapping[Any, Ensemble],
             0.0 if peaks else float('nan')),
         rms_torque=ensemble.rms('load', points[(time >= 0.0) & (time <= duration)]),
         false_starts=starts,
-        figures={name: mean_interval(values) for name in FIGURES if (values := [
+        figures={name: compare.mean_interval(values) for name in FIGURES if (values := [
             r.figures[name] for r in repetitions if name in r.figures])},
-        false_start_share=share_interval(starts, len(repetitions)),
+        false_start_share=compare.share_interval(starts, len(repetitions)),
         time=time, torque=torque, torque_std=torque_std,
         position=position, position_std=position_std,
         reference=ensemble.mean_and_std('reference_position', points)[0] if has_reference else None)
@@ -214,10 +367,7 @@ def _condition(repetitions: list[Repetition], averages: Mapping[Any, Ensemble],
 
 def _average_torque_figures(repetitions: list[Repetition], time: np.ndarray,
                             mean: np.ndarray) -> dict[str, float]:
-    """Return the `torque_figures` of the averaged torque, N·m, at times since the movement began.
-
-    The phases of the average movement are the medians of those of the repetitions.
-    """
+    """Return the `torque_figures` of the averaged torque, with the medians of the phases."""
     movement = repetitions[0].movement
     medians: dict[str, Any] = {
         name: float(np.median([getattr(r.movement, name) - r.movement.begin for r in repetitions]))

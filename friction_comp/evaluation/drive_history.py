@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from friction_comp.errors import errors_name
-from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.recordings.history import History
 from friction_comp.statistics import rms, top_speed
@@ -32,17 +31,15 @@ class RecordedFriction:
 
 
 def recorded_friction(history: History, model: FrictionModel) -> list[RecordedFriction]:
-    """Return the friction in each recording that shows sliding.
+    """Return the friction in each recording that shows sliding, or raise InputError.
 
-    The level is the factor of Eq. 6 that, with the model's other effects unchanged, minimises the
-    squared error. Raises InputError if the model needs a signal that was not recorded.
+    The level is the factor of Eq. 6 with the least squared error beside the model's other effects.
     """
     recorded = []
     for recording, samples in zip(history.recordings, history.samples()):
         with errors_name(recording.name):
             error = model.measured(samples) - model.predict(samples)
-        velocity = np.asarray(differentiate(
-            samples, model.differentiation or DEFAULT_SETTINGS).velocity)
+        velocity = np.asarray(model.differentiated(samples).velocity)
         speed = np.abs(velocity)
         sliding = speed > _SLIDING * top_speed(speed)
         if sliding.sum() < 100:

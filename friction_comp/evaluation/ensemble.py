@@ -13,11 +13,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-# Time that curves begin before a movement, s, and share of its duration that they go beyond its
-# end.
+# s that curves begin before a movement, and share of its duration that they go beyond its end.
 LEAD, _BEYOND = 1.0, 0.25
-# Time between the points of a curve, s: each sample at 1 kHz, since a coarser curve may miss the
-# peak. It is the same for slower recordings, so that curves of different recordings can be added.
+# s between the points of all curves: at 1 kHz none misses the peak.
 STEP = 1e-3
 _LEAD_POINTS = round(LEAD / STEP)
 
@@ -37,8 +35,8 @@ class Ensemble:
     """Curves of one or many movements, summed point by point."""
 
     count: int = 0  # of movements
-    # For each curve, shape (3, N): the number of known values at each point of `grid`, their sum,
-    # and the sum of their squares.
+    # Of each curve at the points of `grid`, (3, N): known values, their sum, the sum of their
+    # squares.
     sums: dict[str, np.ndarray] = field(default_factory=dict)
 
     @classmethod
@@ -94,6 +92,5 @@ class Ensemble:
 
 
 def _padded(sums: np.ndarray, size: int) -> np.ndarray:
-    """Return sums padded with zeros to at least `size` points."""
     missing = size - sums.shape[1]
     return np.pad(sums, ((0, 0), (0, missing))) if missing > 0 else sums

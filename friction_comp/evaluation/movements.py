@@ -39,8 +39,7 @@ class Movement:
     constant_begin: float  # of the phase of constant velocity
     constant_end: float
     rest_begin: float  # of the standstill before the movement
-    # End of the standstill after it: a joint that lags behind the reference may start moving as
-    # late as that.
+    # End of the standstill after it: a lagging joint may start as late.
     rest_end: float
     sign: int  # +1 for the positive direction, -1 for the negative
     direction: int  # announced direction d at the beginning of the movement
@@ -53,10 +52,7 @@ class Movement:
 
 
 def find_movements(samples: Samples) -> list[Movement]:
-    """Return the movements of one recording in order of time.
-
-    They are those of the reference shown to the person, or, without one, of the joint.
-    """
+    """Return the movements of one recording in order of time: the reference's, else the joint's."""
     velocity = _reference_velocity(samples)
     moving, constant, shortest_travel = _MOVING, _CONSTANT, 0.0
     if velocity is None:
@@ -90,7 +86,6 @@ def find_movements(samples: Samples) -> list[Movement]:
 
 
 def _reference_velocity(samples: Samples) -> np.ndarray | None:
-    """Return the velocity of the reference, or None where none was recorded."""
     if samples.reference_velocity is not None:
         return samples.reference_velocity
     if samples.reference_position is None:
@@ -108,7 +103,6 @@ def measured_velocity(samples: Samples) -> np.ndarray:
 
 
 def _runs(values: np.ndarray) -> Iterator[tuple[int, int]]:
-    """Yield (start, stop) of each run of equal non-zero values."""
     edges = np.concatenate(([0], np.nonzero(np.diff(values))[0] + 1, [len(values)]))
     for start, stop in pairwise(edges):
         if values[start] != 0:
@@ -116,7 +110,6 @@ def _runs(values: np.ndarray) -> Iterator[tuple[int, int]]:
 
 
 def _announced_direction(samples: Samples, start: int, stop: int) -> int:
-    """Return the direction that was announced during most of the acceleration."""
     if samples.direction is None:
         return 0
     counts = np.bincount(samples.direction[start:stop].astype(int) + 1, minlength=3)
@@ -124,10 +117,9 @@ def _announced_direction(samples: Samples, start: int, stop: int) -> int:
 
 
 def spectral_arc_length(velocity: np.ndarray, sample_time: float) -> float:
-    """Return the spectral arc length of a movement's speed, dimensionless.
+    """Return the spectral arc length of a movement's speed, rad/s, (N,); dimensionless.
 
-    It is about -1.4 for a single bell-shaped movement, and lower with each hesitation; NaN without
-    motion. `velocity` is in rad/s, shape (N,).
+    About -1.4 for a single bell-shaped movement, lower with each hesitation; NaN without motion.
     """
     speed = np.abs(velocity)
     size = 2 ** (int(np.ceil(np.log2(len(speed)))) + _PADDING)

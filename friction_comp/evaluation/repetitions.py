@@ -21,16 +21,14 @@ from friction_comp.statistics import rms
 
 # Time after a late onset for which curves are shown, s.
 _AFTER_ONSET = 0.25
-# A joint has started by itself when it covers this share of the movement while the person pushes
-# that way with less than this share of the peak torque.
+# A false start covers this share of the movement with less than this share of the peak torque.
 _START_SHARE, _PUSH_SHARE = 0.01, 0.1
 # Time for which the joint must be still before a false start, s: an oscillation is none.
 _STILL = 0.2
 # Tolerance for rounding errors of sums of sample times, s.
 _ROUNDING = 1e-9
-# Movements whose durations differ by no more than this share are of one class, and are averaged
-# or left out together. Finer classes take more memory where people move as they like; coarser ones
-# blur the limit of 25 % by which a duration may differ from the median.
+# Movements whose durations differ by no more than this share are averaged or left out together.
+# Finer classes take more memory, coarser ones blur the limit of 25 % from the median.
 _DURATION_RATIO = 0.05
 # Least number of encoder steps of a joint that has started moving.
 _LEAST_STEPS = 3
@@ -88,11 +86,9 @@ class Repetition:
     movement: Movement
     compensation: Compensation
     figures: dict[str, float]  # by the names in `FIGURES`, without those that are unknown
-    # Whether the joint moved before the next movement of the reference began. Where it did not, the
-    # peak torque was not sufficient.
+    # Whether the joint moved before the next movement began; else the peak torque was too small.
     moved: bool
-    # Whether the joint started during the standstill without being pushed, as far as torque was
-    # measured.
+    # Whether the joint started during the standstill, as far as known without being pushed.
     false_start: bool
     restless: bool  # whether the joint oscillated before the movement
     # 'load', 'position' and 'reference_position', where recorded, at the times of `ensemble.grid`;
@@ -132,11 +128,7 @@ class Repetition:
 
 def measure(samples: Samples, movement: Movement, name: str, info: RecordingInfo | None,
             residual: np.ndarray | None) -> Repetition:
-    """Measure one movement of a recording.
-
-    `info` contains the date and the active law and model; `residual` is the current by a model
-    minus the commanded current, A, shape (N,).
-    """
+    """Measure one movement; `residual` is a model's minus the commanded current, A, (N,)."""
     part = _between(samples.time, movement.begin, movement.end)
     has_reference = samples.reference_position is not None or samples.reference_velocity is not None
     onset = _onset(samples, movement) if has_reference else None
@@ -176,28 +168,16 @@ def _between(time: np.ndarray, begin: float, end: float) -> slice:
 
 def torque_figures(time: np.ndarray, load: np.ndarray, movement: Movement, onset: float | None,
                    has_reference: bool) -> dict[str, float]:
-    """Return peak, its time, and torque at constant velocity, those that are known.
+    """Return peak, its time, and torque at constant velocity, those that are known, by `FIGURES`.
 
     For the peak counts the torque that moves the joint: from the beginning of the movement until it
     decelerates, or until the joint starts moving if that is later. Earlier torque belongs to the
-    previous movement, unless the joint started early. Without a reference the movement begins with
-    the joint's motion, so the torque before it counts, too. Before the joint moves, only torque
-    along the movement counts; afterwards torque in either direction.
+    previous movement, unless the joint started early, or the movement begins with the joint's
+    motion, for lack of a reference. Before the joint moves, only torque along the movement counts;
+    afterwards torque in either direction.
 
-    Parameters
-    ----------
-    time, load : ndarray, shape (N,)
-        Time on the clock of `movement`, s, and τ_b in N·m.
-    movement : Movement
-    onset : float or None
-        Time at which the joint started moving, s; None if it did not, or without a reference.
-    has_reference : bool
-        Whether the movement is that of a reference.
-
-    Returns
-    -------
-    dict of float
-        By the names in `FIGURES`, in N·m and s.
+    `time`, s on the clock of `movement`, and `load`, τ_b in N·m, are of shape (N,). `onset` is when
+    the joint started moving, s; None if it did not, or without a reference.
     """
     first, last = movement.begin, movement.constant_end
     if has_reference and onset is None:
@@ -288,14 +268,12 @@ def _curves(samples: Samples, movement: Movement, shown_time: float) -> dict[str
 
 
 def _is_restless(samples: Samples, movement: Movement) -> bool:
-    """Return whether the joint oscillated right before the movement."""
     part = _between(samples.time, movement.earliest, movement.begin)
     travelled = np.abs(np.diff(samples.position[part])).sum()
     return bool(travelled > 2.0 * _START_SHARE * movement.travel)
 
 
 def _is_false_start(samples: Samples, movement: Movement, peak: float | None) -> bool:
-    """Return whether the joint started during the standstill without being pushed."""
     middle_of_rest = 0.5 * (movement.rest_begin + movement.begin)
     begin = max(middle_of_rest, movement.begin - LEAD)
     part = _between(samples.time, begin, movement.begin)

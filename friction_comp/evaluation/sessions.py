@@ -39,14 +39,7 @@ def pieces_of(paths: Sequence[str | Path], joint: str | None = None,
               layout: Layout | None = None) -> tuple[list[Piece], list[Failure]]:
     """Return the pieces that can be evaluated, and the reasons why other recordings cannot.
 
-    Parameters
-    ----------
-    paths : sequence of path-like
-        Recordings, or folders of them; InputError if one holds no recording.
-    joint : str, optional
-        Only this joint.
-    layout : Layout, optional
-        The columns of tables.
+    `paths` are recordings or folders of them, `layout` has the columns of tables.
     """
     pieces: list[Piece] = []
     failures: list[Failure] = []
@@ -72,32 +65,14 @@ def evaluate_pieces(pieces: Sequence[Piece], failures: Sequence[Failure] = (),
                     model: str | Path | None = None, seconds: float = _STRETCH,
                     progress: Callable[[float], None] | None = None,
                     run: Runner = run_each) -> list[Evaluation]:
-    """Evaluate pieces; the result does not depend on their order.
+    """Evaluate pieces; return one evaluation for each joint, whatever the order of the pieces.
 
-    Parameters
-    ----------
-    pieces : sequence of Piece
-    failures : sequence of Failure
-        Recordings that are left out already.
-    model : path-like, optional
-        Model file of one joint or of an arm, for the missing current: see `conditions.evaluate`.
-        Pieces of joints that it does not hold are left out.
-    seconds : float
-        Length of the stretches in which recordings are read.
-    progress : callable, optional
-        Called with the share 0..1 that is done.
-    run : callable
-        Runs the work, in this process or in several.
-
-    Returns
-    -------
-    list of Evaluation
-        One for each joint. Recordings that cannot be used are named in the notes.
-
-    Raises
-    ------
-    InputError
-        If no recording can be used, with the first one's reason.
+    Recordings of `failures`, and those that cannot be used, are named in the notes. `model` is the
+    file of one joint or of an arm, for the missing current (see `conditions.evaluate`); pieces of
+    joints that it does not hold are left out. Recordings are read in stretches of so many
+    `seconds`; `progress` is called with the share 0..1 that is done; `run` does the work, here or
+    in several processes. Raises InputError if no recording can be used, with the first one's
+    reason.
     """
     joints: dict[str, MeasuredJoint] = {}
     left_out = list(failures)
@@ -152,8 +127,7 @@ def _measure_piece(piece: Piece, model: str | Path | None, seconds: float) -> Me
         if buffer is None or len(buffer) < 2 or not (
                 at_end or buffer.time[-1] - buffer.time[0] >= 2.0 * seconds):
             continue
-        # The last stretch is evaluated again with the next one, since movements are recognised by
-        # comparison with their neighbours.
+        # The last stretch is evaluated again with the next: movements are compared with neighbours.
         end = buffer.time[-1] - (0.0 if at_end else seconds)
         # What begins where the last movement was cut off is its slow end.
         found = [r for r in repetitions_of(buffer, str(path), info, friction, notes, at_end)

@@ -2,10 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Improves a model with motion planned for what the recordings so far leave open.
 
-Each recording tests the model before it is fitted. The motion of each round is new, so the error
-with which the model of the earlier rounds predicts it is the error to expect within the limits.
-Then the round is fitted together with all others, and the next motion is planned for what that fit
-leaves open, until new motion adds no information.
+Each recording tests the model before it is fitted: the error with which earlier rounds predict new
+motion is that to expect within the limits. Then the round is fitted together with all others, and
+the next motion is planned for what that leaves open, until it adds no information.
 """
 
 from __future__ import annotations
@@ -23,7 +22,6 @@ from friction_comp.excitation.joint_limits import JointLimits
 from friction_comp.excitation.plan import JointPlan, plan_joint
 from friction_comp.excitation.separation import DEFAULT, open_pairs, Pair, pairs_of
 from friction_comp.files import plain
-from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement import refine, RefineResult
 from friction_comp.refinement.recorded_motion import in_motion, standstill_speed
@@ -58,8 +56,7 @@ class Round:
 
     seconds: float  # of motion, in this round
     asked: list[Pair]  # effects that its motion was planned to tell apart
-    # RMS error in A, in motion, with which the model of the rounds before predicts this one; NaN of
-    # the first.
+    # RMS error in A, in motion, with which earlier rounds predict this one; NaN of the first.
     predicted_rmse: float
     held_out_rmse: float  # RMS error in A of the fit to all rounds, on parts that were not fitted
     effects: tuple[str, ...]  # named by the fit to all rounds
@@ -96,11 +93,14 @@ class Improvement:
 
 def prediction_error(model: FrictionModel, samples: Samples) -> float:
     """Return the RMS error with which a model predicts a recording, in motion, A."""
-    settings: dict[str, Any] = dict(model.differentiation or DEFAULT_SETTINGS)
-    moved = differentiate(samples, settings)
-    moving = in_motion(moved, np.zeros(len(moved), dtype=bool), standstill_speed(moved),
-                       settings.get('bandwidth'))
-    return rms((model.measured(samples) - model.predict(samples))[moving])
+    return rms((model.measured(samples) - model.predict(samples))[moving(samples, model)])
+
+
+def moving(samples: Samples, model: FrictionModel) -> np.ndarray:
+    """Return which samples refinement would fit, bool, (N,); InputError if they are too few."""
+    moved = model.differentiated(samples)
+    return in_motion(moved, np.zeros(len(moved), dtype=bool), standstill_speed(moved),
+                     model.settings.get('bandwidth'))
 
 
 def improve(play: Callable[[JointPlan], Samples], limits: JointLimits, drive: Drive, *,
@@ -111,26 +111,11 @@ def improve(play: Callable[[JointPlan], Samples], limits: JointLimits, drive: Dr
             plan: Callable[..., JointPlan] = plan_joint) -> Improvement:
     """Refine, plan, move and record until the model predicts motion that it has not seen.
 
-    Parameters
-    ----------
-    play : callable
-        Moves the joint along a plan and returns the recording.
-    limits, drive, schedule
-    model : FrictionModel, optional
-        The initial model; the note's sigmoid when omitted.
-    recorded : sequence of Samples
-        Recordings from before the first round.
-    progress : callable, optional
-        Called with the share of the budget that is spent and the present step.
-    done : callable, optional
-        Called after each round with the results so far.
-    plan : callable, optional
-        A replacement of `plan_joint`.
-
-    Raises
-    ------
-    InputError
-        If limits, model or recordings cannot be used.
+    `play` moves the joint along a plan and returns the recording. `model` is the initial one, else
+    the note's sigmoid, and `recorded` are recordings from before the first round. `progress` is
+    called with the share of the budget that is spent and the present step, `done` with the results
+    so far after each round; `plan` replaces `plan_joint`. Raises InputError if limits, model or
+    recordings cannot be used.
     """
     seconds, budget = schedule.seconds, schedule.budget
     recordings, rounds = list(recorded), list[Round]()

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 import math
 from pathlib import Path
 import xml.etree.ElementTree as ElementTree
@@ -38,16 +38,9 @@ class JointLimits:
             raise InputError(f'joint {self.joint!r}: the lowest position {self.lowest:g} is not '
                              f'below the highest {self.highest:g}')
 
-    def slowed(self, share: float) -> JointLimits:
-        """Return the limits with only a share of velocity and acceleration."""
-        return replace(self, velocity=share * self.velocity, acceleration=share * self.acceleration)
-
 
 def from_yaml(path: str | Path, joints: Sequence[str] = ()) -> list[JointLimits]:
-    """Return limits, of all joints by default, in a file like MoveIt's ``joint_limits.yaml``.
-
-    Raises InputError if the file cannot be used, or a limit is missing.
-    """
+    """Return limits, of all joints by default, in a file like MoveIt's; or raise InputError."""
     document = read_yaml(path)
     entries = document.get('joint_limits') if isinstance(document, dict) else None
     if not isinstance(entries, dict) or not entries:
@@ -75,9 +68,8 @@ def from_urdf(path: str | Path, acceleration: float,
               joints: Sequence[str] = ()) -> list[JointLimits]:
     """Return the limits, of all revolute joints by default, that a URDF states in ``<limit>``.
 
-    Joints that mimic another are left out: they have no motor of their own. A URDF does not state
-    the acceleration, rad/s². Raises InputError if the file cannot be used, or a joint has no limits
-    of position.
+    Not of joints that mimic another; a URDF does not state the acceleration, rad/s². Raises
+    InputError if the file cannot be used, or a joint has no limits of position.
     """
     try:
         root = ElementTree.parse(path).getroot()

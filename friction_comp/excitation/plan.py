@@ -2,17 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Plans a motion of one joint: moves between positions with rests, which never repeat.
 
-Target, speed and rest of the n-th move are the n-th point of a scrambled Sobol sequence, which
-covers all combinations evenly. Five parameters transform that sequence (`SHAPE`): the slowest
-speed, the share of slow moves, the longest move and rest, and how near targets are to the ends of
-the range. `scipy.optimize.differential_evolution` chooses them so that the pair of effects that is
-hardest to distinguish is separated best.
+Target, speed and rest of the n-th move are the n-th point of a scrambled Sobol sequence,
+transformed by the five parameters of `SHAPE`, which `scipy.optimize.differential_evolution` chooses
+so that the pair of effects that is hardest to distinguish is separated best.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 import math
 
@@ -28,13 +26,12 @@ from friction_comp.parallel import one_thread
 from friction_comp.samples import Samples
 from friction_comp.trajectory import Trajectory
 
-# Search ranges of the parameters: slowest speed relative to the limit, exponent of speeds, longest
-# move and longest rest in s, exponent of positions.
+# Slowest speed (share of the limit), exponent of speeds, longest move, rest (s), exponent of
+# positions.
 SHAPE = ((0.01, 0.5), (0.3, 4.0), (1.0, 15.0), (0.05, 3.0), (0.05, 1.2))
 # Share of the limits that is used: controllers interpolate and overshoot.
 MARGIN = 0.95
-# Shortest plan, s: below, it has too few moves; longest: beyond, it may have more moves than points
-# are drawn, since the shortest moves take 0.2 s, and half of the points may be left out.
+# Shortest plan, s, which has moves enough, and longest: `_POINTS` are enough for its moves.
 _SHORTEST, _LONGEST = 20.0, 1800.0
 _POINTS, _EVALUATED = 32768, 50.0
 _POPULATION, _GENERATIONS = 6, 10
@@ -77,10 +74,9 @@ class Move:
 
 def samples_of(moves: Sequence[Move], start: float, seconds: float, rate: float,
                joint: str) -> Samples:
-    """Return moves and rests between them sampled at a rate in Hz, with zero current.
+    """Return moves and rests between them, in order of time, sampled at a rate in Hz.
 
-    The moves are in the order of time, and `start` is the position before the first, rad. The last
-    sample is at the end or just after it.
+    The current is zero; the last sample is at the end or just after it.
     """
     time = np.arange(math.ceil(seconds * rate - 1e-9) + 1) / rate
     position = np.full(len(time), start)
@@ -138,8 +134,7 @@ def moves_of_shape(shape: Sequence[float] | np.ndarray, limits: JointLimits, sec
                    points: np.ndarray) -> tuple[float, list[Move]]:
     """Return the position at the begin and end of a plan, rad, and its moves.
 
-    `shape` are values of the parameters in `SHAPE`, and `points`, shape (K, 3), are in the unit
-    cube: target, speed and rest of each move.
+    `points`, (K, 3) in the unit cube, are target, speed and rest of each; `shape` as `SHAPE`.
     """
     slowest, speed_exponent, longest_move, longest_rest, position_exponent = shape
     top, acceleration = MARGIN * limits.velocity, MARGIN * limits.acceleration
@@ -172,15 +167,10 @@ def moves_of_shape(shape: Sequence[float] | np.ndarray, limits: JointLimits, sec
 def plan_joint(limits: JointLimits, pairs: Sequence[Pair], seconds: float, seed: int,
                model: FrictionModel | None = None,
                report: Callable[[float], None] = lambda share: None) -> JointPlan:
-    """Return a motion of one joint that separates pairs of effects.
+    """Return a motion of one joint that separates pairs of effects; the same for the same seed.
 
-    The same seed gives the same plan. The effort limit is checked with `model`, if given; `report`
-    is called with the share of the work done.
-
-    Raises
-    ------
-    InputError
-        If there is too little or too much time, or the effort limit cannot be kept.
+    The effort limit is checked with `model`, if given; `report` gets the share of the work done.
+    Raises InputError if there is too little or too much time, or the effort limit cannot be kept.
     """
     if seconds < _SHORTEST:
         raise InputError(f'{seconds:g} s are too short for a plan: at least {_SHORTEST:g} s')
@@ -212,7 +202,8 @@ def plan_joint(limits: JointLimits, pairs: Sequence[Pair], seconds: float, seed:
         if model is None or peak_torque(model, samples_of(
                 moves, start, seconds, 200.0, limits.joint)) <= MARGIN * limits.effort:
             return JointPlan(limits, start, tuple(moves), seconds, shares)
-        reduced = reduced.slowed(_SLOWER)
+        reduced = replace(reduced, velocity=_SLOWER * reduced.velocity,
+                          acceleration=_SLOWER * reduced.acceleration)
     raise InputError(
         f'joint {limits.joint!r}: {seconds:g} s are too short for motion within these limits'
         if reduced is limits else f'joint {limits.joint!r}: by its model even slow motion needs '

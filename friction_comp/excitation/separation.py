@@ -36,10 +36,7 @@ _SURE = 0.9
 
 
 def pairs_of(names: Iterable[str]) -> list[Pair]:
-    """Return all pairs of some effects.
-
-    Raises InputError if there are fewer than two, or motion alone cannot show one of them.
-    """
+    """Return all pairs of two or more effects; InputError if motion alone cannot show one."""
     names = list(dict.fromkeys(names))
     for name in names:
         why = _why_refused(name)
@@ -68,9 +65,8 @@ def _shown_by_motion(name: str) -> bool:
 def open_pairs(report: dict[str, Any]) -> list[Pair]:
     """Return the pairs of effects that refinement's report.json leaves open, without duplicates.
 
-    They are the ambiguous pairs, and those of each uncertain effect with the effects of `DEFAULT`.
-    An effect is uncertain if some repeated searches do not choose it, or if the remaining error
-    depends on its variable.
+    They are the ambiguous pairs, and those of each uncertain effect with the effects of `DEFAULT`:
+    one that some repeated searches do not choose, or on whose variable the error still depends.
     """
     pairs: dict[Pair, None] = {}
     for entry in report['ambiguous']:
@@ -88,11 +84,7 @@ def open_pairs(report: dict[str, Any]) -> list[Pair]:
 
 
 def pairs_in(report: Any, source: str) -> list[Pair]:
-    """Return the pairs of effects that a report leaves open; see `open_pairs`.
-
-    `source` names the report in errors. Raises InputError if it is not a report of refinement, or
-    motion alone cannot resolve anything in it.
-    """
+    """Return the pairs that a report, called `source`, leaves open; or raise InputError."""
     entries = report.get('ambiguous') if isinstance(report, dict) else None
     if not isinstance(entries, list):
         raise InputError(f"{source}: is no report of refine: it has no list 'ambiguous'")
@@ -131,9 +123,8 @@ def terms_of(name: str, coverage: Coverage) -> list[Term]:
 def separations(samples: Samples, pairs: Sequence[Pair], coverage: Coverage) -> dict[Pair, float]:
     """Return for each pair the share of one effect that is independent of the other, 0..1.
 
-    The samples have velocity and acceleration; their current is not used. The coverage is that of
-    `coverage_within`. All shares are 0 if there is hardly any motion. Raises InputError if an
-    effect cannot be seen with this coverage.
+    The samples have velocity and acceleration, the coverage is of `coverage_within`. Zero if there
+    is hardly any motion. Raises InputError if an effect cannot be seen with this coverage.
     """
     nothing = np.zeros(len(samples), dtype=bool)
     try:

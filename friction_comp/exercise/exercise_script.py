@@ -26,13 +26,11 @@ _UNITS = {'deg': math.pi / 180.0, 'rad': 1.0}
 _KEYS = {'format', 'version', 'unit', 'joints', 'repetitions', 'announcement', 'steps'}
 # Angles that differ by less, rad, are the same position.
 _SAME = 1e-9
-# Movements by less, rad, 0.1 deg, are not announced: a plan of several joints moves those at rest
-# by its rounding errors.
+# Movements by less, rad, are rounding errors of a plan, and not announced.
 _LEAST = 2e-3
 # s: a shorter standstill is no rest.
 _REST = 0.05
-# Number of points at which a movement is sampled to find where it begins to decelerate, and share
-# of the largest speed below which it does.
+# Points at which deceleration is looked for, and share of the largest speed below which it begins.
 _GRID, _UNEVEN = 400, 0.97
 # All repetitions are computed at the beginning. So many of 10 s last more than a day.
 _MOST_REPETITIONS = 10_000
@@ -41,20 +39,13 @@ _MOST_REPETITIONS = 10_000
 class ExerciseScript:
     """A movement of several joints through waypoints, with the announced direction of each joint.
 
-    Between waypoints each joint follows a monotone cubic (Fritsch and Carlson 1980): it passes a
-    waypoint without stopping if its direction continues, and reverses only at waypoints. As in
-    `ReferenceMovement`, a movement from rest is announced ahead. The direction changes at the
-    waypoint where the joint reverses, and returns to 0 when the joint begins to decelerate to rest.
+    Each joint follows a monotone cubic (Fritsch and Carlson 1980): it passes a waypoint without
+    stopping if its direction continues, and reverses only at waypoints. As in `ReferenceMovement`,
+    a movement from rest is announced ahead; the direction changes where the joint reverses, and
+    returns to 0 when it begins to decelerate to rest.
 
-    Parameters
-    ----------
-    joints : sequence of str
-    times : ndarray, shape (K,)
-        Time of each waypoint in s, increasing from 0.
-    positions : ndarray, shape (K, J)
-        Positions in rad, relative to those at the beginning.
-    announcement : float
-        Time in s by which a movement from rest is announced ahead.
+    `times`, (K,), of the waypoints and `announcement` are in s, `positions`, (K, J), in rad
+    relative to those at the beginning.
     """
 
     def __init__(self, joints: Sequence[str], times: np.ndarray, positions: np.ndarray,
@@ -71,10 +62,7 @@ class ExerciseScript:
                            for column, speed in zip(positions.T, self._speeds)]
 
     def at(self, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return position (rad), velocity (rad/s) and direction (-1, 0, +1), each shape (J,).
-
-        `time` is in s since the exercise began; before and after it the joints rest.
-        """
+        """Return position (rad), velocity (rad/s), direction (-1, 0, +1), (J,), at a time in s."""
         inside = min(max(time, 0.0), self.duration)
         moving = 0.0 <= time <= self.duration
         position = np.array([float(path(inside)) for path in self._paths])
@@ -87,15 +75,11 @@ class ExerciseScript:
         return np.array([end for _, end in self._spans_at(time)])
 
     def _spans_at(self, time: float) -> list[tuple[int, float]]:
-        """Return the direction of each joint, and the end of its movement."""
         return [next(((sign, last) for begin, end, sign, last in spans if begin <= time < end),
                      (0, math.nan)) for spans in self._announced]
 
     def of(self, joints: Sequence[str]) -> ExerciseScript:
-        """Return the exercise for these joints in this order; joints that it does not move rest.
-
-        Raises InputError if it moves a joint that is not among them.
-        """
+        """Return the exercise for these joints, in order; InputError if another one moves."""
         if unknown := sorted(set(self.joints) - set(joints)):
             raise InputError(f'the exercise moves {", ".join(unknown)}, but the joints are '
                              f'{", ".join(joints)}')

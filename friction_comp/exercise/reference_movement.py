@@ -6,34 +6,28 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 import math
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from friction_comp.checks import check_number
 from friction_comp.errors import InputError
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 
 @dataclass(frozen=True)
 class ReferenceMovement:
     """Repeated movements back and forth, each with acceleration, constant velocity, deceleration.
 
-    One repetition is: standstill at the start, the positive movement, standstill at the far end,
-    the negative movement back. The direction d of the next movement is announced during the
-    standstill, and returns to 0 when the movement begins to decelerate, so that the compensation
-    does not drive the joint beyond the target.
-
-    Raises InputError if a number is out of range, or the amplitude leaves no phase of constant
-    velocity.
+    Standstill, the positive movement, standstill, the negative one back. The direction d is
+    announced during the standstill before, and returns to 0 when the movement begins to decelerate,
+    so that the compensation does not drive the joint beyond the target. Raises InputError if a
+    number is out of range, or the amplitude leaves no phase of constant velocity.
     """
 
     amplitude: float = math.radians(40.0)  # between the ends, rad; negative: negative way first
     speed: float = math.radians(20.0)  # of the constant velocity phase, rad/s
-    # s from standstill to that speed, and from it to standstill; velocity follows a raised cosine,
-    # so that acceleration is continuous.
+    # s from standstill to that speed, by a raised cosine, and from it to standstill.
     acceleration_time: float = 0.5
     standstill: float = 2.0  # before each movement, s
     announcement: float = 1.0  # time by which the direction is announced before the movement, s
@@ -80,10 +74,7 @@ class ReferenceMovement:
         return self.amplitude if direction * self.amplitude > 0.0 else 0.0
 
     def at(self, time: ArrayLike) -> tuple[Any, Any, Any]:
-        """Return position (rad), velocity (rad/s) and direction (-1, 0, +1) of the shape of `time`.
-
-        `time` is in s since the exercise began.
-        """
+        """Return position (rad), velocity (rad/s) and direction (-1, 0, +1) at times in s."""
         time = np.asarray(time, dtype=float)
         period = self.standstill + self.movement_time
         movement = np.floor(time / period)

@@ -37,47 +37,20 @@ _GRAIN = 0.01 * DEGREE
 
 @dataclass(frozen=True)
 class Taught:
-    """An exercise made of a recorded movement.
+    """An exercise made of a recorded movement."""
 
-    Attributes
-    ----------
-    document : dict
-        Content of the exercise file.
-    time : ndarray, shape (N,)
-        s, from the beginning of the exercise.
-    path : ndarray, shape (N, J)
-        The guided movement, rad from the beginning.
-    waypoints : ndarray, shape (K,)
-        Times of the waypoints, s.
-    slowed : float
-        Factor by which the tempo was reduced to keep limits of speed.
-    """
-
-    document: dict[str, Any]
-    time: np.ndarray
-    path: np.ndarray
-    waypoints: np.ndarray
-    slowed: float
+    document: dict[str, Any]    # content of the exercise file
+    time: np.ndarray            # s, from the beginning of the exercise, (N,)
+    path: np.ndarray            # the guided movement, rad from the beginning, (N, J)
+    waypoints: np.ndarray       # their times, s, (K,)
+    slowed: float               # factor of the tempo, to keep limits of speed
 
 
 def teach(joints: Sequence[str], time: np.ndarray, position: np.ndarray,
           speeds: Sequence[float] | None = None) -> Taught:
-    """Return the exercise of a guided movement.
+    """Return the exercise of a guided movement, slowed down to `speeds`, rad/s; or InputError.
 
-    Parameters
-    ----------
-    joints : sequence of str
-    time : ndarray, shape (N,)
-        s.
-    position : ndarray, shape (N, J)
-        rad.
-    speeds : sequence of float, optional
-        Largest speed of each joint, rad/s: a faster movement is slowed down.
-
-    Raises
-    ------
-    InputError
-        If nothing moves, or the recording is too short.
+    Time is in s, (N,), position in rad, (N, J).
     """
     if not time[-1] - time[0] > 2.0 * _REST:
         raise InputError(f'{time[-1] - time[0]:.2g} s are too short for an exercise')
@@ -116,7 +89,8 @@ def teach(joints: Sequence[str], time: np.ndarray, position: np.ndarray,
 
 def _one_way(path: np.ndarray) -> tuple[np.ndarray, list[int]]:
     """Return a path that moves one way between its reversals and rests, and their indices."""
-    keys = _reversals(path)
+    # The extremes from which the path turns back by more than TURN.
+    keys = [int(k) for sign in (1.0, -1.0) for k in find_peaks(sign * path, prominence=TURN)[0]]
     for begin, end in _rests(path):
         # A rest at a reversal stands in its place.
         keys = [k for k in keys if not begin < k < end] + [begin, end]
@@ -130,11 +104,6 @@ def _one_way(path: np.ndarray) -> tuple[np.ndarray, list[int]]:
         up = shaped[last] >= shaped[first]
         shaped[first:last + 1] = (np.maximum if up else np.minimum).accumulate(part)
     return shaped, keys
-
-
-def _reversals(path: np.ndarray) -> list[int]:
-    """Return the indices of the extremes from which the path turns back by more than TURN."""
-    return [int(k) for sign in (1.0, -1.0) for k in find_peaks(sign * path, prominence=TURN)[0]]
 
 
 def _rests(path: np.ndarray) -> list[tuple[int, int]]:
@@ -155,7 +124,6 @@ def _rests(path: np.ndarray) -> list[tuple[int, int]]:
 
 
 def _add_where_far(time: np.ndarray, shape: np.ndarray, knots: list[int]) -> np.ndarray:
-    """Return knots between which monotone cubics are close to the path everywhere."""
     while True:
         curve = PchipInterpolator(time[knots], shape[knots])(time)
         far = np.abs(curve - shape).max(axis=1)

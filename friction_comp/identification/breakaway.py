@@ -1,16 +1,65 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Breakaway currents of an identification, and their statistics."""
+"""Breakaway is the largest current that holds: ramps pause on stairs of 1 % of the current.
+
+In presliding, a joint whose current stays constant comes to rest; one that slides goes on, or
+becomes faster: for friction that falls or rises with speed, for every kind of presliding, and for a
+rotor that slides through backlash until teeth stop it.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from friction_comp.errors import InputError
-from friction_comp.model.friction_model import Breakaway
+from friction_comp.model.measured import Breakaway
+from friction_comp.statistics import noise_level
+
+STAIR, SLIDING_STAIR = 0.01, 0.03
+"""Height of a stair as a share of its current, and of one above a current that did not hold."""
+
+FIRST_STAIR = 0.9
+"""The first stair, as a share of the current that held so far."""
+
+SHORTEST_PAUSE, LONGEST_PAUSE = 0.15, 0.6
+"""Times on a stair, s: doubled from the shortest on until the joint rests, or slides."""
+
+SLIDE_SHARE = 0.5
+"""A joint slides that moves during a pause by this share of all its movement on the ramp before."""
+
+# The joint rests if it moves in the last third of a pause by at most this share of its movement in
+# the second third, or by at most so much of a count, or by less than its noise shows.
+_SPEED_SHARE, _COUNTS, _ERRORS = 0.5, 0.5, 3.0
+
+
+class Held(NamedTuple):
+    """A pause during which the joint came to rest: beginning and end in s, position in rad."""
+
+    begin: float
+    end: float
+    position: float
+
+
+def rests(time: Sequence[float], position: Sequence[float], sign: int, resolution: float) -> bool:
+    """Return whether a joint has come to rest, or nearly so, during a pause.
+
+    Time in s and position in rad since its beginning; `sign` is the ramp's direction, `resolution`
+    the angle of an encoder count in rad. The means of thirds are compared, which resolve less than
+    a count.
+    """
+    share = (np.asarray(time) - time[0]) / (time[-1] - time[0])
+    x = sign * (np.asarray(position) - position[0])
+    thirds = [x[(share >= k / 3.0) & (share <= (k + 1) / 3.0)] for k in range(3)]
+    first, second, third = (float(np.mean(part)) for part in thirds)
+    before, now = second - first, third - second
+    noise = _ERRORS * noise_level(x - np.interp(share, (1 / 6, 0.5, 5 / 6), (
+        first, second, third))) * math.sqrt(2.0 / len(thirds[-1]))
+    return now <= max(_COUNTS * resolution, noise, _SPEED_SHARE * before)
 
 
 class SlideBegin(NamedTuple):
@@ -38,10 +87,7 @@ class BreakawayRecords:
         return self.current[self.direction == direction]
 
     def statistics(self) -> Breakaway:
-        """Return means, standard deviations and mean positions.
-
-        Raises InputError if a direction has no breakaway.
-        """
+        """Return means, standard deviations, mean positions; InputError without both directions."""
         values = {}
         for name, direction in (('positive', 1), ('negative', -1)):
             currents = self.currents(direction)

@@ -15,9 +15,9 @@ from friction_comp.checks import check_number, check_whole_number
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.identification.breakaway import BreakawayRecords
-from friction_comp.identification.kinetic import KineticPoint
-from friction_comp.identification.waveforms import LARGEST_SPEED
-from friction_comp.model.friction_model import Breakaway, FrictionModel, Presliding
+from friction_comp.identification.kinetic import KineticPoint, LARGEST_SPEED
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.measured import Breakaway, Presliding
 from friction_comp.model.sigmoid import Sigmoid
 
 # Share of the motion range that the profiles use; the rest is a margin for control errors.
@@ -62,13 +62,13 @@ class IdentificationGoal(MotionGoal):
     Parameters
     ----------
     speeds : sequence of float
-        Constant velocities ω_c in rad/s, at least two different magnitudes. Each is driven in
-        both directions, so signs and repeated magnitudes are dropped.
+        Constant velocities ω_c in rad/s, at least two different magnitudes, each driven in both
+        directions.
     motion_range : float
         Width in rad of the range, centred on the position at the start, that the joint may use.
     ramp_slope : float, optional
-        Slope s of Eq. 8 in A/s. None: the joint is first broken free by a current that grows
-        towards the drive's limit, and ramps reach what that took within 1.2 s.
+        Slope s of Eq. 8 in A/s. None: a current that grows towards the drive's limit breaks the
+        joint free first, and ramps reach what that took within 1.2 s.
     ramp_period : float
         T of Eq. 8 in s.
     breakaway_cycles : int
@@ -76,8 +76,7 @@ class IdentificationGoal(MotionGoal):
     largest_speed : float
         Limit of ``|ω_c|`` in rad/s; the note's is 100 deg/s.
     longest_cycle : float
-        Longest duration of a cycle in s; low speeds use only a part of the range to keep it.
-        Infinity follows Eq. 5 exactly, with 2.5·range/speed per cycle.
+        Longest duration of a cycle in s: low speeds then use only a part of the range.
 
     Raises
     ------
@@ -138,8 +137,7 @@ class IdentificationResult:
     sigmoid_error: float            # E of Eq. 7, A
     breakaway: Breakaway
     records: BreakawayRecords       # every single breakaway
-    # k_t·n/J in rad/s² per A from the cycles of Eq. 3; if their accelerations take too little
-    # current, from the short push, with an error of some tens of percent.
+    # k_t·n/J in rad/s² per A from the cycles of Eq. 3, else, less exactly, from the short push.
     acceleration_per_current: float
     goal: IdentificationGoal
     warnings: list[str] = field(default_factory=list)
@@ -172,8 +170,8 @@ class IdentificationResult:
         return FrictionModel(
             drive=drive, position_limits=position_limits, joint=joint,
             sigmoid=self.sigmoid, breakaway=self.breakaway, presliding=self.presliding,
-            lookup_table={'speeds': self.speeds.tolist(), 'currents': self.currents.tolist(),
-                          'standard_deviations': self.standard_deviations.tolist()},
+            lookup_table={name: getattr(self, name).tolist() for name in (
+                'speeds', 'currents', 'standard_deviations')},
             notes={
                 'source': 'identification: constant velocities and current ramps',
                 'sigmoid_error': self.sigmoid_error,

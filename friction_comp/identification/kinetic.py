@@ -1,25 +1,107 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Mean currents at constant velocity (look-up table of section 2.3), and inertia."""
+"""Movements and currents of identification (note, Eq. 3-5 and 8), and what they measure.
+
+The look-up table of section 2.3 has mean currents at constant velocity; also inertia.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 import math
+from typing import NamedTuple
 
+from numba import njit
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal import savgol_filter
 
 from friction_comp.errors import InputError
-from friction_comp.identification.sample import Sample
-from friction_comp.identification.waveforms import constant_velocity_windows
 
+LARGEST_SPEED = math.radians(100.0)
+"""Bound on |ω_c| in Eq. 5, rad/s."""
 # s at the beginning of a constant-velocity phase that are not used.
 _SETTLING = 0.25
 _TRANSIENT = 2.5e-3  # s that the current controller takes after a step of current
 _CYCLE_SMOOTHING = 0.02  # share of a cycle over which acceleration is computed
+
+
+def cycle_velocity(time: float, speed: float, cycle_time: float) -> float:
+    """Return the reference velocity of Eq. 3 in rad/s at a time in s; zero outside the cycle.
+
+    The fifth phase begins at 0.9 T, where the note prints ``0.9 < t``.
+    """
+    share = time / cycle_time
+    if share <= 0.0 or share >= 1.0:
+        return 0.0
+    if share <= 0.1:
+        return 10.0 * speed * share
+    if share <= 0.4:
+        return speed
+    if share <= 0.6:
+        return speed - 10.0 * speed * (share - 0.4)
+    if share <= 0.9:
+        return -speed
+    return -speed + 10.0 * speed * (share - 0.9)
+
+
+def cycle_position(time: float, speed: float, cycle_time: float) -> float:
+    """Return the integral of Eq. 3 in rad; its far end at T/2 is 0.4·ω_c·T away (Eq. 4)."""
+    share = time / cycle_time
+    if share <= 0.0 or share >= 1.0:
+        return 0.0
+    if share <= 0.1:
+        integral = 5.0 * (share * share)
+    elif share <= 0.4:
+        integral = share - 0.05
+    elif share <= 0.6:
+        integral = 0.35 + (share - 0.4) - 5.0 * ((share - 0.4) * (share - 0.4))
+    elif share <= 0.9:
+        integral = 0.95 - share
+    else:
+        integral = 5.0 * ((1.0 - share) * (1.0 - share))
+    return speed * cycle_time * integral
+
+
+@njit(cache=True)
+def ramp_current(time: float, slope: float, period: float) -> float:
+    """Return the motor current of Eq. 8 in A at a time; zero outside the period.
+
+    By Fig. 2 it is the current itself, not its derivative: two ramps of opposite sign up to
+    0.4·s·T.
+    """
+    share = time / period
+    if 0.0 < share <= 0.4:
+        return slope * time
+    if 0.5 < share <= 0.9:
+        return -slope * (time - 0.5 * period)
+    return 0.0
+
+
+def travel_state(time: float, distance: float, duration: float) -> tuple[float, float]:
+    """Return position (rad) and velocity (rad/s) of a quintic from rest to rest."""
+    share = min(max(time / duration, 0.0), 1.0)
+    square, left = share * share, 1.0 - share
+    position = distance * (share * square) * (10.0 - 15.0 * share + 6.0 * square)
+    velocity = distance / duration * 30.0 * square * (left * left)
+    return position, velocity
+
+
+def constant_velocity_windows(cycle_time: float, settling: float = 0.0
+                              ) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the phases of Eq. 3 at +ω_c and -ω_c, s, without `settling`, or 60 % of each."""
+    skipped = min(max(settling, 0.0), 0.18 * cycle_time)
+    return ((0.1 * cycle_time + skipped, 0.4 * cycle_time),
+            (0.6 * cycle_time + skipped, 0.9 * cycle_time))
+
+
+class Sample(NamedTuple):
+    """What a motion is told of its joint at a time: s, rad and A; current is NaN if unknown."""
+
+    time: float
+    position: float
+    current: float
 
 
 @dataclass(frozen=True)
@@ -39,9 +121,9 @@ def constant_velocity_currents(time: ArrayLike, position: ArrayLike, current: Ar
                                ) -> tuple[KineticPoint, KineticPoint]:
     """Average the current over the phases of one cycle of Eq. 3 at +ω_c and at -ω_c.
 
-    `time` in s counts from the beginning of the cycle, `position` is in rad and the measured
-    `current` in A, each of shape (N,). If `acceleration_per_current` (k_t·n/J, rad/s² per A) is
-    given, the small current that still accelerates the joint is subtracted from the mean.
+    Time in s since the beginning of the cycle, position in rad and measured current in A, each
+    (N,). With `acceleration_per_current` (k_t·n/J, rad/s² per A), the small current that still
+    accelerates the joint is subtracted from the mean.
     """
     time, position, current = (
         np.asarray(values, dtype=float) for values in (time, position, current))
@@ -71,9 +153,9 @@ def acceleration_of_push(pushed: Sequence[Sample], coasted: Sequence[Sample], st
                          sign: int) -> float:
     """Estimate k_t·n/J in rad/s² per A from a push at constant current and the coasting after it.
 
-    Friction is about the same in both, so the difference of the accelerations is k_t·n/J times the
-    current of magnitude `strength` in A. The velocity controller's gains, which follow from it,
-    tolerate errors of tens of percent. NaN if it cannot be estimated.
+    Friction is about the same in both, so the difference of accelerations is k_t·n/J times the
+    current `strength`, A. The controller tolerates errors of tens of percent. NaN if it cannot be
+    estimated.
     """
     faster, top = _acceleration(pushed, sign)
     if not math.isfinite(faster) or top <= 0.0:
@@ -110,7 +192,7 @@ def acceleration_of_cycle(cycle: np.ndarray) -> float:
     """Estimate k_t·n/J in rad/s² per A from a cycle of Eq. 3: rows of s, rad and A, shape (N, 3).
 
     At a given speed and direction, friction is the same whether the joint accelerates or
-    decelerates: the difference in current is due to inertia. NaN if it is small compared with other
+    decelerates: the difference is due to inertia. NaN if it is small compared with other
     variations.
     """
     time, position, current = cycle.T
@@ -132,11 +214,7 @@ def acceleration_of_cycle(cycle: np.ndarray) -> float:
 
 def local_parabolas(values: np.ndarray, count: int,
                     step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Fit a parabola to `count` samples, `step` s apart, around every sample.
-
-    Savitzky and Golay, Analytical Chemistry 36(8), 1964. Returns value, slope and second derivative
-    at the centre, each of shape (N - count + 1,).
-    """
+    """Return value, slope and second derivative of parabolas (Savitzky-Golay), (N - count + 1,)."""
     inner = slice(count // 2, len(values) - count // 2)
     value, slope, bend = (
         savgol_filter(values, count, 2, deriv=order, delta=step)[inner] for order in range(3))

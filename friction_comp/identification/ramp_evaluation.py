@@ -1,6 +1,15 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Evaluates current ramps: breakaway currents, presliding and backlash."""
+"""Evaluates current ramps: breakaway, presliding and backlash, from the friction along them.
+
+A part of the motor's current accelerates the joint, the rest is friction:
+
+``f = i - a / (k_t·n/J) - c·ω``
+
+without the viscous current c·ω of Eq. 6. In presliding, f rises with the current. A ramp's curve of
+f over displacement ends with the last pause at which the joint rested (see `staircase`): there f is
+the current.
+"""
 
 from __future__ import annotations
 
@@ -11,23 +20,213 @@ from typing import NamedTuple
 
 import numpy as np
 
-from friction_comp.identification.breakaway import breakaway_records, BreakawayRecords, SlideBegin
-from friction_comp.identification.goal import IdentificationError
-from friction_comp.identification.presliding import (
-    combined_presliding,
-    common_stiffness,
-    find_backlash,
-    presliding_std,
-    ramp_friction,
-    RampFriction,
+from friction_comp.identification.breakaway import (
+    breakaway_records,
+    BreakawayRecords,
+    Held,
+    SlideBegin,
 )
-from friction_comp.identification.staircase import Held
-from friction_comp.model.friction_model import Presliding
+from friction_comp.identification.goal import IdentificationError
+from friction_comp.identification.kinetic import local_parabolas
+from friction_comp.model.measured import Presliding
+from friction_comp.statistics import noise_level
 
+# Limits of the smoothing window of f, s: a rotor breaks free more slowly, the gear resonates
+# faster.
+_SHORTEST, _LONGEST = 0.024, 0.064
+# Noise of f that remains after smoothing, as a share of the largest current.
+_NOISE = 0.007
+# Share of breakaway at which presliding ends.
+_PRESLIDING_END = 0.95
+# Beside the scatter, standard deviations of presliding: of begin and end within a count, counts,
+# and of the method, a share of the distance (gears of `bench/law_table.py`, seeds 44 and 46).
+_SHARE_OF_COUNT, _METHOD = 0.4, 0.09
+# Stiffness is computed up to this share of breakaway. Fewest counts that the joint must move there,
+# times the root of the number of ramps.
+_EARLY, _COUNTS = 1.0 / 3.0, 4.0
+# Least depth of a ramp's curve below its hull, as a share of breakaway, and share of the ramps in
+# each direction that must exceed it, since not every ramp crosses backlash. Simulated gears without
+# backlash stay below in at least one direction; those with visible backlash have 0.05 to 0.24 in
+# both (`bench/law_table.py --floors identification`, seeds 42 to 48).
+_DEPTH, _SHARE = 0.04, 0.2
+_SURE = 3.0          # standard deviations of noise that a dip must exceed
+_SEEN_COUNTS = 3.0   # smallest backlash that the encoder resolves
+_BINS = 60           # of displacement, at most
+_NEAR = 0.75         # share of the backlash from which on the tangent at the touch is computed
 # Share of a pause at its beginning whose current is not used: the current controller settles.
 _SETTLING = 0.3
 # Accepted two standard errors of breakaway, as a share of it, for a gear with backlash.
 _MOST_SCATTER = 0.05
+
+
+@dataclass(frozen=True)
+class RampFriction:
+    """Friction along one ramp up to breakaway, in the ramp's direction; shapes (M,)."""
+
+    current: np.ndarray     # friction current, smoothed, A
+    position: np.ndarray    # displacement since the beginning of the ramp, smoothed, rad
+    measured: np.ndarray    # the same as measured by the encoder, rad
+    half: int               # half the smoothing window, samples
+    noise: float            # standard deviation of the smoothed current, A
+
+    @property
+    def breakaway(self) -> float:
+        """Breakaway current in A, a magnitude."""
+        return float(np.max(self.current[-self.half:]))
+
+    def presliding(self, breakaway: float, upturn: int = 0) -> float:
+        """Return the displacement in rad at which friction reaches 95 % of this ramp's breakaway.
+
+        Friction varies with position: where it is 4 % lower, 95 % of the mean would only be reached
+        at the flat end. If teeth touch at the index `upturn`, the link's friction begins only after
+        the backlash: it is the part above the tangent at the touch, shifted back by the backlash.
+        """
+        moved = np.maximum.accumulate(self.position)
+        friction, crossed = self.current, moved[upturn]
+        if upturn > 0:
+            before, touch = np.interp((_NEAR * crossed, crossed), moved, self.current)
+            slope = (touch - before) / ((1.0 - _NEAR) * crossed)
+            added = np.maximum.accumulate(np.where(
+                moved > crossed, self.current - touch - slope * (moved - crossed), 0.0))
+            friction = friction + np.interp(moved + crossed, moved, added) - added
+        k = int(np.argmax(friction >= min(_PRESLIDING_END * breakaway, self.breakaway)))
+        return float(self.position[k])
+
+
+def ramp_friction(time: np.ndarray, position: np.ndarray, current: np.ndarray, sign: int,
+                  resolution: float, acceleration_per_current: float,
+                  viscous: float = 0.0) -> RampFriction:
+    """Separate friction from the current that accelerates the joint, along one ramp.
+
+    Time in s, position in rad and current in A, shape (N,), of a ramp in the direction `sign` that
+    starts at rest and ends with the largest current that holds; `resolution` is an encoder count in
+    rad.
+    """
+    step = float(np.median(np.diff(time)))
+    even = time[0] + step * np.arange(int((time[-1] - time[0]) / step) + 1)
+    moved = np.interp(even, time, sign * (position - position[0]))
+    driven = np.interp(even, time, sign * current)
+    count = _window(step, driven, resolution, acceleration_per_current)
+    half = count // 2
+    smooth_position, speed, acceleration = local_parabolas(moved, count, step)
+    smooth = np.convolve(driven, np.full(count, 1.0 / count), 'valid')
+    # Deceleration is left out: friction, or teeth that touch after backlash, stop the joint.
+    inertia = np.maximum(acceleration, 0.0) / acceleration_per_current
+    friction = smooth - inertia - viscous * speed
+    end = even.size - count + 1
+    return RampFriction(
+        current=friction, position=smooth_position,
+        measured=moved[half:half + end], half=half,
+        noise=float(np.std(driven[half:half + end] - smooth) / np.sqrt(count)))
+
+
+def _window(step: float, driven: np.ndarray, resolution: float, rate: float) -> int:
+    """Return the smoothing window in samples, odd: the shortest that encoder and noise allow."""
+    allowed = _NOISE * max(float(np.max(driven)), 1e-9)
+    # Variance of a parabola's second derivative over a window T: 720·σ²·step/T⁵.
+    counts = (60.0 * resolution ** 2 * step / (allowed * rate) ** 2) ** 0.2
+    noise = noise_level(driven)
+    width = max(counts, step * (noise / allowed) ** 2, _SHORTEST)
+    return max(round(min(width, _LONGEST) / step), 5) | 1
+
+
+def combined_presliding(measured: list[tuple[bool, float]]) -> float:
+    """Return the presliding distance in rad from ramps after slides in both directions.
+
+    Each entry of `measured` tells whether the preceding slide had the ramp's direction, and the
+    displacement in rad. A Maxwell-slip contact remembers that slide: in its direction a ramp yields
+    less than the presliding distance, against it more; by Masing's rule the sum is twice the
+    distance. Contacts without this memory (Dahl, LuGre) yield the same both times. The mean of both
+    is the distance in either case.
+    """
+    sides = [[value for same, value in measured if same is side] for side in (True, False)]
+    return float(np.mean([np.median(side) for side in sides if side])) if measured else 0.0
+
+
+def presliding_std(measured: list[tuple[bool, float]], distance: float, resolution: float) -> float:
+    """Return the standard deviation of presliding at one rest from `combined_presliding`, rad.
+
+    It combines the ramps' scatter, the encoder count and the method's error.
+    """
+    sides = [np.array([value for same, value in measured if same is side])
+             for side in (True, False)]
+    # From the interquartile range, since single distances may be far off.
+    scatter = [float(np.subtract(*np.quantile(side, (0.75, 0.25)))) / 1.35
+               if len(side) > 2 else 0.3 * distance for side in sides if len(side)]
+    return math.hypot(float(np.sqrt(np.mean(np.square(scatter)))), _SHARE_OF_COUNT * resolution,
+                      _METHOD * distance)
+
+
+def common_stiffness(ramps: Sequence[RampFriction], breakaway: float,
+                     resolution: float) -> float | None:
+    """Return the slope of friction over displacement up to a third of breakaway, A/rad.
+
+    The ramps have the direction of the slide before them: then every contact sticks at first, while
+    against it some slip at once. None if the encoder is too coarse.
+    """
+    products = squares = moved = 0.0
+    for ramp in ramps:
+        last = int(np.argmax(ramp.current > _EARLY * breakaway))
+        if last < 3:
+            return None
+        # The position within the first count is unknown, so deviations from the mean are used.
+        rise = ramp.current[:last] - np.mean(ramp.current[:last])
+        products += float(np.dot(rise, ramp.position[:last]))
+        squares += float(np.dot(rise, rise))
+        moved += float(ramp.position[last] - ramp.position[0]) / len(ramps)
+    if moved * math.sqrt(len(ramps)) < _COUNTS * resolution or not products > 0.0:
+        return None
+    return squares / products
+
+
+def _upturn(ramp: RampFriction, resolution: float) -> tuple[float, int]:
+    """Return the largest depth of a curve below its hull, a share of its peak, and its index."""
+    width = max(resolution, float(np.max(ramp.measured)) / _BINS)
+    bins = np.maximum.accumulate(np.maximum(0, np.rint(ramp.measured / width).astype(int)))
+    count = np.bincount(bins)
+    # The position within the first count is unknown, so it is not used.
+    x = np.flatnonzero(count)[1:]
+    if len(x) < 4:
+        return 0.0, 0
+    y = np.bincount(bins, ramp.current)[x] / count[x]
+    top = int(np.argmax(y))     # Beyond it, the joint slides.
+    corners = [0]
+    for k in range(1, top + 1):
+        while len(corners) > 1:
+            i, j = corners[-2:]
+            if (y[j] - y[i]) * (x[k] - x[j]) > (y[k] - y[j]) * (x[j] - x[i]):
+                break
+            corners.pop()
+        corners.append(k)
+    below = np.interp(x[:top + 1], x[corners], y[corners]) - y[:top + 1]
+    # Samples within the smoothing window have the same noise.
+    windows = np.maximum(1.0, count[x[:top + 1]] / (2 * ramp.half + 1))
+    below -= _SURE * ramp.noise / np.sqrt(windows)
+    return float(np.max(below) / y[top]), int(np.searchsorted(bins, x[np.argmax(below)]))
+
+
+def find_backlash(ramps: Sequence[RampFriction], directions: Sequence[int],
+                  resolution: float) -> tuple[float, list[int]]:
+    """Return the backlash of a gear, rad, and each ramp's index at which teeth touch; 0 if none.
+
+    Friction of a gear's contacts is a concave function of displacement, since every contact that
+    begins to slide leaves fewer that still stick (Dahl, LuGre, Bouc-Wen and Maxwell slip alike).
+    While teeth are apart, only the motor's own friction acts; where they touch, that of the link is
+    added and the curve bends upwards. A dip below its concave hull indicates backlash; its lowest
+    point is where teeth touch.
+    """
+    depths = [_upturn(ramp, resolution) for ramp in ramps]
+    upturns = [at if depth > _DEPTH and ramp.position[at] >= _SEEN_COUNTS * resolution else 0
+               for ramp, (depth, at) in zip(ramps, depths)]
+    shares = [np.mean([at > 0 for at, other in zip(upturns, directions) if other == sign])
+              for sign in set(directions)]
+    # A contact that is stiffer on one side also curves upwards, but in one direction only.
+    if len(shares) < 2 or min(shares) < _SHARE:
+        return 0.0, [0] * len(ramps)
+    # Smoothing shows an impact half a window before it happens.
+    crossed = [ramp.position[min(at + ramp.half, len(ramp.position) - 1)]
+               for ramp, at in zip(ramps, upturns) if at > 0]
+    return float(np.median(crossed)), upturns
 
 
 class Ramp(NamedTuple):
@@ -57,7 +256,7 @@ def evaluate_ramps(ramps: Sequence[Ramp], resolution: float, acceleration_per_cu
                    viscous: float) -> RampEvaluation:
     """Evaluate the ramps of a drive: breakaway is the largest current that held the joint.
 
-    `resolution` is in rad per count, `acceleration_per_current` (k_t·n/J) in rad/s² per A, and
+    `resolution` is in rad per count, `acceleration_per_current` (k_t·n/J) in rad/s² per A,
     `viscous` (of Eq. 6) in A·s/rad. Raises IdentificationError if breakaway scatters because of
     backlash.
     """
@@ -65,17 +264,19 @@ def evaluate_ramps(ramps: Sequence[Ramp], resolution: float, acceleration_per_cu
     records = breakaway_records([
         SlideBegin(ramp.held.end, _held_current(ramp), ramp.held.position) for ramp in ramps],
         directions)
-    curves = [ramp_friction(*_until_held(ramp), ramp.direction, resolution,
-                            acceleration_per_current, viscous) for ramp in ramps]
+    curves = []
+    for ramp in ramps:
+        held = np.isfinite(ramp.samples[:, 2]) & (ramp.samples[:, 0] <= ramp.held.end)
+        time, position, current = ramp.samples[held].T
+        curves.append(ramp_friction(time, position, current, ramp.direction, resolution,
+                                    acceleration_per_current, viscous))
     backlash, upturns = find_backlash(curves, directions, resolution)
     warnings = [_backlash_message(backlash, records)] if backlash > 0.0 else []
-    return RampEvaluation(records, _presliding(ramps, curves, records, upturns, resolution,
-                                               backlash or None),
-                          warnings, backlash or None)
+    found = _presliding(ramps, curves, records, upturns, resolution, backlash or None)
+    return RampEvaluation(records, found, warnings, backlash or None)
 
 
 def _held_current(ramp: Ramp) -> float:
-    """Return the mean measured current in A of the pause that held."""
     begin = ramp.held.begin + _SETTLING * (ramp.held.end - ramp.held.begin)
     time, _, current = ramp.samples.T
     measured = current[(time >= begin) & (time <= ramp.held.end) & np.isfinite(current)]
@@ -84,15 +285,7 @@ def _held_current(ramp: Ramp) -> float:
     return float(np.mean(measured))
 
 
-def _until_held(ramp: Ramp) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return time, position and current of the samples, as long as a current held the joint."""
-    rows = ramp.samples[np.isfinite(ramp.samples[:, 2])]
-    time, position, current = rows[rows[:, 0] <= ramp.held.end].T
-    return time, position, current
-
-
 def _backlash_message(backlash: float, records: BreakawayRecords) -> str:
-    """Return the warning about backlash; raise if breakaway scatters too much because of it."""
     for side, sign in (('positive', 1), ('negative', -1)):
         levels = np.abs(records.currents(sign))
         if len(levels) > 1 and 2.0 * np.std(levels, ddof=1) > (
@@ -104,8 +297,8 @@ def _backlash_message(backlash: float, records: BreakawayRecords) -> str:
     return f'backlash of {backlash:.2g} rad; presliding is given without it'
 
 
-def _presliding(ramps: Sequence[Ramp], peaks: Sequence[RampFriction], records: BreakawayRecords,
-                upturns: Sequence[int], resolution: float,
+def _presliding(ramps: Sequence[Ramp], peaks: Sequence[RampFriction],
+                records: BreakawayRecords, upturns: Sequence[int], resolution: float,
                 backlash: float | None) -> Presliding | None:
     levels = np.abs(records.current)
     onward = [ramp.before == ramp.direction for ramp in ramps]

@@ -4,7 +4,7 @@
 
 A ROS node or a plain loop runs the procedure by calling `IdentificationRun.update` with every
 sample. The movements are generators that yield currents and receive samples, one sample for each
-``yield``: `IdentificationMotion._movements` is the whole procedure in order, the methods below it
+``yield``: `IdentificationRun._movements` is the whole procedure in order, the methods below it
 are its steps. Measurements are stored in attributes.
 """
 
@@ -20,6 +20,7 @@ import numpy as np
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
+from friction_comp.identification import breakaway as stairs, velocity_control as control
 from friction_comp.identification.goal import (
     IdentificationError,
     IdentificationGoal,
@@ -28,57 +29,53 @@ from friction_comp.identification.goal import (
 from friction_comp.identification.kinetic import (
     acceleration_of_cycle,
     constant_velocity_currents,
+    cycle_position,
+    cycle_velocity,
     KineticPoint,
+    Sample,
 )
-from friction_comp.identification.motion import Motion, speed_over, STILL_TIME
 from friction_comp.identification.ramp_evaluation import evaluate_ramps, Ramp
-from friction_comp.identification.sample import Sample
 from friction_comp.identification.sigmoid_fit import fit_sigmoid
-from friction_comp.identification.staircase import (
-    FIRST_STAIR,
-    Held,
-    LONGEST_PAUSE,
-    rests,
-    SHORTEST_PAUSE,
-    SLIDE_SHARE,
-    SLIDING_STAIR,
-    STAIR,
-)
-from friction_comp.identification.supervised_run import SupervisedRun
+from friction_comp.identification.supervised_run import speed_over, STILL_TIME, SupervisedRun
 from friction_comp.identification.supervision import check_load
-from friction_comp.identification.velocity_control import (
-    Controller,
-    velocity_controller_state,
-    velocity_controller_step,
-)
-from friction_comp.identification.waveforms import cycle_position, cycle_velocity
 from friction_comp.statistics import evenly_spread, smallest_step
 
 # The joint slides when its mean speed over this time in s exceeds this speed in rad/s, and it has
-# moved by more than this many encoder counts. A ramp ends when it has slid this far, rad, at this
-# speed or since it came to rest last: a rotor that crosses backlash also slides, and is then
-# stopped; few robot gears have more backlash.
+# moved by more than so many counts. A ramp ends when it has slid this far, rad, at this speed or
+# since its last rest: a rotor that crosses backlash also slides, and is then stopped.
 CUT_SPEED, CUT_WINDOW, CUT_COUNTS, CUT_DISTANCE = 0.05, 0.02, 8.0, 5e-3
-# Stick-slip requires higher gains; a joint with more lag than expected, or with a link that is much
-# heavier than its rotor and oscillates against it, requires lower ones.
+# Stick-slip needs higher gains; lag, or a heavy link that oscillates against its rotor, lower ones.
 GAIN_LADDER = (1.0, 1.7, 0.3, 0.1)
-# Above this standard deviation, as a share of its mean, a current does not measure friction: the
-# controller oscillates, and the part that the amplifier cannot follow biases the mean.
+# Above this standard deviation, a share of its mean, a current does not measure friction.
 MAX_SCATTER = 0.15
 REST_SHARE = 0.1        # of the ramp period at zero current after each ramp, as in Eq. 8
-# Ramps start at positions up to this share of the motion range off its centre, so that cogging and
-# other position-dependent torques average out; four ramps at each position.
+# Ramps start up to this share of the motion range off its centre, to average out cogging.
 PLACES_SHARE = 0.015
-# Share of the current that broke the joint free in the short push that surely holds: a push is read
-# late. Share of the ramps that may begin with a stair that does not hold; each is repeated.
+# Share of a push's current, read late, that surely holds; share of the ramps that may be repeated.
 _PUSH_HOLDS, _MOST_LOST = 0.8, 0.2
 
 # Measured and commanded currents at one speed, forwards and backwards.
 _Cycle: TypeAlias = tuple[tuple[KineticPoint, ...], tuple[KineticPoint, ...]]
 
 
-class IdentificationMotion(Motion):
-    """The steps of one identification and what they measured."""
+class IdentificationRun(SupervisedRun):
+    """One identification, from standstill to zero current; see `SupervisedRun`.
+
+    Call `update` with every sample and apply the current that it returns, until `finished`. Then
+    `result()` fits the model.
+
+    Parameters
+    ----------
+    goal : IdentificationGoal
+    drive : Drive
+    torque : bool
+        Whether messages have joint torques in N·m instead of motor currents in A.
+
+    Raises
+    ------
+    InputError
+        If the drive cannot meet the goal.
+    """
 
     goal: IdentificationGoal
 
@@ -93,17 +90,16 @@ class IdentificationMotion(Motion):
         self._held: dict[int, list[float]] = {1: [], -1: []}    # largest currents that held, A
         self._ramp_time, self._lost = 0.25 * goal.ramp_period + 3.0, 0
         self._speeds_done = 0
+        self._result: IdentificationResult | None = None
         # Compile the function of the control loop before the first sample arrives.
-        velocity_controller_step(
-            Controller(1.0, 1.0), velocity_controller_state(), 0.0, 0.0, 0.0, 1e-3)
+        control.velocity_controller_step(
+            control.Controller(1.0, 1.0), control.velocity_controller_state(), 0.0, 0.0, 0.0, 1e-3)
 
-    def bounds(self) -> tuple[float, float]:
-        """Return the ends of the motion range, which is centred on the position at the start."""
+    def _bounds(self) -> tuple[float, float]:
         half = 0.5 * self.goal.motion_range
         return self.start - half, self.start + half
 
-    def remaining(self) -> float:
-        """Return the estimated time to the end in s."""
+    def _time_left(self) -> float:
         goal, left = self.goal, 0.0
         for speed in goal.speeds[self._speeds_done:]:
             duration, width = goal.cycle(speed)
@@ -111,7 +107,6 @@ class IdentificationMotion(Motion):
         return left + (2 * goal.breakaway_cycles - len(self.ramps)) * self._ramp_time
 
     def _movements(self) -> Generator[float, Sample, None]:
-        """Yield currents and receive samples: sections 2.3 and 2.4 in order."""
         self._check_accelerations()
         for speed in self.goal.speeds:
             yield from self._constant_velocity(speed)
@@ -146,7 +141,6 @@ class IdentificationMotion(Motion):
                     f'{self.say(self.drive.current_limit)}: lower the speed or widen the range')
 
     def _constant_velocity(self, speed: float) -> Generator[float, Sample, None]:
-        """Run a cycle of Eq. 3 at one speed, with lower gains if the controller oscillates."""
         best = None
         for factor in GAIN_LADDER:
             if factor > self._highest_gain:
@@ -206,11 +200,11 @@ class IdentificationMotion(Motion):
         expected = sum(held) / len(held) if held else _PUSH_HOLDS * self._push[sign]
         while True:
             begin = self.sample.time
-            ramp, level = yield from self._ramp(sign, FIRST_STAIR * expected)
+            ramp, level = yield from self._ramp(sign, stairs.FIRST_STAIR * expected)
             if ramp is not None:
                 break
             self._lost += 1
-            expected *= FIRST_STAIR
+            expected *= stairs.FIRST_STAIR
             if self._lost > 2 + _MOST_LOST * 2 * self.goal.breakaway_cycles:
                 raise IdentificationError(
                     f'no current holds the joint reliably: it slid at {self.say(level)}, although '
@@ -220,10 +214,7 @@ class IdentificationMotion(Motion):
         self._ramp_time += (self.sample.time - begin - self._ramp_time) / min(len(self.ramps), 8)
 
     def _ramp(self, sign: int, stair: float) -> Generator[float, Sample, tuple[Ramp | None, float]]:
-        """Raise the current to `stair`, A, and on by stairs of 1 % until the joint slides away.
-
-        Return the ramp and the largest current that held; no ramp if none did.
-        """
+        """Raise the current, A, from `stair` until the joint slides away; return ramp and level."""
         yield from self._standstill(max(STILL_TIME, REST_SHARE * self.goal.ramp_period))
         watch = _Slide(self.sample, sign, self._resolution, 0.2 * self.goal.motion_range)
         current, held, level = 0.0, None, stair
@@ -239,35 +230,79 @@ class IdentificationMotion(Motion):
             rested = yield from self._pause(sign * current, watch)
             if rested is not None:
                 held, level = rested, current
-            stair *= 1.0 + (SLIDING_STAIR if watch.slides else STAIR)
+            stair *= 1.0 + (stairs.SLIDING_STAIR if watch.slides else stairs.STAIR)
         before, self._slid = self._slid, sign
         if held is None:
             return None, stair
         return Ramp(sign, before, np.array(watch.samples), held), level
 
-    def _pause(self, command: float, watch: _Slide) -> Generator[float, Sample, Held | None]:
+    def _pause(self, command: float, watch: _Slide) -> Generator[float, Sample, stairs.Held | None]:
         """Keep a current until it is clear whether it holds the joint; return the rest, if so."""
-        begin, first, duration = self.sample.time, len(watch.samples) - 1, SHORTEST_PAUSE
+        begin, first, duration = self.sample.time, len(watch.samples) - 1, stairs.SHORTEST_PAUSE
         while not watch.gone:
             watch.take((yield from self._step(command)))
             if self.sample.time - begin < 0.999 * duration:
                 continue
             time, position, _ = np.array(watch.samples[first:]).T
-            if rests(time, position, watch.sign, self._resolution):
+            if stairs.rests(time, position, watch.sign, self._resolution):
                 watch.rest()
-                return Held(begin, self.sample.time, self.sample.position)
+                return stairs.Held(begin, self.sample.time, self.sample.position)
             moved = watch.sign * (self.sample.position - position[0])
-            if (watch.slides or duration >= LONGEST_PAUSE
-                    or moved > SLIDE_SHARE * watch.sign * (position[0] - watch.home)):
+            if (watch.slides or duration >= stairs.LONGEST_PAUSE
+                    or moved > stairs.SLIDE_SHARE * watch.sign * (position[0] - watch.home)):
                 break
             duration *= 2.0
         watch.slides = True
         return None
 
+    def result(self) -> IdentificationResult:
+        """Fit the curve of Eq. 6, evaluate the ramps and return an `IdentificationResult`.
+
+        Raises
+        ------
+        IdentificationError
+            If the run is not finished, or breakaway scatters because of backlash.
+        """
+        if not self.finished:
+            raise IdentificationError(f'identification is not complete: {self.error or self.phase}')
+        if self._result is None:
+            self._result = self._evaluate()
+        return self._result
+
+    def _evaluate(self) -> IdentificationResult:
+        points = sorted(self.points, key=lambda point: point.speed)
+        sigmoid, error = fit_sigmoid([p.speed for p in points], [p.current for p in points])
+        acceleration = self._acceleration()
+        ramps = evaluate_ramps(self.ramps, self._finest_step(), acceleration, sigmoid.viscous)
+        breakaway = ramps.records.statistics()
+        wrong, doubtful = check_load(
+            points, (breakaway.positive_mean, breakaway.negative_mean),
+            max(breakaway.positive_std, breakaway.negative_std), self.say)
+        if wrong:
+            raise IdentificationError(wrong)
+        return IdentificationResult(
+            points=points, sigmoid=sigmoid, sigmoid_error=error, breakaway=breakaway,
+            records=ramps.records, acceleration_per_current=acceleration,
+            goal=replace(self.goal, ramp_slope=self.ramp_slope),
+            warnings=[*self.warnings, *self.supervision.warnings(), *ramps.warnings,
+                      *([doubtful] if doubtful else [])],
+            presliding=ramps.presliding, backlash=ramps.backlash)
+
+    def _finest_step(self) -> float:
+        """Return the encoder's step in rad: that of the drive, or a coarser one that was seen."""
+        seen = [smallest_step(ramp.samples[:, 1]) for ramp in self.ramps]
+        return max(self.drive.position_resolution or 1e-6, min(filter(None, seen), default=0.0))
+
+    def _acceleration(self) -> float:
+        """Return k_t·n/J in rad/s² per A from the cycles of Eq. 3, or else from the push."""
+        push = self.acceleration
+        rates = [acceleration_of_cycle(cycle) for cycle in self.cycles_driven]
+        plausible = [rate for rate in rates if push / 5.0 < rate < 5.0 * push]
+        # The fastest cycle has the largest accelerations.
+        return plausible[-1] if plausible else push
+
 
 class _Slide:
-    """The samples of a ramp, and whether the joint has slid away on it."""
-
     def __init__(self, sample: Sample, sign: int, resolution: float, farthest: float) -> None:
         self.sign, self.samples = sign, [sample]
         self.gone = self.slides = False     # slides: it did not come to rest on the last stair
@@ -297,79 +332,4 @@ class _Slide:
 
 
 def _current_scatter(points: Sequence[KineticPoint]) -> float:
-    """Return the scatter of the current at constant velocity as a share of its mean."""
     return max(point.standard_deviation / max(abs(point.current), 1e-9) for point in points)
-
-
-class IdentificationRun(SupervisedRun):
-    """One identification, from standstill to zero current; see `SupervisedRun`.
-
-    Call `update` with every sample and apply the current that it returns, until `finished`. Then
-    `result()` fits the model.
-
-    Parameters
-    ----------
-    goal : IdentificationGoal
-    drive : Drive
-    torque : bool
-        Whether messages have joint torques in N·m instead of motor currents in A.
-
-    Raises
-    ------
-    InputError
-        If the drive cannot meet the goal.
-    """
-
-    _motion: IdentificationMotion
-
-    def __init__(self, goal: IdentificationGoal, drive: Drive, torque: bool = False) -> None:
-        super().__init__(IdentificationMotion(goal, drive, torque))
-        self.goal = goal
-        self._result: IdentificationResult | None = None
-
-    def result(self) -> IdentificationResult:
-        """Fit the curve of Eq. 6, evaluate the ramps and return an `IdentificationResult`.
-
-        Raises
-        ------
-        IdentificationError
-            If the run is not finished, or breakaway scatters because of backlash.
-        """
-        if not self.finished:
-            raise IdentificationError(f'identification is not complete: {self.error or self.phase}')
-        if self._result is None:
-            self._result = self._evaluate()
-        return self._result
-
-    def _evaluate(self) -> IdentificationResult:
-        motion = self._motion
-        points = sorted(motion.points, key=lambda point: point.speed)
-        sigmoid, error = fit_sigmoid([p.speed for p in points], [p.current for p in points])
-        acceleration = self._acceleration()
-        ramps = evaluate_ramps(motion.ramps, self._resolution(), acceleration, sigmoid.viscous)
-        breakaway = ramps.records.statistics()
-        wrong, doubtful = check_load(
-            points, (breakaway.positive_mean, breakaway.negative_mean),
-            max(breakaway.positive_std, breakaway.negative_std), motion.say)
-        if wrong:
-            raise IdentificationError(wrong)
-        return IdentificationResult(
-            points=points, sigmoid=sigmoid, sigmoid_error=error, breakaway=breakaway,
-            records=ramps.records, acceleration_per_current=acceleration,
-            goal=replace(self.goal, ramp_slope=motion.ramp_slope),
-            warnings=[*motion.warnings, *motion.supervision.warnings(), *ramps.warnings,
-                      *([doubtful] if doubtful else [])],
-            presliding=ramps.presliding, backlash=ramps.backlash)
-
-    def _resolution(self) -> float:
-        """Return the encoder's step in rad: that of the drive, or a coarser one that was seen."""
-        seen = [smallest_step(ramp.samples[:, 1]) for ramp in self._motion.ramps]
-        return max(self.drive.position_resolution or 1e-6, min(filter(None, seen), default=0.0))
-
-    def _acceleration(self) -> float:
-        """Return k_t·n/J in rad/s² per A from the cycles of Eq. 3, or else from the push."""
-        push = self._motion.acceleration
-        rates = [acceleration_of_cycle(cycle) for cycle in self._motion.cycles_driven]
-        plausible = [rate for rate in rates if push / 5.0 < rate < 5.0 * push]
-        # The fastest cycle has the largest accelerations.
-        return plausible[-1] if plausible else push

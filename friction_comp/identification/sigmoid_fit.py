@@ -35,9 +35,8 @@ _STEP = np.array([(a, b) for a in (-1.0, -0.3, 0.0, 0.3, 1.0) for b in (-1.0, -0
 def fit_sigmoid(speeds: ArrayLike, currents: ArrayLike) -> tuple[Sigmoid, float]:
     """Fit the sigmoid of Eq. 6 to a look-up table; return it and its minimal E of Eq. 7 in A.
 
-    Speeds in rad/s and mean currents in A, shape (N,), may be in any order, with at least two
-    different speeds of each sign. Raises InputError if the table is too small, one-sided or not
-    finite.
+    Speeds in rad/s and mean currents in A, shape (N,), in any order. Raises InputError if the table
+    has fewer than two speeds of each sign, or is not finite.
     """
     speeds, currents = np.asarray(speeds, dtype=float), np.asarray(currents, dtype=float)
     if speeds.ndim != 1 or speeds.shape != currents.shape:
@@ -67,7 +66,6 @@ def sigmoid_error(sigmoid: Sigmoid, speeds: ArrayLike, currents: ArrayLike) -> f
 
 
 def _condense(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Condense a long table to medians of groups of neighbouring speeds of the same sign."""
     if len(x) <= _MOST_POINTS:
         return x, y
     groups = []
@@ -88,11 +86,7 @@ def _columns(x: np.ndarray, steepness: np.ndarray, shift: np.ndarray) -> np.ndar
 
 def _fit(x: np.ndarray, y: np.ndarray, steepness: np.ndarray, shift: np.ndarray, rounds: int
          ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the L1 error of each of G transitions, shape (G,), and coefficients, shape (G, 3).
-
-    Reweighted least squares: weights are inverse residuals, with a lower bound on the residuals
-    that decreases from round to round.
-    """
+    """Return L1 error, (G,), and coefficients, (G, 3), of transitions: reweighted least squares."""
     design = _columns(x, steepness, shift)
     weights = np.ones(design.shape[:2])
     # Outside the transition, the second column is constant like the first. Rounding grows with N.
@@ -170,7 +164,7 @@ def _well_behaved(x: np.ndarray, y: np.ndarray, steepness: float, shift: float
                   ) -> tuple[float, float]:
     """Return a centred and gentle transition among those that fit equally well.
 
-    A falling viscous term must not make up for a gentler transition, so it has a lower bound.
+    A falling viscous term must not make up for a gentler one: it has a lower bound.
     """
     (error,), (best,) = _fit(x, y, np.array([steepness]), np.array([shift]), _CLOSE)
     bound = error * (1.0 + TOLERANCE) + 1e-9 * x.size

@@ -23,8 +23,7 @@ from friction_comp.model.effects import Effect, EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 
-# Steepness of the sign change, in units of one over the slowest speed: the table does not show it,
-# and at this speed it is complete to a ten-thousandth.
+# Steepness of the sign change, in units of one over the slowest speed: there it is complete.
 _STEEP = 10.0
 # Scatter below which residuals are rounding errors, in units of the largest current.
 _ROUNDING = 1e-9
@@ -59,19 +58,16 @@ def fit_steady_states(speeds: np.ndarray, currents: np.ndarray, drive: Drive) ->
                          f'{count}')
     if not currents.any():
         raise InputError('all efforts are zero: there is no friction to fit')
-    plain = _Curve(speeds, currents, both, False, 0.0)
-    fits = [plain, *(_Curve(speeds, currents, both, skewed, power)
-                     for skewed, power in itertools.product((False, True), (0.0, 1.0, 2.0))
-                     if (skewed or power) and (both or not skewed))]
+    fits = [_Curve(speeds, currents, both, skewed, power)
+            for skewed, power in itertools.product((False, True), (0.0, 1.0, 2.0))
+            if both or not skewed]
     best = min(fits, key=lambda fit: fit.criterion)
     return SteadyStates(
         speeds, currents, best.values, best.intervals(), best.model(drive),
-        float(np.sqrt(np.mean(best.residual ** 2))), best.left_out(), plain.left_out())
+        float(np.sqrt(np.mean(best.residual ** 2))), best.left_out(), fits[0].left_out())
 
 
 class _Curve:
-    """One shape of the curve, fitted by least squares."""
-
     def __init__(self, speeds: np.ndarray, currents: np.ndarray, both: bool, skewed: bool,
                  power: float) -> None:
         self._speeds, self._currents, self._power = speeds, currents, power

@@ -3,11 +3,10 @@
 """Moves a joint sample by sample, and commands zero current at the first fault.
 
 Measurements must agree with commands: the measured current is the commanded one, with little delay;
-the position changes as the measured velocity says; and a current well above breakaway accelerates
-the joint. A contradiction means a fault of wiring, encoder, units or machine, or a person holding
-the joint. It ends the run before a model is written: **zero current whenever the joint does not
-respond as a joint should**. Until the measured current is confirmed to be the commanded one, only
-the first ramp is commanded, which ends when the joint moves.
+the position changes as the measured velocity says; a current well above breakaway accelerates the
+joint. A contradiction (wiring, encoder, units, machine, a person) ends the run before a model is
+written: **zero current whenever the joint does not respond as a joint should**. Until the measured
+current is confirmed, only the first ramp is commanded, which ends when the joint moves.
 """
 
 from __future__ import annotations
@@ -23,11 +22,9 @@ from friction_comp.identification.velocity_control import LONGEST_DELAY, PHASE
 from friction_comp.signal_checks import Answer, current_fault, CurrentCheck, VelocityCheck
 
 LONGEST_GAP = 0.25      # longest time without a sample, s
-# Accepted ratios of measured to commanded current, and of integrated velocity to change of
-# position; outside, a unit or a constant is wrong.
+# Accepted ratios of measured to commanded current, and of velocity to change of position.
 _FACTOR = 2.0
-# A gain is wrong if it is outside these limits by this many standard errors; it is confirmed if its
-# standard error is at most this share of it.
+# Standard errors by which a wrong gain is outside; largest one of a confirmed gain, a share of it.
 _ERRORS, _CONFIRMED = 3.0, 0.25
 # Correlation above which the measured current is the delayed commanded one.
 _ALIKE = 0.9
@@ -45,8 +42,7 @@ _STEP = 0.02
 _SURPLUS = 1.5
 # The response is checked when this many counts of movement are expected, of which the joint must
 # have moved this share; but not before this time in s, since delay, current loop and filter take
-# some milliseconds, nor while a moving joint would hardly be slowed down: in backlash, the link may
-# push a rotor on that brakes.
+# time, nor while a moving joint would hardly be slowed down.
 _EXPECTED_COUNTS, _ANSWERED, _ANSWER_TIME = 30.0, 0.1, 0.01
 
 
@@ -92,11 +88,7 @@ class Supervision:
 
     def check(self, time: float, position: float, velocity: float | None, current: float,
               command: float, friction: Sequence[float] | None, acceleration: float) -> None:
-        """Check a sample against the current applied before it; raise IdentificationError on fault.
-
-        `velocity` is None or NaN if it is not measured; `friction` and `acceleration` are those of
-        `Motion`.
-        """
+        """Check a sample against the current before it; raise IdentificationError on fault."""
         if self._last is None:
             self._last, self._first = (time, position), time
             return
@@ -148,7 +140,6 @@ class Supervision:
             f'{answer.gain:.2g} ± {answer.error:.2g}: effort is too noisy, or not measured')
 
     def _refuse_gain(self, answer: Answer) -> None:
-        """Raise IdentificationError if the gain is wrong by more than noise explains."""
         gain, error = answer.gain, _ERRORS * answer.error
         if 1.0 / _FACTOR - error <= gain <= _FACTOR + error:
             return
@@ -245,10 +236,10 @@ def check_load(points: Sequence[KineticPoint], breakaway: tuple[float, float], s
                say: Callable[[float], str]) -> tuple[str, str]:
     """Return an error and a warning on loads during a finished run; each is empty if none.
 
-    Friction is about equal in both directions. A load adds to one direction and reduces the other:
-    gravity, a spring, or a person leaning on the joint. Gravity affects the look-up table and the
-    breakaway currents alike, a person perhaps not. `breakaway` has the means of both directions,
-    `spread` their largest standard deviation, in A; `say` returns a current as text.
+    Friction is about equal in both directions; gravity, a spring, or a person adds to one and
+    reduces the other, and gravity affects look-up table and breakaway alike. `breakaway` has the
+    means of both directions, `spread` their largest standard deviation, A; `say` returns a current
+    as text.
     """
     friction = 0.5 * (breakaway[0] - breakaway[1])
     shift = 0.5 * (breakaway[0] + breakaway[1])

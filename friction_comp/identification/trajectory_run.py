@@ -19,22 +19,19 @@ from friction_comp.checks import check_number
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.identification.goal import MotionGoal
-from friction_comp.identification.motion import Motion, STILL_TIME
-from friction_comp.identification.sample import Sample
-from friction_comp.identification.supervised_run import SupervisedRun
+from friction_comp.identification.kinetic import Sample
+from friction_comp.identification.supervised_run import STILL_TIME, SupervisedRun
 
-# Shares of the trajectory's range: how far the joint may leave it, how far the first push may move
-# the joint, and how far it may lag behind its reference.
+# Shares of the trajectory's range by which the joint may leave it, be pushed first, and lag behind.
 _BEYOND, _PUSHED, _BEHIND = 0.025, 0.1, 0.1
 _LONGEST = 3600.0
 
 
 @dataclass(frozen=True)
 class TrajectoryGoal(MotionGoal):
-    """A trajectory of one joint, and the current ramp that breaks it free first.
+    """A trajectory of one joint, from rest to rest, cubic between its points.
 
-    It starts and ends at rest; positions between the points are cubic. Raises InputError if the
-    trajectory cannot be followed.
+    Raises InputError if it cannot be followed.
     """
 
     times: Sequence[float]          # s, ascending from zero or later
@@ -65,9 +62,9 @@ class TrajectoryGoal(MotionGoal):
         object.__setattr__(self, 'speeds', (0.3 * top, top))
         if not self.motion_range > 0.0:
             raise InputError('the trajectory does not move the joint')
-        for name in ('ramp_slope', 'ramp_period'):
-            if name != 'ramp_slope' or self.ramp_slope is not None:
-                check_number(getattr(self, name), name, above=0.0)
+        if self.ramp_slope is not None:
+            check_number(self.ramp_slope, 'ramp_slope', above=0.0)
+        check_number(self.ramp_period, 'ramp_period', above=0.0)
 
     def cycle(self, speed: float) -> tuple[float, float]:
         """Return duration in s and width in rad of a cycle with the trajectory's acceleration."""
@@ -76,8 +73,8 @@ class TrajectoryGoal(MotionGoal):
         return duration, 0.4 * speed * duration
 
 
-class TrajectoryMotion(Motion):
-    """The steps of one trajectory."""
+class TrajectoryRun(SupervisedRun):
+    """One trajectory, from standstill to zero current; see `SupervisedRun`."""
 
     goal: TrajectoryGoal
 
@@ -87,20 +84,17 @@ class TrajectoryMotion(Motion):
         self._path = CubicHermiteSpline(goal.times, goal.positions, goal.velocities)
         self._speed = self._path.derivative()
 
-    def bounds(self) -> tuple[float, float]:
-        """Return the lowest and highest position in rad that the joint may have."""
+    def _bounds(self) -> tuple[float, float]:
         width, places = self.goal.motion_range, self.goal.positions
         return (min(min(places) - _BEYOND * width, self.start - _PUSHED * width),
                 max(max(places) + _BEYOND * width, self.start + _PUSHED * width))
 
-    def remaining(self) -> float:
-        """Return the estimated time to the end in s."""
+    def _time_left(self) -> float:
         if self._began is None:
             return self.goal.times[-1] + 5.0 * STILL_TIME
         return max(0.0, self._began + self.goal.times[-1] - self.sample.time)
 
     def _movements(self) -> Generator[float, Sample, None]:
-        """Yield currents and receive samples: travel to the first point, follow the trajectory."""
         goal = self.goal
         yield from self._travel(goal.positions[0])
         self.phase, self._began = 'trajectory', self.sample.time
@@ -110,10 +104,3 @@ class TrajectoryMotion(Motion):
     def _reference(self, time: float) -> tuple[float, float]:
         time = max(time, self.goal.times[0])
         return float(self._path(time)), float(self._speed(time))
-
-
-class TrajectoryRun(SupervisedRun):
-    """One trajectory, from standstill to zero current; see `SupervisedRun`."""
-
-    def __init__(self, goal: TrajectoryGoal, drive: Drive, torque: bool = False) -> None:
-        super().__init__(TrajectoryMotion(goal, drive, torque))

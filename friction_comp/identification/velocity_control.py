@@ -3,9 +3,8 @@
 """The joint-velocity controller of identification (note, section 2.3).
 
 A PI controller acts on ``e = (ω_ref - ω) + λ·(φ_ref - φ)``. The position term keeps the joint in
-its motion range during long cycles, and compensates for the coarse velocity of the encoder (one
-count per millisecond is 0.9 deg/s on the note's configuration 1). The velocity is the difference of
-encoder positions, filtered by a first-order low pass.
+its range during long cycles, and compensates for the coarse velocity of the encoder. The velocity
+is the difference of encoder positions, filtered by a first-order low pass.
 """
 
 from __future__ import annotations
@@ -22,9 +21,8 @@ BANDWIDTH = 100.0
 profile. It falls with rate and delay, see `stable_bandwidth`."""
 
 PHASE = 1.0
-"""Phase margin in rad of the loop without any delay: a quarter turn less what filter, integrator
-and position take at the crossover frequency, 0.2 + 0.2 + 0.16 rad. A delay of this over the
-bandwidth makes the loop unstable."""
+"""Phase margin in rad without any delay: a quarter turn less filter, integrator and position, 0.2 +
+0.2 + 0.16 rad. A delay of this over the bandwidth makes the loop unstable."""
 
 DELAY_SHARE = 0.4
 """Share of `PHASE` that sampling and delay may take: 34 degrees then remain."""
@@ -48,10 +46,10 @@ LAST_POSITION, VELOCITY, INTEGRAL, LAST_REFERENCE = 0, 1, 2, 3
 class Controller(NamedTuple):
     """Parameters of the controller.
 
-    An acceleration per current that is wrong by a factor of two, up or down, is harmless: the phase
-    margin stays near 40 degrees or above. The push, a current that roughly overcomes friction, is
-    fed forward with the sign of the reference velocity, so that the integrator need not change at
-    reversals. The measured mean current does not depend on it.
+    An acceleration per current that is wrong by a factor of two is harmless: the phase margin stays
+    near 40 degrees. The push, about friction, is fed forward with the sign of the reference
+    velocity, so that the integrator need not change at reversals; the measured mean does not depend
+    on it.
     """
 
     acceleration_per_current: float     # k_t·n/J, rad/s² per A
@@ -64,8 +62,7 @@ class Controller(NamedTuple):
 def stable_bandwidth(step: float, delay: float) -> float:
     """Return the crossover frequency in rad/s at a time between samples and a delay, s.
 
-    Holding a current for a sample and computing the velocity from two positions delay by half a
-    sample each.
+    Holding a current and computing the velocity from two positions delay by half a sample each.
     """
     return min(BANDWIDTH, DELAY_SHARE * PHASE / max(step + delay, 1e-6))
 
@@ -78,11 +75,7 @@ def velocity_controller_state() -> np.ndarray:
 @njit(cache=True)
 def velocity_controller_step(parameters: Controller, state: np.ndarray, reference_position: float,
                              reference_velocity: float, position: float, time_step: float) -> float:
-    """Return the current in A for one sample and advance the state in place.
-
-    References are in rad and rad/s. `time_step` is the time since the previous sample in s, longer
-    if samples were missed.
-    """
+    """Return the current in A for one sample (rad, rad/s, s), and advance the state in place."""
     if np.isnan(state[LAST_POSITION]):
         state[LAST_POSITION], state[LAST_REFERENCE] = position, reference_velocity
     bandwidth = parameters.bandwidth

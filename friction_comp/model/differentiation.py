@@ -4,15 +4,13 @@
 
 from __future__ import annotations
 
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from friction_comp.checks import check_mapping, check_number
 from friction_comp.errors import InputError
-
-if TYPE_CHECKING:
-    from friction_comp.samples import Samples
+from friction_comp.samples import Samples
 
 METHOD = 'zero-phase Butterworth'
 # Used if a model does not say how it was fitted.
@@ -41,8 +39,7 @@ def settings_of(section: Any, name: str) -> dict[str, Any]:
         if part.get('bandwidth') is not None:
             check_number(part['bandwidth'], f'{where}.bandwidth', above=0.0)
         for key in ('lag', 'time_constant'):
-            if part.get(key) is not None:
-                check_number(part[key], f'{where}.{key}')
+            check_number(part.get(key) or 0.0, f'{where}.{key}')
     return dict(section)
 
 
@@ -51,14 +48,13 @@ def differentiate(samples: Samples, settings: dict[str, Any]) -> Samples:
 
     The signal is filtered forwards and backwards by a second-order Butterworth low pass, and
     differentiated by central differences, segment by segment. Stamps that are not uniform are
-    filtered as well: jitter is then in both signals, and cancels in their ratio to first order,
-    whether the samples or only their stamps have it. The returned time begins at zero in each
-    recording; position stays as recorded.
+    filtered as well: jitter is then in both signals, and cancels in their ratio to first order. The
+    returned time begins at zero in each recording; position stays as recorded.
 
     Settings are ``source``, 'position' or 'velocity'; ``bandwidth``, Hz, the -3 dB point of one
-    pass, None without filter; ``lag``, s by which torque follows the recorded current: motion,
-    load and temperature are then those of the time t + lag; and ``signals``, how each of `MEASURED`
-    is prepared before, see `prepared_signal`. ``time_constant`` is left to `as_recorded`. Raises
+    pass, None without filter; ``lag``, s by which torque follows the recorded current: motion, load
+    and temperature are then those of the time t + lag; and ``signals``, how each of `MEASURED` is
+    prepared before, see `prepared_signal`. ``time_constant`` is left to `as_recorded`. Raises
     InputError if a setting is unknown, or the velocity is needed and not recorded.
     """
     source, bandwidth = settings.get('source', 'position'), settings.get('bandwidth')
@@ -97,19 +93,9 @@ def prepared_signal(samples: Samples, values: np.ndarray, bandwidth: float | Non
                     lag: float | None = None) -> np.ndarray:
     """Return a measured signal as it was at the sensor, without noise above a bandwidth, (N,).
 
-    Noise of a signal lowers its coefficient in a fit, and other terms take the rest.
-
-    Parameters
-    ----------
-    samples : Samples
-        The time base.
-    values : ndarray
-        The signal, shape (N,). Where each value is held over several samples, those between are
-        interpolated. Values that are not finite stay as they are.
-    bandwidth : float, optional
-        Of the filter, as that of motion, Hz.
-    lag : float, optional
-        s by which the signal follows what it measures.
+    Noise lowers its coefficient in a fit. Values that are held over several samples are
+    interpolated, those that are not finite stay. `bandwidth`, Hz, is as for motion, `lag`, s, that
+    of the signal.
     """
     finite = np.isfinite(values)
     result = np.array(values, dtype=float)
@@ -157,10 +143,7 @@ def advance(samples: Samples, lag: float) -> Samples:
 
 
 def shifted_in_time(values: np.ndarray, samples: Samples, lag: float) -> np.ndarray:
-    """Return the values at t + lag for the time t of each sample, shape (N,) or (N, M).
-
-    Beyond the ends of a segment the last values are held.
-    """
+    """Return the values at t + lag, (N,) or (N, M); beyond the ends of a segment the last ones."""
     source = np.reshape(np.asarray(values, dtype=float), (len(values), -1)).T
     shifted = np.empty_like(source)
     for part in samples.segments():
@@ -177,9 +160,8 @@ def shifted_in_time(values: np.ndarray, samples: Samples, lag: float) -> np.ndar
 def as_recorded(current: np.ndarray, samples: Samples, time_constant: float | None) -> np.ndarray:
     """Return the recorded current that belongs to a torque, in its unit, shape (N,) or (N, M).
 
-    Where the torque τ follows the current i by a first-order low pass of the time constant T,
-    ``i = τ + T·dτ/dt``. Where T is negative, the recorded current follows the torque by a low pass
-    of ``-T``. Both are linear, so that columns of a fit can be given as well.
+    Where the torque τ follows the current i by a first-order low pass of the time constant T, ``i =
+    τ + T·dτ/dt``; where T is negative, the current follows the torque by a low pass of ``-T``.
     """
     if not time_constant:
         return current
@@ -205,8 +187,7 @@ def _smooth(signal: np.ndarray, sample_time: float, bandwidth: float | None) -> 
     from scipy.signal import butter, sosfiltfilt
 
     sections = butter(_ORDER, 2.0 * bandwidth * sample_time, output='sos')
-    # Padding long enough for the slow transients of narrow filters, and short enough for short
-    # parts.
+    # Long enough for slow transients of narrow filters, short enough for short parts.
     padding = min(len(signal) - 1, int(3.0 / (bandwidth * sample_time)))
     return sosfiltfilt(sections, signal, padtype='odd', padlen=padding)
 
@@ -214,8 +195,7 @@ def _smooth(signal: np.ndarray, sample_time: float, bandwidth: float | None) -> 
 def _derivative(values: np.ndarray, time: np.ndarray) -> np.ndarray:
     """Return the slope by central differences of second order, one-sided at both ends, (N, ...).
 
-    Samples that were delayed may arrive together, with hardly any time between their stamps, though
-    the motion between them took longer: a step counts as a quarter of the median step at least.
+    Delayed samples may arrive together: a step is a quarter of the median step at least.
     """
     step = np.diff(time)
     step = np.maximum(step, 0.25 * float(np.median(step)))
@@ -223,7 +203,7 @@ def _derivative(values: np.ndarray, time: np.ndarray) -> np.ndarray:
 
 
 def _increasing(time: np.ndarray) -> np.ndarray:
-    """Return strictly increasing times; repeated stamps are moved by a thousandth of a step."""
+    """Return strictly increasing times: repeated stamps are a thousandth of a step apart."""
     step = np.diff(time)
     if np.all(step > 0):
         return time

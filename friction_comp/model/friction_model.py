@@ -7,11 +7,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields, MISSING, replace
 from pathlib import Path
-from typing import Any, TYPE_CHECKING, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from friction_comp.checks import check_document, check_list, check_mapping, check_number
+from friction_comp.checks import (
+    check_document,
+    check_interval,
+    check_list,
+    check_mapping,
+    check_number,
+)
 from friction_comp.drive import Drive
 from friction_comp.errors import errors_name, InputError
 from friction_comp.files import plain, read_yaml, write_yaml
@@ -23,20 +30,14 @@ from friction_comp.model.differentiation import (
     settings_of,
 )
 from friction_comp.model.effects import Effect, EFFECTS
-from friction_comp.model.planned_motion import planned_current
-from friction_comp.model.recorded import Recorded
+from friction_comp.model.measured import Breakaway, Presliding, Recorded
 from friction_comp.model.sigmoid import Sigmoid
-from friction_comp.model.standstill import Breakaway, Presliding
 from friction_comp.samples import Samples
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-__all__ = ['ARM_FORMAT', 'Breakaway', 'FORMAT', 'FrictionModel', 'Presliding', 'VERSION',
-           'arm_document', 'joints_of', 'one_joint_of']
 
 FORMAT, ARM_FORMAT = 'friction_comp_model', 'friction_comp_arm'
 VERSION = 1
+# Signals beside position and velocity that a planned motion tells.
+_PLANNED = {'acceleration', 'rigid_body', 'coupling'}
 
 T = TypeVar('T')
 
@@ -47,28 +48,20 @@ class FrictionModel:
 
     Parameters
     ----------
-    drive : Drive
-    sigmoid : Sigmoid
-    breakaway : Breakaway, optional
-    effects : list of Effect
-    presliding : Presliding, optional
+    drive, sigmoid, breakaway, effects, joint, presliding
+        The drive, its friction, and the name of its joint.
     position_limits : tuple of float, optional
         Ends of the joint's range in rad, beyond which the compensator does not push.
-    joint : str
     lookup_table : dict, optional
-        ``speeds`` rad/s, ``currents`` A, ``standard_deviations`` A: the table the sigmoid was
-        fitted to (note, section 2.3).
-    arm : Arm, optional
-        The rest of the arm, for effects of other joints.
+        ``speeds`` rad/s, ``currents`` and ``standard_deviations`` A, for the sigmoid.
     recorded : Recorded, optional
         Speeds and intervals of the recordings that refinement fitted.
     differentiation : dict
-        How velocity and acceleration are derived from position when the model is applied to a
-        recording; written by refinement, empty otherwise.
-    simulation : dict
-        Only for the simulated plant; not used by identification or compensation.
-    notes : dict
-        Origin of the model.
+        How refinement derived velocity and acceleration from position; empty otherwise.
+    arm : Arm, optional
+        The rest of the arm, for effects of other joints.
+    simulation, notes : dict
+        For the simulated plant only; and the origin of the model.
     """
 
     drive: Drive
@@ -88,8 +81,7 @@ class FrictionModel:
     def predict(self, samples: Samples, same_recording: bool = False) -> np.ndarray:
         """Return the motor current in A, shape (N,), that the model expects for recorded samples.
 
-        Velocity and acceleration are computed with the settings of the fit. The value is finite for
-        every sample, also at standstill, where it is the model's value for zero velocity, and zero
+        It is finite for every sample: at standstill the model's value for zero velocity, and zero
         where another signal that an effect needs is not finite. Effects that do not hold in other
         recordings, such as drift over time, are left out.
 
@@ -98,8 +90,7 @@ class FrictionModel:
         samples : Samples
             As recorded.
         same_recording : bool
-            Whether it is the recording that the model was refined on, or one that began in the same
-            state of the drive, with the same drift.
+            Whether it is the recording that the model was refined on, or began with the same drift.
 
         Raises
         ------
@@ -111,10 +102,9 @@ class FrictionModel:
             raise InputError(f'the position at {first:g} s is not finite')
         effects = [effect for effect in self.effects
                    if same_recording or effect.holds_on_another_day]
-        settings: dict[str, Any] = dict(self.differentiation or DEFAULT_SETTINGS)
-        moved = differentiate(self.with_arm(samples), settings)
+        moved = self.differentiated(self.with_arm(samples))
         current = as_recorded(replace(self, effects=effects).current(moved), moved,
-                              settings.get('time_constant'))
+                              self.settings.get('time_constant'))
         return np.nan_to_num(current, nan=0.0, posinf=0.0, neginf=0.0)
 
     def feed_forward(self, position: ArrayLike, velocity: ArrayLike,
@@ -146,7 +136,33 @@ class FrictionModel:
         if gain is None:
             raise InputError(f'the unit of the model is {self.unit}: without torque constant and '
                              'gear ratio it gives no torque')
-        return gain * planned_current(self.sigmoid, self.effects, position, velocity, acceleration)
+        for effect in self.effects:
+            if {'rigid_body', 'coupling'} & set(effect.needs):
+                raise InputError(f"effect '{effect.name}' needs the motion of the whole arm: "
+                                 'predict takes its plan')
+        q, v, a = (np.asarray(values, dtype=float)
+                   for values in (position, velocity, acceleration))
+        if not np.isfinite(q + v + a).all():
+            raise InputError('position, velocity and acceleration must be finite')
+        torque = gain * sum((effect.of_states(q, v, a) for effect in self.of_plan()[0].effects),
+                            self.sigmoid(v) + 0.0 * (q + a))
+        return torque if np.ndim(torque) else float(torque)
+
+    def of_plan(self) -> tuple[FrictionModel, list[str]]:
+        """Return the model with the effects that a plan tells, and the names of the others."""
+        kept = [effect for effect in self.effects
+                if effect.holds_on_another_day and set(effect.needs) <= _PLANNED]
+        others = [effect.name for effect in self.effects if effect not in kept]
+        return replace(self, effects=kept), others
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """How velocity and acceleration are derived: as in the fit, else as `DEFAULT_SETTINGS`."""
+        return dict(self.differentiation or DEFAULT_SETTINGS)
+
+    def differentiated(self, samples: Samples) -> Samples:
+        """Return recorded samples with velocity and acceleration by these settings."""
+        return differentiate(samples, self.settings)
 
     @property
     def unit(self) -> str:
@@ -157,8 +173,7 @@ class FrictionModel:
     def torque_per(self, unit: str) -> float | None:
         """Return the torque (or force) at the joint of one unit of current; None if unknown.
 
-        N·m for A, if the model has a torque constant and a gear ratio; constants of 1 and 1 mean
-        that nobody gave them.
+        Constants of 1 and 1 mean that nobody gave torque constant and gear ratio.
         """
         gain = self.drive.torque_per_current
         if unit in ('N·m', 'N'):
@@ -168,9 +183,8 @@ class FrictionModel:
     def measured(self, samples: Samples) -> np.ndarray:
         """Return the measured current in A, shape (N,), with which `predict` is compared.
 
-        Motor and person overcome friction together. Where the load was recorded, the person's share
-        ``τ_b/(k_t·n)`` is therefore added to the motor current, unless the model describes that
-        share by an effect of the load torque.
+        Motor and person overcome friction together: where the load was recorded, the person's share
+        ``τ_b/(k_t·n)`` is added, unless an effect of the load torque describes it.
         """
         if samples.load is None or any(
                 effect.known_coefficients(self.drive) is not None for effect in self.effects):
@@ -186,10 +200,7 @@ class FrictionModel:
         return samples if self.arm is None else self.arm.with_signal(samples, self.joint)
 
     def current(self, samples: Samples) -> np.ndarray:
-        """Return the motor current in A, shape (N,), for samples with velocity.
-
-        They also have the signals that the effects need.
-        """
+        """Return the current in A, shape (N,), for samples with velocity and what effects need."""
         current = np.asarray(self.sigmoid(np.asarray(samples.velocity)), dtype=float)
         for effect in self.effects:
             current = current + effect.current(samples)
@@ -212,7 +223,7 @@ class FrictionModel:
             document['position_limits'] = self.position_limits
         document['effects'] = [effect.to_dict() for effect in self.effects]
         if self.recorded is not None:
-            document['recorded'] = self.recorded.to_dict()
+            document['recorded'] = vars(self.recorded)
         for name in ('lookup_table', 'differentiation', 'simulation', 'notes'):
             if getattr(self, name):
                 document[name] = getattr(self, name)
@@ -238,10 +249,7 @@ class FrictionModel:
                 raise InputError('holds a number that is too large') from None
 
     def check_joint(self, joint: str | None, path: str | Path) -> None:
-        """Raise InputError if the model, of the file `path`, is not that of a joint.
-
-        A model or a joint without a name fits any.
-        """
+        """Raise InputError if the model of the file `path` is another joint's; no name fits any."""
         if self.joint and joint and self.joint != joint:
             raise InputError(f'{path}: is of joint {self.joint!r}, not {joint!r}')
 
@@ -260,12 +268,10 @@ class FrictionModel:
 
 
 def _entries(section: Any) -> dict[str, Any]:
-    """Return the fields of a dataclass that are not None."""
     return {name: value for name, value in vars(section).items() if value is not None}
 
 
 def _section(kind: type[T], section: Any, name: str) -> T:
-    """Return a section as a dataclass whose fields are its entries."""
     known = fields(kind)  # type: ignore[arg-type]
     check_mapping(section, name, [entry.name for entry in known])
     for entry in known:
@@ -293,12 +299,10 @@ def _breakaway(section: Any) -> Breakaway:
 
 
 def _position_limits(section: Any) -> tuple[float, float]:
-    limits = [check_number(value, 'position_limits')
-              for value in check_list(section, 'position_limits')]
-    if len(limits) != 2 or not limits[0] < limits[1]:
-        raise InputError(f'position_limits must be two positions, the lower one first, '
-                         f'not {section!r}')
-    return limits[0], limits[1]
+    low, high = check_interval(section, 'position_limits')
+    if low == high:
+        raise InputError(f'position_limits must be two different positions, not {section!r}')
+    return low, high
 
 
 def _lookup_table(section: Any) -> dict[str, list[float]]:
@@ -345,22 +349,19 @@ def _effect(entry: Any) -> Effect:
 def arm_document(models: dict[str, dict[str, Any]]) -> dict[str, Any]:
     """Return the document of a whole arm, from the document of each joint.
 
-    The links of the arm, which are the same in all of them, are written once.
+    The links of the arm, which are the same in all of them, are written once. Of an arm with links,
+    only friction that turns with two joints is one joint's own.
     """
     shared = [model['arm'] for model in models.values() if 'links' in model.get('arm', {})]
     document: dict[str, Any] = {'format': ARM_FORMAT, 'version': VERSION, 'joints': {}}
     for name, model in models.items():
         if shared and 'links' in model.get('arm', {}):
-            model = {**model, 'arm': _own_of(model['arm']) or 'shared'}
+            own = {key: model['arm'][key] for key in ('friction',) if key in model['arm']}
+            model = {**model, 'arm': own or 'shared'}
         document['joints'][name] = model
     if shared:
         document['arm'] = {name: value for name, value in shared[0].items() if name != 'friction'}
     return document
-
-
-def _own_of(arm: dict[str, Any]) -> dict[str, Any]:
-    """Return what of an arm with links is one joint's own: friction that turns with two joints."""
-    return {name: value for name, value in arm.items() if name == 'friction'}
 
 
 def joints_of(document: Any) -> list[str] | None:
@@ -372,7 +373,7 @@ def joints_of(document: Any) -> list[str] | None:
 
 
 def one_joint_of(document: Any, joint: str | None) -> Any:
-    """Return the document of one joint; that of a single joint is returned unchanged.
+    """Return the document of one joint; that of a single joint unchanged.
 
     Raises InputError if it lacks the joint, or has several and none is given.
     """

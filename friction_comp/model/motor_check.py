@@ -2,27 +2,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checks a model before its currents are sent to a motor.
 
-A valid model file may still have a mistake: 99.5 A instead of 0.0995 A, the file of another joint,
-a missing coefficient. The parts of a model are therefore compared with each other over the motion
-that it was identified on: its friction, its breakaway currents and its effects must be of similar
-size, and below the drive's limit.
+A valid file may have a mistake: 99.5 A instead of 0.0995 A, the file of another joint, a missing
+coefficient. Over the motion that it was identified on, its friction, breakaway currents and effects
+must therefore be of similar size, and below the drive's limit.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from friction_comp.errors import InputError
+from friction_comp.model.effects.base import Effect
 from friction_comp.model.effects.definitions import RESISTS
+from friction_comp.model.friction_model import FrictionModel
 from friction_comp.samples import Samples
-
-if TYPE_CHECKING:
-    from friction_comp.model.effects.base import Effect
-    from friction_comp.model.friction_model import FrictionModel
 
 CURRENT, TORQUE = 'A', 'N·m'
 """Units in which a motor can be commanded; `notes.unit` of a model is A if it is not given."""
@@ -38,8 +34,7 @@ _COLD, _WARM = 10.0, 60.0
 _LARGEST_RATIO, _SMALLEST_RATIO = 5.0, 0.2
 # Exponents of friction laws are between 0.5 and 2.
 _STEEPEST = 10.0
-# Share of the sigmoid's span by which it may decrease where it should increase, since a fit is
-# never exact.
+# Share of the sigmoid's span by which a fit, never exact, may decrease where it should increase.
 _DIP = 0.1
 # Share of the largest current in the table by which the sigmoid may miss it.
 _MISS = 0.5
@@ -48,12 +43,15 @@ _MISS = 0.5
 def check_for_motor(model: FrictionModel, joint: str = '', joints: Collection[str] = ()) -> None:
     """Raise InputError, with the reason, if the currents of a model must not be sent to a motor.
 
-    `joint` is the joint that uses the model, `joints` are all that are driven together: the model
-    of one of them must not be used for another.
+    `joint` uses the model; it must not be that of another of the `joints` that are driven together.
     """
     if model.joint != joint and model.joint in joints:
         raise InputError(f"this is the model of joint '{model.joint}', not of '{joint}'")
-    _check_unit(model)
+    unit = unit_of(model)
+    if unit not in (CURRENT, TORQUE):
+        raise InputError(
+            f"notes.unit: its figures are in '{unit}', not in A or N·m: they are no current. "
+            "Convert the recording's effort and refine it again")
     motion = _motion(model)
     friction = _check_sigmoid(model, motion)
     resisting = [_check_effect(model, effect, motion, friction) for effect in model.effects]
@@ -65,16 +63,7 @@ def unit_of(model: FrictionModel) -> str:
     return str(model.notes.get('unit') or CURRENT)
 
 
-def _check_unit(model: FrictionModel) -> None:
-    unit = unit_of(model)
-    if unit not in (CURRENT, TORQUE):
-        raise InputError(
-            f"notes.unit: its figures are in '{unit}', not in A or N·m: they are no current. "
-            "Convert the recording's effort and refine it again")
-
-
 def _motion(model: FrictionModel) -> Samples:
-    """Return a movement to and fro at the speeds that the model was identified at."""
     speed = model.largest_speed(_SPEED)
     time = np.arange(0.0, 2.0 * _PERIOD, 1.0 / _RATE)
     turn = 2.0 * math.pi / _PERIOD
@@ -87,7 +76,6 @@ def _motion(model: FrictionModel) -> Samples:
 
 
 def _check_sigmoid(model: FrictionModel, motion: Samples) -> float:
-    """Return the largest sliding friction of the sigmoid, A."""
     velocity = np.asarray(motion.velocity)
     speeds = np.linspace(velocity.min(), velocity.max(), 401)
     current = np.asarray(model.sigmoid(speeds), dtype=float)

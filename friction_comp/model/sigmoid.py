@@ -7,28 +7,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 import math
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 from numba import njit
 import numpy as np
+from numpy.typing import ArrayLike
 
 from friction_comp.checks import check_number
 from friction_comp.errors import InputError
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 VELOCITY_UNITS = {'rad/s': 1.0, 'deg/s': math.pi / 180.0}
 
 
 def kinetic_current(velocity: Any, upper: float, lower: float, steepness: float, shift: float,
                     viscous: float) -> Any:
-    """Return Eq. 6 at a velocity; the only implementation of Eq. 6.
-
-    `velocity` is an array or a number in rad/s. The result, current or torque, has the unit of the
-    plateaus; parameters are those of `Sigmoid`. `compiled_kinetic_current` is the same function
-    compiled.
-    """
+    """Return Eq. 6 at a velocity, array or number, rad/s, in the unit of the plateaus."""
     return viscous * velocity + lower + (upper - lower) / (
         1.0 + np.exp(-steepness * (velocity - shift)))
 
@@ -69,9 +62,8 @@ class Sigmoid:
     @classmethod
     def from_coefficients(cls, coefficients: Sequence[float],
                           velocity_unit: str = 'rad/s') -> Sigmoid:
-        """Make a sigmoid from c1..c6 of Eq. 6.
+        """Make a sigmoid from c1..c6 of Eq. 6, with ω in rad/s or, as in Eq. 11, in deg/s.
 
-        c2 and c6 refer to ω in rad/s or, as in Eq. 11 of the note, in deg/s.
         Raises InputError if there are not six finite numbers with c2, c4 and c5 positive.
         """
         unit = _unit(velocity_unit)

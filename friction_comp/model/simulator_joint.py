@@ -11,16 +11,16 @@ the simulator's own bodies.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-import math
 
 import numpy as np
 
 from friction_comp.errors import InputError
 from friction_comp.model.effects.base import Effect
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.model.recorded import LINE
+from friction_comp.model.measured import LINE
 from friction_comp.model.sliding_friction import inertia_of, line_of, Sliding
 from friction_comp.samples import Samples
+from friction_comp.statistics import rms
 
 LINKS = ('gravity', 'rigid_body', 'other_joints', 'load_torque')
 """Effects of the links and of what they touch."""
@@ -64,14 +64,9 @@ class SimulatorJoint:
 
 
 def simulator_joint(model: FrictionModel, top_speed: float | None = None) -> SimulatorJoint:
-    """Return the numbers of a model for the joint of a simulator.
+    """Return the numbers of a model; `top_speed` in rad/s replaces the speeds of its recording.
 
-    `top_speed` in rad/s replaces the speeds of the model's recording.
-
-    Raises
-    ------
-    InputError
-        If the model's unit is not a torque and cannot be converted to one.
+    Raises InputError if the model's unit is not a torque and cannot be converted to one.
     """
     unit = model.unit
     gain = model.torque_per(unit)
@@ -180,8 +175,8 @@ def loss_of(model: FrictionModel, joint: SimulatorJoint | FrictionTable, form: s
             recorded: Samples | None = None) -> Loss:
     """Return what a form misses of the model's torque without links, where the joint slides.
 
-    `recorded` is the motion of a recording with velocity and acceleration; sweeps at the model's
-    speeds when omitted. Friction alone is compared where the form is of friction alone.
+    In the motion of a recording with velocity and acceleration, else in sweeps at the model's
+    speeds. Friction alone is compared where the form is of friction alone.
     """
     gain = model.torque_per(model.unit) or 1.0
     has_inertia = form not in ('tanh', 'csv')
@@ -203,8 +198,7 @@ def loss_of(model: FrictionModel, joint: SimulatorJoint | FrictionTable, form: s
                 if all(getattr(motion, name) is not None for name in effect.needs)]
     torque = gain * replace(model, arm=None, effects=kept).current(motion)[slides]
     missed = torque - joint.torque(motion, form)[slides]
-    size = math.sqrt(float(np.mean(torque ** 2)))
-    error = math.sqrt(float(np.mean(missed ** 2)))
+    size, error = rms(torque), rms(missed)
     return Loss(error, error / size if size else 0.0, words)
 
 
@@ -212,16 +206,13 @@ def loss_of(model: FrictionModel, joint: SimulatorJoint | FrictionTable, form: s
 class FrictionTable:
     """Friction torque over speed, position and load, without weight, spring and inertia."""
 
-    names: list[str]        # of the columns: velocity, position, load, torque
+    names = ('velocity (rad/s)', 'position (rad)', 'load (N·m)', 'torque (N·m)')
     rows: np.ndarray        # (N, 4)
 
     @classmethod
     def of(cls, model: FrictionModel, loads: np.ndarray, top_speed: float | None = None
            ) -> FrictionTable:
-        """Return the table of a model.
-
-        Loads, shape (L,), N·m, are used where friction depends on the load.
-        """
+        """Return a model's table; friction by load has the loads, shape (L,), N·m."""
         gain = model.torque_per(model.unit) or 1.0
         kept, _ = joint_friction_only(model, ('acceleration', 'load'))
         sliding = Sliding.of(model, top_speed)
@@ -239,8 +230,7 @@ class FrictionTable:
             rows.append(np.column_stack((
                 np.asarray(motion.velocity), motion.position, np.full(len(motion), load),
                 torque))[shown])
-        return cls(['velocity (rad/s)', 'position (rad)', 'load (N·m)', 'torque (N·m)'],
-                   np.concatenate(rows))
+        return cls(np.concatenate(rows))
 
     def torque(self, motion: Samples, form: str = 'csv') -> np.ndarray:
         """Return the torque in a motion, N·m, shape (N,): linear between the rows."""

@@ -19,9 +19,9 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.simulator_joint import joint_friction_only, SimulatorJoint
 from friction_comp.model.sliding_friction import Sliding
 from friction_comp.samples import Samples
+from friction_comp.statistics import rms
 
-# Natural frequency of the controller, Hz, critically damped: higher ones would hide what the joint
-# lacks, at much lower ones noise of the recorded torque makes it wander.
+# Natural frequency of the controller, Hz: higher ones hide what lacks, lower ones let noise wander.
 _HOLD = 2.0
 # Longest step of the simulation, s, and longest motion that is played, s.
 _STEP, _LONGEST = 1e-3, 60.0
@@ -48,10 +48,7 @@ def attributes(joint: SimulatorJoint, with_inertia: bool = True) -> str:
 
 
 def play(joint: SimulatorJoint, motion: Samples, torque: np.ndarray) -> Played | None:
-    """Play a motion with velocity and the torque of its motor without links, N·m, shape (N,).
-
-    Returns None where it cannot be played: MuJoCo is not installed, or the inertia is not known.
-    """
+    """Play a motion with the torque of its motor, N·m, (N,); None without MuJoCo or an inertia."""
     try:
         import mujoco
     except ModuleNotFoundError:
@@ -64,15 +61,12 @@ def play(joint: SimulatorJoint, motion: Samples, torque: np.ndarray) -> Played |
     size = float(np.std(moved))
     if not size or not all(map(len, strayed)):
         return None
-    error, frictionless = (math.sqrt(float(np.mean(one ** 2))) for one in strayed)
+    error, frictionless = map(rms, strayed)
     return Played(error, error / size, frictionless)
 
 
 def swing(model: FrictionModel) -> tuple[Samples, np.ndarray]:
-    """Return a swing to and fro up to the model's largest speed, and its torque, N·m, shape (N,).
-
-    The torque is that of the joint itself, without links, load, temperature and time.
-    """
+    """Return a swing up to the model's largest speed, and the joint's own torque, N·m, (N,)."""
     kept, _ = joint_friction_only(model)
     inertia = [effect for effect in model.effects if effect.name in ('inertia', 'spring')]
     speed, turning = max(Sliding.of(model).speeds), 2.0 * math.pi * _SWING
@@ -86,7 +80,6 @@ def swing(model: FrictionModel) -> tuple[Samples, np.ndarray]:
 
 
 def _parts(motion: Samples) -> list[slice]:
-    """Return the segments of a motion up to the longest that is played."""
     parts, left = [], _LONGEST
     for part in motion.segments():
         time = motion.time[part]

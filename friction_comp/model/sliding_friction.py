@@ -21,7 +21,7 @@ from friction_comp.checks import check_number
 from friction_comp.model.effects.base import Effect
 from friction_comp.model.effects.definitions import RESISTS
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.model.recorded import LINE
+from friction_comp.model.measured import LINE
 from friction_comp.samples import Samples
 
 # rad/s, if a model does not tell the speeds at which it was measured.
@@ -41,10 +41,7 @@ class Sliding:
 
     @classmethod
     def of(cls, model: FrictionModel, top_speed: float | None = None) -> Sliding:
-        """Return the sweeps at the speeds of a model: of its recording, else up to its fastest.
-
-        The fastest is `top_speed`, rad/s, if given.
-        """
+        """Return sweeps at the speeds of a model: of its recording, or up to its top speed."""
         limits = model.position_limits or cls.limits
         if model.recorded is not None and model.recorded.speeds and top_speed is None:
             return cls(model.recorded.speeds, limits)
@@ -68,8 +65,8 @@ class Sliding:
     def lines(self, effects: Iterable[Effect]) -> list[np.ndarray]:
         """Return offset, Coulomb and viscous friction of each coefficient of some effects.
 
-        Each array has the shape (3, M) of `LINE` and the effect's coefficients. It is zero for
-        effects that are no friction of a sliding joint without load, and those that fade.
+        Each array has the shape (3, M) of `LINE` and the effect's M coefficients; zero where
+        `is_sliding_friction` is not.
         """
         effects = list(effects)
         zero = [np.zeros((len(LINE), len(effect.coefficients))) for effect in effects]
@@ -92,7 +89,6 @@ def is_sliding_friction(effect: Effect) -> bool:
 
 
 def _by_coefficient(effect: Effect) -> list[Effect]:
-    """Return the effect with each of its coefficients 1 and the others 0."""
     units = np.eye(len(effect.coefficients)).tolist()
     return [type(effect)({**effect.values, 'coefficients': unit}, effect.valid_range)
             for unit in units]

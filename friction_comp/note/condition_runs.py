@@ -21,8 +21,8 @@ from friction_comp.simulation.random_sequence import random_states
 SAMPLE_TIME = 1e-3
 REPETITIONS = 10
 CONDITIONS = ('none', 'kinetic', 'paper', 'continuous', 'inertia')
-# Variation between a person's movements: standard deviations of stiffness (relative), of the time
-# at which the movement begins, s, and of its speed (relative).
+# A person's standard deviations of stiffness (relative), time of the begin, s, and speed
+# (relative).
 STIFFNESS_VARIATION, DELAY_VARIATION, SPEED_VARIATION = 0.05, 0.01, 0.02
 # Number of standstills, duration of each, s, and time in it at which a direction is announced, s.
 STANDSTILLS, STANDSTILL_TIME, ANNOUNCED = 360, 10.0, 0.5
@@ -32,10 +32,7 @@ BREAKAWAY_ERROR = 0.1
 
 def varied_reference(movement: ReferenceMovement, time: np.ndarray, repetitions: int,
                      seed: int) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
-    """Return a person's varied reference in each repetition, and factors of the stiffness.
-
-    The reference is position, velocity and direction, each of shape (repetitions, N).
-    """
+    """Return a person's position, velocity, direction, (repetitions, N), and stiffness factors."""
     rng = np.random.default_rng(seed)
     begin = movement.begins(0)
     rows: tuple[list[np.ndarray], ...] = ([], [], [])
@@ -51,11 +48,7 @@ def varied_reference(movement: ReferenceMovement, time: np.ndarray, repetitions:
 
 def run_trial(experiment: Experiment, model: FrictionModel, name: str, seed: int,
               repetitions: int = REPETITIONS) -> Evaluation:
-    """Run and evaluate the condition `name`, one of `CONDITIONS`.
-
-    `model` is that of the compensation. The seed determines all variation of person and joint, so
-    that it is the same under every condition.
-    """
+    """Run and evaluate the condition `name`; a seed is the same person and joint in each."""
     movement = experiment.movement(compensated=name in ('paper', 'continuous'))
     count = round((movement.begins(1) + movement.movement_time + 1.0) / SAMPLE_TIME)
     time = np.arange(count) * SAMPLE_TIME
@@ -99,11 +92,8 @@ def with_breakaway_error(model: FrictionModel) -> FrictionModel:
 def stand_still(experiment: Experiment, model: FrictionModel, law: str, seed: int) -> np.ndarray:
     """Return how far an untouched joint moves in each of `STANDSTILLS`, rad; one hour in total.
 
-    A direction is announced in each.
-
-    Each standstill has new breakaway levels, while a single one of an hour would test only one pair
-    of levels. Half of them have d = 1, half d = -1. The law's breakaway currents are too large by
-    `BREAKAWAY_ERROR`.
+    Each has new breakaway levels and a direction announced, half of them d = 1; the law's breakaway
+    currents are too large by `BREAKAWAY_ERROR`.
     """
     model = with_breakaway_error(model)
     count = round(STANDSTILL_TIME / SAMPLE_TIME)

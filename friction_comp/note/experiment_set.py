@@ -12,7 +12,8 @@ import numpy as np
 
 from friction_comp.evaluation.conditions import Evaluation
 from friction_comp.identification.goal import IdentificationResult
-from friction_comp.model.friction_model import Breakaway, FrictionModel
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.measured import Breakaway
 from friction_comp.note.condition_runs import CONDITIONS, mean_peak, run_trial, stand_still
 from friction_comp.note.identify import identified_model, identify_breakaway, identify_table, Ramps
 from friction_comp.note.published import Experiment, EXPERIMENTS, FALSE_START
@@ -90,11 +91,10 @@ def run_experiment(experiment: Experiment, table: Callable[[], tuple[Identificat
 
 def run_experiments(cycles: int, seed: int,
                     report: Callable[[float, str], None]) -> list[ExperimentOutcome]:
-    """Run the experiments of every configuration.
+    """Run the experiments of every configuration, with `cycles` current ramps per direction.
 
-    The identification procedure measures look-up tables sample by sample, as with a real joint, in
-    a separate process; all other experiments are compiled and run in parallel. There are `cycles`
-    current ramps per direction. ``report(share, description)`` is called with the progress.
+    Look-up tables are measured sample by sample in a separate process, all else runs compiled and
+    in parallel. ``report(share, description)`` is called with the progress.
     """
     outcomes = []
     with child_process() as pool:

@@ -74,10 +74,7 @@ def _verdict(outcomes: list[ExperimentOutcome]) -> str:
 
 
 def compared(configurations: dict[str, Any]) -> list[list[str]]:
-    """Return a row of text for each result: its name, and the values of the configurations.
-
-    `configurations` are those of results.json; what the note measured is added in brackets.
-    """
+    """Return a row of text for each result in results.json, with the note's in brackets."""
     columns = [_cells(configurations[str(note.number)], note) for note in EXPERIMENTS]
     return [[name, *(column[name] for column in columns)] for name in columns[0]]
 
@@ -110,7 +107,7 @@ def _add_table(report: Report, outcomes: list[ExperimentOutcome]) -> None:
     rows = []
     for outcome in outcomes:
         printed, sigmoid = outcome.experiment.model().sigmoid, outcome.model.sigmoid
-        speeds, currents = np.array([(p.speed, p.current) for p in outcome.table.points]).T
+        speeds, currents = outcome.table.speeds, outcome.table.currents
         fast = speeds[np.abs(speeds) > math.radians(4.0)]
         rows.append([
             outcome.experiment.number, ', '.join(f'{c:.4g}' for c in sigmoid.coefficients('deg/s')),
@@ -187,7 +184,7 @@ def friction_figure(outcomes: list[ExperimentOutcome]) -> Figure:
     figure, axes = new_figure(height=4.2, x='joint velocity (deg/s)', y='motor current (mA)')
     fine = np.linspace(-105.0, 105.0, 1001)
     for outcome, colour in zip(outcomes, _CONFIGURATIONS):
-        speeds, currents = np.array([(p.speed, p.current) for p in outcome.table.points]).T
+        speeds, currents = outcome.table.speeds, outcome.table.currents
         curve(axes, np.degrees(speeds), 1e3 * currents, colour,
               f'configuration {outcome.experiment.number}', 'o', markersize=3.5)
         curve(axes, fine, 1e3 * outcome.model.sigmoid(np.radians(fine)), colour, linewidth=1.0)

@@ -15,8 +15,7 @@ RAMP_PERIOD = 10.0
 """T of Eq. 8 in s, all configurations."""
 
 FALSE_START = math.radians(1.0)
-"""rad. An untouched joint that moves farther has started by itself. Under the breakaway term
-alone, sticking joints deflect by 0.01 to 0.02 degrees, which is not a start."""
+"""rad by which a joint has started by itself; sticking joints deflect by 0.01 to 0.02 degrees."""
 
 _FAST = (5.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0, 90.0, 100.0)
 
@@ -35,8 +34,8 @@ class Experiment:
     peak_kinetic: float
     peak_compensated: float
     reduction: float
-    # Slowest speeds of the table, deg/s. The note does not list the speeds of its table; the
-    # slowest determines how steep the fitted transition is.
+    # Slowest speeds of the table, deg/s, not in the note: they determine the transition's
+    # steepness.
     slow: tuple[float, ...]
 
     @property

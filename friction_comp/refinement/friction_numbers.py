@@ -12,7 +12,7 @@ import numpy as np
 
 from friction_comp.model.effects.base import Effect
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.model.recorded import LINE, Recorded
+from friction_comp.model.measured import LINE, Recorded
 from friction_comp.model.sliding_friction import inertia_of, line_of, Sliding
 from friction_comp.refinement.best_fit import Fit
 from friction_comp.refinement.block_sums import BlockSums
@@ -65,7 +65,7 @@ def recorded_of(fit: Fit, model: FrictionModel) -> Recorded:
     if 0.0 < spread <= _MOST_LOG:
         transition = 2.0 / model.sigmoid.steepness
         intervals['transition'] = (transition * math.exp(-spread), transition * math.exp(spread))
-    return Recorded(recorded.speeds, tuple(intervals.items()))
+    return Recorded(recorded.speeds, intervals)
 
 
 def _without_thirds(fit: Fit) -> np.ndarray:

@@ -10,9 +10,8 @@ from datetime import date
 from matplotlib.figure import Figure
 import numpy as np
 
-from friction_comp.evaluation.compare import effect_size, Trend
-from friction_comp.evaluation.intervals import Interval
-from friction_comp.evaluation.outcome import Evaluation
+from friction_comp.evaluation.compare import effect_size, Interval, Trend
+from friction_comp.evaluation.conditions import Evaluation
 from friction_comp.evaluation.repetitions import Compensation, FIGURES
 from friction_comp.reports import evaluation_words as words
 from friction_comp.reports.figures import band, COLOURS, INK, new_figure, styled

@@ -7,9 +7,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from friction_comp.evaluation.compare import Comparison, Trend
+from friction_comp.evaluation.compare import Comparison, Interval, Trend
 from friction_comp.evaluation.conditions import Condition, Evaluation
-from friction_comp.evaluation.intervals import Interval
 from friction_comp.evaluation.repetitions import Compensation, FIGURES
 from friction_comp.reports.html import number
 

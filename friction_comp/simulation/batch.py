@@ -69,36 +69,29 @@ def closed_loops(
         *, released: int | None = None, speed: float = 0.0,
         disturbance: np.ndarray | None = None, logged: Sequence[str] = LOGGED
         ) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
-    """Simulate many joints with their laws, which use Eq. 6 without further effects.
+    """Simulate R joints with their laws, which use Eq. 6 without further effects.
 
     Parameters
     ----------
     parameters, random, laws : ndarray, shape (R,), (R, 1) and (R,)
-        For each of R runs: `joint_parameters`, `random_states` and `CompensationLaw.parameters`.
+        `joint_parameters`, `random_states` and `CompensationLaw.parameters` of each run.
     reference : tuple of ndarray, each of shape (M, L)
-        Position, velocity and direction of M movements at each of L samples, as
-        `ReferenceMovement.at` returns them.
+        Position, velocity and direction of M movements, as `ReferenceMovement.at` returns them.
     which : ndarray of int, shape (R,), optional
         Index of each run's movement; the first for all when omitted.
     every : int
         Log every n-th sample; 0 logs nothing.
     released : int, optional
-        Sample at which the person lets go; never when omitted. With 0 the joint is always free.
-    speed : float
-        Initial velocity of the joint, rad/s.
-    disturbance : ndarray, shape (L,) or (D, L), optional
-        Added to the position that the law receives, rad; run r has row r modulo D.
-    logged : sequence of str
-        Some of `SIGNALS`.
+        Sample at which the person lets go; never when omitted.
+    speed, disturbance, logged
+        Initial velocity, rad/s; added to the position that the law receives, rad, (L,) or (D, L),
+        run r has row r modulo D; and some of `SIGNALS`.
 
     Returns
     -------
-    log : dict of str to ndarray, shape (R, ceil(L / every))
-        The logged signals by name.
-    extremes : ndarray, shape (R, 2)
-        Lowest and highest true position of each run in rad.
-    guards : ndarray of compensation.law_fields.STATE, shape (R,)
-        Final states of the laws.
+    log, extremes, states
+        The logged signals by name, each (R, ceil(L / every)); lowest and highest true position in
+        rad, (R, 2); and the final states of the laws, (R,).
     """
     movements = np.ascontiguousarray(np.stack(
         [np.atleast_2d(np.asarray(a, dtype=float)) for a in reference], axis=1))

@@ -34,15 +34,9 @@ _STEP = 1e-3
 
 
 class CheapForce:
-    """Force sensors of J joints, in counts.
+    """Force sensors of J joints, in counts, `rate` values per second.
 
-    Parameters
-    ----------
-    breakaway : ndarray, shape (J,)
-        Torque that breaks each joint away, N·m: the range is 2 to 8 times as large.
-    seed : int or sequence of int
-    rate : float
-        Values per second.
+    Their range is 2 to 8 times the torque that breaks each joint away, N·m, (J,).
     """
 
     range = (0.0, COUNTS - 1.0)
@@ -66,9 +60,9 @@ class CheapForce:
         self.faults: dict[int, str] = {}
 
     def sample(self, torque: np.ndarray) -> np.ndarray:
-        """Advance by N ms; return the counts that are due, shape (M, J), M about N·rate/1000.
+        """Advance by N ms with a torque on the cuff, N·m, (N, J); return the counts due, (M, J).
 
-        `torque` is that on the cuff, N·m, shape (N, J). A joint whose sensor is silent has NaN.
+        M is about N·rate/1000. A joint whose sensor is silent has NaN.
         """
         due = []
         for row in np.asarray(torque, dtype=float):
@@ -102,15 +96,9 @@ class CheapForce:
 
 
 class CheapMuscles:
-    """Flexor and extensor of J joints, as raw signals or envelopes, µV.
+    """Flexor and extensor of J joints with `breakaway` torques, N·m, (J,), in µV.
 
-    Parameters
-    ----------
-    breakaway : ndarray, shape (J,)
-        N·m.
-    seed : int or sequence of int
-    envelope : bool
-        Whether envelopes are given, 100 per second, instead of 1000 raw values.
+    Raw signals, 1000 values per second, or with `envelope` 100 of their envelopes.
     """
 
     range = (-MUSCLE_RANGE, MUSCLE_RANGE)
@@ -147,12 +135,8 @@ class CheapMuscles:
                co_contraction: np.ndarray | float = 0.0) -> np.ndarray:
         """Advance by N ms; return the values that are due, shape (M, J, 2), in µV.
 
-        Parameters
-        ----------
-        intended : ndarray, shape (N, J)
-            Torque for which the muscles act now, `delay` before it, N·m.
-        co_contraction : ndarray, shape (N, J), or float
-            Torque of both muscles against each other, N·m.
+        `intended` is the torque for which the muscles act now, `delay` before it, and
+        `co_contraction` that of both against each other, N·m, each (N, J).
         """
         intended = np.asarray(intended, dtype=float)
         both = np.stack([np.maximum(intended, 0.0), np.maximum(-intended, 0.0)], axis=2)

@@ -76,22 +76,10 @@ def _maxwell_force(p: Record, s: Record, v: float, level: float, h: float) -> fl
 
 
 @njit(cache=True)
-def _advance_current(p: Record, s: Record, command: float, v: float, follow: float) -> None:
-    if p.resistance > 0.0:
-        highest = (p.voltage - p.back_emf * v) / p.resistance
-        lowest = (-p.voltage - p.back_emf * v) / p.resistance
-        command = min(highest, max(lowest, command))
-    s.current += (command - s.current) * follow
-
-
-@njit(cache=True)
 def move_geared(p: Record, s: Record, random: np.ndarray, table: np.ndarray, memory: np.ndarray,
                 sample_time: float, command: float, reference_position: float,
                 reference_velocity: float, active: bool) -> None:
-    """Simulate the joint over one sample; parameters as for `joint.joint_sample`.
-
-    The person holds the link; undeclared effects act on the rotor.
-    """
+    """Simulate the joint over one sample; the person holds the link, see `joint.joint_sample`."""
     h = sample_time / SUBSTEPS
     amplify = low_pass_weight(h, p.current_lag)
     follow = low_pass_weight(h, p.actuation_lag)
@@ -100,7 +88,12 @@ def move_geared(p: Record, s: Record, random: np.ndarray, table: np.ndarray, mem
     start = s.samples * sample_time
     for k in range(SUBSTEPS):
         v = s.rotor_speed
-        _advance_current(p, s, command, v, amplify)
+        wanted = command
+        if p.resistance > 0.0:
+            highest = (p.voltage - p.back_emf * v) / p.resistance
+            lowest = (-p.voltage - p.back_emf * v) / p.resistance
+            wanted = min(highest, max(lowest, command))
+        s.current += (wanted - s.current) * amplify
         s.late_current += (s.current - s.late_current) * follow
         follow_reference(p, s, h, reaction_weight, active,
                          reference_position + reference_velocity * k * h, reference_velocity,

@@ -2,9 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simulated geared joints with encoder, current sensor, torque sensor S2 and a person.
 
-The plant node, `Plant` in a loop and the thousands of parallel runs of `reproduce` all call
-`joint_sample`: there is only one model of the joint. Its equations of motion are in `rigid_joint`
-and `geared_joint`.
+The plant node, `Plant` in a loop and the parallel runs of `reproduce` all call `joint_sample`. Its
+equations of motion are in `rigid_joint` and `geared_joint`.
 """
 
 from __future__ import annotations
@@ -12,10 +11,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 import math
-from typing import TYPE_CHECKING
 
 from numba import njit
 import numpy as np
+from numpy.typing import ArrayLike
 
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
@@ -33,9 +32,6 @@ from friction_comp.simulation.joint_parameters import (
 from friction_comp.simulation.random_sequence import normal, random_states
 from friction_comp.simulation.rigid_joint import move_rigid
 from friction_comp.simulation.undeclared import COLUMNS, Undeclared, warmed_up
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 
 @njit(cache=True)
@@ -77,10 +73,9 @@ def joint_sample(p: Record, s: Record, random: np.ndarray, table: np.ndarray, me
                  reference_velocity: float, active: bool, out: Record) -> None:
     """Simulate one joint over one sample, and write the measured values at its end into `out`.
 
-    `p`, `s` and `out` are records of JOINT, JOINT_STATE and MEASURED, `random` is the run's own
-    random sequence, `table` and `memory` are its undeclared effects. `command`, A, is constant over
-    the sample (see `delayed_command`). If `active`, the person holds the joint and sees the
-    reference of the sample's beginning, rad and rad/s.
+    `p`, `s` and `out` are records of JOINT, JOINT_STATE and MEASURED, `random`, `table` and
+    `memory` the run's own. `command`, A, is constant over the sample. If `active`, the person holds
+    the joint and sees the reference of the sample's beginning, rad and rad/s.
     """
     command = delayed_command(p, s, command)
     if p.kind == RIGID:
@@ -114,10 +109,7 @@ def bank_sample(p: np.ndarray, s: np.ndarray, random: np.ndarray, tables: np.nda
                 memories: np.ndarray, sample_time: float, command: np.ndarray,
                 reference_position: np.ndarray, reference_velocity: np.ndarray,
                 active: np.ndarray, out: np.ndarray) -> None:
-    """Simulate all joints over one sample; each row is a joint.
-
-    The person does not hold a joint without a finite reference.
-    """
+    """Simulate all joints over one sample, a row each; nobody holds one without a reference."""
     for j in range(p.shape[0]):
         held = active[j] and math.isfinite(reference_position[j]) and math.isfinite(
             reference_velocity[j])
@@ -138,10 +130,9 @@ class PlantState:
 
 
 class Plant:
-    """Simulated joints that are stepped one sample at a time.
+    """Simulated joints that are stepped one sample at a time; a seed gives the same numbers.
 
-    Each joint has a model (see `joint_parameters`) and an `Undeclared` or None. The seed determines
-    all noise and scatter: the same seed and commands give the same numbers.
+    Each joint has a model (see `joint_parameters`) and an `Undeclared` or None.
     """
 
     def __init__(self, models: Iterable[FrictionModel], seed: int | Sequence[int] = 0,
@@ -186,14 +177,9 @@ class Plant:
              human_active: ArrayLike | None = None) -> PlantState:
         """Apply a constant current over one sample and return the measured values at its end.
 
-        Parameters
-        ----------
-        command : array_like, shape (J,)
-            Motor current in A. Non-finite values count as 0; others are clipped to the limit.
-        reference_position, reference_velocity : array_like, shape (J,), optional
-            The movement that the person follows, at the present time: rad, rad/s.
-        human_active : array_like of bool, shape (J,), optional
-            Which joints the person holds; all that have a reference when omitted.
+        All arrays have the shape (J,). Currents in A that are not finite count as 0, others are
+        clipped to the limit. The person follows the reference, rad and rad/s at the present time,
+        on the joints where `human_active`, by default all that have one.
         """
         if human_active is None:
             active = self._nobody if reference_position is None else self._everybody

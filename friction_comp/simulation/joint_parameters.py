@@ -86,8 +86,7 @@ SIMULATION_ENTRIES = {
     'torque_noise', 'delay_samples', 'human', 'movement', 'sources'} | GEAR_ENTRIES
 HUMAN_ENTRIES = {'stiffness', 'damping', 'response_time', 'integral_time'}
 
-# Defaults of entries that a model file lacks: the breakaway torque would accelerate the joint at
-# 10 rad/s² and deflect it by 0.5 mrad, similar to the note's drives.
+# Defaults by which the breakaway torque accelerates at 10 rad/s² and deflects by 0.5 mrad.
 DEFAULT_ACCELERATION = 10.0
 DEFAULT_PRESLIDING = 5e-4
 DEFAULT_DAMPING_RATIO = 0.5
@@ -96,14 +95,11 @@ DEFAULT_CURRENT_NOISE = 2e-3
 # Lag, rad, at which the person pushes with the breakaway torque.
 DEFAULT_HUMAN_LAG = 0.1
 DEFAULT_HUMAN_RESPONSE = 0.04
-# A joint that stops short of its target is pushed twice as hard after this time, s, and so arrives
-# within one to two seconds. The value affects the time of arrival but hardly the torque, which
-# depends on friction: with a quarter and half of it the note's peaks without compensation change by
-# at most 1.5 %. With half of it, however, a joint with compensated sliding friction overshoots the
-# target.
+# A joint that stops short of its target is pushed twice as hard after this time, s. The note's
+# peaks hardly depend on it (a quarter of it: 1.5 %), but with half of it, a joint with compensated
+# sliding friction overshoots the target.
 DEFAULT_HUMAN_INTEGRAL_TIME = 0.5
-# Most of the inertia at the output of a robot's gear is that of the rotor; rotor and link resonate
-# at about 40 Hz.
+# Most of the inertia at the output is the rotor's; rotor and link resonate at about 40 Hz.
 DEFAULT_ROTOR_SHARE = 0.8
 DEFAULT_RESONANCE = 40.0
 DEFAULT_GEAR_DAMPING = 0.05
@@ -112,9 +108,8 @@ DEFAULT_GEAR_DAMPING = 0.05
 def joint_parameters(model: FrictionModel, undeclared: Undeclared | None = None) -> np.void:
     """Return the parameters of one joint, a record of `JOINT`, from its model.
 
-    They are based on the model's sigmoid, its breakaway with scatter, and its section `simulation`
-    (see msg_docs/model_file.md), with defaults that follow from the drive. Raises InputError if an
-    entry is unknown, not a number or out of range.
+    They follow from its sigmoid, its breakaway with scatter, and its section `simulation` (see
+    msg_docs/model_file.md). Raises InputError if an entry is unknown, not a number or out of range.
     """
     undeclared = Undeclared() if undeclared is None else undeclared
     section = model.simulation
@@ -180,7 +175,6 @@ def _set_human(p: np.void, section: dict[str, Any], typical: float, inertia: flo
 
 
 def _set_gear(p: np.void, model: FrictionModel, presliding: float) -> None:
-    """Turn a rigid joint into one of two inertias; `presliding` is a distance in rad."""
     section = model.simulation
     if section['gear'] not in tuple(GEARS):
         raise InputError(
@@ -209,9 +203,9 @@ def _set_gear(p: np.void, model: FrictionModel, presliding: float) -> None:
 def set_presliding(p: np.void, distance: float, shares: np.ndarray, damping: float) -> None:
     """Set the presliding of a gear, in a record of JOINT.
 
-    `distance` in rad is that of the Maxwell-slip element that slips last, or g_b/σ0 of LuGre. The
-    distances of the elements are spaced evenly up to it; `shares` are scaled to a sum of 1.
-    `damping` is relative to the critical damping of the rotor on the elements before they slip.
+    `distance` in rad is that of the element that slips last, or g_b/σ0 of LuGre; the elements'
+    distances are spaced evenly up to it, `shares` are scaled to a sum of 1. `damping` is relative
+    to the critical damping of the rotor on the elements before they slip.
     """
     count = len(shares)
     shares = np.asarray(shares, dtype=float) / np.sum(shares)

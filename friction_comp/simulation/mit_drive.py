@@ -25,15 +25,7 @@ def in_bits(values: np.ndarray, largest: np.ndarray | float, bits: int) -> np.nd
 
 
 class MitDrive:
-    """The controllers of J drives.
-
-    Parameters
-    ----------
-    kp, kd : ndarray, shape (J,)
-        N·m/rad and N·m·s/rad.
-    largest_torque : ndarray, shape (J,)
-        Range of the torque in a frame, N·m.
-    """
+    """The controllers of J drives: `kp`, `kd` and the torque's range in N·m, rad and s, (J,)."""
 
     def __init__(self, kp: np.ndarray, kd: np.ndarray, largest_torque: np.ndarray) -> None:
         self._kp, self._kd, self._largest = kp, kd, largest_torque

@@ -2,9 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """An arm whose links MuJoCo simulates, with the drives, sensors and person of `Plant`.
 
-MuJoCo simulates the rigid bodies: mass, inertia, weight and coupling of joints. In each substep it
-receives the sum of motor, person's and friction torque of each joint; friction is that of
-`rigid_joint`.
+In each substep MuJoCo receives the sum of motor, person's and friction torque of each joint;
+friction is that of `rigid_joint`.
 """
 
 from __future__ import annotations
@@ -31,11 +30,10 @@ from friction_comp.simulation.undeclared import Undeclared, undeclared_torque
 class MujocoPlant(Plant):
     """Simulated joints on the links of an MJCF or URDF, stepped one sample at a time.
 
-    If the file has keyframes, the arm begins at the first. `joints` are the names of hinges or
-    slides in the file, in the order of the models; other joints move freely. The drive's own
-    inertia, `simulation.inertia`, is added to the joint's armature in the file. Other parameters
-    are those of `Plant`. Raises InputError if MuJoCo is not installed, the file cannot be used, or
-    a model has a gear with compliance.
+    The arm begins at the file's first keyframe, if any. `joints` are hinges or slides of the file,
+    in the order of the models; others move freely. `simulation.inertia` is added to the armature.
+    Other parameters are those of `Plant`. Raises InputError if MuJoCo is not installed, the file
+    cannot be used, or a model has a gear with compliance.
     """
 
     def __init__(self, file: str | Path, joints: Sequence[str], models: Sequence[FrictionModel],
@@ -138,7 +136,7 @@ def _torques(parameters: np.ndarray, states: np.ndarray, randoms: np.ndarray, ta
     """Write the torques of motors, persons and friction at the beginning of a substep, N·m.
 
     `bias` is each joint's torque due to weight and velocities, `inertia` its entry on the diagonal
-    of the arm's inertia: with both, the bristle is integrated implicitly as in `rigid_joint`.
+    of the arm's: with both, the bristle is integrated implicitly as in `rigid_joint`.
     """
     h = sample_time / SUBSTEPS
     for j in range(parameters.shape[0]):

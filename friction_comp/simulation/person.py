@@ -9,21 +9,16 @@ it does, so that every joint is eventually set in motion.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from numba import njit
 import numpy as np
+from numpy.typing import ArrayLike
 
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from friction_comp.simulation.joint_parameters import Record
+from friction_comp.simulation.joint_parameters import Record
 
 ARRIVED = 0.1
-"""Largest distance from the end of the reference movement at which a joint has arrived, rad. In the
-note's experiments, joints with compensation end at most 0.083 rad short of it, joints without it at
-least 0.18 rad. With half this value the person would also finish movements under the continuous
-law, which leaves a part of the friction to the person."""
+"""Largest distance from the end of the reference at which a joint has arrived, rad. In the note,
+joints with compensation end at most 0.083 rad short of it, those without it at least 0.18 rad; with
+half of this the person would finish movements under the continuous law, too."""
 
 
 @njit(cache=True)
@@ -32,8 +27,7 @@ def follow_reference(p: Record, s: Record, h: float, reaction_weight: float, act
                      velocity: float) -> None:
     """Advance the person's torque `s.human`, N·m, by one substep of h s.
 
-    `reaction_weight` is the weight of the reaction's low pass over the substep, `active` whether
-    the person holds the joint. Positions are in rad and velocities in rad/s.
+    `reaction_weight` is that of the low pass, `active` whether the person holds the joint.
     """
     if not active:
         s.human = s.integral_torque = 0.0
@@ -54,13 +48,7 @@ def follow_reference(p: Record, s: Record, h: float, reaction_weight: float, act
 
 
 class ReferenceHold:
-    """Extrapolates the last reference with its velocity until the next one.
-
-    Parameters
-    ----------
-    timeout : float
-        Time in s after which a reference is no longer followed.
-    """
+    """Extrapolates the last reference with its velocity until the next one, or a timeout in s."""
 
     def __init__(self, timeout: float = 0.5) -> None:
         self.timeout = float(timeout)
@@ -72,10 +60,7 @@ class ReferenceHold:
                            np.array(velocity, dtype=float))
 
     def at(self, time: float) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
-        """Return position and velocity of shape (J,) at a time in s, or None and None.
-
-        There is none before the first reference and after the timeout.
-        """
+        """Return position and velocity of shape (J,) at a time in s, or None and None."""
         if self._reference is None or not time - self._reference[0] <= self.timeout:
             return None, None
         since, position, velocity = self._reference

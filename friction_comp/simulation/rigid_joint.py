@@ -36,7 +36,7 @@ RENEWAL = 3.0
 @njit(cache=True)
 def clamped_friction(p: Record, s: Record, stuck: float, extra: float, speed: float, h: float
                      ) -> tuple[float, bool]:
-    """Return friction in N·m, and whether the bristle slips; `stuck` is its speed if it does not.
+    """Return friction in N·m, and whether the bristle slips; `stuck` is its speed if not.
 
     `speed` determines the level of friction, to which undeclared effects add `extra` N·m.
     """

@@ -56,8 +56,7 @@ EFFECTS: dict[str, tuple[int, dict[str, Bounds]]] = {
     'offset': (OFFSET, {'torque': _any()}),
     # torque amplitude·sin(x + phase)
     'gravity': (GRAVITY, {'amplitude': _any(), 'phase': _any(0.0)}),
-    # torque amplitude·(1 + slope·|v|)·sin(frequency·x + phase); frequency in rad per rad, that is
-    # periods per joint turn
+    # torque amplitude·(1 + slope·|v|)·sin(frequency·x + phase); frequency in periods per joint turn
     'cogging': (COGGING, _RIPPLE),
     # the same, added to the level of friction
     'friction_ripple': (FRICTION_RIPPLE, _RIPPLE),
@@ -96,8 +95,7 @@ _MEMORY = {HYSTERESIS: 3, REST: 4, BACKLASH: 2}
 class Undeclared:
     """Undeclared effects of one joint."""
 
-    # Rows for `undeclared_torque`: code, up to eight parameters, and the index of the row's first
-    # state variable in the memory.
+    # Rows: code, up to eight parameters, and the index of the row's first state variable.
     table: np.ndarray = field(default_factory=lambda: np.zeros((0, COLUMNS)))
     memory_size: int = 0        # number of state variables of the effects; they start at zero
     inertia: float = 0.0        # kg·m², added to the joint's own
@@ -109,10 +107,7 @@ class Undeclared:
 
     @classmethod
     def from_effects(cls, effects: Iterable[Any], thermal: Any = None) -> Undeclared:
-        """Create from dicts with `name` and `parameters`: see `EFFECTS` and `JOINT_EFFECTS`.
-
-        `thermal` has the keys of `THERMAL`; `initial` is the ambient temperature when omitted.
-        """
+        """Create from dicts with `name` and `parameters`, and a dict like `THERMAL`."""
         rows, result = [], cls()
         for entry in effects:
             if not isinstance(entry, dict) or 'name' not in entry:
@@ -176,10 +171,9 @@ def undeclared_torque(table: np.ndarray, memory: np.ndarray, t: float, x: float,
                       ) -> tuple[float, float]:
     """Return the driving torque and the level of friction that undeclared effects add, N·m.
 
-    Must be called in time order, with a `memory` of the run's own that begins as `memory_size`
-    zeros. `t`, `x` and `v` are in s, rad and rad/s; the person applies `load` N·m; the joint has
-    been sticking for `rest_time` s, 0 while it slides; the declared friction at this velocity is
-    `base_level` N·m.
+    Must be called in time order, with a `memory` of the run's own that begins as zeros. `t`, `x`
+    and `v` are in s, rad and rad/s; the person applies `load` N·m; the joint has been sticking for
+    `rest_time` s; the declared friction at this velocity is `base_level` N·m.
     """
     resisting = 0.0
     level = 0.0
@@ -248,10 +242,6 @@ def undeclared_torque(table: np.ndarray, memory: np.ndarray, t: float, x: float,
 
 @njit(cache=True)
 def warmed_up(temperature: float, current: float, step: float, thermal: np.ndarray) -> float:
-    """Return the motor temperature in degrees Celsius after a time step in s; `current` in A.
-
-    This is a first-order model: the temperature approaches ambient + heating·current² with its time
-    constant, since windings lose heat in proportion to their temperature above ambient.
-    """
+    """Return the motor temperature, °C, after a time step, s, at a current, A; of first order."""
     goal = thermal[0] + thermal[2] * current * current
     return goal + (temperature - goal) * math.exp(-step / thermal[3])

@@ -12,7 +12,6 @@ import argparse
 from argparse import Namespace
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-import itertools
 import math
 from pathlib import Path
 import re
@@ -54,10 +53,7 @@ class _Joined(argparse.Action):
 class Arguments(argparse.ArgumentParser):
     """An argument parser that reports an error in one line and exits with status 2.
 
-    ROS arguments (after ``--ros-args``) are accepted but not parsed, so that a tool can be started
-    with `ros2 run` or from a launch file.
-
-    The description is the docstring of the tool's module, shown without its name and markup.
+    The description is the docstring of the tool's module, without its name and markup.
     """
 
     def __init__(self, name: str, description: str, examples: Sequence[str] = ()) -> None:
@@ -78,14 +74,12 @@ class Arguments(argparse.ArgumentParser):
         self.exit(2, f'{self._name}: {message} (try --help)\n')
 
     def parse(self, argv: Sequence[str] | None = None) -> Namespace:
-        """Return the parsed arguments; `command` is the whole command, marked as code for a page.
-
-        The output path is checked as well, before computations that may take minutes.
-        """
+        """Return the arguments, with the `command` as code, and its ROS arguments as `ros`."""
         given = list(sys.argv[1:] if argv is None else argv)
-        own = itertools.takewhile(lambda word: word != '--ros-args', given)
+        end = given.index('--ros-args') if '--ros-args' in given else len(given)
         self.given.clear()
-        parsed = self.parse_args(list(own))
+        parsed = self.parse_args(given[:end])
+        parsed.ros = given[end:]
         parsed.command = f'`friction_comp {shlex.join([self._name, *given])}`'
         if self._check_output is not None:
             self._check_output(parsed.output)
@@ -169,7 +163,6 @@ def whole_number(least: int = 1, most: float = math.inf) -> Callable[[str], int]
 
 
 def _checked(text: str, kind: Callable[[str], T], check: Callable[[object], T]) -> T:
-    """Convert and check an argument; argparse puts its name before the error message."""
     value: object = text
     with suppress(ValueError):
         value = kind(text)
@@ -188,10 +181,7 @@ def keep_inputs(output: Path, *inputs: Path) -> None:
 def write_results(arguments: Namespace, content: dict[str, Any], page: Page,
                   model: FrictionModel | None = None, files: Mapping[str, str] | None = None
                   ) -> None:
-    """Write report.json, report.html, model.yaml and texts by file name to --output, all or none.
-
-    Raises InputError if one cannot be written.
-    """
+    """Write report.json, report.html, model.yaml and texts by file name to --output, or nothing."""
     with output_folder(arguments.output) as folder:
         write_report(folder, content, page, arguments.command)
         if model is not None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 from dataclasses import replace
 import math
 from pathlib import Path
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
@@ -16,10 +16,8 @@ from friction_comp.reports.direction_scenes import HandTrial, intention_report, 
 from friction_comp.simulation.cheap_sensors import CheapForce, CheapMuscles
 from friction_comp.tools.demo_loop import JOINT, recorded, TRUE_MODEL
 from friction_comp.tools.demo_scenes import PERSON
+from friction_comp.tools.demo_system import DemoSystem
 from friction_comp.tools.processes import IN_LOCKSTEP, SAMPLE_TIME
-
-if TYPE_CHECKING:
-    from friction_comp.tools.demo_system import DemoSystem
 
 # Folder, title, law, and whether the exercise announces the direction.
 WAYS = (('none', 'no help', 'none', False),
@@ -105,6 +103,5 @@ def play_intention(system: DemoSystem) -> None:
 
 
 def _start(system: DemoSystem, model: Path, **more: Any) -> None:
-    """Start a joint whose torque is recorded at each sample, and its compensator."""
     system.start_plant([JOINT], [model], wrench_period=SAMPLE_TIME, clock_period=TICK, **more)
     system.start('compensator', model, law='continuous')

@@ -31,7 +31,6 @@ WAYS = ('without', '0.9·tanh of the measured speed', '0.9·tanh of the desired 
 
 
 def _follow(way: str, speed: float, seed: int) -> dict[str, Any]:
-    """Return how a joint under an MIT-mode controller follows a slow ramp to and fro."""
     model = FrictionModel.load(package_file('config', 'armin_configuration_1.yaml'))
     plant = Plant([model], seed)
     per, coulomb = model.drive.torque_per_current, model.sigmoid.upper

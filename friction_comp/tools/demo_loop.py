@@ -4,11 +4,12 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Future
 from dataclasses import replace
 from functools import partial
 import math
 from pathlib import Path
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 from rich.table import Table
 
@@ -16,16 +17,11 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.package_files import package_file
 from friction_comp.parallel import child_process
 from friction_comp.recordings import read_recording
-from friction_comp.refinement import refine
+from friction_comp.refinement import refine, RefineResult
 from friction_comp.reports.demo_report import demo_report, EvaluatedTrial, residuals, table_rows
+from friction_comp.samples import Samples
 from friction_comp.tools.common import progress
-
-if TYPE_CHECKING:
-    from concurrent.futures import Future
-
-    from friction_comp.refinement.result import RefineResult
-    from friction_comp.samples import Samples
-    from friction_comp.tools.demo_system import DemoSystem
+from friction_comp.tools.demo_system import DemoSystem
 
 JOINT = 'armin_1'
 TRUE_MODEL = package_file('config', 'armin_configuration_1.yaml')
@@ -74,7 +70,6 @@ def play_loop(system: DemoSystem) -> None:
 
 
 def _identify(system: DemoSystem) -> Path:
-    """Return the model file that identification writes."""
     system.log('starts a simulated joint with effects that its model lacks, and identification')
     # Identification and the recorder listen from the first state on.
     system.start_plant([JOINT], [TRUE_MODEL], UNDECLARED, wait_for_reference=False,
@@ -94,7 +89,6 @@ def _identify(system: DemoSystem) -> Path:
 
 
 def _load_refined(system: DemoSystem, refining: Future[RefineResult]) -> RefineResult:
-    """Wait for the refined model, and load it into the compensator."""
     system.wait_while('looking for what the model lacks', lambda: not refining.done(), lambda: 0.5)
     result = refining.result()
     path = system.output / 'models' / f'{JOINT}_refined.yaml'
@@ -110,7 +104,6 @@ def _load_refined(system: DemoSystem, refining: Future[RefineResult]) -> RefineR
 
 def _conclude(system: DemoSystem, trials: list[EvaluatedTrial], result: RefineResult,
               model_file: Path) -> None:
-    """Write the report and print its table."""
     before, after = residuals(result)
     effects = result.report.effects
     table = Table(title='Torque needed to move the joint')
@@ -139,9 +132,6 @@ def recorded(path: Path) -> Samples:
 
 
 def refined_model(recording: Path, model_file: Path) -> RefineResult:
-    """Refine an identified model from the recording of its identification.
-
-    There the joint moves by itself, at many speeds: all current is friction's.
-    """
+    """Refine an identified model from its identification, where all current is friction's."""
     model = FrictionModel.load(model_file)
     return refine([recorded(recording)], model, model.drive)

@@ -9,7 +9,7 @@ from dataclasses import replace
 import importlib.util
 import math
 from pathlib import Path
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 from friction_comp.arm.whole_arm import refine_arm
 from friction_comp.errors import InputError
@@ -19,25 +19,13 @@ from friction_comp.files import write_yaml
 from friction_comp.model.friction_model import arm_document, FrictionModel
 from friction_comp.package_files import package_file
 from friction_comp.recordings import read_arm
+from friction_comp.reports import scene_reports as pages
 from friction_comp.reports.evaluation_words import compared_peaks
-from friction_comp.reports.scene_reports import (
-    arm_scene_report,
-    compared_with_taught,
-    mean_figure,
-    peaks_of,
-    session_phases,
-    taught_words,
-    two_joints_report,
-    wear_report,
-    wear_words,
-)
+from friction_comp.samples import Samples
 from friction_comp.tools.common import progress
 from friction_comp.tools.demo_loop import JOINT, recorded, TRUE_MODEL
+from friction_comp.tools.demo_system import DemoSystem
 from friction_comp.tools.teach import main as teach
-
-if TYPE_CHECKING:
-    from friction_comp.samples import Samples
-    from friction_comp.tools.demo_system import DemoSystem
 
 # Joints of the arm, with the note's configuration whose drive they have.
 ARM = {'turn': 1, 'lift': 2, 'bend': 1}
@@ -53,12 +41,10 @@ WEAR_PERIOD = 2.0 * (1.0 + 40.0 / 30.0 + 0.5)
 # Half of the default tolerance, so that the change is detected early.
 WEAR_TOLERANCE = 0.125
 # s of simulated time within which a warning must come; s of movement before refinement, in which
-# the drive reaches nearly its final temperature. In the first half of the warm-up, effects of
-# temperature and of speed cannot always be distinguished, and a model that confuses them is wrong
-# once the drive is warmer.
+# the drive nearly reaches its final temperature: earlier, effects of temperature and of speed look
+# alike.
 WEAR_PATIENCE, WEAR_PAST = 400.0, 40.0
-# Simulated per real time during refinement: a loop that runs as fast as it can would leave little
-# processor time to it.
+# Simulated per real time during refinement, which needs processor time.
 WEAR_PACE = 1.0
 
 
@@ -82,7 +68,7 @@ def play_two_joints(system: DemoSystem) -> None:
     shown = _recorded_joints(system.recording('continuous'), gains)
     peaks = {one.joint: compared_peaks(one) or ('–', '–') for one in evaluations}
     system.finish(
-        two_joints_report(evaluations, shown, exercise),
+        pages.two_joints_report(evaluations, shown, exercise),
         {'joints': [one.as_dict() for one in evaluations]},
         *(f'{joint}: peak {before} N·m with kinetic friction only, {after} N·m with the direction '
           'announced' for joint, (before, after) in peaks.items()))
@@ -132,13 +118,13 @@ def play_arm(system: DemoSystem) -> None:
     system.nodes.stop('compensator', 'plant')
 
     helped = _recorded_joints(system.recording('helped'), gains)
-    peaks = peaks_of(alone, helped)
-    taught = compared_with_taught(load_exercise(exercise), {
+    peaks = pages.peaks_of(alone, helped)
+    taught = pages.compared_with_taught(load_exercise(exercise), {
         'guided': guided, 'alone': alone, 'helped': helped})
     system.finish(
-        arm_scene_report(alone, helped, result, exercise, taught),
+        pages.arm_scene_report(alone, helped, result, exercise, taught),
         {'joints': peaks, 'arm': result.report(), 'taught': taught},
-        taught_words(taught),
+        pages.taught_words(taught),
         *(f'{joint}: the person gives {own["alone"]["rms"]:.2f} N·m RMS, '
           f'{own["alone"]["peak"]:.2f} at most, without help; '
           f'{own["helped"]["rms"]:.2f} and {own["helped"]["peak"]:.2f} with it'
@@ -178,7 +164,7 @@ def play_wear(system: DemoSystem) -> None:
     system.nodes.stop('exercise', 'recorder', 'refinement', 'compensator', 'plant')
 
     evaluation, = evaluate_recordings([system.recording('session')], JOINT)
-    phases = session_phases(evaluation, marks, system.arguments.repetitions)
+    phases = pages.session_phases(evaluation, marks, system.arguments.repetitions)
     facts = {
         'warning': warning, 'afterwards': afterwards, 'message': result.message,
         'verdict': result.verdict, 'error_before': result.error_before,
@@ -188,15 +174,14 @@ def play_wear(system: DemoSystem) -> None:
     with (system.output / 'repetitions.csv').open('w', newline='', encoding='utf-8') as stream:
         csv.writer(stream, lineterminator='\n').writerows(evaluation.table())
     system.finish(
-        wear_report(evaluation, phases, marks, facts, recorded(system.recording('session')),
+        pages.wear_report(evaluation, phases, marks, facts, recorded(system.recording('session')),
                     BINDING),
         {**facts, 'marks': marks,
-         'rms_torque': {name: mean_figure(part).as_dict() for name, part in phases.items()}},
-        wear_words(phases, facts).replace('**', ''))
+         'rms_torque': {name: pages.mean_figure(part).as_dict() for name, part in phases.items()}},
+        pages.wear_words(phases, facts).replace('**', ''))
 
 
 def _residual(system: DemoSystem) -> str:
-    """Return the verdict of the monitoring as text."""
     return system.ros.value('refinement', f'{JOINT}: residual') or ''
 
 
@@ -214,7 +199,6 @@ def _wait_for_warning(system: DemoSystem) -> str:
 
 
 def _refine_live(system: DemoSystem) -> Any:
-    """Refine from all that the node has kept, while the joint moves on."""
     system.ros.set_parameter('plant', 'pace', WEAR_PACE)
     with progress('refines beside the running loop') as show:
         result = system.ros.refine(
@@ -227,7 +211,7 @@ def _refine_live(system: DemoSystem) -> Any:
 
 
 def _wait_for_verdict(system: DemoSystem, begin: float) -> str:
-    """Keep moving with the refined model until the monitoring has a verdict; return its words."""
+    """Keep moving with the refined model until the monitoring has a verdict."""
     least = system.arguments.repetitions * WEAR_PERIOD + 1.0
 
     def going() -> bool:

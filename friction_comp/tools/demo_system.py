@@ -14,11 +14,12 @@ import shutil
 import subprocess
 import sys
 import time
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 from rich.console import Console
 
 from friction_comp.errors import InputError
+from friction_comp.reports.html import Report
 from friction_comp.results import write_report
 from friction_comp.ros.tool_client import ToolClient
 from friction_comp.tools.common import progress
@@ -29,9 +30,6 @@ from friction_comp.tools.processes import (
     plant_parameters,
     SAMPLE_TIME,
 )
-
-if TYPE_CHECKING:
-    from friction_comp.reports.html import Report
 
 # Folders of a demo's results, and the file that marks them as such: the next demo removes them.
 _FOLDERS, _MARKER = ('recordings', 'models', 'logs'), '.demo'
@@ -70,10 +68,7 @@ class DemoSystem:
             name, {'joints': self.joints, 'model_files': models, **IN_LOCKSTEP, **more})
 
     def start_exercise(self, silent: bool = False, **more: Any) -> None:
-        """Start an exercise that ends by itself and waits for compensator and recorder.
-
-        Another node announces the directions of a silent exercise.
-        """
+        """Start an exercise that ends by itself; another node announces a silent one's way."""
         self.nodes.start('exercise', {
             'joints': self.joints, 'clock': 'ticks', 'when_done': 'exit', 'use_sim_time': True,
             'input_reliability': 'reliable', 'wait_for_listeners': 2, **more},
@@ -111,8 +106,7 @@ class DemoSystem:
         self.ros.wait_until_connected('current_command', 0, 2)
         self.ros.wait_until_connected('interaction_wrench', 1, 1)
         if self.nodes.running('compensator'):
-            # Messages sent before the recorder was discovered would be missing in the recording, so
-            # an exercise begins after this.
+            # Messages sent before the recorder was discovered would be missing.
             self.ros.forget('compensator')
             self.ros.wait_until(
                 lambda: int(self.ros.value('compensator', 'listeners to the command') or 0)
@@ -151,18 +145,19 @@ def open_system(arguments: Namespace) -> Iterator[DemoSystem]:
     """Yield the system of a scene, whose nodes end with the block."""
     output = arguments.output.absolute()
     os.environ['ROS_LOG_DIR'] = str(output / 'logs' / 'ros')
-    with only_user(output), _cleared(output) as nodes, ToolClient(nodes.check) as ros:
-        page = _open_page(output) if arguments.watch else None
-        try:
-            yield DemoSystem(arguments, nodes, ros)
-        finally:
-            if page is not None:
-                page.terminate()
-                page.wait()
+    with only_user(output):
+        clear_results(output)
+        with Nodes(output / 'logs') as nodes, ToolClient(nodes.check) as ros:
+            page = _open_page(output) if arguments.watch else None
+            try:
+                yield DemoSystem(arguments, nodes, ros)
+            finally:
+                if page is not None:
+                    page.terminate()
+                    page.wait()
 
 
 def _open_page(output: Path) -> subprocess.Popen[str]:
-    """Start the live page and print its address."""
     path = output / 'logs' / 'watch.log'
     with path.open('w') as log:
         page = subprocess.Popen(
@@ -178,17 +173,8 @@ def _open_page(output: Path) -> subprocess.Popen[str]:
     return page
 
 
-def _cleared(output: Path) -> Nodes:
-    """Remove an earlier demo's results and return the nodes of a new one."""
-    clear_results(output)
-    return Nodes(output / 'logs')
-
-
 def clear_results(output: Path) -> None:
-    """Remove an earlier demo's results and nothing else.
-
-    Raises InputError if the folders of the results hold files of another origin.
-    """
+    """Remove an earlier demo's results; InputError if the folders hold files of another origin."""
     marker = output / _MARKER
     for name in _FOLDERS:
         if not marker.exists() and (output / name).exists() and (

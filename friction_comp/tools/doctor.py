@@ -12,7 +12,6 @@ import argparse
 from collections.abc import Iterator
 import importlib.metadata
 import importlib.util
-import itertools
 import os
 from pathlib import Path
 import platform
@@ -50,7 +49,6 @@ _STYLES = {OK: ('green', 'ok'), NOTE: ('cyan', 'note'), WARNING: ('yellow', 'war
 
 def main(argv: list[str] | None = None) -> int:
     """Check the installation and the running system, and print the findings."""
-    given = list(sys.argv[1:] if argv is None else argv)
     parser = Arguments('doctor', __doc__, (
         '', '--installed', '--seconds 10 --model config/armin_configuration_2.yaml',
         '--ros-args -r current_command:=/current_controller/commands'))
@@ -61,11 +59,10 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument('--installed', action='store_true',
                         help='check this machine only, not the running system')
     parser.add_argument('--json', action='store_true', help='print findings as JSON')
-    arguments = parser.parse(given)
+    arguments = parser.parse(argv)
     findings = list(check_machine())
     if not arguments.installed and PROBLEM not in {finding.level for finding in findings}:
-        ros = itertools.dropwhile(lambda word: word != '--ros-args', given)
-        findings += check_running_system(arguments, list(ros))
+        findings += check_running_system(arguments)
     if arguments.json:
         print(to_json({'findings': [vars(finding) for finding in findings]}), end='')
     else:
@@ -119,10 +116,7 @@ def _interfaces() -> Iterator[Finding]:
 
 
 def _middleware() -> Iterator[Finding]:
-    """Yield a problem if RMW_IMPLEMENTATION names a middleware that is not installed.
-
-    Every ROS 2 process would end at once, with a message that names no remedy.
-    """
+    """Yield a problem if RMW_IMPLEMENTATION is not installed: every ROS 2 process would end."""
     wanted, installed = os.environ.get('RMW_IMPLEMENTATION'), middlewares()
     if wanted and installed and wanted not in installed:
         yield Finding(PROBLEM, 'middleware', f'RMW_IMPLEMENTATION is {wanted}, which is not '
@@ -131,7 +125,7 @@ def _middleware() -> Iterator[Finding]:
                       f'and on the robot alike, or install {wanted} on both')
 
 
-def check_running_system(arguments: argparse.Namespace, ros: list[str]) -> list[Finding]:
+def check_running_system(arguments: argparse.Namespace) -> list[Finding]:
     """Return the findings about the running system."""
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.monitoring.checkup import check_system
@@ -145,12 +139,11 @@ def check_running_system(arguments: argparse.Namespace, ros: list[str]) -> list[
     findings = [Finding(
         OK, 'middleware', f'{middleware()}; {variables or "domain 0, all defaults"}')]
     with progress('observing') as report:
-        seen = observe(arguments.seconds, ros, report)
+        seen = observe(arguments.seconds, arguments.ros, report)
     return findings + check_system(seen) + _check_models(seen, models)
 
 
 def _check_models(seen: Observation, given: list[FrictionModel]) -> list[Finding]:
-    """Compare models with live data: those that are given, or without them the compensator's."""
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.monitoring.checkup import check_joint
 

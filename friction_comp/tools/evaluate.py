@@ -14,10 +14,9 @@ from friction_comp.parallel import run_each
 from friction_comp.tools.common import Arguments, print_results, progress, write_results
 from friction_comp.tools.refine_arguments import layout_of
 
-# Bytes to read above which processes save more time than their start takes: 40 MB are read and
-# evaluated in a second; a process takes some seconds of processor time to start and 150 MB of
-# memory. A recording is read once for each of its joints (bench/many_recordings.py). With a smaller
-# number two processes are slower than one, with a larger one a core stays idle.
+# Bytes to read above which processes save more time than their start takes (40 MB are evaluated in
+# a second, a process takes some to start; bench/many_recordings.py): with less two processes are
+# slower than one, with more a core stays idle.
 _MIN_SHARED = 2_000_000_000
 
 

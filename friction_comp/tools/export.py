@@ -149,7 +149,6 @@ def joint_of(arguments: Namespace, models: list[FrictionModel]) -> SimulatorJoin
 
 
 def _over_history(joint: SimulatorJoint, model: FrictionModel, path: Path) -> SimulatorJoint:
-    """Return the numbers with the range of friction over the recordings of a history."""
     from friction_comp.evaluation.drive_history import recorded_friction
     from friction_comp.recordings.history import History
 
@@ -195,7 +194,6 @@ def remarks_on(joint: SimulatorJoint, arguments: Namespace, model: FrictionModel
 
 
 def _missed(loss: Loss, unit: str) -> str:
-    """Return a line on the torque that a form misses."""
     if loss.share < _NOTHING:
         return f'This form misses nothing of the model without the links, in {loss.motion}'
     return (f'This form misses the model by {loss.torque:.3g} {unit} RMS, {100 * loss.share:.2g} % '
@@ -203,7 +201,6 @@ def _missed(loss: Loss, unit: str) -> str:
 
 
 def _lacking(joint: SimulatorJoint, form: str) -> list[str]:
-    """Return the numbers that a form has no place for."""
     lines = []
     if form not in ('tanh', 'json') and abs(joint.offset) > 0.02 * abs(joint.coulomb):
         lines.append(f'offset {joint.offset:.3g} {joint.unit}: no place for it in this form')
@@ -217,10 +214,7 @@ def _lacking(joint: SimulatorJoint, form: str) -> list[str]:
 
 def _played(joint: SimulatorJoint, form: str, model: FrictionModel, motion: Samples | None,
             torque: np.ndarray | None) -> list[str]:
-    """Return a line on how far a joint of MuJoCo with these numbers strays from the recording.
-
-    Without a recording, the joint swings to the largest speed of the model.
-    """
+    """Return a line on how far a joint of MuJoCo strays from the recording, else from a swing."""
     from friction_comp.model.simulator_play import play, swing
 
     if form == 'tanh':
@@ -245,7 +239,6 @@ def recorded_motion(arguments: Namespace, model: FrictionModel
     """
     import numpy as np
 
-    from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
     from friction_comp.model.simulator_joint import LINKS
     from friction_comp.recordings import find_recordings, read_recording_with_info
 
@@ -261,7 +254,7 @@ def recorded_motion(arguments: Namespace, model: FrictionModel
             find_recordings(paths[:1])[0], model.joint or None, model.drive.torque_constant,
             model.drive.gear_ratio, others=model.arm is not None, layout=layout_of(arguments))
         measured = model.measured(samples)
-        motion = differentiate(model.with_arm(samples), model.differentiation or DEFAULT_SETTINGS)
+        motion = model.differentiated(model.with_arm(samples))
         for effect in model.effects:
             # Of the load, `measured` adds what the effect holds.
             if effect.name in LINKS and (effect.name != 'load_torque' or samples.load is not None):
@@ -300,7 +293,6 @@ def document(form: str, name: str, joint: SimulatorJoint, remarks: list[str],
 
 def _xml(form: str, name: str, joint: SimulatorJoint, remarks: list[str],
          with_inertia: bool) -> str:
-    """Return the text of a file for 'mujoco', 'urdf' or 'sdf'."""
     from friction_comp.model.simulator_play import attributes
 
     # Two consecutive hyphens would end an XML comment.

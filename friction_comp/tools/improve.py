@@ -13,6 +13,7 @@ from argparse import Namespace
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, ExitStack
 from dataclasses import replace
+from itertools import count
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -144,13 +145,10 @@ def _play(arguments: Namespace, names: list[str], plan: JointPlan, ros: ToolClie
 
     folder = arguments.output.absolute() / 'recordings'
     folder.mkdir(parents=True, exist_ok=True)
-    index = 1
-    while (folder / f'round_{index}').exists():
-        index += 1
+    index = next(k for k in count(1) if not (folder / f'round_{k}').exists())
     path = folder / f'round_{index}'
     nodes.start('recorder', {'output': str(path), 'use_sim_time': bool(arguments.simulate)})
-    # A subscriber that has received one state receives all later ones. Diagnostics of the previous
-    # recorder may still arrive: they name another folder.
+    # Who has received one state receives all later ones; an earlier recorder names another folder.
     ros.wait_until(lambda: ros.value('recorder', 'hardware_id') == str(path)
                    and int(ros.value('recorder', 'joint_states') or 0) > 0,
                    'joint_states at the recorder')
@@ -167,7 +165,6 @@ def _play(arguments: Namespace, names: list[str], plan: JointPlan, ros: ToolClie
 
 
 def _write(arguments: Namespace, names: list[str], improvement: Improvement) -> None:
-    """Write the results so far: an interruption loses only the present round."""
     from friction_comp.reports.excitation_report import improvement_report
     from friction_comp.reports.refinement_report import refinement_report
 

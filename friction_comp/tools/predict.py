@@ -10,9 +10,10 @@ needs, as feed-forward.
 
 from __future__ import annotations
 
+from contextlib import suppress
 import io
 from pathlib import Path
-from typing import Any, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 from friction_comp.errors import errors_name, InputError
 from friction_comp.files import write_atomically
@@ -22,16 +23,12 @@ from friction_comp.tools.refine_arguments import layout_of
 if TYPE_CHECKING:
     import numpy as np
 
-    from friction_comp.model.friction_model import FrictionModel
     from friction_comp.recordings import RecordingInfo
     from friction_comp.samples import Samples
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Write a row for each joint state: time (s), measured, predicted current (A); returns 0.
-
-    Of a plan: time (s), torque (N·m).
-    """
+    """Write a row for each joint state, or for each time of a plan; returns 0."""
     parser = Arguments('predict', __doc__, (
         'examples/elbow/with_direction.mcap.zstd --model config/armin_configuration_2.yaml '
         '--output output/current.csv',
@@ -47,11 +44,11 @@ def main(argv: list[str] | None = None) -> int:
                              'that was refined, or one that began just as cold')
     arguments = parser.parse(argv)
     keep_inputs(arguments.output, arguments.recording, arguments.model)
-    import numpy as np
-
+    from friction_comp.excitation.improve import moving
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.recordings import find_recording, read_recording_with_info
     from friction_comp.recordings.plans import read_plan
+    from friction_comp.statistics import rms
 
     plan = read_plan(arguments.recording, layout_of(arguments))
     if plan is not None:
@@ -77,11 +74,11 @@ def main(argv: list[str] | None = None) -> int:
               '(--with-time-effects applies it)')
     if measured is not samples.current:
         print('a load was recorded: the current that it replaces is added to the measured current')
-    residual, moves = measured - predicted, moving(samples, model)
-    unit = model.notes.get('unit', 'A')
-    errors = [f'{np.sqrt(np.mean(residual ** 2)):.4g} {unit}']
-    if moves.any():
-        errors = [f'{np.sqrt(np.mean(residual[moves] ** 2)):.4g} {unit} where the joint moves',
+    residual, unit = measured - predicted, model.notes.get('unit', 'A')
+    errors = [f'{rms(residual):.4g} {unit}']
+    # At standstill friction balances any torque up to breakaway: an error there says little.
+    with suppress(InputError):
+        errors = [f'{rms(residual[moving(samples, model)]):.4g} {unit} where the joint moves',
                   f'{errors[0]} with standstill']
     print(f'{arguments.output}: {len(text.splitlines()) - 1} rows, RMS of measured minus predicted '
           + ', '.join(errors))
@@ -90,32 +87,9 @@ def main(argv: list[str] | None = None) -> int:
     return 0
 
 
-def moving(samples: Samples, model: FrictionModel) -> np.ndarray:
-    """Return which samples refinement would fit, shape (N,) of bool; none if they are too few.
-
-    At standstill and in presliding, friction balances any torque up to breakaway: a model's error
-    says little.
-    """
-    import numpy as np
-
-    from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
-    from friction_comp.refinement.recorded_motion import in_motion, standstill_speed
-
-    settings: dict[str, Any] = dict(model.differentiation or DEFAULT_SETTINGS)
-    moved, none = differentiate(samples, settings), np.zeros(len(samples), dtype=bool)
-    try:
-        return in_motion(moved, none, standstill_speed(moved), settings.get('bandwidth'))
-    except InputError:
-        return none
-
-
 def table(samples: Samples, info: RecordingInfo, measured: np.ndarray,
           predicted: np.ndarray) -> str:
-    """Return the CSV text: one row for every joint state of the recording.
-
-    Joint states that are not among the samples (not finite, or a repeated stamp) get the values of
-    the sample before them.
-    """
+    """Return the CSV text: one row for every joint state, unusable ones as those before them."""
     import numpy as np
 
     received, rows = np.asarray(info.stamps, dtype=float), np.asarray(info.rows, dtype=int)

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from dataclasses import replace
 import io
 from pathlib import Path
 
@@ -13,9 +12,8 @@ import numpy as np
 
 from friction_comp.errors import errors_name, InputError
 from friction_comp.files import read_yaml, write_atomically
-from friction_comp.model.differentiation import as_recorded, DEFAULT_SETTINGS, differentiate
+from friction_comp.model.differentiation import as_recorded, differentiate
 from friction_comp.model.friction_model import FrictionModel, joints_of
-from friction_comp.model.planned_motion import of_plan
 from friction_comp.samples import Samples
 
 
@@ -27,10 +25,10 @@ def predict_plan(arguments: Namespace, plan: dict[str, Samples]) -> int:
     units: dict[str, str] = {}
     for name, model in models.items():
         prefix = f'{name}.' if len(models) > 1 else ''
-        kept, others = of_plan(model.effects)
+        told, others = model.of_plan()
         left_out += [other for other in others if other not in left_out]
         with errors_name(arguments.recording):
-            current = _current(replace(model, effects=kept), plan[name if name in plan else ''])
+            current = _current(told, plan[name if name in plan else ''])
         unit = model.unit
         gain = model.torque_per(unit)
         if gain is not None:
@@ -52,7 +50,6 @@ def predict_plan(arguments: Namespace, plan: dict[str, Samples]) -> int:
 
 
 def _models(arguments: Namespace, plan: dict[str, Samples]) -> dict[str, FrictionModel]:
-    """Return the models of the plan's joints that are wanted, by name."""
     path: Path = arguments.model
     names = joints_of(read_yaml(path))
     if names is None or arguments.joint:
@@ -75,13 +72,8 @@ def _models(arguments: Namespace, plan: dict[str, Samples]) -> dict[str, Frictio
 
 
 def _current(model: FrictionModel, samples: Samples) -> np.ndarray:
-    """Return the current of a plan, shape (N,), with acceleration as planned where it is known.
-
-    The motion of the recordings lagged behind the current by the model's `lag` and
-    `time_constant`: what is commanded at a time is what the motion needs that much later. A
-    sensor's own lag is not the plan's.
-    """
-    settings = dict(model.differentiation or DEFAULT_SETTINGS)
+    """Return the current of a plan, (N,), which leads its motion by `lag` and `time_constant`."""
+    settings = model.settings
     slow = max(settings.get('time_constant') or 0.0, 0.0)
     if samples.acceleration is not None and model.arm is None:
         return as_recorded(model.current(samples), samples, slow)

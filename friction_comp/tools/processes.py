@@ -20,9 +20,8 @@ from friction_comp.errors import InputError
 from friction_comp.parallel import interrupts_deferred
 
 SAMPLE_TIME = 4e-3
-"""Of simulated joints, s: a quarter of the rate of a real driver, for a quarter of the time. At 1
-kHz the demo's peaks are the same within 8 %, and its refined model's error is 2.7 mA instead of
-3.5."""
+"""Of simulated joints, s: at 1 kHz, for four times the time, the demo's peaks are the same within
+8 %, and its refined model's error is 2.7 mA instead of 3.5."""
 IN_LOCKSTEP: dict[str, Any] = {
     'use_sim_time': True, 'input_reliability': 'reliable',
     # A plant in lockstep waits while the machine does something else.
@@ -55,10 +54,7 @@ def ros_arguments(parameters: Mapping[str, Any],
 
 @contextmanager
 def only_user(folder: Path) -> Iterator[None]:
-    """Make a folder, and keep other tools that run nodes out of it during the block.
-
-    Raises InputError if one is in it. The lock is the kernel's: it ends with the process.
-    """
+    """Make a folder, and keep other tools that run nodes out of it, by a lock of the kernel."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
@@ -94,8 +90,7 @@ class Nodes:
         self._logs.mkdir(parents=True, exist_ok=True)
         # If interrupted half-way, the process would run on unnoticed.
         with interrupts_deferred(), (self._logs / f'{name}.log').open('ab') as log:
-            # A separate session: an interrupt from the keyboard reaches only the tool, which stops
-            # the nodes in order.
+            # In a session of its own: an interrupt reaches the tool, which stops nodes in order.
             self._running[name] = subprocess.Popen(
                 [sys.executable, '-m', 'friction_comp', name,
                  *ros_arguments(parameters, remappings)],

@@ -88,7 +88,6 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _check_together(arguments: Namespace) -> None:
-    """Raise InputError if arguments exclude each other."""
     if arguments.history and (arguments.model is None or arguments.each or arguments.urdf):
         raise InputError('--history goes with --model, and with one joint: not with --each or '
                          '--urdf')
@@ -113,7 +112,6 @@ def _units(text: str | None) -> tuple[str | None, str | None]:
 
 
 def _keep_history(arguments: Namespace) -> None:
-    """Raise InputError if a history in the output folder that is not continued would be lost."""
     from friction_comp.recordings.history import History
 
     model = arguments.output / 'model.yaml'

@@ -47,7 +47,6 @@ def layout_of(arguments: Namespace) -> Layout:
 
 
 def _gains(text: str | None) -> tuple[float | str, ...]:
-    """Return the gains of an argument, each a number or the name of a column."""
     def read(one: str) -> float | str:
         try:
             return check_number(float(one), 'a gain', least=0.0)
@@ -59,7 +58,7 @@ def _gains(text: str | None) -> tuple[float | str, ...]:
 def check_tables(arguments: Namespace) -> tuple[Column, Column] | None:
     """Raise InputError for tables that cannot be used, before anything slow is imported.
 
-    Returns the columns of velocity and effort if the only recording is a table of steady states.
+    Returns velocity and effort if the only recording is a table of steady states.
     """
     from friction_comp.recordings.sources import find_recordings, open_scanner
     from friction_comp.recordings.storage import unreadable_on_error
@@ -87,11 +86,6 @@ def folder_names(names: Iterable[str]) -> list[str]:
             folder += '_'
         folders.append(folder)
     return folders
-
-
-def print_summary(report: RefinementReport) -> None:
-    """Print the report of a refinement in a few lines."""
-    print(*summary_lines(report), sep='\n')
 
 
 def summary_lines(report: RefinementReport) -> list[str]:

@@ -6,29 +6,27 @@ from __future__ import annotations
 
 from argparse import Namespace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from friction_comp.arm.whole_arm import ArmResult, refine_arm
 from friction_comp.errors import InputError
+from friction_comp.files import read_yaml, write_yaml
+from friction_comp.model.friction_model import arm_document, FrictionModel, joints_of
 from friction_comp.recorded_drive.given import drive_of, with_current_limit
 from friction_comp.recorded_drive.refine_recordings import assumed_in, notes_on, showing_friction
+from friction_comp.recordings import read_arm
+from friction_comp.refinement import Origin
+from friction_comp.reports.refinement_overviews import arm_report
+from friction_comp.reports.refinement_report import refinement_report
 from friction_comp.results import output_folder, write_report
 from friction_comp.tools.common import progress
-from friction_comp.tools.refine_arguments import folder_names, given_of, print_summary
-
-if TYPE_CHECKING:
-    from friction_comp.arm.whole_arm import ArmResult
-    from friction_comp.model.friction_model import FrictionModel
+from friction_comp.tools.refine_arguments import folder_names, given_of, summary_lines
 
 
 def refine_whole_arm(arguments: Namespace) -> int:
-    """Refine the joints of an arm and write their reports and models.
+    """Refine the joints of an arm and write their reports and models; return 0.
 
-    For one joint (``--joint``) the same files are written as without a URDF. Otherwise each joint
-    has a folder with these files, next to ``report.json``, ``report.html`` and ``model.yaml`` of
-    the whole arm. Returns 0.
+    Each has a folder next to the files of the whole arm, except that of ``--joint``.
     """
-    from friction_comp.recordings import read_arm
-
     if arguments.figures not in (None, 'A', 'N·m', 'Nm'):
         raise InputError(f'--unit: with --urdf effort is in A or N·m, not in {arguments.figures}')
     given = arguments.torque_constant is not None or arguments.gear_ratio is not None
@@ -47,9 +45,6 @@ def refine_whole_arm(arguments: Namespace) -> int:
                              f'{", ".join(map(repr, recordings))}')
         recorded = {name: [samples for samples, _ in parts]
                     for name, parts in showing_friction(recordings).items()}
-        from friction_comp.arm.whole_arm import refine_arm
-        from friction_comp.refinement import Origin
-
         drives, limits = {}, {}
         for name, parts in recorded.items():
             drives[name], limits[name] = with_current_limit(
@@ -79,16 +74,12 @@ def refine_whole_arm(arguments: Namespace) -> int:
     for line in result.notes:
         print(f'note: {line}')
     for name, one in result.results.items():
-        print(f'{name}:')
-        print_summary(one.report)
+        print(f'{name}:', *summary_lines(one.report), sep='\n')
     print(arguments.output / 'report.html')
     return 0
 
 
 def _start_models(arguments: Namespace) -> dict[str, FrictionModel]:
-    from friction_comp.files import read_yaml
-    from friction_comp.model.friction_model import FrictionModel, joints_of
-
     if not arguments.model:
         return {}
     joints = joints_of(read_yaml(arguments.model))
@@ -103,11 +94,6 @@ def _start_models(arguments: Namespace) -> dict[str, FrictionModel]:
 
 
 def _write(folder: Path, result: ArmResult, names: list[str], arguments: Namespace) -> None:
-    from friction_comp.files import write_yaml
-    from friction_comp.model.friction_model import arm_document
-    from friction_comp.reports.refinement_overviews import arm_report
-    from friction_comp.reports.refinement_report import refinement_report
-
     arm, joint, command = result.report(), arguments.joint, arguments.command
     folders = {name: folder if joint else folder / own
                for name, own in zip(result.results, folder_names(result.results))}

@@ -15,41 +15,34 @@ import json
 import os
 from pathlib import Path
 import time
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 from friction_comp import __version__
 from friction_comp.errors import InputError
+from friction_comp.evaluation.sessions import Piece, pieces_of
 from friction_comp.files import encodable, plain, to_yaml
+from friction_comp.fleet.population import fleet_json, Population
 from friction_comp.parallel import attempt, Failure, interrupts_deferred, run_each, Runner
 from friction_comp.recorded_drive.refine_recordings import refine_recordings
-from friction_comp.results import output_folder, to_json
+from friction_comp.results import output_folder, Page, to_json
 from friction_comp.tools.common import progress, write_results
 from friction_comp.tools.refine_arguments import folder_names, given_of, layout_of
 from friction_comp.tools.refined_fleet import fleet_of, RefinedPiece
 
-if TYPE_CHECKING:
-    from friction_comp.evaluation.sessions import Piece
-    from friction_comp.fleet.population import Population
-    from friction_comp.reports.html import Report
-
-# Number of recordings from which processes save more time than their start takes: some seconds of
-# processor time each, as much as a few short recordings take.
+# Recordings from which processes save more time than their start takes, some seconds each.
 MIN_SHARED = 8
-# Most recordings that get a page each besides the page on all. A page takes longer than refining,
-# and nobody reads a hundred; refine makes that of any one.
+# Most recordings that get a page each: nobody reads a hundred; refine makes that of any one.
 MOST_PAGES = 20
 # Written last into the folder of a recording.
 _DONE = 'resume.json'
 # Arguments that do not change the result of a recording.
-_NEUTRAL = ('recordings', 'joint', 'output', 'jobs', 'json', 'command', 'scheduler')
+_NEUTRAL = ('recordings', 'joint', 'output', 'jobs', 'json', 'command', 'ros', 'scheduler')
 # Share of the progress bar for refining; the rest is comparing.
 _REFINING = 0.9
 
 
 @dataclass
 class _Batch:
-    """What became of all pieces so far."""
-
     done: dict[int, RefinedPiece] = field(default_factory=dict)
     failed: list[str] = field(default_factory=list)
     earlier: int = 0
@@ -59,13 +52,11 @@ class _Batch:
 def refine_each(arguments: Namespace) -> int:
     """Refine each joint of each recording; write a folder for each, and one page on all.
 
-    Each folder is written as soon as its joint is refined, whole or not at all: neither an
-    interrupt nor an unusable recording affects the others. What an earlier run with the same
-    arguments wrote is taken over. Returns 0, or 130 if interrupted.
+    Each folder is written as soon as its joint is refined, whole or not at all; what an earlier run
+    with the same arguments wrote is taken over. Returns 0, or 130 if interrupted.
     """
     if arguments.urdf:
         raise InputError('--each and --urdf exclude each other: the links are fitted once for all')
-    from friction_comp.evaluation.sessions import pieces_of
     from friction_comp.reports.refinement_overviews import each_report
 
     begin = time.monotonic()
@@ -116,7 +107,6 @@ def _runner(arguments: Namespace, count: int) -> Iterator[Runner]:
 
 def _refine_pieces(arguments: Namespace, pieces: Sequence[Piece], batch: _Batch, run: Runner,
                    show: Callable[..., None]) -> None:
-    """Refine each piece and write its folder, except for those that an earlier run did."""
     places = _places(pieces)
     folders, units = _folders(pieces, places), [place[0] for place in places]
     keys = [_fingerprint(arguments, piece) for piece in pieces]
@@ -159,7 +149,6 @@ def _places(pieces: Sequence[Piece]) -> list[tuple[str, ...]]:
 
 
 def _folders(pieces: Sequence[Piece], places: Sequence[tuple[str, ...]]) -> list[str]:
-    """Return a different folder name for each piece."""
     joints = Counter(piece.path for piece in pieces)
     return folder_names(
         '_'.join(place) + (f'_{piece.joint}' if joints[piece.path] > 1 else '')
@@ -191,7 +180,6 @@ def _refine_one(arguments: Namespace, with_page: bool, piece: Piece
 
 
 def _fingerprint(arguments: Namespace, piece: Piece) -> str:
-    """Return a text that changes with the recording's files, the model and the arguments."""
     files = sorted(piece.path.rglob('*')) if piece.path.is_dir() else [piece.path]
     states = [(str(file.relative_to(piece.path)), state.st_size, state.st_mtime_ns)
               for file in files if file.is_file() for state in [file.stat()]]
@@ -212,12 +200,10 @@ def _earlier_result(folder: Path, made_from: str) -> dict[str, Any] | None:
     return found if usable and (folder / 'report.json').is_file() else None
 
 
-def _write_results(arguments: Namespace, content: dict[str, Any], page: Report,
+def _write_results(arguments: Namespace, content: dict[str, Any], page: Page,
                    populations: Sequence[Population]) -> None:
     files: dict[str, str] = {}
     if populations:
-        from friction_comp.fleet.population import fleet_json
-
         names = folder_names(f'population_{one.joint}' for one in populations)
         files = {'fleet.json': fleet_json(populations), **{
             f'{name}.yaml': to_yaml(one.model.to_dict())

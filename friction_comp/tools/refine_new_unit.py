@@ -8,19 +8,18 @@ from argparse import Namespace
 from dataclasses import replace
 
 from friction_comp.errors import errors_name, InputError
+from friction_comp.fleet.new_unit import fit_new_unit
+from friction_comp.fleet.population import read_fleet
 from friction_comp.recorded_drive.given import drive_of, unit_of, with_current_limit
 from friction_comp.recorded_drive.refine_recordings import showing_friction
+from friction_comp.recordings.condense import read_condensed
+from friction_comp.reports.fleet_report import new_unit_report, new_unit_verdict
 from friction_comp.tools.common import print_results, write_results
 from friction_comp.tools.refine_arguments import given_of
 
 
 def refine_new_unit(arguments: Namespace) -> int:
     """Fit a unit with its population as prior; write report and model, and return 0."""
-    from friction_comp.fleet.new_unit import fit_new_unit
-    from friction_comp.fleet.population import read_fleet
-    from friction_comp.recordings.condense import read_condensed
-    from friction_comp.reports.fleet_report import new_unit_report, new_unit_verdict
-
     found = read_fleet(arguments.fleet, arguments.joint)
     if len(found) > 1:
         raise InputError(f'{arguments.fleet}: has the joints '

@@ -6,30 +6,28 @@ from __future__ import annotations
 
 from argparse import Namespace
 from dataclasses import replace
-from typing import Any, TYPE_CHECKING
+from typing import Any
+
+import numpy as np
 
 from friction_comp.columns import Column
 from friction_comp.errors import errors_name, InputError
+from friction_comp.identification.steady_state import fit_steady_states, SteadyStates
 from friction_comp.recorded_drive.given import drive_of, figures_unit
+from friction_comp.recordings.table_files import open_table
+from friction_comp.refinement import thresholds
+from friction_comp.reports.html import units_of_axis
+from friction_comp.reports.steady_state_report import steady_state_report, value_rows
+from friction_comp.statistics import rms
 from friction_comp.tools.common import print_results, write_results
 from friction_comp.tools.refine_arguments import given_of
 from friction_comp.units import in_own_units
-
-if TYPE_CHECKING:
-    from friction_comp.identification.steady_state import SteadyStates
 
 _OTHER_OPTIONS = ('model', 'urdf', 'history', 'each', 'stiffness', 'rate')
 
 
 def refine_table(arguments: Namespace, columns: tuple[Column, Column]) -> int:
     """Fit friction to a table and write report.json, report.html and model.yaml; returns 0."""
-    import numpy as np
-
-    from friction_comp.identification.steady_state import fit_steady_states
-    from friction_comp.recordings.table_files import open_table
-    from friction_comp.reports.html import units_of_axis
-    from friction_comp.reports.steady_state_report import steady_state_report, value_rows
-
     path, = arguments.recordings
     given = next((name for name in _OTHER_OPTIONS if getattr(arguments, name)), None)
     if given:
@@ -74,10 +72,6 @@ def refine_table(arguments: Namespace, columns: tuple[Column, Column]) -> int:
 
 
 def _report(fit: SteadyStates, unit: str) -> dict[str, Any]:
-    """Return the content of report.json, with the entries that `refine` has for a recording."""
-    from friction_comp.refinement import thresholds
-    from friction_comp.statistics import rms
-
     one_direction = 'offset' not in fit.values
     signal = rms(fit.currents)
     reasons, again = [], []

@@ -13,18 +13,19 @@ from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
+from friction_comp.evaluation.sessions import Piece
+from friction_comp.fleet.common_model import CommonModel
+from friction_comp.fleet.population import Population, population_of
+from friction_comp.fleet.spread import FEWEST_UNITS
+from friction_comp.model.friction_model import FrictionModel
 from friction_comp.parallel import attempt, Failure, Runner
 from friction_comp.recorded_drive.given import Given
+from friction_comp.recorded_drive.refine_recordings import showing_friction
+from friction_comp.recordings.condense import read_condensed
+from friction_comp.refinement.block_sums import BlockSums
 from friction_comp.tools.refine_arguments import given_of
-
-if TYPE_CHECKING:
-    from friction_comp.evaluation.sessions import Piece
-    from friction_comp.fleet.common_model import CommonModel
-    from friction_comp.fleet.population import Population
-    from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.refinement.block_sums import BlockSums
 
 
 @dataclass(frozen=True)
@@ -39,8 +40,6 @@ class RefinedPiece:
 
 @dataclass(frozen=True)
 class _Summed:
-    """A joint of a recording whose sums are needed."""
-
     group: tuple[str, str]  # joint, and unit of the figures
     robot: str
     piece: Piece
@@ -53,16 +52,10 @@ class _Summed:
 
 def fleet_of(arguments: Namespace, refined: Sequence[RefinedPiece], run: Runner,
              show: Callable[[int, int], None]) -> list[Population]:
-    """Return the population of each joint that enough units have.
+    """Return the population of each joint that enough units have; `show` gets done and all.
 
-    `show` is called with the number of recordings that are done, and that of all. A recording that
-    lacks a signal of the common model is left out.
+    Recordings without a signal of the common model are left out.
     """
-    from friction_comp.fleet.common_model import CommonModel
-    from friction_comp.fleet.population import population_of
-    from friction_comp.fleet.spread import FEWEST_UNITS
-    from friction_comp.model.friction_model import FrictionModel
-
     groups: dict[tuple[str, str], list[RefinedPiece]] = defaultdict(list)
     for one in refined:
         groups[one.row['joint'], one.row['unit']].append(one)
@@ -96,10 +89,6 @@ def fleet_of(arguments: Namespace, refined: Sequence[RefinedPiece], run: Runner,
 
 
 def _sums_of_one(given: Given, item: _Summed) -> BlockSums:
-    """Return the sums of a joint of a recording."""
-    from friction_comp.recorded_drive.refine_recordings import showing_friction
-    from friction_comp.recordings.condense import read_condensed
-
     drive = item.model.drive
     recordings = read_condensed([item.piece.path], item.piece.joint, drive.torque_constant,
                                 drive.gear_ratio, layout=given.layout)

@@ -23,10 +23,7 @@ _SOCKETS = (Path('/proc/net/udp'), Path('/proc/net/udp6'))
 
 @contextmanager
 def leased_domain() -> Iterator[int]:
-    """Reserve a ROS domain that no process uses; yields its number, for ``ROS_DOMAIN_ID``.
-
-    The reservation is a socket bound to an unused port of the domain: it ends with the process.
-    """
+    """Reserve a ROS domain that no process uses, by a socket of this one; yields its number."""
     free = sorted(set(_DOMAINS) - domains_in_use())
     # Other participants use small ones by default.
     for domain in random.SystemRandom().sample(free, len(free)):

@@ -10,10 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import closing, suppress
-import itertools
 from pathlib import Path
 import signal
-import sys
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
@@ -34,7 +32,6 @@ _RATE = 100.0
 
 def main(argv: list[str] | None = None) -> int:
     """Serve the page until it is interrupted; returns 0."""
-    given = list(sys.argv[1:] if argv is None else argv)
     parser = Arguments('watch', __doc__, ('', 'examples/elbow/with_direction.mcap.zstd'))
     parser.add_argument('recording', metavar='RECORDING', type=Path, nargs='?',
                         help='recording to play; by default the running system is shown')
@@ -45,7 +42,7 @@ def main(argv: list[str] | None = None) -> int:
                         help='joints to show; all by default')
     parser.add_argument('--port', type=whole_number(0, 65535), default=5006,
                         help='port on localhost; 0 chooses a free one (%(default)s)')
-    arguments = parser.parse(given)
+    arguments = parser.parse(argv)
     try:
         from bokeh.server.server import Server
 
@@ -65,8 +62,7 @@ def main(argv: list[str] | None = None) -> int:
     add_environment_to_ament_path()
     from friction_comp.ros.live_feed import LiveFeed
 
-    ros = itertools.dropwhile(lambda word: word != '--ros-args', given)
-    with closing(LiveFeed(arguments.joint, models, list(ros))) as running:
+    with closing(LiveFeed(arguments.joint, models, arguments.ros)) as running:
         _serve(Server, live_page(running), arguments.port)
     return 0
 
@@ -137,10 +133,7 @@ def columns_of(samples: Samples, model: FrictionModel | None) -> dict[str, np.nd
 
 
 def recorded_model(info: RecordingInfo, joint: str, notes: list[str]) -> FrictionModel | None:
-    """Return the compensator's model of a joint according to a recording, None if not readable.
-
-    If it changed, the first is returned, and a note on the others is added to `notes`.
-    """
+    """Return the compensator's first model of a joint by a recording, None if not readable."""
     from friction_comp.model.friction_model import FrictionModel
 
     reported = [activity.of(joint).model for _, activity in info.activity]

@@ -19,10 +19,9 @@ from friction_comp.samples import Samples
 
 def moving_states(samples: Samples, joints: Sequence[str], settings: dict[str, Any]
                   ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return position, velocity and acceleration of J joints of recorded samples, each (N, J).
+    """Return position, velocity and acceleration of J joints, each (N, J), in rad and s.
 
-    In rad, rad/s and rad/s²; settings are those of `differentiate`. Raises InputError if a joint
-    was not recorded.
+    Settings are those of `differentiate`. Raises InputError if a joint was not recorded.
     """
     if samples.arm is not None:
         states = samples.arm.of(joints)
@@ -65,11 +64,9 @@ class Arm:
         return 'coupling' if isinstance(self.source, Coupling) else 'rigid_body'
 
     def with_signal(self, samples: Samples, joint: str = '') -> Samples:
-        """Return samples with the arm's effect on a joint, by default that of the samples.
+        """Return samples with `rigid_body` in N·m, or `coupling` in A, if it is not known yet.
 
-        It is `rigid_body` in N·m, or `coupling` in A, computed from the motion of all `joints`.
-        Where a signal is known, it is left. Raises InputError if a joint was not recorded, or
-        `joint` is not among them.
+        Raises InputError if one of `joints` was not recorded, or `joint` is not among them.
         """
         if self.friction is not None:
             samples = self.friction.with_signal(samples, joint)
@@ -88,10 +85,7 @@ class Arm:
         return self.joints.index(joint)
 
     def at_rest(self, position: np.ndarray, joint: str) -> float:
-        """Return the arm's torque on a joint at rest: `rigid_body` N·m, or `coupling` A.
-
-        Positions are in rad, in the order of `joints`.
-        """
+        """Return the arm's torque on a joint at rest, N·m or A; positions as `joints`, rad."""
         if isinstance(self.source, Tree):
             return float(self.source.weight(position)[self._index(joint)])
         return self.source.weight(self.joints, np.asarray(position, dtype=float))

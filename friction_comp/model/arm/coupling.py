@@ -26,9 +26,9 @@ _JOINTS = {'weight': 0, 'kinetic': 3, 'friction': 0}
 class Group:
     """Terms that belong together.
 
-    A group of kind 'weight' consists of cosine and sine of a sum of angles; one of kind 'kinetic'
-    of the torque of a kinetic energy of two velocities, alone or times cosine and sine; one of kind
-    'friction' of Coulomb and viscous friction of the rate of the sum of two angles.
+    Of kind 'weight': cosine and sine of a sum of angles; 'kinetic': the torque of a kinetic energy
+    of two velocities, alone or times cosine and sine; 'friction': Coulomb and viscous friction of
+    the rate of the sum of two angles.
     """
 
     kind: str
@@ -56,10 +56,7 @@ class Group:
 
     def _kinetic_factors(self, column: dict[str, int], v: np.ndarray, a: np.ndarray
                          ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the factors of f and of its derivative in the torque on the joint.
-
-        By Lagrange's equations, for the kinetic energy f(sum of angles)·v_one·v_two.
-        """
+        """Return the factors of f and f' in the torque of the energy f(angles)·v_one·v_two."""
         own, one, two = (column[name] for name in self.joints)
         turning = sum((side * v[:, column[name]] for name, side in self.angles), np.zeros(len(v)))
         momentum = (own == one) * v[:, two] + (own == two) * v[:, one]
@@ -89,10 +86,7 @@ class Group:
 
 @dataclass(frozen=True)
 class Coupling:
-    """A joint's current due to other joints, found without a URDF.
-
-    Each group's terms have their coefficients in A per unit of the term.
-    """
+    """A joint's current due to other joints, found without a URDF; coefficients in A per term."""
 
     groups: tuple[Group, ...]
     coefficients: tuple[tuple[float, ...], ...]
@@ -144,11 +138,9 @@ class Coupling:
                 if any(side not in (1, -1) for _, side in entry['angles']) or (
                         len(dict(angles)) < len(angles)):
                     raise ValueError('angles must be different joints, each with sign 1 or -1')
-                group = Group(
-                    str(entry['kind']), angles,
-                    tuple(str(name) for name in entry['joints']),
-                    float(entry.get('width', 0.0)))
-                numbers = tuple(float(value) for value in entry['coefficients'])
+                group = Group(str(entry['kind']), angles, tuple(map(str, entry['joints'])),
+                              float(entry.get('width', 0.0)))
+                numbers = tuple(map(float, entry['coefficients']))
                 wanted = 2 if group.angles else 1
                 if _JOINTS.get(group.kind) != len(group.joints) or len(numbers) != wanted:
                     raise ValueError(f'a group of kind {group.kind!r} is not complete')

@@ -1,6 +1,10 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""An arm as a tree of rigid bodies: inertial and gravity torques of each joint."""
+"""An arm as a tree of rigid bodies: inertial and gravity torques of each joint.
+
+They are computed by the recursive Newton-Euler algorithm (Luh, Walker and Paul, J. Dyn. Sys.,
+Meas., Control 102(2), 1980), compiled, with all vectors in the frame of the base.
+"""
 
 from __future__ import annotations
 
@@ -8,19 +12,19 @@ from dataclasses import dataclass
 import math
 from typing import Any
 
+from numba import njit
 import numpy as np
 
 from friction_comp.errors import InputError
-from friction_comp.model.arm.recursion import joint_torques
 
+# Three numbers in a tuple, which needs no heap memory.
+Vector = tuple[float, float, float]
 # Numbers of each link: see `Tree`.
 PARAMETERS = 10
 FREE_FALL = (0.0, 0.0, -9.81)
-# Rotation matrices in a file are rounded; if it is farther from orthonormal than this, it is no
-# rotation.
+# Rotation matrices in a file are rounded, by less than this in any product.
 _ROUNDED = 1e-6
-# The search of the largest weight: postures to start from, passes over the joints at most, and the
-# relative gain at which it ends.
+# The search of the largest weight: postures at its start, most passes over the joints, last gain.
 _STARTS, _SWEEPS, _CLOSE = 16, 20, 1e-6
 _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 _KINDS = ('revolute', 'prismatic')
@@ -28,10 +32,7 @@ _KINDS = ('revolute', 'prismatic')
 
 @dataclass(frozen=True)
 class Tree:
-    """L joints, each carried by an earlier one, and the link that each carries.
-
-    Raises InputError if shapes or values are not those of a tree.
-    """
+    """L joints, each carried by an earlier one, with its link; InputError if they are no tree."""
 
     joints: tuple[str, ...]     # names, as recordings have them
     kinds: tuple[str, ...]      # 'revolute' or 'prismatic'
@@ -75,10 +76,9 @@ class Tree:
         return np.array([kind == 'prismatic' for kind in self.kinds])
 
     def torques(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """Return the torque that each joint has to supply, without friction and rotors.
+        """Return the torque of each joint without friction and rotors, N·m or N, (N, L).
 
-        In N·m, or N of prismatic joints, shape (N, L), for position, velocity and acceleration of
-        the same shape; rad or m, and s.
+        Position, velocity and acceleration have the same shape; rad or m, and s.
         """
         q, v, a = (np.ascontiguousarray(values, dtype=float) for values in (q, v, a))
         result = np.empty(q.shape)
@@ -88,16 +88,14 @@ class Tree:
 
     def weight(self, position: np.ndarray) -> np.ndarray:
         """Return the torque that holds the arm at rest, shape (L,), at a position of shape (L,)."""
-        q = np.asarray(position, dtype=float)[None]
-        rest = np.zeros_like(q)
-        return self.torques(q, rest, rest)[0]
+        return self._at_rest(np.asarray(position, dtype=float)[None])[0]
 
     def largest_weight(self, index: int) -> float:
         """Return the largest torque that holds a joint at rest over all postures, N·m or N.
 
-        Prismatic joints stay at zero, since their travel is not known. At rest the torque is a
-        constant plus one harmonic of each angle, so that three postures give the best angle of a
-        joint while the others stay. This is repeated for all joints, from many postures at once.
+        Prismatic joints stay at zero. At rest the torque is a constant plus one harmonic of each
+        angle, so that three postures give the best angle of a joint while the others stay; repeated
+        for all joints, from many postures.
         """
         size = len(self.joints)
         # Evenly distributed postures, each for a torque in both directions.
@@ -105,7 +103,7 @@ class Tree:
                                )[0].repeat(2, axis=0)
         q[:, self.prismatic] = 0.0
         signs = np.tile([1.0, -1.0], _STARTS)
-        largest = self._at_rest(q, index) * signs
+        largest = self._at_rest(q)[:, index] * signs
         for _ in range(_SWEEPS):
             before = largest
             for k in np.flatnonzero(~self.prismatic):
@@ -116,17 +114,16 @@ class Tree:
 
     def _best_angles(self, index: int, signs: np.ndarray, q: np.ndarray, k: int
                      ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the angles of joint k with the largest torque, (N,), and these torques."""
         angles = math.tau / 3.0 * np.arange(3.0)
         postures = q.repeat(3, axis=0)
         postures[:, k] = np.tile(angles, len(q))
-        torques = signs[:, None] * self._at_rest(postures, index).reshape(-1, 3)
+        torques = signs[:, None] * self._at_rest(postures)[:, index].reshape(-1, 3)
         cosine, sine = (2.0 / 3.0 * torques @ wave(angles) for wave in (np.cos, np.sin))
         return np.arctan2(sine, cosine), torques.mean(axis=1) + np.hypot(cosine, sine)
 
-    def _at_rest(self, postures: np.ndarray, index: int) -> np.ndarray:
+    def _at_rest(self, postures: np.ndarray) -> np.ndarray:
         still = np.zeros_like(postures)
-        return self.torques(postures, still, still)[:, index]
+        return self.torques(postures, still, still)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the tree as the plain values of a model file."""
@@ -160,3 +157,116 @@ class Tree:
             raise InputError(f'arm: {error.args[0]} is missing') from None
         except (TypeError, ValueError, OverflowError) as error:
             raise InputError(f'arm: {error}') from None
+
+
+@njit(cache=True)
+def cross(a: Vector, b: Vector) -> Vector:
+    """Return the vector product."""
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+@njit(cache=True)
+def plus(a: Vector, b: Vector) -> Vector:
+    """Return the sum of two vectors."""
+    return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
+
+
+@njit(cache=True)
+def times(factor: float, a: Vector) -> Vector:
+    """Return a vector times a number."""
+    return (factor * a[0], factor * a[1], factor * a[2])
+
+
+@njit(cache=True)
+def dot(a: Vector, b: Vector) -> float:
+    """Return the scalar product."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@njit(cache=True)
+def row(values: np.ndarray, k: int) -> Vector:
+    """Return a row of an array, shape (L, 3), as a vector."""
+    return (values[k, 0], values[k, 1], values[k, 2])
+
+
+@njit(cache=True)
+def set_row(values: np.ndarray, k: int, a: Vector) -> None:
+    """Write a vector into a row of an array, shape (L, 3)."""
+    values[k, 0], values[k, 1], values[k, 2] = a[0], a[1], a[2]
+
+
+@njit(cache=True)
+def in_base(frame: np.ndarray, a: Vector) -> Vector:
+    """Return a vector of a frame in the base; the rows of `frame` are its unit vectors there."""
+    return plus(plus(times(a[0], row(frame, 0)), times(a[1], row(frame, 1))),
+                times(a[2], row(frame, 2)))
+
+
+@njit(cache=True)
+def turned(axis: Vector, angle: float, a: Vector) -> Vector:
+    """Return a vector turned about a unit axis (Rodrigues)."""
+    c, s = np.cos(angle), np.sin(angle)
+    return plus(plus(times(c, a), times(s, cross(axis, a))), times(dot(axis, a) * (1.0 - c), axis))
+
+
+@njit(cache=True)
+def angular_momentum(frame: np.ndarray, p: np.ndarray, w: Vector) -> Vector:
+    """Return the product of a link's inertia about its joint's origin with a vector."""
+    a, b, c = dot(row(frame, 0), w), dot(row(frame, 1), w), dot(row(frame, 2), w)
+    return in_base(frame, (p[4] * a + p[5] * b + p[7] * c, p[5] * a + p[6] * b + p[8] * c,
+                           p[7] * a + p[8] * b + p[9] * c))
+
+
+@njit(cache=True)
+def joint_torques(parents: np.ndarray, prismatic: np.ndarray, rotations: np.ndarray,
+                  places: np.ndarray, axes: np.ndarray, parameters: np.ndarray,
+                  gravity: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.ndarray,
+                  torques: np.ndarray) -> None:
+    """Write the torque that every joint has to supply, N·m or N, (N, L); arguments as of `Tree`."""
+    # A parent of -1 is the base, the last frame, which accelerates upwards instead of gravity.
+    size = len(parents)
+    frames = np.zeros((size + 1, 3, 3))
+    frames[size] = np.eye(3)
+    levers, directions = np.zeros((size, 3)), np.zeros((size, 3))
+    spins, spin_rates = np.zeros((size + 1, 3)), np.zeros((size + 1, 3))
+    accelerations = np.zeros((size + 1, 3))
+    accelerations[size] = -gravity
+    for n in range(len(q)):
+        forces, moments = np.zeros((size + 1, 3)), np.zeros((size + 1, 3))
+        for k in range(size):
+            up, frame, parent = frames[parents[k]], frames[k], parents[k]
+            w, dw = row(spins, parent), row(spin_rates, parent)
+            lever = in_base(up, row(places, k))
+            for i in range(3):
+                r = rotations[k]
+                set_row(frame, i, in_base(up, (r[0, i], r[1, i], r[2, i])))
+            axis = in_base(frame, row(axes, k))
+            if prismatic[k]:
+                lever = plus(lever, times(q[n, k], axis))
+            acceleration = plus(row(accelerations, parent),
+                                plus(cross(dw, lever), cross(w, cross(w, lever))))
+            if prismatic[k]:
+                acceleration = plus(acceleration, plus(
+                    times(a[n, k], axis), times(2.0 * v[n, k], cross(w, axis))))
+            else:
+                for i in range(3):
+                    set_row(frame, i, turned(axis, q[n, k], row(frame, i)))
+                dw = plus(dw, plus(times(a[n, k], axis), times(v[n, k], cross(w, axis))))
+                w = plus(w, times(v[n, k], axis))
+            set_row(levers, k, lever)
+            set_row(directions, k, axis)
+            set_row(spins, k, w)
+            set_row(spin_rates, k, dw)
+            set_row(accelerations, k, acceleration)
+            link = parameters[k]
+            h = in_base(frame, (link[1], link[2], link[3]))
+            set_row(forces, k, plus(times(link[0], acceleration),
+                                    plus(cross(dw, h), cross(w, cross(w, h)))))
+            set_row(moments, k, plus(cross(h, acceleration), plus(
+                angular_momentum(frame, link, dw), cross(w, angular_momentum(frame, link, w)))))
+        for k in range(size - 1, -1, -1):
+            force, moment, parent = row(forces, k), row(moments, k), parents[k]
+            torques[n, k] = dot(row(directions, k), force if prismatic[k] else moment)
+            set_row(forces, parent, plus(row(forces, parent), force))
+            set_row(moments, parent, plus(row(moments, parent), plus(
+                moment, cross(row(levers, k), force))))

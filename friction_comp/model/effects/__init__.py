@@ -2,6 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Effects that a model can have in addition to the sigmoid: one class each, listed here."""
 
+from friction_comp.model.effects import (
+    history_effects as history,
+    position_effects as position,
+    torque_effects as torque,
+    velocity_effects as velocity,
+)
 from friction_comp.model.effects.base import Effect
 from friction_comp.model.effects.definitions import (
     CARRIES,
@@ -13,28 +19,7 @@ from friction_comp.model.effects.definitions import (
     Signals,
     VARIABLES,
 )
-from friction_comp.model.effects.history_effects import (
-    Backlash,
-    Hysteresis,
-    OffsetDrift,
-    RestTime,
-    Temperature,
-    WarmUp,
-)
 from friction_comp.model.effects.live_term import LiveTerm
-from friction_comp.model.effects.position_effects import Bump, Cogging, FrictionRipple
-from friction_comp.model.effects.torque_effects import (
-    CarriedLoadFriction,
-    Gravity,
-    Inertia,
-    InnerLoadFriction,
-    LoadFriction,
-    LoadTorque,
-    OtherJoints,
-    RigidBody,
-    Spring,
-)
-from friction_comp.model.effects.velocity_effects import DirectionAsymmetry, Stribeck, ViscousShape
 
 EFFECTS: dict[str, type[Effect]] = {}
 """Every effect by its name, in the order in which refinement tries them."""
@@ -47,10 +32,11 @@ def register(effect: type[Effect]) -> type[Effect]:
 
 
 for _effect in (
-        Stribeck, ViscousShape, DirectionAsymmetry, Gravity, Spring, Cogging, FrictionRipple, Bump,
-        Inertia, RigidBody, OtherJoints, LoadTorque, LoadFriction, CarriedLoadFriction,
-        InnerLoadFriction, Temperature, WarmUp, OffsetDrift, Hysteresis, Backlash,
-        RestTime):
+        velocity.Stribeck, velocity.ViscousShape, velocity.DirectionAsymmetry, torque.Gravity,
+        torque.Spring, position.Cogging, position.FrictionRipple, position.Bump, torque.Inertia,
+        torque.RigidBody, torque.OtherJoints, torque.LoadTorque, torque.LoadFriction,
+        torque.CarriedLoadFriction, torque.InnerLoadFriction, history.Temperature, history.WarmUp,
+        history.OffsetDrift, history.Hysteresis, history.Backlash, history.RestTime):
     register(_effect)
 
 __all__ = [

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.checks import check_number
+from friction_comp.checks import check_interval, check_number
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.effects.definitions import (
@@ -31,15 +31,11 @@ _POSITIVE = ('transition', 'velocity', 'reference', 'exponent', 'frequency', 'wi
 class Effect(ABC):
     """One term of the drive's current, in A: coefficients times columns.
 
-    A subclass defines the whole effect. It sets the class attributes, implements `columns` (its
-    formula for both arrays and single samples) and `grid`, and overrides other defaults as needed.
-
-    Parameters
-    ----------
-    parameters : dict
-        ``coefficients`` (A, one per column) and the nonlinear constants, plain numbers in SI units.
-    valid_range : dict, optional
-        Lowest and highest value of signals in `range_margins`; beyond them it is constant.
+    A subclass sets the class attributes, implements `columns` (its formula for arrays and single
+    samples) and `grid`, and overrides other defaults as needed. `parameters` has the
+    ``coefficients`` (A, one per column) and the nonlinear constants, plain numbers in SI units;
+    `valid_range` the lowest and highest value of signals in `range_margins`, beyond which it is
+    constant.
     """
 
     name = ''           # in model files and reports
@@ -47,22 +43,20 @@ class Effect(ABC):
     role = RESISTS      # or CARRIES, or NEITHER
     # Signals of `Samples` that it needs besides position and velocity.
     needs: tuple[str, ...] = ()
-    # Every nonlinear constant, and how it is searched around a point of the grid; None if it is not
-    # searched. `transition` is the velocity over which friction changes sign, common to all effects
-    # of a fit.
+    # Every nonlinear constant, and how it is searched; None if it is not. `transition`, over which
+    # friction changes sign, rad/s, is common to all effects of a fit.
     constants: dict[str, SearchRange | None] = {}
     # Meaning and unit of each coefficient; A stands for the unit of the recording.
     coefficient_names: tuple[tuple[str, str], ...] = ()
-    # The effect in one sentence, and its formula in A, as templates for `str.format`: {A}, {B}, ...
-    # are the coefficients, the constants have their own names.
+    # One sentence and its formula in A, for `str.format` with the coefficients {A}, {B}, … and
+    # constants.
     summary = equation = ''
     # Physically possible sign of the first coefficients: 1, -1, or 0 for either.
     signs: tuple[int, ...] = ()
     # Effect of which it is another form: a model has one of them at most.
     form_of: type[Effect] | None = None
     max_count = 1       # of effects of the class in a model, with different constants
-    # Whether every drive may have it: refinement starts with it, and removes it if the data do not
-    # support it.
+    # Whether every drive may have it: refinement then starts with it.
     in_first_model = False
     holds_on_another_day = True     # whether it is expected in other recordings of the drive
     fades_in_sliding = False    # whether it vanishes while the joint slides on, or faster
@@ -75,8 +69,7 @@ class Effect(ABC):
     gives_load = False  # whether it loads the teeth by a torque that depends on position
     # Whether its constants contain the load of the other effects on the gear.
     uses_inner_load = False
-    # Signals whose range limits the effect, since it cannot be extrapolated: it is continued beyond
-    # the recorded range by this share of it on either side, and is constant from there on.
+    # Signals beyond whose recorded range, and this share of it on either side, it is constant.
     range_margins: dict[str, float] = {}
     Constants: Any
 
@@ -97,12 +90,10 @@ class Effect(ABC):
         if not isinstance(coefficients, (list, tuple, np.ndarray)):
             raise InputError('coefficients must be a list of numbers')
         self.coefficients = [check_number(value, 'coefficients') for value in coefficients]
-        unknown = set(parameters) - set(self.constants)
-        if unknown:
-            raise InputError(f'unknown parameters: {sorted(map(str, unknown))}')
-        missing = set(self.constants) - set(parameters)
-        if missing:
-            raise InputError(f'missing parameters: {sorted(missing)}')
+        given, known = set(parameters), set(self.constants)
+        for what, names in (('unknown', given - known), ('missing', known - given)):
+            if names:
+                raise InputError(f'{what} parameters: {sorted(map(str, names))}')
         self.values = {name: check_number(parameters[name], name) for name in self.constants}
         for name, value in self.values.items():
             if name in _POSITIVE and value <= 0:
@@ -152,10 +143,7 @@ class Effect(ABC):
 
     @classmethod
     def insufficient_data(cls, coverage: Coverage) -> str:
-        """Return why recordings with this coverage cannot show the effect; empty if they can.
-
-        Refinement then does not try the effect, and reports the reason, a sentence, as a warning.
-        """
+        """Return why recordings with this coverage cannot show it, as a sentence, or ''."""
         return ''
 
     @classmethod
@@ -179,8 +167,8 @@ class Effect(ABC):
     def step(state: float, dt: float, dq: float, velocity: float, c: Any) -> float:
         """Return the state one sample later, for effects with `has_memory`.
 
-        `dt` and `dq` are the changes of time and position since the previous sample, s and rad;
-        `velocity` is the present one, rad/s; `c` has the constants by name.
+        `dt` (s) and `dq` (rad) are the changes since the previous sample, `velocity` is the present
+        one, rad/s.
         """
         return state
 
@@ -207,10 +195,7 @@ class Effect(ABC):
         return self
 
     def dahl_friction(self) -> tuple[float, float] | None:
-        """Return the friction that reverses as in Dahl's model, in A, and its distance; or None.
-
-        The distance is in rad, for an exponent of 1.
-        """
+        """Return the friction that reverses as in Dahl's model, A, and its distance; or None."""
         return None
 
     def doubt(self) -> str:
@@ -247,6 +232,19 @@ class Effect(ABC):
             result[index] = column
         return result.T
 
+    def of_states(self, position: Any, velocity: Any, acceleration: Any) -> Any:
+        """Return the current in A in states that do not follow each other, as in steady sliding."""
+        position, velocity, acceleration = (
+            np.clip(values, *self.valid_range[name]) if name in self.valid_range else values
+            for name, values in (('position', position), ('velocity', velocity),
+                                 ('acceleration', acceleration)))
+        c, transition = self.Constants(**self.values), self.values.get('transition')
+        sign = np.tanh(velocity / transition) if transition else 0.0 * velocity
+        memory = self.start(sign, c) if self.has_memory else 0.0
+        x = Signals(0.0, position, velocity, acceleration, sign=sign, memory=memory)
+        return sum(gain * column for gain, column in zip(
+            self.coefficients, self.columns(x, c), strict=True))
+
     def check_signals(self, samples: Samples) -> None:
         """Raise InputError if the effect needs a signal that the samples lack."""
         for signal in self.needs:
@@ -256,7 +254,9 @@ class Effect(ABC):
     def current(self, samples: Samples) -> np.ndarray:
         """Return the effect's current in A, shape (N,)."""
         self.check_signals(samples)
-        matrix = self.matrix(_clip_to_ranges(samples, self.valid_range), self.values)
+        within = {name: np.clip(getattr(samples, name), *ends)
+                  for name, ends in self.valid_range.items() if getattr(samples, name) is not None}
+        matrix = self.matrix(samples.with_(**within), self.values)
         if matrix.shape[1] != len(self.coefficients):
             raise InputError(f"effect '{self.name}' takes {matrix.shape[1]} coefficients, "
                              f'not {len(self.coefficients)}')
@@ -276,8 +276,7 @@ _latest_sign: tuple[Any, float, Any] = (None, 0.0, None)
 def friction_sign(velocity: np.ndarray, transition: float) -> np.ndarray:
     """Return the sign of friction, which passes through zero smoothly as Eq. 6 does, shape (N,).
 
-    The latest result is cached: a search needs it hundreds of times with the same velocities and
-    transition, and the hyperbolic tangent takes longer than most effects.
+    The latest result is cached: a search needs it hundreds of times.
     """
     global _latest_sign
     latest = _latest_sign
@@ -295,8 +294,7 @@ def segment_starts(samples: Samples) -> np.ndarray:
     return starts
 
 
-# Percentage of the samples below the low edge and above the high one, since a few outliers are
-# sensor errors and do not belong to the range.
+# Percentage of the samples beyond each edge: a few outliers are sensor errors.
 _TAIL = 0.1
 
 
@@ -307,15 +305,7 @@ def checked_range(ranges: Any, range_margins: Collection[str]) -> dict[str, tupl
     if not isinstance(ranges, dict) or not set(ranges) <= set(range_margins):
         known = ', '.join(range_margins) or 'nothing'
         raise InputError(f'valid_range must be a mapping of {known}, not {ranges!r}')
-    checked = {}
-    for name, ends in ranges.items():
-        if not isinstance(ends, (list, tuple)) or len(ends) != 2:
-            raise InputError(f'valid_range.{name} must be two numbers, the lower one first')
-        low, high = (check_number(end, f'valid_range.{name}') for end in ends)
-        if low > high:
-            raise InputError(f'valid_range.{name} must have the lower number first')
-        checked[name] = (low, high)
-    return checked
+    return {name: check_interval(ends, f'valid_range.{name}') for name, ends in ranges.items()}
 
 
 def with_range(effect: Effect, samples: Samples) -> Effect:
@@ -332,10 +322,3 @@ def with_range(effect: Effect, samples: Samples) -> Effect:
     twin = copy.copy(effect)
     twin.valid_range = ranges
     return twin
-
-
-def _clip_to_ranges(samples: Samples, ranges: dict[str, tuple[float, float]]) -> Samples:
-    """Return samples with signals limited to ranges."""
-    known = {name: np.clip(getattr(samples, name), *ends) for name, ends in ranges.items()
-             if getattr(samples, name) is not None}
-    return samples.with_(**known) if known else samples

@@ -86,8 +86,7 @@ class SearchRange:
     limits: Callable[[Coverage, dict[str, float]], tuple[float, float]] | None = None
 
 
-# An encoder that gives fewer distinct positions over the motion is coarse: less than a hundredth
-# of the range is then a step or two.
+# Fewest positions of a fine encoder: with fewer, a hundredth of the range is a step or two.
 _COARSE = 150
 
 NEARLY_ONE_SPEED = 0.4

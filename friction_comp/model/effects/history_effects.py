@@ -25,8 +25,7 @@ from friction_comp.samples import Samples
 def dahl_step(state: float, dt: float, dq: float, velocity: float, c: Any) -> float:
     """Return Dahl's state z after a step of position, solved exactly; see `Effect.step`.
 
-    dz/dq = (1 - z·sgn(dq))^p / distance (Dahl 1968): p = 1 reverses exponentially, p < 1
-    within a finite distance, p > 1 more slowly.
+    dz/dq = (1 - z·sgn(dq))^p / distance (Dahl 1968): p < 1 reverses within a finite distance.
     """
     if dq == 0.0:
         return state
@@ -54,8 +53,16 @@ def _dahl_states(position: np.ndarray, is_start: np.ndarray, start: np.ndarray,
     return states
 
 
-def _shortest_reversal(coverage: Coverage) -> float:
-    return max(1e-4 * coverage.span, 3.0 * coverage.resolution)
+def _shortest_reversal(coverage: Coverage, steps: float = 3.0) -> float:
+    return max(1e-4 * coverage.span, steps * coverage.resolution)
+
+
+def _distance_search(width: float, largest: float, steps: float = 3.0) -> SearchRange:
+    """Return the search of a distance over steps that are resolved, up to a share of the range."""
+    def limits(coverage: Coverage, _: dict[str, float]) -> tuple[float, float]:
+        shortest = _shortest_reversal(coverage, steps)
+        return shortest, max(largest * coverage.span, 2.0 * shortest)
+    return SearchRange(width, limits=limits)
 
 
 class Hysteresis(Effect):
@@ -69,12 +76,9 @@ class Hysteresis(Effect):
     name = 'hysteresis'
     coefficient_names = (('friction that reverses', 'A'), ('friction during the reversal', 'A'))
     variable = 'history'
-    # Presliding reverses over resolved steps, and well within the range; beyond these exponents it
-    # reverses at once, or never.
+    # Beyond these exponents, presliding reverses at once, or never.
     constants = {
-        'distance': SearchRange(1.6, limits=lambda coverage, _: (
-            _shortest_reversal(coverage),
-            max(0.25 * coverage.span, 2.0 * _shortest_reversal(coverage)))),
+        'distance': _distance_search(1.6, 0.25),
         'exponent': SearchRange(1.5, limits=lambda *_: (0.3, 3.0)), 'transition': None}
     signs = (1,)
     has_memory = True
@@ -85,7 +89,6 @@ class Hysteresis(Effect):
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        """Return distances from a few steps of position to an eighth of the range."""
         span = coverage.span
         if not span > 0:
             return []
@@ -97,7 +100,7 @@ class Hysteresis(Effect):
 
     @staticmethod
     def start(sign: Any, c: Any) -> Any:
-        """At the start of a segment in motion, the reversal is complete."""
+        # At the start of a segment in motion, the reversal is complete.
         return sign
 
     @classmethod
@@ -107,7 +110,6 @@ class Hysteresis(Effect):
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
-        """Return the state, and its change with time in 1/s."""
         remaining = np.maximum(1.0 - x.memory * np.sign(x.velocity), 0.0)
         return (x.memory, x.velocity * remaining ** c.exponent / c.distance)
 
@@ -153,15 +155,9 @@ class Backlash(Effect):
     form_of = Hysteresis
     coefficient_names = (('friction behind the backlash', 'A'),)
     variable = 'history'
-    # Both over steps that the encoder resolves, and well within the range, since the joint must
-    # cross them at each reversal.
+    # The joint must cross both at each reversal.
     constants = {
-        'gap': SearchRange(1.6, limits=lambda coverage, _: (
-            _shortest_reversal(coverage),
-            max(0.4 * coverage.span, 2.0 * _shortest_reversal(coverage)))),
-        'distance': SearchRange(2.5, limits=lambda coverage, _: (
-            _shortest_reversal(coverage),
-            max(0.25 * coverage.span, 2.0 * _shortest_reversal(coverage)))),
+        'gap': _distance_search(1.6, 0.4), 'distance': _distance_search(2.5, 0.25),
         'transition': None}
     signs = (1,)
     has_memory = True
@@ -173,7 +169,6 @@ class Backlash(Effect):
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        """Return gaps from a few steps of position to a quarter of the range, sharp and soft."""
         span = coverage.span
         if not span > 0:
             return []
@@ -187,7 +182,6 @@ class Backlash(Effect):
 
     @staticmethod
     def start(sign: Any, c: Any) -> Any:
-        """At the start of a segment in motion, the reversal is complete."""
         return sign * (0.5 * c.gap + c.distance)
 
     @classmethod
@@ -205,16 +199,14 @@ class Backlash(Effect):
         return Hysteresis.insufficient_data(coverage)
 
     def dahl_friction(self) -> tuple[float, float]:
-        """Return the friction, and the distance within which it has gone after a reversal."""
         return self.coefficients[0], self.values['distance'] + 0.5 * self.values['gap']
 
 
 @njit(cache=True)
 def rest_step(state: float, dt: float, dq: float, velocity: float, c: Any) -> float:
-    """Return the share of the friction gained at rest, 0..1, one sample later.
+    """Return the share of the friction gained at rest, 0..1, one sample later; see `Effect.step`.
 
-    It grows as 1 - exp(-rest/time_constant) while the speed is below the constant `velocity`, and
-    fades over a distance of motion; see `Effect.step`.
+    It grows with the time below the constant `velocity`, and fades over a distance of motion.
     """
     if abs(velocity) < c.velocity:
         return 1.0 - (1.0 - state) * math.exp(-dt / c.time_constant)
@@ -232,10 +224,6 @@ def _rest_states(time: np.ndarray, position: np.ndarray, velocity: np.ndarray,
     return states
 
 
-def _shortest_fading(coverage: Coverage) -> float:
-    return max(coverage.resolution, 1e-4 * coverage.span)
-
-
 class RestTime(Effect):
     """``A·tanh(v/v_t)·s``: s grows with the time at rest and fades over a distance of motion."""
 
@@ -243,16 +231,11 @@ class RestTime(Effect):
     fades_in_sliding = True
     coefficient_names = (('stiction after a long rest', 'A'),)
     variable = 'history'
-    # With a time constant above the recording's duration it is linear in time; below a tenth of a
-    # second it is constant at rest. A distance below a step of position or above the range cannot
-    # be seen.
+    # With a time constant above the duration it is linear in time; below 0.1 s constant at rest.
     constants = {
         'time_constant': SearchRange(1.8, limits=lambda coverage, _: (
             0.1, max(5.0 * coverage.duration, 0.2))),
-        'distance': SearchRange(1.8, limits=lambda coverage, _: (
-            _shortest_fading(coverage),
-            max(0.5 * coverage.span, 2.0 * _shortest_fading(coverage)))),
-        'velocity': None, 'transition': None}
+        'distance': _distance_search(1.8, 0.5, 1.0), 'velocity': None, 'transition': None}
     signs = (1,)
     has_memory = True
     summary = ('Rest time: up to {A:+.3g} A more friction after resting (time constant '
@@ -262,7 +245,6 @@ class RestTime(Effect):
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        """Return time constants of 0.3 to 30 s, and fading over up to a fifth of the range."""
         span = coverage.span
         if not span > 0:
             return []
@@ -307,8 +289,7 @@ class Temperature(Effect):
                          ('offset per kelvin', 'A/K'))
     variable = 'temperature'
     needs = ('temperature',)
-    # Friction falls almost linearly over tens of kelvin, so it is extrapolated to twice the range
-    # seen.
+    # Friction falls almost linearly over tens of kelvin.
     range_margins = {'temperature': 1.0}
     constants = {'reference_temperature': None, 'transition': None}
     summary = ('Temperature: per kelvin Coulomb friction changes by {A:+.3g} A and viscous '
@@ -318,7 +299,6 @@ class Temperature(Effect):
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        """Return one reference, a convention: the median temperature of the recordings."""
         return [{'reference_temperature': coverage.temperature, 'transition': coverage.transition}]
 
     @classmethod
@@ -351,7 +331,6 @@ class OffsetDrift(Effect):
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        """Return time constants from a thirtieth of the recording to five times its length."""
         duration = coverage.duration
         return [{'time_constant': value}
                 for value in np.geomspace(duration / 30.0, 5.0 * duration, 9).tolist()]
@@ -371,8 +350,7 @@ class OffsetDrift(Effect):
 class WarmUp(OffsetDrift):
     """``(A·s + B·v + C·s²)·exp(-t/τ)``, s = tanh(v/v_t), t from the start of each recording.
 
-    C is for friction that differs between the directions (Eq. 6 has two plateaus) and also changes
-    differently.
+    C is for directions whose friction (Eq. 6 has two plateaus) changes differently.
     """
 
     name = 'warm_up'

@@ -15,10 +15,7 @@ a thousandth, but then every encoder count would switch the whole term."""
 
 
 class LiveTerm:
-    """An effect as the compensator evaluates it, one sample at a time.
-
-    With `has_memory`, evaluation changes its state, so it cannot be evaluated at other positions.
-    """
+    """An effect as the compensator evaluates it, one sample at a time, in order of time."""
 
     def __init__(self, effect: Effect) -> None:
         effect = effect.fed_back()
@@ -38,10 +35,7 @@ class LiveTerm:
     def update(self, time: float, position: float, velocity: float,
                temperature: float | None = None, load: float | None = None,
                rigid_body: float | None = None, coupling: float | None = None) -> float:
-        """Return the current in A for this sample; units are those of `Signals`.
-
-        `rigid_body` and `coupling` are the torques of the arm at rest.
-        """
+        """Return the current in A for this sample; units as in `Signals`, arm at rest."""
         sign = math.tanh(velocity / self._transition) if self._transition else 0.0
         state = self._remember(time, position, velocity)
         # By position, in the order of the fields: arguments by name take twice as long.
@@ -55,11 +49,9 @@ class LiveTerm:
                    temperature: float | None = None, load: float | None = None,
                    rigid_body: float | None = None, coupling: float | None = None
                    ) -> tuple[float, float]:
-        """Return the current in A in the positive and in the negative direction of sliding.
+        """Return the current in A in the positive and in the negative direction; see `update`.
 
-        The values are those after sliding far enough to complete the reversal, which the caller
-        models. Memories without a direction have the value of this sample. Parameters are those
-        of `update`.
+        As after sliding far enough to complete the reversal, which the caller models.
         """
         state = self._remember(time, position, speed)
         values = []

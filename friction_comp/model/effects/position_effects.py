@@ -30,8 +30,8 @@ FEWEST_PERIODS = 1.5
 def highest_frequency(velocity: np.ndarray, sample_time: float, resolution: float) -> float:
     """Return the highest spatial frequency in rad/rad that a recording can show.
 
-    A period must take at least three samples of `sample_time` s at the slowest quarter of the
-    speeds, and cover at least four position steps of `resolution` rad (0 if there are none).
+    A period takes three samples, `sample_time` s, at the slowest quarter of the speeds, and four
+    position steps of `resolution` rad (0 if there are none) at least.
     """
     slow = float(np.percentile(np.abs(velocity), 25))
     highest = 2.0 * math.pi / max(3.0 * slow * sample_time, 1e-12)
@@ -100,16 +100,12 @@ class Cogging(Effect):
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        """Return terms with and without growth with speed; `propose` adds the frequency."""
         return [{'growth': growth, 'speed': coverage.speed, 'transition': coverage.transition}
                 for growth in (0.0, 1.0)]
 
     @classmethod
     def propose(cls, view: ResidualView) -> list[dict[str, float]]:
-        """Return the frequencies of the largest peaks in the spectrum of the residual.
-
-        Of a shaft that turns many times, these are harmonics of a turn.
-        """
+        """Return the largest peaks in the residual's spectrum; harmonics if it turned often."""
         coverage, proposed = view.coverage, []
         highest = highest_frequency(view.velocity, view.row_time, coverage.resolution)
         separation = 2.0 * math.pi / max(coverage.span, 1e-9)
@@ -167,8 +163,7 @@ class FrictionRipple(Cogging):
 class Bump(Effect):
     """``A·s·exp(-|q - q0|^p/(2·w^p))`` with s = tanh(v/v_t), or s = 1 where `directional` is 0.
 
-    A local bump, as caused by a worn or broken tooth. p = 2 gives a bell; larger exponents give a
-    flatter top.
+    A local bump, as of a worn or broken tooth: p = 2 gives a bell, larger p a flatter top.
     """
 
     name = 'bump'
@@ -191,7 +186,6 @@ class Bump(Effect):
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        """Return widths from a hundredth to an eighth of the range, positions a width apart."""
         if not coverage.span > 0:
             return []
         points = []
@@ -204,10 +198,7 @@ class Bump(Effect):
 
     @classmethod
     def propose(cls, view: ResidualView) -> list[dict[str, float]]:
-        """Return for each width the positions at which the residual stands out most.
-
-        The mean of the residual over a window is compared with its scatter.
-        """
+        """Return for each width where the mean of the residual stands out most from its scatter."""
         order = np.argsort(view.position)
         position = view.position[order]
         proposed = []

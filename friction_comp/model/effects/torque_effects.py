@@ -1,10 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Torques on the joint, and friction that they cause by pressing the teeth together.
-
-Weight, springs, inertia, the arm and a measured load, which do not depend on the direction of
-motion; and load-dependent friction.
-"""
+"""Torques on the joint (weight, springs, inertia, the arm, a load), and friction by their load."""
 
 from __future__ import annotations
 
@@ -46,7 +42,7 @@ class Gravity(Effect):
 
     @classmethod
     def determines_offset(cls, coverage: Coverage) -> bool:
-        """Over a part of a turn gravity is largely a constant."""
+        # Over a part of a turn gravity is largely a constant.
         return coverage.span < 2.0
 
     @classmethod
@@ -82,7 +78,7 @@ class Spring(Effect):
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        """Return one rest position q0: the offset of Eq. 6 accounts for any other."""
+        # One is enough: the offset of Eq. 6 accounts for any other rest position.
         return [{'position': 0.5 * (coverage.lowest + coverage.highest)}]
 
     @staticmethod
@@ -91,7 +87,6 @@ class Spring(Effect):
 
     @classmethod
     def determines_offset(cls, coverage: Coverage) -> bool:
-        """The offset determines where the spring is slack."""
         return True
 
     @classmethod
@@ -143,8 +138,7 @@ class Inertia(Effect):
 class RigidBody(Effect):
     """``k·τ(q, dq/dt, d²q/dt²)``: weight and inertia of all links, from a URDF.
 
-    The torque τ in N·m is that of the model's arm; k is the joint's current per torque. Only the
-    weight is fed back: accelerations from encoders are too late and too noisy.
+    k is the joint's current per torque of the arm. Only the weight is fed back.
     """
 
     name = 'rigid_body'
@@ -182,10 +176,7 @@ class OtherJoints(Effect):
 
 
 class LoadTorque(Effect):
-    """``A·τ_b``: the current that the measured back-driving torque saves the motor.
-
-    By mechanics A = -1/(k_t·n); another value means that the declared torque constant is wrong.
-    """
+    """``A·τ_b``: the current that the measured torque saves the motor; by mechanics -1/(k_t·n)."""
 
     name = 'load_torque'
     coefficient_names = (('current per load', 'A/(N·m)'),)
@@ -204,8 +195,7 @@ class LoadTorque(Effect):
         return (x.load,)
 
     @classmethod
-    def known_coefficients(cls, drive: Drive) -> list[float] | None:
-        """Return the motor current that 1 N·m of load replaces, -1/(k_t·n)."""
+    def known_coefficients(cls, drive: Drive) -> list[float]:
         return [-1.0 / drive.torque_per_current]
 
 
@@ -235,10 +225,7 @@ class LoadFriction(Effect):
 
 
 class CarriedLoadFriction(LoadFriction):
-    """``A·tanh(v/v_t)·|τ|^p``: friction that grows with the links' torque on the teeth.
-
-    As `LoadFriction`, with the load computed by the model instead of measured.
-    """
+    """``A·tanh(v/v_t)·|τ|^p``: as `LoadFriction`, with the links' torque by the model as load."""
 
     name = 'carried_load_friction'
     needs = ('rigid_body',)
@@ -281,7 +268,6 @@ class InnerLoadFriction(Effect):
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        """Return linear and quadratic terms, with and without inertial load, and fading."""
         still = dict.fromkeys(_LOADS, 0.0)
         shapes = [(1.0, 0.0, coverage.speed), (2.0, 0.0, coverage.speed)]
         shapes += [(1.0, 1.0, value)
@@ -293,7 +279,6 @@ class InnerLoadFriction(Effect):
     @classmethod
     def with_loads(cls, constants: dict[str, float],
                    shares: Iterable[dict[str, float]]) -> dict[str, float]:
-        """Return the constants with the load of other effects: the sum of their shares."""
         total = dict.fromkeys(_LOADS, 0.0)
         for share in shares:
             for name, value in share.items():

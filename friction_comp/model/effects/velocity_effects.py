@@ -33,7 +33,6 @@ class Stribeck(Effect):
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        """Return Stribeck velocities from just above standstill to two thirds of the top speed."""
         lowest = max(1.5 * coverage.transition, 1.5 * coverage.slowest, 0.003 * coverage.speed)
         return [{'velocity': velocity, 'exponent': exponent, 'transition': coverage.transition}
                 for velocity in np.geomspace(
@@ -60,10 +59,9 @@ class Stribeck(Effect):
 class ViscousShape(Effect):
     """``A·tanh(v/v_t)·(u^p - 6p/((p+1)(p+2))·u)``, u = |v|/v_ref: friction is curved over speed.
 
-    The straight line nearest to u^p between standstill and v_ref is subtracted, so that the linear
-    term of the sigmoid does not change. Beyond the recorded speeds the effect is constant, and
-    friction continues linearly. Without the subtraction, power and linear term would partly cancel,
-    and the linear term could be many times too steep.
+    The straight line nearest to u^p up to v_ref is subtracted: otherwise power and linear term
+    would partly cancel, and the linear term could be many times too steep. Beyond the recorded
+    speeds the effect is constant, and friction continues linearly.
     """
 
     name = 'viscous_shape'
@@ -76,7 +74,6 @@ class ViscousShape(Effect):
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        """Return exponents below and above one."""
         return [{'exponent': exponent, 'reference': coverage.speed,
                  'transition': coverage.transition}
                 for exponent in (0.3, 0.45, 0.6, 0.75, 1.4, 1.7, 2.0, 2.5, 3.0)]
@@ -94,7 +91,7 @@ class ViscousShape(Effect):
     @classmethod
     def limited(cls, name: str, value: float, constants: dict[str, float],
                 coverage: Coverage) -> float:
-        """Keep the exponent away from 1, where the term is collinear with viscous friction."""
+        # At 1, the term is collinear with viscous friction.
         if name == 'exponent' and 0.85 < value < 1.2:
             return 0.85 if value < 1.0 else 1.2
         return super().limited(name, value, constants, coverage)
@@ -116,10 +113,9 @@ class ViscousShape(Effect):
 class DirectionAsymmetry(Effect):
     """``A·h + B·|v|``: half the difference between the positive and the negative direction.
 
-    A is the difference at low speed, B the difference per speed. If `offset` is 1, h is 1: a
-    constant current, also at rest. If it is 0, h = tanh²(v/v_t): Coulomb friction that differs
-    between the directions of motion. The sigmoid of Eq. 6 can represent A itself; refinement uses
-    this effect instead if it is worth naming.
+    If `offset` is 1, h is 1: a constant current, also at rest. If it is 0, h = tanh²(v/v_t):
+    Coulomb friction that differs between the directions. Eq. 6 can represent A itself; refinement
+    uses this effect instead if it is worth naming.
     """
 
     name = 'direction_asymmetry'
@@ -144,7 +140,7 @@ class DirectionAsymmetry(Effect):
                 'offsets and reversals cannot be seen.')
 
     def fed_back(self) -> DirectionAsymmetry:
-        """Return the effect without what it has at rest, where breakaway has its own two values."""
+        # At rest, breakaway has its own two values.
         return DirectionAsymmetry({**self.parameters, 'offset': 0.0})
 
     def describe(self) -> str:
