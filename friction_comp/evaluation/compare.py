@@ -98,7 +98,12 @@ class Comparison:
 
 
 def _is_informative(first: Compensation, second: Compensation, baseline: Compensation) -> bool:
-    """Return whether a comparison is with the baseline, with kinetic, or of one change alone."""
+    """Return whether comparing two conditions answers a question.
+
+    These are: what any condition changes against the baseline, if that has no direction; what any
+    condition changes against kinetic compensation with the same model; and what law, model or
+    direction alone changes. Other differences in several respects answer no question.
+    """
     return ((first == baseline and not first.uses_direction)
             or (first.law == 'kinetic' and first.model == second.model)
             or sum((first.law != second.law, first.model != second.model,
@@ -106,7 +111,11 @@ def _is_informative(first: Compensation, second: Compensation, baseline: Compens
 
 
 def compare(repetitions: Sequence[Repetition]) -> list[Comparison]:
-    """Compare conditions with equal movements, where `_is_informative`; the less helped first."""
+    """Compare conditions with the same movements, where the comparison `_is_informative`.
+
+    Conditions are ordered from no compensation over compensation without a direction to
+    compensation with one; each is `first` against those that follow.
+    """
     groups = _by_condition(repetitions)
     ordered = sorted(groups, key=lambda condition: (
         condition.uses_direction, condition.law != 'none', condition))

@@ -117,9 +117,10 @@ def _announced_direction(samples: Samples, start: int, stop: int) -> int:
 
 
 def spectral_arc_length(velocity: np.ndarray, sample_time: float) -> float:
-    """Return the spectral arc length of a movement's speed, rad/s, (N,); dimensionless.
+    """Return the spectral arc length of a movement's speed, dimensionless.
 
-    About -1.4 for a single bell-shaped movement, lower with each hesitation; NaN without motion.
+    It is about -1.4 for a single bell-shaped movement, and lower with each hesitation; NaN without
+    motion. `velocity` is in rad/s, shape (N,).
     """
     speed = np.abs(velocity)
     size = 2 ** (int(np.ceil(np.log2(len(speed)))) + _PADDING)
