@@ -7,10 +7,14 @@ interpreter.
 """
 
 import gc
+import inspect
 import json
 import os
 import signal
 import sys
+
+from rclpy.type_support import check_for_type_support
+from rosbags.typesys import get_typestore, Stores
 
 from friction_comp.__main__ import run
 import friction_comp.nodes.compensator
@@ -21,6 +25,18 @@ import friction_comp.nodes.identification
 import friction_comp.nodes.plant
 import friction_comp.nodes.recorder
 import friction_comp.nodes.refinement  # noqa: F401
+
+
+def load_once():
+    """Load what each node would load at its start: types of messages, and where code is for logs.
+    """
+    kinds = {value for name, module in list(sys.modules.items())
+             if name.startswith(('friction_comp.', 'rclpy.')) for value in vars(module).values()
+             if hasattr(type(value), '__import_type_support__')}
+    for kind in kinds:
+        check_for_type_support(kind)
+    get_typestore(Stores.ROS2_JAZZY)
+    inspect.getframeinfo(inspect.currentframe())
 
 
 def become(name, arguments, folder, output, environment):
@@ -41,6 +57,7 @@ def main():
     # Stop what the test has started.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     compile_nodes()
+    load_once()
     gc.freeze()
     print('ready', flush=True)
     for line in sys.stdin:

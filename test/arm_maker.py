@@ -98,21 +98,8 @@ def waves(rng, size, joints, step, amplitude=0.8, number=4, fastest=0.5):
 def recorded(urdf, names, motion, scales, friction, rng, noise=0.02, step=0.01):
     """Return one `Samples` a joint of an arm whose links are those of a URDF text.
 
-    Parameters
-    ----------
-    urdf : str
-        Of the true arm.
-    names : sequence of str
-    motion : tuple of ndarray
-    scales : sequence of float
-        A per N·m.
-    friction : sequence of tuple
-        Offset, Coulomb, viscous and rotor of each joint, in A.
-    rng : numpy.random.Generator
-    noise : float
-        A.
-    step : float
-        s.
+    `scales`: A per N·m of each joint. `friction`: offset, Coulomb, viscous and rotor of each, in A.
+    `noise`: A. `step`: s.
     """
     import pinocchio
     model = pinocchio.buildModelFromXML(urdf)

@@ -32,7 +32,7 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
 # fails here fails everywhere; `pytest --hypothesis-profile search` looks for others.
 _SETTINGS = settings(deadline=None, suppress_health_check=[
     HealthCheck.too_slow, HealthCheck.function_scoped_fixture])
-settings.register_profile('shared', _SETTINGS, max_examples=30, derandomize=True)
+settings.register_profile('shared', _SETTINGS, max_examples=20, derandomize=True)
 settings.register_profile('search', _SETTINGS, max_examples=500)
 settings.load_profile('shared')
 

@@ -29,8 +29,8 @@ RUN = ('convert', 'evaluate', 'refine', 'predict')
 # But for an arm, which is refined with its URDF in test_whole_arm, for what test_many_recordings
 # does with each of many, and in processes, and for the fleet of test_fleet.
 READ = {'--urdf', '--each', '--jobs', '--fleet'}
-# Tools with their options that were run already: with other files the arguments are read.
-TRIED = set()
+# Options of each tool that were run already: with other files the arguments are read.
+TRIED = {name: set() for name in RUN}
 
 
 def commands():
@@ -152,11 +152,11 @@ def test_commands(command, workplace, monkeypatch):
         return
     assert name in TOOLS
     if name in RUN and not READ & set(arguments):
-        kind = (name, *sorted(word for word in arguments if word.startswith('--')))
+        options = {word for word in arguments if word.startswith('--')}
         output = arguments[arguments.index('--output') + 1]
         # What is converted is read by the commands that follow.
-        if kind not in TRIED or name == 'convert':
-            TRIED.add(kind)
+        if options - TRIED[name] or name == 'convert':
+            TRIED[name] |= options
             write_what_is_read(workplace, arguments, output)
             assert main([name, *arguments]) == 0
             assert (workplace / output).exists()

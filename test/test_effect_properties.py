@@ -107,26 +107,32 @@ def test_ripple_and_gravity_repeat_with_their_period(name):
         -here, abs=1e-12)
 
 
-def test_ripple_grows_with_a_power_of_the_speed():
-    for name in ('cogging', 'friction_ripple'):
-        slow, fast = current_of(name, np.full(2, 0.4), [0.25, 0.5], growth=2.0)
-        assert fast / slow == pytest.approx(4.0, rel=1e-9)
-
-
-def test_stribeck_fades_with_its_speed():
-    v = np.array([1e-9, 0.1, 0.3, 1.0])
-    current = current_of('stribeck', np.zeros(4), v, exponent=1.0)
-    assert current[1] == pytest.approx(0.1 * math.tanh(5.0) / math.e, rel=1e-9)
-    assert current[2] < current[1]
-    assert abs(current[3]) < 1e-4
-    assert abs(current[0]) < 1e-7
-
-
-def test_viscous_shape_is_a_power_of_the_speed():
-    half, whole = current_of('viscous_shape', np.zeros(2), [0.25, 1.0], exponent=0.5)
+# Effect, other constants than those of `defaults`, places, velocities, and the current in A.
+SHAPES = [
+    ('stribeck', {'exponent': 1.0}, 0.0, [0.1] * 2,
+     [0.1 * math.tanh(5.0) / math.e] * 2),
+    ('stribeck', {'exponent': 1.0}, 0.0, [1e-9, 1.0], [0.0, 0.0]),
     # Of u^0.5, 0.8·u belongs to the linear term.
-    assert whole == pytest.approx(0.1 * (1.0 - 0.8))
-    assert half == pytest.approx(0.1 * (0.5 - 0.2))
+    ('viscous_shape', {'exponent': 0.5}, 0.0, [0.25, 1.0], [0.1 * (0.5 - 0.2), 0.1 * (1.0 - 0.8)]),
+    ('bump', {}, [0.3, 0.4, 0.2, 1.3], 1.0, [0.1, *[0.1 * math.exp(-0.5)] * 2, 0.0]),
+    ('bump', {}, [0.3, 1.3], -1.0, [-0.1, 0.0]),
+    ('bump', {'directional': 0.0}, [0.3, 1.3], -1.0, [0.1, 0.0]),
+    ('spring', {}, [0.3, 1.3], 0.0, [0.0, 0.1]),
+    ('inertia', {}, 0.0, 0.02 * np.arange(5), [0.2] * 5),
+    ('load_torque', {}, 0.0, [0.0, 1.0], [0.15] * 2),
+    ('load_friction', {}, 0.0, [1.0] * 2, [0.1 * 1.5 ** 2] * 2)]
+
+
+@pytest.mark.parametrize(('effect', 'changes', 'place', 'speed', 'expected'), SHAPES)
+def test_the_current_is_what_the_docstring_says(effect, changes, place, speed, expected):
+    found = EFFECTS[effect](defaults(effect, **changes)).current(samples_of(place, speed))
+    assert found == pytest.approx(expected, rel=1e-9, abs=1e-4 if 0.0 in expected else 1e-12)
+
+
+@pytest.mark.parametrize('effect', ['cogging', 'friction_ripple'])
+def test_ripple_grows_with_a_power_of_the_speed(effect):
+    slow, fast = current_of(effect, np.full(2, 0.4), [0.25, 0.5], growth=2.0)
+    assert fast / slow == pytest.approx(4.0, rel=1e-9)
 
 
 @pytest.mark.parametrize('exponent', [0.45, 0.75, 1.4, 2.5])
@@ -144,24 +150,6 @@ def test_beyond_the_speeds_seen_friction_bends_no_further(exponent):
     alone, slope, (near, beyond) = np.polyfit(seen, friction, 1)[0], found[1], columns[1] @ found
     assert slope == pytest.approx(alone, rel=0.05)
     assert beyond - near == pytest.approx(alone * 2.75, rel=0.05)
-
-
-def test_a_bump_has_the_given_position_and_width():
-    place = np.array([0.3, 0.4, 0.2, 1.3])
-    current = current_of('bump', place, np.full(4, 1.0))
-    assert current == pytest.approx(
-        [0.1, 0.1 * math.exp(-0.5), 0.1 * math.exp(-0.5), 0.0], abs=1e-9)
-    assert current_of('bump', place, np.full(4, -1.0)) == pytest.approx(-current)
-    assert current_of('bump', place, np.full(4, -1.0), directional=0.0) == pytest.approx(current)
-
-
-def test_spring_inertia_and_load_are_proportional():
-    assert current_of('spring', [0.3, 1.3], [0.0, 0.0]) == pytest.approx([0.0, 0.1])
-    position = np.zeros(5)
-    assert current_of('inertia', position, 0.02 * np.arange(5)) == pytest.approx(np.full(5, 0.2))
-    assert current_of('load_torque', position, position) == pytest.approx(np.full(5, 0.15))
-    assert current_of('load_friction', position, np.ones(5)) == pytest.approx(
-        np.full(5, 0.1 * 1.5 ** 2))
 
 
 def test_temperature_counts_from_its_reference():

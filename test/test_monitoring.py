@@ -49,7 +49,7 @@ def watched(data, batch=100, model=MODEL):
 
 @pytest.mark.slow
 def test_silent_for_an_hour_while_the_model_fits():
-    verdicts = [verdict for _, verdict in watched(rows(3600.0))]
+    verdicts = [verdict for _, verdict in watched(rows(3600.0), batch=500)]
     assert all(verdict.fits for verdict in verdicts)
     assert verdicts[-1].known
     assert 'fits' in verdicts[-1].text

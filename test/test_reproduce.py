@@ -38,9 +38,9 @@ def test_the_same_seed_gives_the_same_trial():
 @pytest.mark.slow
 def test_whole_tool(tmp_path, monkeypatch):
     """Every floor holds, and the page and the numbers are there."""
-    # Six minutes instead of an hour, a quarter of the samples, and no process: that one is the
+    # Two minutes instead of an hour, a quarter of the samples, and no process: that one is the
     # next test's.
-    monkeypatch.setattr(condition_runs, 'STANDSTILLS', 36)
+    monkeypatch.setattr(condition_runs, 'STANDSTILLS', 12)
     monkeypatch.setattr(identify, 'SAMPLE_TIME', 4e-3)
     monkeypatch.setattr(experiment_set, 'child_process', lambda: ThreadPoolExecutor(1))
     assert run('reproduce', ['--cycles', '100', '--output', str(tmp_path / 'out')]) == 0
