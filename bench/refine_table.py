@@ -48,9 +48,9 @@ def error(model, trials):
     return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
 
 
-def recordings(drive, seed, cases, outside):
-    """Return the trials of one set of recordings."""
-    trials = record(drive, seed, excitation_for(cases))
+def recordings(drive, seed, cases, outside, **changes):
+    """Return the trials of one set of recordings; changes are those of their excitation."""
+    trials = record(drive, seed, excitation_for(cases, **changes))
     if outside:
         # Both recordings of a drive share the effect.
         trials = [OUTSIDE[outside][0](trial, drive, np.random.default_rng([seed // 10, 9]))

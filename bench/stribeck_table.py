@@ -11,7 +11,6 @@ five ways at a top speed of 0.3 to 3 rad/s. No thermometer is recorded. The last
 held-out errors over the noise: of the refined model, and of Coulomb and viscous friction alone.
 """
 
-
 from bench_tools import processes, table_parser
 import numpy as np
 
@@ -45,18 +44,13 @@ def velocity_of(motion: str, top: float, time: np.ndarray, rng: np.random.Genera
         base = top / span / 3.0
         parts = [np.cos(k * base * time + rng.uniform(0, 2 * np.pi)) for k in (1.0, 1.7, 2.9)]
         return top * sum(parts) / 3.0
-    if motion == 'triangle':
-        speeds = top * np.array([0.03, 0.1, 0.3, 1.0])
-        parts = [side * speed * np.ones(max(int(RATE * span / speed), 20))
-                 for speed in speeds for side in (1.0, -1.0)]
-        period = np.concatenate(parts)
-        velocity = np.tile(period, 1 + len(time) // len(period))[:len(time)]
-    else:
-        speeds = top * np.geomspace(0.02, 1.0, 10)
-        parts = [side * speed * np.ones(int(RATE * 1.5)) for speed in speeds
-                 for side in (1.0, -1.0)]
-        period = np.concatenate(parts)
-        velocity = np.tile(period, 1 + len(time) // len(period))[:len(time)]
+    # Stairs last a span each, or 1.5 s.
+    stairs = ([(share * top, max(int(RATE * span / (share * top)), 20))
+               for share in (0.03, 0.1, 0.3, 1.0)] if motion == 'triangle' else
+              [(share * top, int(RATE * 1.5)) for share in np.geomspace(0.02, 1.0, 10)])
+    period = np.concatenate([
+        np.full(count, side * speed) for speed, count in stairs for side in (1.0, -1.0)])
+    velocity = np.tile(period, 1 + len(time) // len(period))[:len(time)]
     # A drive takes a tenth of a second to another speed.
     ramp = np.hanning(int(0.1 * RATE) + 2)
     return np.convolve(velocity, ramp / ramp.sum(), mode='same')

@@ -7,14 +7,13 @@ Drives, strengths and constants are random; error is taken on recordings that we
 
 import functools
 
-import numpy as np
 from outside_effects import OUTSIDE
 import pytest
+from refine_table import error, recordings
 
 from friction_comp.refinement import refine
-from friction_comp.statistics import rms
 from simulated_recordings.cases import CASES
-from simulated_recordings.drives import excitation_for, random_drive, record
+from simulated_recordings.drives import random_drive
 
 pytestmark = pytest.mark.slow
 
@@ -26,33 +25,15 @@ MORE = {'rest': {'rate': 125.0, 'duration': 75.0}}
 PAIRS = [('friction_ripple', 'inertia'), ('bump', 'sub_linear')]
 
 
-def moving(samples):
-    """Return where the joint moves faster than 0.01 rad/s over 40 ms."""
-    reach = max(1, round(0.02 / samples.sample_time))
-    padded = np.pad(samples.position, reach, mode='edge')
-    way = padded[2 * reach:] - padded[:-2 * reach]
-    return np.abs(way) > 0.01 * 2 * reach * samples.sample_time
-
-
 @functools.cache
 def refined(cases, seed, outside='', servo=False):
     """Return the report, and the error on a fresh recording in parts of the noise floor."""
     drive = random_drive(seed, cases)
-    excitation = excitation_for(
-        cases, **{**RECORDED, **MORE.get('+'.join(cases), {})}, servo=servo)
-    sets = []
-    for number in (10 * seed + 1, 10 * seed + 2):
-        trials = record(drive, number, excitation)
-        if outside:
-            effect, _ = OUTSIDE[outside]
-            trials = [effect(trial, drive, np.random.default_rng(seed)) for trial in trials]
-        sets.append([trial.samples for trial in trials])
-    fit, score = sets
-    result = refine(fit, model=None, drive=drive.model.drive)
-    errors = np.concatenate([
-        (result.model.predict(part, same_recording=True) - part.current)[moving(part)]
-        for part in score])
-    return result.report, rms(errors) / drive.noise_floor
+    changes = {**RECORDED, **MORE.get('+'.join(cases), {}), 'servo': servo}
+    fit, score = (recordings(drive, number, cases, outside, **changes)
+                  for number in (10 * seed + 1, 10 * seed + 2))
+    result = refine([trial.samples for trial in fit], model=None, drive=drive.model.drive)
+    return result.report, error(result.model, score) / drive.noise_floor
 
 
 def variables(report):

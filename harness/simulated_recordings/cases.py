@@ -13,15 +13,9 @@ import math
 class Case:
     """One kind of undeclared effect.
 
-    Parameters
-    ----------
-    variable : str
-        What it depends on, one of `friction_comp.model.effects.VARIABLES`.
-    draw : callable
-        ``draw(rng, level)`` gives the effects as in a file of undeclared effects; `level` is the
-        drive's friction in N·m.
-    needs : dict
-        What the recording's `Excitation` must have for it.
+    `variable`: what it depends on, one of `friction_comp.model.effects.VARIABLES`. ``draw(rng,
+    level)`` gives the effects as in a file of undeclared effects; `level` is the drive's friction
+    in N·m. `needs`: what the recording's `Excitation` must have for it.
     """
 
     variable: str

@@ -23,32 +23,14 @@ SIGNALS = ('position', 'velocity', 'current', 'interaction_torque', 'temperature
 def closed_loop(plant: Plant, law: CompensationLaw, movement: ReferenceMovement, duration: float,
                 reference_period: float = 0.01, human_active: ArrayLike | None = None
                 ) -> dict[str, np.ndarray]:
-    """Run a plant under a compensation law while a person follows a movement.
+    """Run a plant under a compensation law for `duration` s while a person follows a movement.
 
-    Per sample, in this order: the law turns the plant's latest state into a command, then the
-    plant holds that command over the sample. The nodes in lockstep do the same and give the same
-    numbers.
-
-    Parameters
-    ----------
-    plant : Plant
-    law : CompensationLaw
-    movement : ReferenceMovement
-        Shown to the person in samples `reference_period` apart; all joints follow it.
-    duration : float
-        s.
-    reference_period : float
-        s.
-    human_active : array_like of bool, shape (J,), optional
-        False where nobody holds the joint.
-
-    Returns
-    -------
-    dict of str to ndarray
-        ``time`` (N,) and, of shape (N, J), ``position``, ``velocity``, ``current``,
-        ``interaction_torque``, ``temperature``, ``command``, ``direction``,
-        ``reference_position`` and ``reference_velocity``: the state at each time and the
-        command that it led to.
+    Per sample, in this order: the law turns the plant's latest state into a command, then the plant
+    holds that command over the sample. The nodes in lockstep do the same and give the same numbers.
+    The movement is shown to the person in samples `reference_period` apart; all joints follow it.
+    `human_active`: bool of shape (J,), optional; False where nobody holds the joint. Returns arrays
+    by name: ``time`` (N,) and, of shape (N, J), `SIGNALS`, ``command``, ``direction`` and the
+    reference: the state at each time and the command that it led to.
     """
     count = round(duration / plant.sample_time)
     every = max(1, round(reference_period / plant.sample_time))

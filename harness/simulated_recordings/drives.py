@@ -33,27 +33,13 @@ STEP = 1e-3
 class Excitation:
     """What a recording of a simulated drive goes through.
 
-    Parameters
-    ----------
-    duration : float
-        s, of each recording.
-    rate : float
-        Samples a second; must divide 1000.
-    position_range, speed : float
-        rad and rad/s.
-    rests : bool
-    load : float
-        Standard deviation of the torque that a person applies, in parts of the friction level;
-        0 leaves the load out of the recording.
-    temperature : bool
-        Whether the motor's temperature varies, from one recording to the next and within.
-    recordings : int
-        How many recordings are made, each from a cold start of the clock.
-    servo : bool
-        False: the joint follows its path exactly and its own inertia torque is negligible, so
-        that the current is the sum of sigmoid and undeclared effects, and friction turns round
-        with the velocity as the sigmoid does. True: the simulated joint,
-        with inertia, stiction and presliding, under the velocity controller of identification.
+    `duration`: s, of each recording. `rate`: samples a second; must divide 1000. `position_range`,
+    `speed`: rad and rad/s. `load`: standard deviation of the torque that a person applies, in parts
+    of the friction level; 0 leaves the load out. `temperature`: whether the motor's temperature
+    varies, from one recording to the next and within. `recordings`: how many are made, each from a
+    cold start of the clock. `servo`: False: the joint follows its path exactly, without inertia, so
+    that the current is the sum of sigmoid and undeclared effects. True: the simulated joint, with
+    inertia, stiction and presliding, under the velocity controller of identification.
     """
 
     duration: float = 150.0
@@ -71,24 +57,11 @@ class Excitation:
 class SimulatedDrive:
     """A drive as it was drawn.
 
-    Parameters
-    ----------
-    model : FrictionModel
-        Drive and sigmoid: the declared part.
-    effects : list of dict
-        The undeclared part, as in a file of undeclared effects.
-    variables : list of str
-        What each undeclared effect depends on, in the order of `effects`.
-    noise : float
-        Standard deviation of the current's white noise in A.
-    wander : float
-        Standard deviation of slow noise in A that no effect explains.
-    presliding : float
-        Way in rad that the joint gives before it slips, for recordings under the servo.
-    relative_inertia : float
-        Inertia over friction level in s²/rad, for recordings under the servo.
-    thermal : dict
-        As in `undeclared.THERMAL`.
+    `model`: drive and sigmoid, the declared part. `effects`: the undeclared part, as in a file of
+    undeclared effects; `variables`: what each depends on. `noise`, `wander`: standard deviations in
+    A of the current's white noise and of slow noise that no effect explains. `presliding`: way in
+    rad that the joint gives before it slips, and `relative_inertia`: inertia over friction level in
+    s²/rad, both for recordings under the servo. `thermal`: as in `undeclared.THERMAL`.
     """
 
     model: FrictionModel
@@ -115,18 +88,7 @@ class SimulatedRecording:
 
 
 def random_drive(seed, cases=()):
-    """Draw a drive.
-
-    Parameters
-    ----------
-    seed : int
-    cases : sequence of str
-        Names out of `drive_cases.CASES`; empty for a drive with nothing undeclared.
-
-    Returns
-    -------
-    SimulatedDrive
-    """
+    """Draw a drive with cases of `cases.CASES`; without any, nothing of it is undeclared."""
     rng = np.random.default_rng([seed, 1])
     drive = Drive(
         torque_constant=float(rng.uniform(0.05, 0.15)), gear_ratio=float(rng.integers(50, 200)),
@@ -167,16 +129,7 @@ def excitation_for(cases, **changes):
 def record(drive, seed, excitation=None):
     """Return recordings of a drive that is moved along a random path.
 
-    Parameters
-    ----------
-    drive : SimulatedDrive
-    seed : int
-        Of path, load, temperature and noise.
-    excitation : Excitation, optional
-
-    Returns
-    -------
-    list of SimulatedRecording
+    `seed`: of path, load, temperature and noise.
     """
     excitation = excitation or Excitation()
     rng = np.random.default_rng([seed, 2])

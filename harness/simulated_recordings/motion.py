@@ -10,25 +10,10 @@ import numpy as np
 
 
 def stroke(start, goal, speed, step, ramp_time):
-    """Return positions of a movement at constant speed with smooth ends.
+    """Return positions, rad, after each time step of a movement at constant speed with smooth ends.
 
-    The velocity rises and falls along a half cosine, so the acceleration is continuous.
-
-    Parameters
-    ----------
-    start, goal : float
-        rad.
-    speed : float
-        rad/s, positive; lowered where the way is too short for it.
-    step : float
-        Time step in s.
-    ramp_time : float
-        Duration of each of the two ramps in s.
-
-    Returns
-    -------
-    ndarray
-        Position after each step, the last one close to the goal.
+    The velocity rises and falls along a half cosine of `ramp_time` s, so the acceleration is
+    continuous. `speed`: rad/s, positive; lowered where the way is too short for it.
     """
     way = abs(goal - start)
     speed = min(speed, way / ramp_time)
@@ -45,18 +30,8 @@ def stroke(start, goal, speed, step, ramp_time):
 def multisine(start, duration, amplitude, step, rng, tones=4, lowest=0.08, highest=0.9):
     """Return positions of a sum of sines, faded in and out at the start position.
 
-    Parameters
-    ----------
-    start : float
-        rad.
-    duration, step : float
-        s.
-    amplitude : float
-        Largest distance from the start in rad.
-    rng : numpy.random.Generator
-    tones : int
-    lowest, highest : float
-        Range of the frequencies in Hz, drawn on a logarithmic scale.
+    `amplitude`: largest distance from the start in rad. `lowest`, `highest`: range of the
+    frequencies in Hz, drawn on a logarithmic scale.
     """
     t = np.arange(1, round(duration / step) + 1) * step
     total = np.zeros_like(t)
@@ -74,22 +49,9 @@ def mixed_motion(duration, step, rng, position_range=4.0, speed=1.2, rests=True)
     """Return the positions of strokes at many speeds, multisines and rests, in random order.
 
     It begins with a sweep through the whole range, so that no recording leaves a part of it out.
-
-    Parameters
-    ----------
-    duration, step : float
-        s.
-    rng : numpy.random.Generator
-    position_range : float
-        rad; the motion stays within half of it on either side of zero.
-    speed : float
-        Highest speed in rad/s; the lowest is a fortieth of it.
-    rests : bool
-        Whether the joint rests, 0.2 to 5 s, between some movements.
-
-    Returns
-    -------
-    ndarray, shape (round(duration / step),)
+    `position_range`: rad; the motion stays within half of it on either side of zero. `speed`: the
+    highest in rad/s; the lowest is a fortieth of it. `rests`: whether the joint rests, 0.2 to 5 s,
+    between some movements.
     """
     half = 0.5 * position_range
     speeds = np.geomspace(speed / 40.0, speed, 14)

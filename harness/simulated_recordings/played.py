@@ -16,11 +16,7 @@ RATE = 200.0
 class PlayedDrive:
     """A simulated joint under the velocity controller of identification.
 
-    Parameters
-    ----------
-    drive : SimulatedDrive
-    seed : int
-        Of noise.
+    `seed` is that of noise.
     """
 
     def __init__(self, drive, seed):
