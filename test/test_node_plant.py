@@ -155,9 +155,10 @@ def test_a_plant_that_waits_for_reference_or_announcement_stands_still_without_i
         # An announcement is waited for once one was heard.
         said = probe.talk(JointState, 'direction_stamped')
         probe.matched(said)
-        said.publish(joint_state(begin, ['elbow'], [0.0]))
         assert probe.set_parameter('plant', 'wait_for_direction', True) is None
         for _ in range(9):
+            # What is sent before both ends have discovered each other is lost.
+            said.publish(joint_state(begin, ['elbow'], [0.0]))
             commander.step(0.0)
         commander.command(0.0)
         probe.until(lambda: nanoseconds(commander.ticks[-1].clock) == begin + 20_000_000, 'a tick')
