@@ -188,7 +188,6 @@ def test_a_person_whose_force_is_sensed_needs_less_torque_than_one_who_is_not(
     assert np.all(np.sign(samples.load[told]) == samples.direction[told])
 
 
-
 @pytest.mark.slow
 def test_a_changing_drive_is_noticed_refined_and_compensated_without_a_restart(scene):
     found = scene('wear')

@@ -110,6 +110,7 @@ class DirectionNode(Node):
         span = tuple(self._value('sensor_range'))
         if len(span) != 2:
             raise InputError(f'parameter sensor_range: two values are needed, not {list(span)}')
+        self._component = attrgetter(self._value('axis'))
         self._sensors = [SensedDirection(self._value('sensor'), span) for _ in self._joints]
         self.create_subscription(Float64MultiArray, 'sensor', self._on_sensor, self._qos)
         self.create_subscription(WrenchStamped, 'sensor_wrench', self._on_wrench, self._qos)
@@ -148,8 +149,9 @@ class DirectionNode(Node):
 
     def _on_reference(self, message: Any) -> None:
         position, _, _ = self._desired.read(message)
+        now = self._now()
         for motion, value in zip(self._motions, position.tolist()):
-            motion.take(self._now(), value)
+            motion.take(now, value)
 
     def _on_sensor(self, message: Any) -> None:
         """Take samples of all joints, the oldest first."""
@@ -159,13 +161,14 @@ class DirectionNode(Node):
             self._refuse(f'sensor: {len(values)} values are not a multiple of {width}')
             return
         samples = values.reshape(-1, len(self._joints), self._sensors[0].channels)
+        now = self._now()
         for j, sensor in enumerate(self._sensors):
-            sensor.add(self._now(), samples[:, j])
+            sensor.add(now, samples[:, j])
         self._refused = ''
 
     def _on_wrench(self, message: Any) -> None:
         if message.header.frame_id in self._joints and self._sensors[0].channels == 1:
-            value = attrgetter(self._value('axis'))(message.wrench)
+            value = self._component(message.wrench)
             self._sensors[self._joints.index(message.header.frame_id)].add(self._now(), [[value]])
 
     def _refuse(self, why: str) -> None:

@@ -8,6 +8,7 @@ record. This one continues after damage with the next chunk whose checksum is va
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from io import BytesIO
@@ -44,7 +45,7 @@ class DamagedError(ValueError):
     """A file that cannot be read; the text says why."""
 
 
-class MessageFile:
+class MessageFile(ABC):
     """A file of messages; notes and counts are complete after `messages` has ended."""
 
     def __init__(self) -> None:
@@ -55,16 +56,17 @@ class MessageFile:
         self.custom: dict[str, str] = {}        # custom_data of rosbag2's metadata
         self.progress = 0.0                     # share of the file that has been read
 
+    @abstractmethod
     def close(self) -> None:
         """Close the file."""
 
+    @abstractmethod
     def messages(self, wanted: Wanted) -> Iterator[Message]:
         """Yield (topic, type, receive time in ns, payload) of messages in the order of the file.
 
         Only messages for which `wanted(topic, type)` is true are yielded; all are counted. Raises
         DamagedError if the file has no readable record at all.
         """
-        raise NotImplementedError
 
     def count(self, topic: str, messages: int) -> None:
         """Add to the number of a topic's messages."""

@@ -53,7 +53,6 @@ class Diagnostics:
                 yield name, value
 
 
-
 class Rate:
     """The rate of events, of which `count` is the number so far."""
 
