@@ -65,7 +65,8 @@ lint: setup
 # told to write none beside its sources. One process makes it before several would make the same.
 check test: export PYTHONPYCACHEPREFIX = $(CURDIR)/build/bytecode
 pytest := env -u PYTHONDONTWRITEBYTECODE $(BIN)/python -m pytest
-shared := $(pytest) -n 2 --dist loadfile --no-loadscope-reorder
+# Three workers on two cores, since tests of nodes often wait.
+shared := $(pytest) -n 3 --dist loadfile --no-loadscope-reorder
 
 check: setup build/bytecode
 	@$(BIN)/python -m ruff check .

@@ -21,7 +21,7 @@ from ros_system import (
     ZERO,
 )
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import Temperature
+from sensor_msgs.msg import JointState, Temperature
 
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.model.friction_model import FrictionModel
@@ -203,6 +203,35 @@ def test_effects_whose_signal_is_missing_are_named_with_the_reason(tmp_path):
         move(61.0, np.nan, {'last motor_temperature is 6': True, 'load_friction': True})
         measure(61.9, 15.0)
         move(62.0, 15.0, {'temperature': False, 'load_friction': True})
+
+
+def test_in_simulated_time_a_state_waits_for_the_direction_of_its_tick(tmp_path):
+    parameters = {**START, 'use_sim_time': True, 'wait_for_direction': True}
+    with own_domain(), probe_node() as probe, Process(tmp_path, 'compensator', parameters):
+        driver = FakeDriver(probe, JOINTS)
+        clock = probe.talk(Clock, '/clock', RELIABLE)
+        planner = probe.talk(JointState, 'direction_stamped', RELIABLE)
+        for publisher in (clock, planner):
+            probe.matched(publisher)
+
+        def at(stamp):
+            clock.publish(tick(stamp))
+            return stamp
+        # A planner that has said nothing yet is not waited for.
+        driver.find(lambda: at(1_000_000_000))
+        planner.publish(joint_state(2_000_000_000, JOINTS, [], [1.0, -1.0]))
+        assert driver.ask(ZERO, ZERO, at(2_000_000_000))[0] > 0.05
+        count = len(driver.answers)
+        # By default a node subscribes to /clock with best effort.
+        for _ in range(10):
+            driver.states.publish(joint_state(at(2_010_000_000), JOINTS, ZERO))
+            probe.spin_for(0.02)
+        assert len(driver.answers) == count
+        planner.publish(joint_state(2_010_000_000, JOINTS, [], [-1.0, 1.0]))
+        assert driver.ask(ZERO, ZERO, 2_010_000_000)[0] < -0.05
+        # Nor is one that is gone.
+        probe.destroy_publisher(planner)
+        driver.find(lambda: at(3_000_000_000))
 
 
 @pytest.mark.parametrize(('name', 'value'), [

@@ -63,7 +63,7 @@ def record(folder):
     path, logs = folder / 'recording', folder / 'logs'
     common = {'joints': JOINTS, 'use_sim_time': True, 'input_reliability': 'reliable'}
     # Real time may pass without a sample, and what it passed for makes no difference.
-    patient = {'joint_state_timeout': 10.0}
+    patient = {'joint_state_timeout': 10.0, 'wait_for_direction': True}
     with own_domain(), probe_node() as probe, \
             Process(logs, 'plant', {
                 'joints': JOINTS, 'model_files': FILES, 'clock': 'lockstep', 'seed': SEED,
@@ -183,10 +183,10 @@ def messages(path):
                 kind = connection.msgtype
                 content = reader.typestore.serialize_cdr(reader.deserialize(data, kind), kind)
                 found.setdefault(topic, []).append((time, bytes(content)))
-    # While an answer is awaited, a state and a tick's reference are sent again; the state's answer
-    # may then be, too.
-    again = {'joint_states', 'reference', 'interaction_wrench', 'motor_temperature',
-             'current_command'}
+    # While an answer is awaited, a state and a tick's direction and reference are sent again; the
+    # state's answer may then be, too.
+    again = {'joint_states', 'direction_stamped', 'reference', 'interaction_wrench',
+             'motor_temperature', 'current_command'}
     return {topic: list(dict.fromkeys(rows)) if topic in again else rows
             for topic, rows in found.items()}
 
@@ -210,9 +210,9 @@ def test_the_recording_is_read_back_whole(path, joints):
     assert len(content['joint_states']) == len(content['current_command']) == STEPS
     assert len(content['interaction_wrench']) == STEPS * len(JOINTS)
     assert len(content['motor_temperature']) == -(-STEPS // 50) * len(JOINTS)
-    # One for each tick; no direction before the exercise began.
-    assert len(content['reference']) == STEPS // TICK
-    assert len(content['direction']) == STEPS // TICK - 1
+    # One for each tick.
+    for name in ('reference', 'direction', 'direction_stamped'):
+        assert len(content[name]) == STEPS // TICK, name
 
 
 def test_every_node_says_what_it_does(path):

@@ -107,6 +107,10 @@ class Inputs:
         self._faults.report(
             'direction', f'a direction was counted as 0: {self._direction.why}', WARN)
 
+    def awaits_direction(self, time: int) -> bool:
+        """Return whether directions came before, but none with this stamp or a later one."""
+        return self._direction.outlived(time)
+
     def take_temperature(self, joint: str, value: float, stamp: int, now: int) -> None:
         """Take a temperature in degrees Celsius with the stamp of its measurement."""
         if not self._temperature.take(joint, value, stamp or self.states.stamp or now):

@@ -130,6 +130,10 @@ class Direction:
                     for index, (value, stamp) in enumerate(zip(self._values, self._times))])
         return self._values
 
+    def outlived(self, time: int) -> bool:
+        """Return whether there are directions, and all of them are older than a time."""
+        return _NEVER < max(self._times) < time
+
     def age(self, index: int, time: int) -> float:
         """Return the age of a joint's direction at a time, s; NaN if there is none."""
         stamp = self._times[index]

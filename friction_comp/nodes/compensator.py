@@ -84,6 +84,10 @@ class CompensatorNode(LifecycleNode):
         declare(self, 'direction_timeout', 0.5,
                 'age or silence after which the direction counts as 0 [s]', 0.001, 3600.0,
                 changes=True)
+        declare(self, 'wait_for_direction', False,
+                'in simulated time, answer a joint state only when the direction_stamped of its '
+                'tick has come, from the first one on: the middleware may lose one and repeat it '
+                'seconds later')
         declare(self, 'joint_state_timeout', 0.05,
                 'age or silence of joint_states that leads to zero current; silence is measured in '
                 'real time [s]', 0.001, 10.0)

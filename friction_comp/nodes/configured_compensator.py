@@ -19,6 +19,7 @@ from friction_comp.ros.diagnostics import Rate
 from friction_comp.ros.joint_io import CommandPort, competing_publishers
 from friction_comp.stamps import NANO, nanoseconds
 
+STAMPED = 'direction_stamped'
 _UNUSUAL_LAWS = {
     'desired': ("law: 'desired' pushes in the announced direction however the joint moves: it is "
                 'for joints that another controller moves along a reference',),
@@ -40,6 +41,7 @@ class ConfiguredCompensator(CompensationLoop):
         zeros, simulated = [0.0] * len(joints), self._value('use_sim_time')
         self._commands = CommandPort(node, zeros, zeros, self._value('command_interface'))
         # Equal to the node's clock without simulated time, at a third of the cost.
+        self._waits = simulated and self._value('wait_for_direction')
         now = (lambda: node.get_clock().now().nanoseconds) if simulated else time.time_ns
         super().__init__(
             joints, law, self._commands, faults, round(NANO * self._value('joint_state_timeout')),
@@ -48,9 +50,15 @@ class ConfiguredCompensator(CompensationLoop):
         # The direction comes first: the executor takes its messages before the states.
         self._subscriptions = [node.create_subscription(*topic, qos) for topic in (
             (Int8MultiArray, 'direction', self._on_direction),
-            (JointState, 'direction_stamped', self._on_stamped_direction),
+            (JointState, STAMPED, self._on_stamped_direction),
             (Temperature, 'motor_temperature', self._on_temperature),
             (JointState, 'joint_states', self.hear))]
+
+    def hear(self, message: Any, info: dict[str, Any]) -> None:
+        """Answer a joint state, or wait for its direction: a plant in lockstep repeats it."""
+        if not (self._waits and self.inputs.awaits_direction(self._now())
+                and self._node.count_publishers(self._node.resolve_topic_name(STAMPED))):
+            super().hear(message, info)
 
     def _value(self, name: str) -> Any:
         return self._node.get_parameter(name).value
@@ -137,7 +145,7 @@ class ConfiguredCompensator(CompensationLoop):
     def _find_publishers(self) -> None:
         self.inputs.set_sources(
             competing_publishers(self._node, 'joint_states'),
-            competing_publishers(self._node, 'direction', 'direction_stamped'))
+            competing_publishers(self._node, 'direction', STAMPED))
 
     def values(self) -> dict[str, Any]:
         """Return the values for diagnostics."""

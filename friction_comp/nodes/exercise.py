@@ -55,9 +55,9 @@ class ExerciseNode(Node):
     they end.
 
     With `clock: ticks`, every tick of `/clock` is answered by the direction and then the reference
-    with the tick's stamp. A plant in lockstep publishes its next joint states after the reference.
-    Since the middleware delivers in order of arrival, the compensator always receives the direction
-    before these states.
+    with the tick's stamp, a repeated tick again. A plant in lockstep publishes its next joint
+    states after the reference. So a compensator has the direction before these states, unless the
+    middleware loses and repeats it, which takes seconds: see its `wait_for_direction`.
     """
 
     def __init__(self) -> None:
@@ -154,7 +154,9 @@ class ExerciseNode(Node):
         if self.finished or not self._has_listeners():
             return
         if now == self._last:
-            # A tick is repeated if its answer was lost.
+            # A tick is repeated if its answer was lost. A direction without a stamp would be taken
+            # for one of now.
+            self._announcements.publish(self._announced)
             self._references.publish(self._reference)
             return
         if self._ticking and self._origin is None and self._first is not None:
@@ -167,14 +169,15 @@ class ExerciseNode(Node):
         if self._origin is None:
             # Joint states need time to advance; nobody holds the joints until then.
             self._reference.name = []
-            self._references.publish(self._reference)
+            self._set_direction([0] * len(self._joints), [])
+            self._publish()
             return
         if self._start is None or now < self._start:
             if self._start is None:
                 self.destroy_subscription(self._origin_subscription)
             self._start = now
             self._reference.name = list(self._joints)
-        self._publish((now - self._start) / NANO)
+        self._move((now - self._start) / NANO)
 
     def _has_listeners(self) -> bool:
         """Return whether all listeners have been connected for a moment."""
@@ -186,26 +189,32 @@ class ExerciseNode(Node):
         self._connected_since = self._connected_since or monotonic()
         return monotonic() - self._connected_since > _DISCOVERY_TIME
 
-    def _publish(self, time: float) -> None:
+    def _move(self, time: float) -> None:
         position, velocity, direction = self._exercise.at(time)
         ends = self._exercise.ends(time)
         if not self._announces:
             direction, ends = np.zeros_like(direction), np.full_like(ends, math.nan)
         self._time = time
-        # Before the reference: see the class.
-        self._announce(direction.astype(np.int8).tolist(), (self._origin + ends).tolist())
+        self._set_direction(direction.astype(np.int8).tolist(), (self._origin + ends).tolist())
         self._reference.position = array('d', (self._origin + position).tobytes())
         self._reference.velocity = array('d', velocity.tobytes())
-        self._references.publish(self._reference)
+        self._publish()
         if time >= self._duration and self._when_done == 'exit':
             self.finished = True
 
-    def _announce(self, direction: list[int], ends: list[float]) -> None:
+    def _set_direction(self, direction: list[int], ends: list[float]) -> None:
         self._direction.data = array('b', direction)
-        self._directions.publish(self._direction)
         self._announced.header.stamp = self._reference.header.stamp
         self._announced.velocity = array('d', direction)
         self._announced.position = array('d', ends)
+
+    def _publish(self) -> None:
+        # The reference last: see the class.
+        self._announce()
+        self._references.publish(self._reference)
+
+    def _announce(self) -> None:
+        self._directions.publish(self._direction)
         self._announcements.publish(self._announced)
 
     def _report(self) -> Any:
@@ -237,4 +246,5 @@ class ExerciseNode(Node):
     def leave(self) -> None:
         """Announce no direction."""
         if self.context.ok() and any(self._direction.data):
-            self._announce([0] * len(self._joints), [])
+            self._set_direction([0] * len(self._joints), [])
+            self._announce()

@@ -56,7 +56,7 @@ def play_loop(system: DemoSystem) -> None:
         refining = process.submit(refined_model, system.recording('identification'), model_file)
         # From now on, the joint's time advances only during an exercise.
         system.ros.set_parameter('plant', 'wait_for_reference', True)
-        system.start('compensator', model_file, law='none')
+        system.start('compensator', model_file, law='none', wait_for_direction=True)
         for done, (name, title, law, announced) in enumerate(TRIALS):
             if name == 'refined':
                 result = _load_refined(system, refining)
