@@ -138,6 +138,18 @@ def test_a_calibration_needs_a_sensor_that_lives_and_a_joint_at_rest():
         SensedDirection('force', (0.0, 0.0))
 
 
+def test_a_calibration_is_over_after_three_seconds_whoever_ends_it():
+    hand = Hand()
+    for _ in range(20):
+        hand.feel(500.0)
+    hand.source.begin_calibration()
+    for _ in range(340):
+        hand.feel(500.0)
+    assert not hand.source.calibrating
+    assert [hand.feel(500.0 + 3.0 * k) for k in range(20)][-1] == 1
+    hand.source.end_calibration()
+
+
 def test_a_jump_is_no_push():
     hand = Hand().calibrated(500.0)
     said = {hand.feel(560.0) for _ in range(300)}

@@ -68,6 +68,7 @@ class SensedDirection:
         self._raw, self._ready = kind == 'muscle_raw', False
         self._attempt = Attempt(self.kind != FORCE)
         self._collected: list[np.ndarray] | None = None
+        self._failure: InputError | None = None
         self._since = self._until = math.nan
         self._fault = 'not calibrated'
 
@@ -78,16 +79,35 @@ class SensedDirection:
 
     # Calibration.
 
+    @property
+    def calibrating(self) -> bool:
+        """Whether values are collected."""
+        return self._collected is not None
+
     def begin_calibration(self) -> None:
-        """Collect values from now on; nothing is announced until the calibration has ended."""
+        """Collect values for `CALIBRATION_TIME`; nothing is announced before it has ended."""
         self._collected, self._since = [], math.nan
         self._ready, self._fault = False, 'calibrating'
         self._attempt = Attempt(self.kind != FORCE)
 
     def end_calibration(self) -> None:
-        """Learn from the values collected; raises InputError if they are not usable."""
-        collected, self._collected = self._collected, None
-        self._fault = 'not calibrated'
+        """Learn from the values so far, if not done yet; raises InputError if they are unusable."""
+        if self._collected is not None:
+            self._learn(self._collected)
+        if self._failure is not None:
+            raise self._failure
+
+    def _learn(self, collected: list[np.ndarray]) -> None:
+        self._collected = self._failure = None
+        try:
+            self._learn_from(collected)
+        except InputError as error:
+            self._failure = error
+            self._fault = f'not calibrated: {error}'
+        else:
+            self._ready, self._fault = True, ''
+
+    def _learn_from(self, collected: list[np.ndarray]) -> None:
         passed = self._until - self._since
         values = np.concatenate(collected) if collected else np.zeros((0, len(self._channels)))
         if not (passed > 0.5 * CALIBRATION_TIME and len(values) > 20.0 * passed):
@@ -102,8 +122,6 @@ class SensedDirection:
             raise InputError('the joint moved during the calibration, or joint_states are missing')
         self._recent: deque[list[float]] = deque(maxlen=max(
             _AVERAGED, round(REARM * self._channels[0].test.rest.rate)))
-        self._ready = True
-        self._fault = ''
 
     # Samples.
 
@@ -118,6 +136,9 @@ class SensedDirection:
             self._since = time if math.isnan(self._since) else self._since
             self._until = time
             self._collected.append(rows)
+            # By the values' own time, so that what is learnt follows from them alone.
+            if time - self._since >= CALIBRATION_TIME:
+                self._learn(self._collected)
         elif self._ready:
             for row in np.column_stack(tested).tolist():
                 self._judge(time, row)

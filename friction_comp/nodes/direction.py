@@ -56,6 +56,8 @@ class DirectionNode(Node):
         self._columns = JointColumns(self._joints)
         self._refused = ''
         self._sensors: list[SensedDirection] = []
+        # Indices of those to calibrate as soon as their joints' motion is known.
+        self._asked: set[int] = set()
         self._calibrating, self._failures = False, list[str]()
         self._declare()
         self._qos = input_qos(self)
@@ -82,6 +84,8 @@ class DirectionNode(Node):
         declare_choice(self, 'sensor', KINDS, 'what the sensor measures')
         declare(self, 'sensor_range', [0.0, 0.0],
                 'lowest and highest value that the sensor can give, in its own unit')
+        declare(self, 'calibrate_at_start', False, 'calibrate in the first three seconds, in which '
+                'joints and person rest; false: only on request, by `~/calibrate`')
         declare_choice(self, 'axis', AXES, 'component of sensor_wrench that moves the joint')
 
     def _value(self, name: str) -> Any:
@@ -112,6 +116,8 @@ class DirectionNode(Node):
             raise InputError(f'parameter sensor_range: two values are needed, not {list(span)}')
         self._component = attrgetter(self._value('axis'))
         self._sensors = [SensedDirection(self._value('sensor'), span) for _ in self._joints]
+        if self._value('calibrate_at_start'):
+            self._asked = set(range(len(self._sensors)))
         self.create_subscription(Float64MultiArray, 'sensor', self._on_sensor, self._qos)
         self.create_subscription(WrenchStamped, 'sensor_wrench', self._on_wrench, self._qos)
         self._listen([sensor.motion for sensor in self._sensors])
@@ -162,14 +168,24 @@ class DirectionNode(Node):
             return
         samples = values.reshape(-1, len(self._joints), self._sensors[0].channels)
         now = self._now()
-        for j, sensor in enumerate(self._sensors):
-            sensor.add(now, samples[:, j])
+        for j in range(len(self._joints)):
+            self._feel(j, now, samples[:, j])
         self._refused = ''
 
     def _on_wrench(self, message: Any) -> None:
         if message.header.frame_id in self._joints and self._sensors[0].channels == 1:
             value = self._component(message.wrench)
-            self._sensors[self._joints.index(message.header.frame_id)].add(self._now(), [[value]])
+            self._feel(self._joints.index(message.header.frame_id), self._now(), [[value]])
+
+    def _feel(self, joint: int, now: float, values: Any) -> None:
+        sensor = self._sensors[joint]
+        if joint in self._asked and sensor.motion.known(now):
+            self._asked.remove(joint)
+            sensor.begin_calibration()
+        calibrating = sensor.calibrating
+        sensor.add(now, values)
+        if calibrating and not sensor.calibrating:
+            self.get_logger().info(f'{self._joints[joint]}: {sensor.at(now).reason}')
 
     def _refuse(self, why: str) -> None:
         if why != self._refused:
@@ -196,25 +212,28 @@ class DirectionNode(Node):
         """Calibrate all sensors and return what failed."""
         if not self._sensors:
             return ['only the source sensor is calibrated']
-        patience = time.monotonic() + _PATIENCE
-        # Before the first joint states, even a clock may be missing.
-        while missing := [joint for joint, sensor in zip(self._joints, self._sensors)
-                          if not sensor.motion.known(self._now())]:
-            if time.monotonic() > patience:
-                return [f'joint_states of {", ".join(missing)} are missing']
+        self._asked = set(range(len(self._sensors)))
+        patience, begin, missing = time.monotonic() + _PATIENCE, self._now(), self._joints
+        # A sensor that is silent does not begin. Before the first joint states, even a clock may be
+        # missing.
+        while (self._asked or any(sensor.calibrating for sensor in self._sensors)) and (
+                time.monotonic() < patience and self._now() - begin < 1.5 * CALIBRATION_TIME):
+            missing = [joint for joint, sensor in zip(self._joints, self._sensors)
+                       if not sensor.motion.known(self._now())]
+            begin = self._now() if missing else begin
             await yield_to_executor()
-        for sensor in self._sensors:
-            sensor.begin_calibration()
-        begin = self._now()
-        while self._now() - begin < CALIBRATION_TIME and time.monotonic() < patience:
-            await yield_to_executor()
+        if self._asked and missing:
+            self._asked = set()
+            return [f'joint_states of {", ".join(missing)} are missing']
         failures = []
-        for joint, sensor in zip(self._joints, self._sensors):
+        for j, (joint, sensor) in enumerate(zip(self._joints, self._sensors)):
             try:
+                if j in self._asked:
+                    sensor.begin_calibration()
                 sensor.end_calibration()
             except InputError as error:
                 failures.append(f'{joint}: {error}')
-        self.get_logger().info(f'calibration: {"; ".join(failures) or "calibrated"}')
+        self._asked = set()
         return failures
 
     def _announce(self) -> None:

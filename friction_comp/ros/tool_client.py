@@ -23,7 +23,6 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Int8MultiArray
-from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from friction_comp.errors import InputError
@@ -135,12 +134,6 @@ class ToolClient:
     def subscribed_to_direction(self, topic: str = 'direction') -> Any:
         """Subscribe to the direction within a block: the exercise waits for a subscription."""
         return self.subscribed(Int8MultiArray, topic)
-
-    def calibrate(self) -> None:
-        """Calibrate the sensors of the node `direction`, whose joints rest."""
-        reply = self._call(Trigger, 'direction/calibrate', Trigger.Request())
-        if not reply.success:
-            raise InputError(f'calibration: {reply.message}')
 
     def set_parameter(self, node: str, name: str, value: Any) -> None:
         """Set a parameter of a running node."""
