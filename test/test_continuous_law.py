@@ -12,7 +12,7 @@ import pytest
 
 from friction_comp.compensation.law import CompensationLaw, law_parameters
 from friction_comp.compensation.law_kernel import END_MARGIN
-from friction_comp.compensation.law_parameters import LONGER, START_TIME
+from friction_comp.compensation.law_parameters import knows_presliding, LONGER, START_TIME
 from friction_comp.model.effects.history_effects import Hysteresis
 from friction_comp.model.friction_model import Presliding
 from friction_comp.simulation.joint_parameters import GEARS
@@ -140,7 +140,8 @@ def slow_push():
 
 @pytest.mark.parametrize('presliding, known', [
     (Presliding(3e-4, std=3e-5), True), (Presliding(3e-4), False),
-    (Presliding(3e-4, std=7e-5), True), (Presliding(9.0 * COUNT, std=COUNT), False)])
+    (Presliding(3e-4, std=7e-5), True), (Presliding(9.0 * COUNT, std=COUNT), True),
+    (Presliding(9.0 * COUNT), False)])
 def test_a_push_that_nobody_announced_is_helped_from_its_first_displacement(presliding, known):
     """The more, the better presliding is known."""
     model = replace(small_model(), presliding=presliding)
@@ -150,6 +151,12 @@ def test_a_push_that_nobody_announced_is_helped_from_its_first_displacement(pres
     way = presliding.distance * slow_push()
     helped = drive_along(CompensationLaw([model]), np.floor(way / COUNT) * COUNT, 0)[-1]
     assert helped > (0.5 if known else 0.2) * LEVEL
+
+
+def test_presliding_that_the_encoder_does_not_resolve_is_not_known():
+    for counts, known in ((1.9, False), (2.1, True)):
+        assert knows_presliding(replace(
+            small_model(), presliding=Presliding(counts * COUNT, std=0.5 * COUNT))) == known
 
 
 def test_a_hand_that_trembles_at_rest_does_not_spoil_the_push():

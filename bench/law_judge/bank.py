@@ -32,6 +32,16 @@ class Bank:
         return Bank(self.world, [self.kinds[g] for g in gears], self.gears[gears], documents,
                     self.seed)
 
+    def seen_by(self, resolution):
+        """Return a bank with other encoders, which the models know; rad at the joint, (G,)."""
+        gears, documents = self.gears.copy(), []
+        gears['resolution'] = resolution
+        for gear, old in zip(gears, self.documents):
+            drive = old['drive']
+            counts = round(2.0 * math.pi / drive['gear_ratio'] / gear['resolution'])
+            documents.append({**old, 'drive': {**drive, 'encoder_counts': counts}})
+        return Bank(self.world, self.kinds, gears, documents, self.seed)
+
     def telling(self, known):
         """Return a bank whose models know their presliding distance, or do not.
 

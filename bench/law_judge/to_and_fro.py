@@ -27,7 +27,7 @@ BEGINS = 0.3
 D = {'d = 0': (78.0, 60.0), 'announced': (85.0, 65.0), 'announced through 0': (85.0, 65.0)}
 AHEAD, SILENT = 0.05, 0.1
 REACHES = {'40 deg in 1.6 s': (40.0 * DEGREE, 1.6), '60 deg in 1.4 s': (60.0 * DEGREE, 1.4)}
-RATES = (1000, 500, 250, 100)    # Hz
+RATES, JUDGED = (1000, 500, 250, 100), 500     # Hz
 ENCODER = 2.0 * np.pi / 2**16
 
 
@@ -106,13 +106,13 @@ def reaches(bank, law):
 
 def leader(bank, law):
     """Let a hand move and pause as it likes on a leader arm: nobody knows the direction."""
-    return [row for rate in RATES for row in _hand(bank, law, rate)]
+    bank = bank.seen_by(ENCODER)
+    return [row for rate in RATES for known in (True, False) if known or rate == JUDGED
+            for row in _hand(bank.telling(known), law, rate, known)]
 
 
-def _hand(bank, law, rate):
+def _hand(bank, law, rate, known):
     joints = Joints(bank, repetition=[0])
-    gears = joints.gears
-    gears['resolution'] = ENCODER
     persons, random = firm_hands(bank, 95)
     times, places = np.zeros((2, len(persons), MOST_PLACES))
     for k in range(1, MOST_PLACES):
@@ -125,9 +125,9 @@ def _hand(bank, law, rate):
                                                  lasts)
         places[:, k] = places[:, k - 1] + np.where(pauses, 0.0, way)
     persons = _strokes(persons, times, places)
-    floors = (74.0, 47.0) if rate == 500 else (None, None)
-    return _both(f'leader arm at {rate} Hz, d = 0', _shares(
-        joints, persons, law, gears=gears, hold=1000 // rate), floors)
+    floors = (74.0, 47.0) if rate == JUDGED and known else (None, None)
+    name = f'leader arm at {rate} Hz, d = 0{"" if known else ", presliding unknown"}'
+    return _both(name, _shares(joints, persons, law, hold=1000 // rate), floors)
 
 
 def _strokes(persons, times, places):
@@ -136,9 +136,9 @@ def _strokes(persons, times, places):
     return persons
 
 
-def _shares(joints, persons, law, announced=False, gears=None, hold=1):
+def _shares(joints, persons, law, announced=False, hold=1):
     """Return the share removed from RMS and peaks of each joint, %, by law."""
-    gears = joints.gears if gears is None else gears
+    gears = joints.gears
     end = START + np.max(persons['times'][:, persons['strokes'][0]])
     everyone = np.arange(len(persons))
 

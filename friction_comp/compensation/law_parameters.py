@@ -31,11 +31,12 @@ SLOW_SHARE = 0.89
 # presliding; this multiple where the uncertainty is unknown. A joint that moves farther than this
 # multiple and its backlash under its preload slips.
 LONGER = 1.5
-# Backlash of the operator as a share of its distance, beyond one count: it prevents vibration of a
-# joint that a hand holds. Where presliding is known, less is needed.
+# Backlash of the operator as a share of its distance, beyond half a count: it prevents vibration of
+# a joint that a hand holds. Where presliding is known, less is needed.
 BACKLASH, KNOWN_BACKLASH = 0.15, 0.05
-# Presliding is known if it has at least this many counts and a standard deviation.
-KNOWN_COUNTS = 10.0
+# Presliding is known if it has a standard deviation, and at least this many counts: an encoder
+# resolves no fewer.
+KNOWN_COUNTS = 2.0
 # rad; if the model has no presliding distance. Measured geared joints had 0.1 to 1 mrad.
 DEFAULT_PRESLIDING = 1e-3
 DEFAULT_RESOLUTION = 1e-5
@@ -155,7 +156,7 @@ def set_breakaway(p: np.void, breakaway: Breakaway | None,
 
 
 def knows_presliding(model: FrictionModel) -> bool:
-    """Return whether presliding is known, and a push shows in it before the joint slides."""
+    """Return whether presliding is known, and how surely."""
     known, count = model.presliding, model.drive.position_resolution
     return (known is not None and known.std is not None and count is not None
             and known.distance >= KNOWN_COUNTS * count)
@@ -181,7 +182,8 @@ def _set_distances(p: Any, model: FrictionModel) -> None:
     p['resolution'], p['distance'] = count, distance
     p['turn_distance'] = distance * (0.5 if knows_presliding(model) else 2.0)
     p['saving_distance'], p['turn_share'] = SAVING * distance, TURN_SHARE
-    p['backlash'] = backlash * distance + count
+    # A count that flickers moves to and fro within it.
+    p['backlash'] = backlash * distance + 0.5 * count
     p['slip'] = slip + 4.0 * count
     p['still_distance'] = distance / 16.0 + 1.5 * count
     p['start_distance'], p['moved_distance'] = START_DISTANCE * distance, max(MOVED, 8.0 * distance)
