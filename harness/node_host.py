@@ -3,7 +3,7 @@
 """A process that has imported what nodes need, and forks for each node that a test starts.
 
 Importing takes longer than most tests of nodes. From its `main` on, a node runs as in a separate
-interpreter.
+interpreter, but reports more often, and only the first of each kind ends as in one.
 """
 
 import atexit
