@@ -266,7 +266,7 @@ class CurrentCheck:
         self._offset, self._offset_count = 0.0, 0
         # Integrals over time, with exponential forgetting and in total: of the squared commanded
         # current, of its product with the measured current, and of 1.
-        self._recent, self._all = [0.0] * 3, [0.0] * 3
+        self._recent = self._all = (0.0, 0.0, 0.0)
         # Integral, with forgetting, of the squared part that smoothing removes from the command.
         self._removed = 0.0
         # Time and smoothed currents, as far back as `answer` needs them.
@@ -286,9 +286,11 @@ class CurrentCheck:
             past.popleft()
         fading = math.exp(-step / _MEMORY)
         self._removed = fading * self._removed + step * (command - self.commanded) ** 2
-        for k, value in enumerate((self.commanded ** 2, self.commanded * self._measured, 1.0)):
-            self._recent[k] = fading * self._recent[k] + step * value
-            self._all[k] += step * value
+        power, product = step * self.commanded ** 2, step * self.commanded * self._measured
+        recent, whole = self._recent, self._all
+        self._recent = (
+            fading * recent[0] + power, fading * recent[1] + product, fading * recent[2] + step)
+        self._all = whole[0] + power, whole[1] + product, whole[2] + step
 
     def gain(self, least: float, lately: bool = True) -> float:
         """Return the ratio of measured to commanded current, `lately` or of all samples.

@@ -3,15 +3,17 @@
 """A process that has imported what nodes need, and forks for each node that a test starts.
 
 Importing takes longer than most tests of nodes. From its `main` on, a node runs as in a separate
-interpreter.
+interpreter, but reports more often, and only the first of each kind ends as in one.
 """
 
+import atexit
 import gc
 import inspect
 import json
 import os
 import signal
 import sys
+import threading
 
 from rclpy.type_support import check_for_type_support
 from rosbags.typesys import get_typestore, Stores
@@ -25,6 +27,7 @@ import friction_comp.nodes.identification
 import friction_comp.nodes.plant
 import friction_comp.nodes.recorder
 import friction_comp.nodes.refinement  # noqa: F401
+from friction_comp.ros import diagnostics
 
 
 def load_once():
@@ -39,8 +42,13 @@ def load_once():
     inspect.getframeinfo(inspect.currentframe())
 
 
-def become(name, arguments, folder, output, environment):
-    """Turn this process into a node whose output goes to a file."""
+def become(name, arguments, folder, output, environment, period, whole):
+    """Turn this process into a node whose output goes to a file.
+
+    It reports on /diagnostics every `period` s. At a `whole` end, the interpreter takes all apart
+    that it has imported, which takes longer than many a test.
+    """
+    diagnostics.PERIOD = period
     os.chdir(folder)
     os.environ.clear()
     os.environ.update(environment)
@@ -50,7 +58,15 @@ def become(name, arguments, folder, output, environment):
             os.dup2(opened, end)
         os.close(opened)
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    sys.exit(run(name, arguments))
+    status = run(name, arguments)
+    if whole:
+        sys.exit(status)
+    threading._shutdown()
+    atexit._run_exitfuncs()
+    gc.collect()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(status)
 
 
 def main():
@@ -60,12 +76,15 @@ def main():
     load_once()
     gc.freeze()
     print('ready', flush=True)
+    known = set()
     for line in sys.stdin:
         request = json.loads(line)
         if isinstance(request, list):
-            answer = os.fork()
+            name, answer = request[0], os.fork()
             if not answer:
-                become(*request)
+                # The first one of each kind.
+                become(*request, whole=name not in known)
+            known.add(name)
         else:
             ended, status = os.waitpid(request, os.WNOHANG)
             answer = os.waitstatus_to_exitcode(status) if ended else None

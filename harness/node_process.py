@@ -19,6 +19,8 @@ from friction_comp.tools.processes import ros_arguments
 ROOT = Path(__file__).resolve().parent.parent
 # s; discovery alone may take seconds on a busy machine.
 PATIENCE = 120.0
+# s between reports of nodes on /diagnostics: tests wait for what they say.
+OFTEN = 0.1
 
 
 class Host:
@@ -52,9 +54,9 @@ def environment(**changes):
 class Forked:
     """A node forked by a host, with those methods of `subprocess.Popen` that the tests use."""
 
-    def __init__(self, host, name, arguments, folder, output, env):
+    def __init__(self, host, name, arguments, folder, output, env, period=OFTEN):
         self._host, self.returncode = host, None
-        self.pid = host.ask([name, arguments, str(folder), str(output), env])
+        self.pid = host.ask([name, arguments, str(folder), str(output), env, period])
 
     def poll(self):
         if self.returncode is None:
@@ -77,9 +79,9 @@ class Forked:
         self.send_signal(signal.SIGKILL)
 
 
-def fork(name, arguments, folder, output, env):
+def fork(name, arguments, folder, output, env, period=OFTEN):
     """Fork a node from the host for it."""
-    return Forked(host(), name, arguments, folder, output, env)
+    return Forked(host(), name, arguments, folder, output, env, period)
 
 
 def fork_nodes_of_tools(monkeypatch):
@@ -123,10 +125,12 @@ def shorten_scenes(monkeypatch, folder):
 class Process:
     """A node in a separate process, which the ``with`` block ends.
 
-    With `fresh`, it is a new interpreter, as started from a command line, instead of a fork.
+    It reports on /diagnostics every `period` s. With `fresh`, it is a new interpreter, as started
+    from a command line, instead of a fork, and reports once a second.
     """
 
-    def __init__(self, folder, name, parameters=None, remappings=None, arguments=(), fresh=False):
+    def __init__(self, folder, name, parameters=None, remappings=None, arguments=(), fresh=False,
+                 period=OFTEN):
         self.name = name
         folder.mkdir(exist_ok=True, parents=True)
         number = len(list(folder.iterdir()))
@@ -140,7 +144,7 @@ class Process:
                     [sys.executable, '-m', 'friction_comp', name, *arguments],
                     env=env, stdout=error, stderr=error, cwd=folder)
         else:
-            self._process = fork(name, arguments, folder, self._error, env)
+            self._process = fork(name, arguments, folder, self._error, env, period)
 
     def send(self, number=signal.SIGINT):
         self._process.send_signal(number)

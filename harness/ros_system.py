@@ -11,7 +11,7 @@ import time
 from action_msgs.srv import CancelGoal
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.srv import ChangeState, GetState
-from node_process import PATIENCE, Process, ROOT
+from node_process import OFTEN, PATIENCE, Process, ROOT
 import numpy as np
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.srv import GetParameters, SetParameters
@@ -372,10 +372,13 @@ class FakeDriver:
 
 
 @contextmanager
-def compensator(folder, direction=None, **parameters):
-    """Start a compensator of two joints, and yield the replacement of its driver."""
+def compensator(folder, direction=None, period=OFTEN, **parameters):
+    """Start a compensator of two joints, and yield the replacement of its driver.
+
+    It reports on /diagnostics every `period` s.
+    """
     with own_domain(), probe_node() as probe, Process(
-            folder, 'compensator', {**START, **parameters}) as process:
+            folder, 'compensator', {**START, **parameters}, period=period) as process:
         driver = FakeDriver(probe, JOINTS)
         driver.process = process
         driver.find(direction=direction)

@@ -46,13 +46,15 @@ def ramp(contact, slope=0.2, sign=1, before=-1, level=LEVEL, strengthening=0.0, 
     motion.sample, motion._slid = Sample(0.0, 0.0, 0.0), before
     steps = motion._ramp(sign, first * level)
     command = next(steps)
+    # With enough damping, the rotor does not oscillate on its contact.
+    damping = 3.0 * math.sqrt(level / 3e-4 / RATE)
     try:
         while True:
             for _ in range(10):
-                friction = level * contact(x) + strengthening * (
-                    1.0 - math.exp(-max(v, 0.0) / 0.005))
-                # With enough damping, the rotor does not oscillate on its contact.
-                friction += 3.0 * math.sqrt(level / 3e-4 / RATE) * v * (1.0 - contact(x))
+                share = contact(x)
+                friction = level * share + damping * v * (1.0 - share)
+                if strengthening:
+                    friction += strengthening * (1.0 - math.exp(-max(v, 0.0) / 0.005))
                 v = max(0.0, v + 1e-4 * RATE * (sign * command - friction))
                 x += 1e-4 * v
             t += 1e-3
@@ -153,7 +155,8 @@ def test_presliding_from_one_kind_of_ramp_is_used_if_there_is_no_other():
 
 def loose(backlash, distance=2e-4, link=0.2):
     """Return a contact whose link's share is met only once the teeth touch."""
-    return lambda x: ((1.0 - link) * dahl(distance)(x)
+    onward = dahl(distance)
+    return lambda x: ((1.0 - link) * onward(x)
                       + link * min(1.0, max(0.0, (x - backlash) / 3e-5)))
 
 

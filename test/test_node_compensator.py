@@ -9,6 +9,7 @@ from node_process import Process
 import numpy as np
 import pytest
 from ros_system import (
+    compensator,
     FakeDriver,
     joint_state,
     JOINTS,
@@ -113,24 +114,26 @@ def test_a_new_model_is_taken_over_while_running(driver, tmp_path):
     assert after == [pytest.approx(wanted, rel=1e-3), pytest.approx(before[1], abs=1e-6)]
 
 
-def test_diagnostics_report_each_law_and_state_however_short(driver):
-    # From these, a recording shows when which law and model were used.
-    probe = driver.probe
-    probe.status_of('compensator')
-    messages, laws = probe.heard['/diagnostics'], ['none', 'kinetic', 'continuous', 'none']
-    for law in laws:
-        assert probe.set_parameter('compensator', 'law', law) is None
-    for transition in ('deactivate', 'activate', 'deactivate'):
-        assert probe.transition('compensator', transition)
-    used = [('active', law) for law in laws] + [
-        (state, 'none') for state in ('inactive', 'active', 'inactive')]
+def test_diagnostics_report_each_law_and_state_however_short(tmp_path):
+    # From these, a recording shows when which law and model were used. What changes is said between
+    # the reports of each second, too.
+    with compensator(tmp_path, period=1.0) as driver:
+        probe = driver.probe
+        probe.status_of('compensator')
+        messages, laws = probe.heard['/diagnostics'], ['none', 'kinetic', 'continuous', 'none']
+        for law in laws:
+            assert probe.set_parameter('compensator', 'law', law) is None
+        for transition in ('deactivate', 'activate', 'deactivate'):
+            assert probe.transition('compensator', transition)
+        used = [('active', law) for law in laws] + [
+            (state, 'none') for state in ('inactive', 'active', 'inactive')]
 
-    def all_reported_in_order():
-        values = ({v.key: v.value for v in status.values} for message in messages
-                  for status in message.status if status.name.startswith('compensator:'))
-        reported = ((one['state'], one['law']) for one in values)
-        return all(pair in reported for pair in used)
-    probe.until(all_reported_in_order, 'laws and states in diagnostics')
+        def all_reported_in_order():
+            values = ({v.key: v.value for v in status.values} for message in messages
+                      for status in message.status if status.name.startswith('compensator:'))
+            reported = ((one['state'], one['law']) for one in values)
+            return all(pair in reported for pair in used)
+        probe.until(all_reported_in_order, 'laws and states in diagnostics')
 
 
 def test_effects_whose_signal_is_missing_are_named_with_the_reason(tmp_path):

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The identification action over DDS: in lockstep with a simulated joint, and fed by the test."""
 
+from contextlib import contextmanager
 import math
 import signal
 import time
@@ -57,35 +58,51 @@ class Driver(FakeDriver):
         # A joint that does not move is pushed ever harder.
         self.drive(lambda: any(abs(m.data[0]) > 0.005 for m in self.commands[-100:])
                    or outcome.done(), 'a current')
-        assert not outcome.done(), outcome.result().result.message
         return outcome
 
 
-def test_a_failed_goal_leaves_zero_current_and_no_file(room):
-    """Whether a state is not finite, the states fall silent, or the node is terminated."""
-    models = room / 'failed'
+@contextmanager
+def moved_by_hand(room, patience):
+    """Start a server whose joint never moves; yield the process, the driver and a client."""
     with probe_node() as probe, Process(room, 'identification', {
-            'joints': [JOINT], 'model_files': MODELS[:1], 'output_folder': str(models),
-            'joint_state_timeout': 5.0}) as process:
+            'joints': [JOINT], 'model_files': MODELS[:1], 'output_folder': str(room / 'failed'),
+            'joint_state_timeout': patience}) as process:
         driver, goals = Driver(probe), goals_of(probe)
-        assert not goals.ask(**GOAL).accepted, 'without joint states nothing can be identified'
-        for end in ('finite', 'silent', ''):
-            outcome = driver.pushed(goals)
-            if end:
-                if end == 'finite':
-                    driver.position = float('nan')
-                    driver.drive(outcome.done, 'the result')
-                reply = probe.complete(outcome, 'the result')
-                assert reply.status == GoalStatus.STATUS_ABORTED
-                assert end in reply.result.message
-            else:
-                process.send(signal.SIGTERM)
-                driver.drive(lambda: not process.running, 'the end')
-                assert process.wait() == 0
-                assert 'Traceback' not in process.text
-            probe.until(lambda: driver.commands[-1].data[0] == 0.0, 'zero current')
-            assert not models.exists()
+        yield process, driver, goals
+        probe.until(lambda: driver.commands[-1].data[0] == 0.0, 'zero current')
+        assert not (room / 'failed').exists()
         goals.close()
+
+
+def test_a_failed_goal_leaves_zero_current_and_no_file(room):
+    """Whether a state is not finite, or the node is terminated."""
+    with moved_by_hand(room, 5.0) as (process, driver, goals):
+        assert not goals.ask(**GOAL).accepted, 'without joint states nothing can be identified'
+        outcome = driver.pushed(goals)
+        assert not outcome.done(), outcome.result().result.message
+        driver.position = float('nan')
+        driver.drive(outcome.done, 'the result')
+        assert outcome.result().status == GoalStatus.STATUS_ABORTED
+        assert 'finite' in outcome.result().result.message
+        driver.probe.until(lambda: driver.commands[-1].data[0] == 0.0, 'zero current')
+        outcome = driver.pushed(goals)
+        assert not outcome.done(), outcome.result().result.message
+        process.send(signal.SIGTERM)
+        driver.drive(lambda: not process.running, 'the end')
+        assert process.wait() == 0
+        assert 'Traceback' not in process.text
+
+
+def test_states_that_fall_silent_leave_zero_current_and_no_file(room):
+    """On a busy machine, they may do so before the test lets them."""
+    with moved_by_hand(room, 0.5) as (_, driver, goals):
+        reply = driver.probe.complete(driver.pushed(goals), 'the result')
+        assert reply.status == GoalStatus.STATUS_ABORTED
+        assert 'silent' in reply.result.message
+        driver.probe.until(lambda: driver.commands[-1].data[0] == 0.0, 'zero current')
+        # Another goal may come.
+        reply = driver.probe.complete(driver.pushed(goals), 'the result')
+        assert 'silent' in reply.result.message
 
 
 @pytest.fixture(scope='module')

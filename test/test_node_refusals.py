@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages of nodes on unusable input, their defaults, and the end of an exercise."""
 
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, ExitStack, suppress
 import signal
 import threading
 import time
@@ -93,6 +93,20 @@ def test_an_exercise_takes_its_announcement_back_when_it_is_stopped(tmp_path):
         assert process.wait() == 0
         probe.until(lambda: list(directions[-1].data) == [0, 0], 'its end')
         assert 'Traceback' not in process.text
+
+
+def test_nodes_that_end_leave_the_middleware(tmp_path):
+    """Also those with an action or a life cycle, and before their processes are taken apart."""
+    names = {'compensator', 'identification', 'refinement'}
+    with own_domain(), probe_node() as probe:
+        # Only the second one of each kind ends without that.
+        for _ in range(2):
+            with ExitStack() as nodes:
+                for name in names:
+                    nodes.enter_context(Process(tmp_path, name, ONE))
+                probe.until(lambda: names <= set(probe.get_node_names()), 'all nodes')
+            # Of a node that says nothing, others know after 20 s.
+            probe.until(lambda: not names & set(probe.get_node_names()), 'their ends', 10.0)
 
 
 @contextmanager

@@ -5,6 +5,7 @@
 Of two joints, one with an undeclared effect.
 """
 
+from functools import partial
 import random
 import signal
 import time
@@ -64,17 +65,19 @@ def record(folder):
     common = {'joints': JOINTS, 'use_sim_time': True, 'input_reliability': 'reliable'}
     # Real time may pass without a sample, and what it passed for makes no difference.
     patient = {'joint_state_timeout': 10.0, 'wait_for_direction': True}
+    # As on a robot: what arrives within a report has had its time.
+    start = partial(Process, logs, period=1.0)
     with own_domain(), probe_node() as probe, \
-            Process(logs, 'plant', {
+            start('plant', {
                 'joints': JOINTS, 'model_files': FILES, 'clock': 'lockstep', 'seed': SEED,
                 'undeclared_effect_files': ['', UNDECLARED],
                 'sample_time': SAMPLE * 1e-9, 'wait_for_reference': True}) as plant, \
-            Process(logs, 'recorder', {
+            start('recorder', {
                 'output': str(path), 'model_file': FILES[0], 'use_sim_time': True,
                 'input_reliability': 'reliable'}) as recorder, \
-            Process(logs, 'exercise', {
+            start('exercise', {
                 **common, **MOVEMENT, 'clock': 'ticks', 'when_done': 'exit'}) as exercise, \
-            Process(logs, 'compensator', {
+            start('compensator', {
                 **common, **patient, 'model_files': FILES, 'law': LAW,
                 'autostart': False}) as compensator:
         assert probe.transition('compensator', 'configure')

@@ -13,6 +13,9 @@ The one returned is centred as near to zero as the error allows, and as gentle.
 
 from __future__ import annotations
 
+import math
+
+from numba import njit
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import optimize, sparse
@@ -87,21 +90,53 @@ def _columns(x: np.ndarray, steepness: np.ndarray, shift: np.ndarray) -> np.ndar
 def _fit(x: np.ndarray, y: np.ndarray, steepness: np.ndarray, shift: np.ndarray, rounds: int
          ) -> tuple[np.ndarray, np.ndarray]:
     """Return L1 error, (G,), and coefficients, (G, 3), of transitions: reweighted least squares."""
-    design = _columns(x, steepness, shift)
-    weights = np.ones(design.shape[:2])
-    # Outside the transition, the second column is constant like the first. Rounding grows with N.
-    ridge = 1e-13 * max(1.0, len(x) / 100.0) * np.eye(3)
-    best, kept = np.full(len(design), np.inf), np.zeros((len(design), 3))
-    for k in range(rounds):
-        scaled = np.swapaxes(design * weights[:, :, None], 1, 2)
-        coefficients = np.linalg.solve(scaled @ design + ridge, scaled @ y[:, None])
-        rest = np.abs(y - (design @ coefficients)[:, :, 0])
-        error = rest.sum(axis=1)
-        better = error < best
-        best[better], kept[better] = error[better], coefficients[better, :, 0]
-        weights = 1.0 / np.maximum(rest, 10.0 ** (-1.0 - 10.0 * k / _CLOSE))
-        weights /= weights.max(axis=1, keepdims=True)
+    best, kept = np.full(len(steepness), np.inf), np.zeros((len(steepness), 3))
+    _reweight(np.ascontiguousarray(x), np.ascontiguousarray(y), np.ascontiguousarray(steepness),
+              np.ascontiguousarray(shift), rounds, best, kept)
     return best, kept
+
+
+@njit(cache=True)
+def _reweight(x: np.ndarray, y: np.ndarray, steepness: np.ndarray, shift: np.ndarray, rounds: int,
+              best: np.ndarray, kept: np.ndarray) -> None:
+    count = len(x)
+    # Outside the transition, the second column is constant like the first. Rounding grows with N.
+    ridge = 1e-13 * max(1.0, count / 100.0)
+    share, rest, weights = np.empty(count), np.empty(count), np.empty(count)
+    for g in range(len(steepness)):
+        weights[:] = 1.0
+        for i in range(count):
+            share[i] = math.tanh(0.5 * steepness[g] * (x[i] - shift[g]))
+        for k in range(rounds):
+            # Sums of products of the columns 1, share and speed, and of the current.
+            s, sa, sx, saa, sax, sxx, sy, say, sxy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            for i in range(count):
+                w, wa, wx = weights[i], weights[i] * share[i], weights[i] * x[i]
+                s, sa, sx, sy = s + w, sa + wa, sx + wx, sy + w * y[i]
+                saa, sax, say = saa + wa * share[i], sax + wa * x[i], say + wa * y[i]
+                sxx, sxy = sxx + wx * x[i], sxy + wx * y[i]
+            # Cholesky's decomposition of the normal equations, and both substitutions.
+            a = math.sqrt(s + ridge)
+            b, c = sa / a, sx / a
+            d = math.sqrt(max(saa - b * b, 0.0) + ridge)
+            e = (sax - b * c) / d
+            f = math.sqrt(max(sxx - c * c - e * e, 0.0) + ridge)
+            middle = sy / a
+            half = (say - b * middle) / d
+            viscous = (sxy - c * middle - e * half) / f / f
+            half = (half - e * viscous) / d
+            middle = (middle - b * half - c * viscous) / a
+            error = 0.0
+            for i in range(count):
+                rest[i] = abs(y[i] - middle - half * share[i] - viscous * x[i])
+                error += rest[i]
+            if error < best[g]:
+                best[g] = error
+                kept[g, 0], kept[g, 1], kept[g, 2] = middle, half, viscous
+            least = 10.0 ** (-1.0 - 10.0 * k / _CLOSE)
+            smallest = max(least, rest.min())
+            for i in range(count):
+                weights[i] = smallest / max(rest[i], least)
 
 
 def _exact(x: np.ndarray, y: np.ndarray, steepness: float, shift: float) -> np.ndarray:

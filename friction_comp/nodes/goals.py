@@ -15,6 +15,7 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.identification.goal import IdentificationGoal
 from friction_comp.identification.run import IdentificationRun
+from friction_comp.identification.sigmoid_fit import fit_sigmoid
 from friction_comp.identification.supervised_run import SupervisedRun
 from friction_comp.identification.trajectory_run import TrajectoryGoal
 from friction_comp.ros.parameters import declare
@@ -122,3 +123,4 @@ def compile_ahead(drive: Drive) -> None:
     for k in range(3):
         identification.update(1e-3 * k, 0.0, 0.0, 0.0)
     identification.abort()
+    fit_sigmoid((-0.8, -0.4, 0.4, 0.8), (-0.1, -0.1, 0.1, 0.1))

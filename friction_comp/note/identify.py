@@ -166,9 +166,12 @@ def slide_begin(time: np.ndarray, position: np.ndarray, current: np.ndarray, sig
     runaway = _runaway(time, position, sign, resolution)
     if runaway < 0:
         return None
-    window, instant = _LONGEST_WINDOW, 0.0
+    window, instant, before = _LONGEST_WINDOW, 0.0, -1
     for _ in range(4):
         first = max(0, int(np.searchsorted(time, time[runaway] - window, side='right')) - 1)
+        if first == before:
+            break
+        before = first
         instant = _hinge(time[first:runaway + 1], sign * position[first:runaway + 1], resolution)
         window = min(max(4.0 * (time[runaway] - instant), 0.15), _LONGEST_WINDOW)
     return SlideBegin(instant, _current_at(time, current, instant),
@@ -218,22 +221,26 @@ def _hinge(time: np.ndarray, position: np.ndarray, resolution: float) -> float:
 
 def _hinge_errors(t: np.ndarray, x: np.ndarray, weight: np.ndarray, knees: np.ndarray
                   ) -> np.ndarray:
-    """Return weighted squared errors of a parabola plus powers of (t - knee)₊, shape (K,)."""
+    """Return weighted squared errors of a parabola plus powers of (t - knee)₊, shape (K,).
+
+    The powers only push forwards. What the parabola takes of them and of the position is
+    subtracted, which leaves two coefficients: both positive, one of them, or none.
+    """
+    parabola = np.linalg.qr(weight[:, None] * np.column_stack((np.ones_like(t), t, t ** 2)))[0]
     slide = np.maximum(t - knees[:, None], 0.0)
-    design = np.empty((len(knees), 5, len(t)))
-    design[:, :3] = np.ones_like(t), t, t ** 2
-    design[:, 3] = slide ** 2
-    design[:, 4] = design[:, 3] * slide
-    design *= weight
-    design /= np.sqrt(np.sum(design ** 2, axis=2, keepdims=True)) + 1e-300
+    powers = weight * np.stack((slide ** 2, slide ** 3))
+    powers /= np.sqrt(np.sum(powers ** 2, axis=2, keepdims=True)) + 1e-300
+    powers -= powers @ parabola @ parabola.T
     target = weight * x
-    gram, goal = design @ np.swapaxes(design, 1, 2) + 1e-12 * np.eye(5), design @ target
-    best = np.full(len(knees), np.inf)
-    for columns in ([0, 1, 2, 3, 4], [0, 1, 2, 3], [0, 1, 2, 4], [0, 1, 2]):
-        coefficients = np.zeros(goal.shape)
-        coefficients[:, columns] = np.linalg.solve(
-            gram[:, columns][:, :, columns], goal[:, columns, None])[:, :, 0]
-        error = np.sum((target - (coefficients[:, None] @ design)[:, 0]) ** 2, axis=1)
-        forwards = (coefficients[:, 3:] >= 0.0).all(axis=1)
-        best = np.where(forwards, np.minimum(best, error), best)
-    return best
+    target = target - parabola @ (parabola.T @ target)
+    # A knee at the first sample adds a parabola to one.
+    square, cube = np.sum(powers ** 2, axis=2) + 1e-12
+    cross = np.sum(powers[0] * powers[1], axis=1)
+    of_square, of_cube = powers @ target
+    gain = np.maximum(np.maximum(of_square, 0.0) ** 2 / square,
+                      np.maximum(of_cube, 0.0) ** 2 / cube)
+    determinant = square * cube - cross ** 2
+    first = (of_square * cube - of_cube * cross) / determinant
+    second = (of_cube * square - of_square * cross) / determinant
+    both = np.where((first >= 0.0) & (second >= 0.0), first * of_square + second * of_cube, 0.0)
+    return target @ target - np.maximum(gain, both)

@@ -23,6 +23,8 @@ from friction_comp.samples import Samples
 from friction_comp.statistics import quantile_edges, robust_std
 
 _FLIPS, _CHANCE = 1500, 0.001
+# Flips that are tried first: mostly, they show already that it may be chance.
+_FIRST_FLIPS = 100
 # Errors beyond so many standard deviations are clipped.
 _OUTLYING = 8.0
 _SINGLE = {'velocity': 20, 'position': 16, 'acceleration': 12, 'time': 12, 'history': 12,
@@ -103,9 +105,11 @@ def explained_share(residual: np.ndarray, cells: np.ndarray, block: np.ndarray,
     power = float(residual @ residual)
     explained = float(weight @ np.sum(table, axis=0) ** 2) / power
     signs = rng.integers(0, 2, size=(_FLIPS, rows)) * 2.0 - 1.0
-    by_chance = (signs @ table) ** 2 @ weight / power
-    if float(np.sum(by_chance >= explained)) + 1.0 > _CHANCE * (_FLIPS + 1.0):
-        return 0.0
+    by_chance = np.empty(0)
+    for part in (signs[:_FIRST_FLIPS], signs[_FIRST_FLIPS:]):
+        by_chance = np.append(by_chance, (part @ table) ** 2 @ weight / power)
+        if float(np.sum(by_chance >= explained)) + 1.0 > _CHANCE * (_FLIPS + 1.0):
+            return 0.0
     # A strong dependence is in the flipped table, too, so that the strength is underestimated.
     expected = min(float(np.mean(by_chance)), 0.999)
     return (explained - expected) / (1.0 - expected)

@@ -14,6 +14,8 @@ import numpy as np
 
 from friction_comp.ros.ros_start import steady_timer
 
+# Real s between reports.
+PERIOD = 1.0
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
 
@@ -32,7 +34,7 @@ class Diagnostics:
             name=f'{node.get_fully_qualified_name().lstrip("/")}: {task}',
             hardware_id=', '.join(hardware))
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        steady_timer(node, 1.0, self.publish)
+        steady_timer(node, PERIOD, self.publish)
 
     def publish(self) -> None:
         """Publish the state now."""

@@ -16,6 +16,7 @@ import traceback
 from typing import Any
 
 import rclpy
+from rclpy.action import ActionServer
 from rclpy.exceptions import ROSInterruptException
 from rclpy.executors import ExternalShutdownException
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
@@ -94,9 +95,23 @@ def run(name: str, make_node: Callable[[], Any], argv: Sequence[str]) -> int:
                 executor.spin_once(0.0)
             # Its wait sets hold the node's entities, and must not outlive the context.
             executor.shutdown(0.0)
-            node.destroy_node()
+            _destroy(node)
     finally:
         rclpy.try_shutdown()
+
+
+def _destroy(node: Any) -> None:
+    """Destroy a node, and what `destroy_node` forgets.
+
+    That would keep the node in the middleware until the process is over.
+    """
+    for waitable in list(node.waitables):
+        if isinstance(waitable, ActionServer):
+            waitable.destroy()
+    node.destroy_node()
+    state_machine = getattr(node, '_state_machine', None)
+    if state_machine is not None:
+        state_machine.destroy_when_not_in_use()
 
 
 def _look_for_peers(node: Any) -> None:
