@@ -2,14 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """The executor of all nodes: the order of messages, and changes while it runs."""
 
+import subprocess
+import sys
 import time
 
-from node_process import PATIENCE
+from node_process import PATIENCE, Process
 import pytest
 import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
-from ros_system import own_domain, probe_node, RELIABLE
+from ros_system import own_domain, probe_node, RELIABLE, START
 from std_msgs.msg import Int32
 from std_srvs.srv import Trigger
 
@@ -168,3 +170,25 @@ def test_a_node_that_cannot_go_on_ends(room):
     probe._published['first'].publish(Int32(data=1))
     with pytest.raises(InputError):
         until(executor, lambda: False)
+
+
+WRITER = """
+import time
+from rclpy.duration import Duration
+from std_msgs.msg import Int8MultiArray
+from friction_comp.ros.joint_io import RELIABLE
+from friction_comp.ros.ros_start import own_node
+with own_node('planner') as node:
+    publisher = node.create_publisher(Int8MultiArray, 'direction', RELIABLE)
+    while not publisher.get_subscription_count():
+        time.sleep(0.02)
+    for _ in range(3):
+        publisher.publish(Int8MultiArray())
+        assert publisher.wait_for_all_acked(Duration(seconds=2.5))
+"""
+
+
+def test_a_publisher_soon_asks_whether_a_message_was_lost(tmp_path):
+    """By default only every three seconds, and what follows a lost message waits until then."""
+    with own_domain(), Process(tmp_path, 'compensator', START):
+        subprocess.run([sys.executable, '-c', WRITER], check=True, timeout=PATIENCE)

@@ -86,8 +86,7 @@ class CompensatorNode(LifecycleNode):
                 changes=True)
         declare(self, 'wait_for_direction', False,
                 'in simulated time, answer a joint state only when the direction_stamped of its '
-                'tick has come, from the first one on: the middleware may lose one and repeat it '
-                'seconds later')
+                'tick has come, from the first one on: the middleware may lose one and repeat it')
         declare(self, 'joint_state_timeout', 0.05,
                 'age or silence of joint_states that leads to zero current; silence is measured in '
                 'real time [s]', 0.001, 10.0)

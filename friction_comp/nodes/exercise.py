@@ -10,6 +10,7 @@ from time import monotonic
 from typing import Any
 
 import numpy as np
+from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
@@ -26,6 +27,8 @@ from friction_comp.stamps import NANO, nanoseconds, set_stamp
 
 # Discovery may finish at different times at both ends of a connection; real s.
 _DISCOVERY_TIME = 0.5
+# Longest wait for the acknowledgement of each topic's last messages, s.
+_ACKNOWLEDGEMENT_TIME = 0.5
 # Reports, one per second, after which missing joints are logged.
 _REPORTS_BEFORE_WARNING = 3
 
@@ -57,7 +60,7 @@ class ExerciseNode(Node):
     With `clock: ticks`, every tick of `/clock` is answered by the direction and then the reference
     with the tick's stamp, a repeated tick again. A plant in lockstep publishes its next joint
     states after the reference. So a compensator has the direction before these states, unless the
-    middleware loses and repeats it, which takes seconds: see its `wait_for_direction`.
+    middleware loses and repeats it: see its `wait_for_direction`.
     """
 
     def __init__(self) -> None:
@@ -248,3 +251,7 @@ class ExerciseNode(Node):
         if self.context.ok() and any(self._direction.data):
             self._set_direction([0] * len(self._joints), [])
             self._announce()
+        for publisher in (self._directions, self._announcements, self._references):
+            # What was lost cannot be repeated once this node is gone.
+            if self.context.ok():
+                publisher.wait_for_all_acked(Duration(seconds=_ACKNOWLEDGEMENT_TIME))

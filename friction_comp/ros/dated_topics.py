@@ -48,6 +48,8 @@ _CHECK_PERIOD = 0.1
 # Age in ns of a message without a stamp whose joint states will not arrive any more. Before the
 # first joint state, nobody knows its time, which may be simulated, and only the number is limited.
 _LONGEST_WAIT, _MOST_WAITING = 5 * NANO, 100_000
+# Real s within which the middleware repeats a lost message, and those that it withholds until then.
+_REPEATED = 0.25
 # Length of the queue: ten seconds at a kilohertz; messages remembered to detect duplicates, since
 # a later subscription may receive earlier messages.
 DEPTH = 10_000
@@ -227,7 +229,8 @@ class DatedTopics:
             self._forward()
 
     def finish(self) -> None:
-        """Process all messages that have arrived or are waiting."""
+        """Process all messages that have arrived or are waiting, and those that are repeated."""
+        time.sleep(_REPEATED)
         for topic in self.topics.values():
             topic.drain()
         while self.waiting:

@@ -229,7 +229,7 @@ class CommandPort:
 
     def wait(self) -> None:
         """Wait for a moment, in which a lost message may be sent again."""
-        # Acknowledgements come with the middleware's heartbeat, which may take seconds.
+        # Acknowledgements come with the middleware's heartbeat, by default only after seconds.
         if self._publisher is not None and self._node.context.ok():
             self._publisher.wait_for_all_acked(Duration(seconds=_ACKNOWLEDGEMENT_TIME))
 
