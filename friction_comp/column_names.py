@@ -111,6 +111,12 @@ def read_name(name: str) -> Reading:
     return _read_plain(name)
 
 
+def is_target(name: str) -> bool:
+    """Return whether a name says that what it names is no measurement, but a target or command."""
+    words = {word.lower() for _, word in _parts(name)}
+    return bool(words & _TARGET or {word.removesuffix('s') for word in words} & _TARGET)
+
+
 def plain_name(name: str) -> str:
     """Return a column's name without a unit in brackets behind it, for comparing."""
     return _BRACKET.sub('', name).strip().casefold()

@@ -17,6 +17,7 @@ from friction_comp.recordings.activity import Activity
 from friction_comp.recordings.plausible import check_plausible
 from friction_comp.recordings.scan import Scan, signal_of, Track
 from friction_comp.samples import JointStates, Samples
+from friction_comp.topics import TOPICS
 
 # A jump by nearly a turn, rad, within this time, s, is a wrapped angle.
 WRAP_TIME, _WRAP = 0.02, (1.8 * np.pi, 2.2 * np.pi)
@@ -112,9 +113,12 @@ def to_samples(scan: Scan, joint: str | None,
         velocity = None
     else:
         finite &= has_velocity
+    alone = len(scan.joints) == 1
     order, duplicates = _in_order(stamp, finite & ~outlier, info.notes)
     for reason, count in (
-            ('not finite', np.count_nonzero(~finite)), ('duplicate stamp', duplicates),
+            # Messages of other joints alone have no value of this one.
+            ('not finite', np.count_nonzero(~finite & (np.isfinite(values).any(axis=1) | alone))),
+            ('duplicate stamp', duplicates),
             ('stamp far off', np.count_nonzero(finite & outlier))):
         if count:
             info.notes.append(f'{count} joint states left out: {reason}')
@@ -204,9 +208,12 @@ def _select_joint(scan: Scan, joint: str | None) -> tuple[Track, str, list[str],
         if any(signal_of(topic, kind) == 'joint_states' for topic, (kind, _) in
                scan.topics.items()):
             raise InputError(f'{scan.path}: its joint_states contain no message')
+        wanted = TOPICS['joint_states']
+        states = [topic for topic, (kind, _) in scan.topics.items() if kind == wanted]
         raise InputError(
-            f'{scan.path}: no joint_states of type sensor_msgs/msg/JointState in it (topics: '
-            f'{", ".join(sorted(scan.topics)) or "none"})')
+            f'{scan.path}: no joint_states of type {wanted} in it '
+            + (f'(of that type are {", ".join(sorted(states))}: rename the measured one)'
+               if states else f'(topics: {", ".join(sorted(scan.topics)) or "none"})'))
     joints = scan.joints
     if not joints:
         raise InputError(f'{scan.path}: joint_states names no joint')
