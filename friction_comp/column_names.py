@@ -55,7 +55,8 @@ _NEUTRAL = {'joint', 'joints', 'states', 'state', 'motor', 'motors', 'rotor', 'r
 # Words beside a time: since when it counts, or whose it is.
 _CLOCK = {'since', 'from', 'start', 'started', 'begin', 'boot', 'today', 'day', 'midnight', 'wall',
           'clock', 'relative', 'rel', 'monotonic', 'host', 'device', 'total'}
-_SECOND_CHOICE = {'motor', 'motors', 'rotor', 'raw', 'filtered', 'filt'}
+_MOTOR = {'motor', 'motors', 'rotor'}
+_SECOND_CHOICE = _MOTOR | {'raw', 'filtered', 'filt'}
 # Quantities that torque becomes with words of `_OUTSIDE` or `_BEHIND`, and targets of quantities.
 _TARGETS = {'position': 'reference_position', 'velocity': 'reference_velocity',
             'effort': 'command', 'current': 'command', 'target': 'reference_position'}
@@ -109,6 +110,11 @@ def read_name(name: str) -> Reading:
     if match and (parse_unit(match[1]) is not None or match[1].strip().lower() in _OTHER_UNITS):
         return _read_plain(name[:match.start()], match[1].strip())
     return _read_plain(name)
+
+
+def is_of_motor(name: str) -> bool:
+    """Return whether a name says that a motor is measured, perhaps before its gear."""
+    return bool({word.lower() for _, word in _parts(name)} & _MOTOR)
 
 
 def is_target(name: str) -> bool:

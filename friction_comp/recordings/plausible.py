@@ -118,8 +118,9 @@ def _fault_of_power(samples: Samples) -> str:
     difference = (mean[1::2] - mean[0::2])[used]
     scatter = np.sqrt(max(float(weight @ (0.5 * (spread[0::2] + spread[1::2])[used])), 0.0))
     if weight @ difference < -scatter and weight[difference < 0].sum() > _REVERSED_SHARE:
-        return (f'the motor brakes the motion ({float(weight @ difference):.3g} A between its two '
-                'directions): effort has the wrong sign, or another torque drives the joint and '
+        # Whether these are A or N·m is not known here.
+        return ('the motor brakes the motion: effort has the wrong sign (in a table, --unit '
+                'effort=-1Nm or current=-1A reverses it), or another torque drives the joint and '
                 'neither current_command nor interaction_wrench is recorded')
     return ''
 

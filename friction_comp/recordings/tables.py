@@ -12,6 +12,7 @@ import re
 
 import numpy as np
 
+from friction_comp.column_names import is_of_motor
 from friction_comp.columns import assign
 from friction_comp.errors import InputError
 from friction_comp.files import write_atomically
@@ -98,7 +99,11 @@ class TableScanner:
             raise InputError(f'{self._path}: has no row below its header')
 
     def _assumed(self) -> tuple[str, ...]:
-        """Return the columns whose unit neither their name nor the user gives, with the SI unit."""
+        """Return what is taken for granted of columns.
+
+        It is the SI unit where neither the name nor the user gives one, and that the values of a
+        motor are those behind its gear.
+        """
         found: dict[str, list[str]] = {}
         for column in self._use.columns:
             known = column.signal == 'effort' and (
@@ -106,8 +111,11 @@ class TableScanner:
             if not (column.stated or known):
                 found.setdefault(column.signal, []).append(column.name)
         units = {'position': 'rad', 'effort': 'N·m', 'velocity': 'rad/s', 'time': 's'}
-        return tuple(f'{found[signal][0]}{" and alike" * (len(found[signal]) > 1)} in {unit}'
-                     for signal, unit in units.items() if signal in found)
+        geared = [column.name for column in self._use.columns if is_of_motor(column.name)
+                  and column.signal in ('position', 'velocity')]
+        return (*(f'{found[signal][0]}{" and alike" * (len(found[signal]) > 1)} in {unit}'
+                  for signal, unit in units.items() if signal in found),
+                *([f'{" and ".join(geared[:2])} behind the gear, of the joint'] if geared else []))
 
     def _check_first(self, columns: Columns) -> None:
         """Compare values of the first block with the units that are taken for granted.
