@@ -66,6 +66,34 @@ def test_a_delay_too_short_to_be_found_is_in_the_interval_of_inertia(delay):
     assert low < TRUTH['inertia'] < high < 1.1 * low
 
 
+def test_a_velocity_that_the_drive_filtered_does_not_count_as_inertia():
+    samples = recording()
+    time = samples.time
+    # First-order low pass of 25 ms, over five samples.
+    rate, late = np.gradient(samples.position, time), np.zeros(len(time))
+    for k in range(1, len(time)):
+        late[k] = late[k - 1] + (1.0 - np.exp(-0.005 / 0.025)) * (rate[k] - late[k - 1])
+    report = refine([samples.with_(velocity=late)]).report
+    low, high = report.friction.intervals['inertia']
+    assert low < TRUTH['inertia'] < high < 1.15 * TRUTH['inertia']
+    note, = (note for note in report.warnings if 'recorded velocity' in note)
+    assert 'later than the position' in note
+    # A velocity at the same time is used: nothing is said.
+    report = refine([samples.with_(velocity=rate)]).report
+    assert not any('recorded velocity' in note for note in report.warnings)
+
+
+def test_a_current_at_its_limit_does_not_bend_the_friction():
+    samples = recording()
+    noisy = samples.current + 0.04 * np.random.default_rng(9).standard_normal(len(samples))
+    report = refine([samples.with_(current=np.clip(noisy, -0.72, 0.78))]).report
+    assert report.samples_clipped > 0.3 * len(samples)
+    for name in ('coulomb', 'viscous'):
+        low, high = report.friction.intervals[name]
+        assert low < TRUTH[name] < high
+        assert getattr(report.friction, name) == pytest.approx(TRUTH[name], rel=0.06)
+
+
 def test_the_lines_name_every_number_with_interval_and_unit(refined):
     lines = {line.split()[0]: line for line in number_lines(refined.report.friction)}
     assert list(lines) == ['Coulomb', 'viscous', 'offset', 'breakaway', 'transition', 'inertia']
