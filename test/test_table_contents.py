@@ -317,6 +317,17 @@ def test_units_taken_for_granted_stand_beside_the_numbers(tmp_path, capsys):
     assert said in (tmp_path / 'out' / 'report.html').read_text()
 
 
+def test_steady_states_of_another_form_are_not_simply_trusted():
+    speeds, alarms = np.concatenate((-SPEEDS, SPEEDS)), 0
+    for seed in range(15):
+        noise = 0.01 * np.random.default_rng(seed).normal(size=len(speeds))
+        alarms += fit_steady_states(speeds, sliding(speeds) + noise, Drive(1.0, 1.0)).is_curved
+        # Viscous friction of a lubricant that thins with the speed.
+        thinning = 0.57 * np.sign(speeds) + 0.3 * np.arcsinh(speeds / 0.1)
+        assert fit_steady_states(speeds, thinning + noise, Drive(1.0, 1.0)).is_curved
+    assert alarms <= 2
+
+
 def test_that_values_of_a_motor_are_behind_its_gear_is_said(tmp_path):
     time, position, velocity = swing()
     torque = np.sign(velocity)

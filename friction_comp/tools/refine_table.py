@@ -100,6 +100,10 @@ def _report(fit: SteadyStates, unit: str) -> dict[str, Any]:
     if fit.intervals['coulomb'][0] <= 0.0 <= fit.intervals['coulomb'][1]:
         reasons.append('Coulomb friction cannot be distinguished from zero.')
         again.append('more and slower speeds')
+    if fit.is_curved:
+        reasons.append(f'The remaining error, {fit.fit_rmse:.2g} {unit} RMS, depends on the speed: '
+                       'friction has another form than Coulomb, viscous and Stribeck friction.')
+        again.append('a log of motion, in which refine finds other forms')
     if fit.left_out_rmse > thresholds.UNEXPLAINED * signal:
         reasons.append(f'{fit.left_out_rmse:.2g} {unit} of {signal:.2g} {unit} remain unexplained.')
         again.append('each speed several times, over the same range of positions')
