@@ -17,10 +17,14 @@ from friction_comp.recordings.activity import Activity
 from friction_comp.recordings.plausible import check_plausible
 from friction_comp.recordings.scan import Scan, signal_of, Track
 from friction_comp.samples import JointStates, Samples
+from friction_comp.statistics import smallest_step
 from friction_comp.topics import TOPICS
 
 # A jump by nearly a turn, rad, within this time, s, is a wrapped angle.
 WRAP_TIME, _WRAP = 0.02, (1.8 * np.pi, 2.2 * np.pi)
+# A position that is so many times as far from its neighbours as is usual is a glitch, if these are
+# rare; fewest positions that tell.
+_GLITCH, _GLITCHES, _FEWEST_OF_GLITCHES = 20.0, 0.005, 200
 
 
 @dataclass
@@ -123,6 +127,11 @@ def to_samples(scan: Scan, joint: str | None,
         if count:
             info.notes.append(f'{count} joint states left out: {reason}')
     order = order[row_times.fresh_rows(1e-9 * stamp[order], position[order], info.notes)]
+    odd = _glitches(position[order])
+    if odd.any():
+        info.notes.append(f'{np.count_nonzero(odd)} joint states left out: position jumps away and '
+                          'back within one sample')
+        order = order[~odd]
     lost = scan.custom.get('messages_lost', '')
     if lost:
         info.notes.append(f'the recorder lost messages: {lost}')
@@ -181,6 +190,20 @@ def joint_states_at(samples: Samples, info: RecordingInfo,
     all_have_velocity = len(speeds) == len(positions)
     return JointStates(tuple(joints), np.column_stack(positions),
                        np.column_stack(speeds) if all_have_velocity else None)
+
+
+def _glitches(position: np.ndarray) -> np.ndarray:
+    """Return which positions are far from both neighbours, which agree, bool, shape (N,).
+
+    No joint jumps away and back. Where many do, it is no matter of single samples, and none is.
+    """
+    odd = np.zeros(len(position), dtype=bool)
+    if len(position) < _FEWEST_OF_GLITCHES:
+        return odd
+    away = np.abs(position[1:-1] - 0.5 * (position[2:] + position[:-2]))
+    usual = max(float(np.quantile(away, 0.98)), smallest_step(position))
+    odd[1:-1] = (away > _GLITCH * usual) & (np.abs(position[2:] - position[:-2]) < 0.5 * away)
+    return odd if odd.mean() < _GLITCHES else np.zeros_like(odd)
 
 
 def _unwrap(time: np.ndarray, position: np.ndarray, notes: list[str]) -> np.ndarray:
