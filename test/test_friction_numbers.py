@@ -94,6 +94,17 @@ def test_a_current_at_its_limit_does_not_bend_the_friction():
         assert getattr(report.friction, name) == pytest.approx(TRUTH[name], rel=0.06)
 
 
+def test_a_coefficient_that_physics_keeps_at_zero_is_not_certain():
+    # Viscous friction of -0.06 N·m·s/rad is none that a drive has; noise hides what it stands for.
+    samples = recording(extra=lambda v, q: -0.21 * v, seconds=20.0)
+    noisy = samples.current + 0.4 * np.random.default_rng(3).standard_normal(len(samples))
+    friction = refine([samples.with_(current=noisy)]).report.friction
+    assert friction.viscous == pytest.approx(0.0, abs=1e-6)
+    low, high = friction.intervals['viscous']
+    assert low < -0.02
+    assert high > 0.02
+
+
 def test_the_lines_name_every_number_with_interval_and_unit(refined):
     lines = {line.split()[0]: line for line in number_lines(refined.report.friction)}
     assert list(lines) == ['Coulomb', 'viscous', 'offset', 'breakaway', 'transition', 'inertia']

@@ -21,6 +21,7 @@ from friction_comp.refinement.block_sums import BlockSums, sums_of
 from friction_comp.refinement.effect_columns import eq6_columns, EQ6_LINEAR
 from friction_comp.refinement.lag import equal_responses
 from friction_comp.refinement.result import FrictionNumbers
+from friction_comp.statistics import rms
 
 # Quantiles of the speed in motion that a model file keeps.
 _SPEEDS = 12
@@ -28,6 +29,8 @@ _SPEEDS = 12
 _STEEPNESS = 3
 # Draws of blocks, of each of which the best lag is found, and the ends of 95 % of them.
 _DRAWS, _ENDS = 200, (0.025, 0.975)
+# Half an interval, of the current, that is due to rounding.
+_ROUNDING = 1e-9
 # Widest transition of a sign change that counts as determined: a factor of e either way.
 _MOST_LOG = 1.0
 
@@ -36,8 +39,8 @@ def recorded_of(fit: Fit, model: FrictionModel) -> Recorded:
     """Return the speeds of the recordings, and the intervals of the numbers of a fit's model.
 
     An interval contains the scatter over parts drawn at random, and how far a number moves if the
-    slow, the middle or the fast third of the samples is left out, and with the lags between current
-    and motion that are best for parts drawn at random.
+    slow, the middle or the fast third of the samples is left out, if any sign is allowed, and with
+    the lags between current and motion that are best for parts drawn at random.
     """
     rows = fit.rows
     speed = np.abs(np.asarray(rows.samples.velocity)[rows.usable])
@@ -61,8 +64,9 @@ def recorded_of(fit: Fit, model: FrictionModel) -> Recorded:
     for name, row, value in zip((*LINE, 'inertia'), weights, values):
         moved, delayed = other_fits @ row, lagged @ row
         half = math.hypot(fit.intervals.half_width(row), float(np.abs(moved[1:] - moved[0]).max()))
-        # In motion in one direction, the offset is part of Coulomb friction.
-        if value is not None and half > 0.0:
+        # In motion in one direction, the offset is part of Coulomb friction. A coefficient that
+        # physics keeps at zero has no scatter, but rounding.
+        if value is not None and half > _ROUNDING * rms(fit.rows.target):
             least, most = np.quantile(delayed, _ENDS)
             intervals[name] = (value - math.hypot(half, min(least, 0.0)),
                                value + math.hypot(half, max(most, 0.0)))
@@ -77,10 +81,11 @@ def recorded_of(fit: Fit, model: FrictionModel) -> Recorded:
 
 
 def _without_thirds(fit: Fit) -> np.ndarray:
-    """Return the coefficients of all samples, and without each third of the speed, by column.
+    """Return the coefficients of all samples, without each third of the speed, and of any sign.
 
     A model that lacks something fits each third differently, which parts of the recording drawn at
-    random do not show. Shape (4, P).
+    random do not show. Nor do these show how far off a coefficient is that physics keeps at zero:
+    as far at least as it would go below. Shape (5, P), by column.
     """
     table = fit.table
     speed = np.abs(np.asarray(fit.rows.at_rows.velocity))
@@ -88,9 +93,10 @@ def _without_thirds(fit: Fit) -> np.ndarray:
     columns = table.indices(fit.terms, derivatives=False)
     sums = BlockSums.over(np.vstack((table.columns[columns], table.target)),
                           [third == k for k in range(3)], table.sums.signs[columns])
-    fits = np.zeros((4, max(fit.intervals.coefficients) + 1))
-    fits[:, columns] = sums.fits_without(
-        range(len(columns)), np.vstack((np.ones(3), 1.0 - np.eye(3))) > 0.0)
+    fits = np.zeros((5, max(fit.intervals.coefficients) + 1))
+    every = range(len(columns))
+    fits[:4, columns] = sums.fits_without(every, np.vstack((np.ones(3), 1.0 - np.eye(3))) > 0.0)
+    fits[4, columns] = replace(sums, signs=np.zeros_like(sums.signs)).fit(every)
     return fits
 
 
