@@ -5,7 +5,7 @@
 Words of the vocabulary give the quantity, whether it is a target, and the unit; what remains names
 the joint. Where no word gives the quantity, the unit does, as in ``encoder_rad``. No name of a
 particular robot is listed: ``actual_q_2``, ``a1 position [rad]``, ``posAct`` and
-``observation.state[0]`` follow from the same rule.
+``observation.state[0]`` follow from the same rule. Words are English and German.
 """
 
 from __future__ import annotations
@@ -18,18 +18,19 @@ from friction_comp.units import parse_unit, unit_of
 
 # Quantity to the words that mean it; several words that stand together are joined by '+'.
 _QUANTITIES = {
-    'time': 'time times t timestamp timestamps stamp sec secs second seconds elapsed date datetime',
+    'time': 'time times t timestamp timestamps stamp sec secs second seconds elapsed date datetime '
+            'zeit zeitstempel',
     'position': 'position positions pos q qpos angle angles theta phi displacement '
-                'observation+state',
+                'winkel gelenkwinkel lage observation+state',
     'velocity': 'velocity velocities vel vels velo dq qd qdot qvel q+dot dot+q omega speed speeds '
-                'dtheta theta+dot thetadot',
+                'dtheta theta+dot thetadot geschwindigkeit winkelgeschwindigkeit drehzahl',
     'effort': 'effort efforts eff torque torques tau taus trq moment force forces frc qfrc tau+m '
-              'tau+j',
-    'current': 'current currents i iq im i+q i+m curr amp amps',
+              'tau+j drehmoment motormoment kraft',
+    'current': 'current currents i iq im i+q i+m curr amp amps strom motorstrom',
     'direction': 'direction dir',
     'load': 'load tau+b tau+ext wrench',
     'link_torque': 'jts torque+sensor+joint joint+torque+sensor tau+link',
-    'temperature': 'temperature temperatures temp temps',
+    'temperature': 'temperature temperatures temp temps temperatur motortemperatur',
     'target': 'action',
     # What is none of the signals, though one of its words is.
     '': 'ddq qdd qddot acc acceleration accelerations accel ddtheta error errors err limit limits '
@@ -38,9 +39,9 @@ _QUANTITIES = {
 }
 _MEASURED = {'actual', 'act', 'measured', 'meas', 'present', 'feedback', 'fb', 'observed', 'sensed',
              'observation', 'obs', 'mean', 'avg', 'average', 'real', 'applied', 'estimated', 'est',
-             'estimate'}
+             'estimate', 'ist', 'istwert', 'gemessen'}
 _TARGET = {'target', 'tgt', 'reference', 'ref', 'desired', 'des', 'goal', 'command', 'commanded',
-           'cmd', 'setpoint', 'set', 'sp', 'computed'}
+           'cmd', 'setpoint', 'set', 'sp', 'computed', 'soll', 'sollwert'}
 # A torque with one of these words is applied to the joint from outside, or behind the gear.
 _OUTSIDE = {'external', 'ext', 'interaction', 'sensor', 'person', 'human', 'hand', 'backdriving',
             'contact', 'load', 'driving', 'back'}
@@ -49,11 +50,13 @@ _BEHIND = {'link', 'output'}
 _NEUTRAL = {'joint', 'joints', 'states', 'state', 'motor', 'motors', 'rotor', 'robot', 'arm',
             'actuator', 'servo', 'axis', 'drive', 'data', 'value', 'values', 'msg', 'raw',
             'filtered', 'filt', 'angular', 'rotational', 'mechanical', 'mech', 'shaft', 'encoder',
-            'field', 'rms', 'unix', 'utc', 'ros', 'system', 'epoch', 'log'}
+            'field', 'rms', 'unix', 'utc', 'ros', 'system', 'epoch', 'log', 'gelenk', 'achse',
+            'antrieb'}
 # Words beside a time: since when it counts, or whose it is.
 _CLOCK = {'since', 'from', 'start', 'started', 'begin', 'boot', 'today', 'day', 'midnight', 'wall',
           'clock', 'relative', 'rel', 'monotonic', 'host', 'device', 'total'}
-_SECOND_CHOICE = {'motor', 'motors', 'rotor', 'raw', 'filtered', 'filt'}
+_MOTOR = {'motor', 'motors', 'rotor'}
+_SECOND_CHOICE = _MOTOR | {'raw', 'filtered', 'filt'}
 # Quantities that torque becomes with words of `_OUTSIDE` or `_BEHIND`, and targets of quantities.
 _TARGETS = {'position': 'reference_position', 'velocity': 'reference_velocity',
             'effort': 'command', 'current': 'command', 'target': 'reference_position'}
@@ -67,7 +70,7 @@ _WORD = re.compile(r'[^\W\d_]+|\d+')
 _CAMEL = re.compile(r'(?<=[a-z])(?=[A-Z])')
 # What is no unit of the package, but says that a column is in none of its units either.
 _OTHER_UNITS = {'%', 'percent', 'pct', 'v', 'mv', 'w', 'lsb', 'tick', 'ticks', 'count', 'counts',
-                'pulse', 'pulses', 'inc', 'increments', 'raw', 'p.u.', 'pu', 'a.u.', 'au'}
+                'pulse', 'pulses', 'inc', 'increments', 'grad', 'raw', 'p.u.', 'pu', 'a.u.', 'au'}
 # Units that are more often something else, unless they are the last word.
 _LAST_ONLY = {'A', 's', 'C', 'sec', 'seconds'}
 _NEVER = {'m', 'N', 'h', 'in'}      # of a motor, of an input
@@ -107,6 +110,17 @@ def read_name(name: str) -> Reading:
     if match and (parse_unit(match[1]) is not None or match[1].strip().lower() in _OTHER_UNITS):
         return _read_plain(name[:match.start()], match[1].strip())
     return _read_plain(name)
+
+
+def is_of_motor(name: str) -> bool:
+    """Return whether a name says that a motor is measured, perhaps before its gear."""
+    return bool({word.lower() for _, word in _parts(name)} & _MOTOR)
+
+
+def is_target(name: str) -> bool:
+    """Return whether a name says that what it names is no measurement, but a target or command."""
+    words = {word.lower() for _, word in _parts(name)}
+    return bool(words & _TARGET or {word.removesuffix('s') for word in words} & _TARGET)
 
 
 def plain_name(name: str) -> str:

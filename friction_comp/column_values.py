@@ -12,6 +12,7 @@ from friction_comp.errors import InputError
 
 _DATE = re.compile(r'(\d{4}-\d\d-\d\d)[T ]?(\d\d:\d\d(?::\d\d(?:[.,]\d+)?)?)?'
                    r'\s*(?:Z|([+-])(\d\d):?(\d\d))?')
+_CLOCK = re.compile(r'(\d\d?):(\d\d):(\d\d(?:[.,]\d+)?)')
 
 
 def to_numbers(values: np.ndarray, name: str, where: object) -> np.ndarray:
@@ -30,7 +31,14 @@ def to_numbers(values: np.ndarray, name: str, where: object) -> np.ndarray:
 
 
 def date_in_seconds(text: str) -> float:
-    """Return an ISO 8601 date as s since 1970; raises ValueError for any other text."""
+    """Return an ISO 8601 date as s since 1970, a time of the day as s since midnight.
+
+    Raises ValueError for any other text.
+    """
+    clock_time = _CLOCK.fullmatch(text.strip())
+    if clock_time:
+        hour, minute, second = (float(part.replace(',', '.')) for part in clock_time.groups())
+        return 3600.0 * hour + 60.0 * minute + second
     match = _DATE.fullmatch(text.strip())
     if not match:
         raise ValueError(text)

@@ -37,6 +37,7 @@ _WORDS = {
     'kip': (1e3 * _POUND * _STANDARD, 'force'), 'kgf': (_STANDARD, 'force'),
     'gf': (1e-3 * _STANDARD, 'force'),
     'C': (1.0, 'temperature'), '°C': (1.0, 'temperature'), 'degC': (1.0, 'temperature')}
+_PER_MINUTE = {'1/min', 'U/min', 'min-1', 'min^-1', 'min⁻¹'}
 _WITH_PREFIX = {'rad': 'angle', 'm': 'length', 's': 'time', 'N': 'force', 'Nm': 'torque',
                 'A': 'current'}
 _PREFIXES = {'': 1.0, 'k': 1e3, 'c': 1e-2, 'm': 1e-3, 'µ': 1e-6, 'u': 1e-6, 'n': 1e-9, 'M': 1e6}
@@ -75,6 +76,8 @@ def parse_unit(text: str) -> Unit | None:
     ``counts/4096`` is a 4096th of a turn; its dimension is ``counts``. A factor may precede any
     unit: ``2.69mA``.
     """
+    if text.strip() in _PER_MINUTE:
+        return Unit(*_WORDS['rpm'])
     match = _PARTS.fullmatch(text.strip().replace('\u03bc', 'µ'))
     number, above_text, _, below_text = match.groups() if match else (None, '', None, None)
     factor, above = float(number or 1.0), _product(above_text)

@@ -148,6 +148,8 @@ def changed(**changes):
      'clocks', '/clock'),
     (changed(velocity=-healthy().states.velocity), JOINT, '-1 times'),
     (changed(velocity=np.degrees(healthy().states.velocity)), JOINT, 'velocity is in deg/s'),
+    (changed(position=np.degrees(healthy().states.position),
+             velocity=np.degrees(healthy().states.velocity)), JOINT, 'degrees or that of'),
     (changed(twice=[JOINT]), 'joint_states', f'{JOINT} is named twice'),
     (lambda seen: seen.states.position.__setitem__(7, 1e300), JOINT, '1e+300 rad is impossible'),
     (lambda seen: announced(seen, 1, '/exercise', '/planner'), 'direction', '/exercise, /planner'),

@@ -50,6 +50,61 @@ def test_the_numbers_are_those_of_the_drive_and_their_intervals_hold_them(refine
     assert refined.model.recorded.speeds[-1] == pytest.approx(4.0, rel=0.1)
 
 
+@pytest.mark.parametrize('delay', [0.003, 0.006])
+def test_a_delay_too_short_to_be_found_is_in_the_interval_of_inertia(delay):
+    time = np.arange(0.0, 40.0, 0.005)
+    parts = ((0.9, 2 * np.pi * 0.31, 0.0), (0.5, 2 * np.pi * 0.83, 0.0))
+    (q, _, _), (_, v, a) = sines(time, parts), sines(time - delay, parts)
+    torque = (TRUTH['offset'] + TRUTH['coulomb'] * np.tanh(v / 0.02) + TRUTH['viscous'] * v
+              + TRUTH['inertia'] * a)
+    noise = np.random.default_rng(1).standard_normal((2, len(time)))
+    found = refine([Samples(time=time, position=q + 2e-5 * noise[0],
+                            current=torque + 0.05 * noise[1])])
+    # Neither the delay nor its effect, viscous friction times the delay, may be passed over.
+    assert 'lag' not in found.model.differentiation
+    low, high = found.report.friction.intervals['inertia']
+    assert low < TRUTH['inertia'] < high < 1.1 * low
+
+
+def test_a_velocity_that_the_drive_filtered_does_not_count_as_inertia():
+    samples = recording()
+    time = samples.time
+    # First-order low pass of 25 ms, over five samples.
+    rate, late = np.gradient(samples.position, time), np.zeros(len(time))
+    for k in range(1, len(time)):
+        late[k] = late[k - 1] + (1.0 - np.exp(-0.005 / 0.025)) * (rate[k] - late[k - 1])
+    report = refine([samples.with_(velocity=late)]).report
+    low, high = report.friction.intervals['inertia']
+    assert low < TRUTH['inertia'] < high < 1.15 * TRUTH['inertia']
+    note, = (note for note in report.warnings if 'recorded velocity' in note)
+    assert 'later than the position' in note
+    # A velocity at the same time is used: nothing is said.
+    report = refine([samples.with_(velocity=rate)]).report
+    assert not any('recorded velocity' in note for note in report.warnings)
+
+
+def test_a_current_at_its_limit_does_not_bend_the_friction():
+    samples = recording()
+    noisy = samples.current + 0.04 * np.random.default_rng(9).standard_normal(len(samples))
+    report = refine([samples.with_(current=np.clip(noisy, -0.72, 0.78))]).report
+    assert report.samples_clipped > 0.3 * len(samples)
+    for name in ('coulomb', 'viscous'):
+        low, high = report.friction.intervals[name]
+        assert low < TRUTH[name] < high
+        assert getattr(report.friction, name) == pytest.approx(TRUTH[name], rel=0.06)
+
+
+def test_a_coefficient_that_physics_keeps_at_zero_is_not_certain():
+    # Viscous friction of -0.06 N·m·s/rad is none that a drive has; noise hides what it stands for.
+    samples = recording(extra=lambda v, q: -0.21 * v, seconds=20.0)
+    noisy = samples.current + 0.4 * np.random.default_rng(3).standard_normal(len(samples))
+    friction = refine([samples.with_(current=noisy)]).report.friction
+    assert friction.viscous == pytest.approx(0.0, abs=1e-6)
+    low, high = friction.intervals['viscous']
+    assert low < -0.02
+    assert high > 0.02
+
+
 def test_the_lines_name_every_number_with_interval_and_unit(refined):
     lines = {line.split()[0]: line for line in number_lines(refined.report.friction)}
     assert list(lines) == ['Coulomb', 'viscous', 'offset', 'breakaway', 'transition', 'inertia']

@@ -207,3 +207,29 @@ def test_the_later_of_two_directions_counts(tmp_path):
     expected = np.zeros(60, dtype=int)
     expected[5:20], expected[20:40], expected[40:45] = 1, -1, 1
     np.testing.assert_array_equal(samples.direction, expected)
+
+
+def test_joint_states_of_another_name_are_read_if_there_are_no_others(tmp_path):
+    def messages(*topics):
+        return [(topic, k + 1, joint_state(10 ** 7 * (k + 1), ['elbow'], [0.001 * k], [], [1.0]))
+                for k in range(100) for topic in topics]
+    (samples, info), = read_recording_with_info(record(
+        tmp_path / 'one', messages('/leader/state', '/leader/joint_commands')))
+    np.testing.assert_allclose(samples.position, 0.001 * np.arange(100))
+    assert any(note.startswith('/leader/state is read as joint_states') for note in info.notes)
+    with pytest.raises(InputError, match=r'of that type are /a/state, /b/state'):
+        read_recording(record(tmp_path / 'two', messages('/a/state', '/b/state')))
+
+
+def test_messages_of_other_joints_are_not_left_out_as_not_finite(tmp_path):
+    messages = []
+    for k in range(200):
+        for name, late in (('shoulder', 0), ('elbow', 10 ** 5)):
+            time = 10 ** 7 * (k + 1) + late
+            effort = np.nan if k == 7 and name == 'elbow' else 1.0
+            messages.append(('/joint_states', time, joint_state(
+                time, [name], [0.001 * k], [], [effort])))
+    (samples, info), = read_recording_with_info(record(tmp_path / 'log', messages), 'elbow')
+    assert len(samples) == 199
+    assert [note for note in info.notes if 'left out' in note] == [
+        '1 joint states left out: not finite']

@@ -42,6 +42,7 @@ CASES = [
     (lambda: strokes(current=-strokes().current), 'effort has the wrong sign'),
     (lambda: strokes(current=-strokes().current, command=strokes().current),
      'wrong sign'),
+    (lambda: strokes(current=np.abs(strokes().current)), 'an amount without a sign'),
     (lambda: strokes(velocity=-strokes().velocity),
      'velocity is -1 times the rate of position: one of the two has the wrong sign'),
     (lambda: strokes(velocity=np.degrees(strokes().velocity)),
@@ -74,6 +75,9 @@ def test_no_tool_succeeds_with_impossible_values(tmp_path, refuses, tool):
     # A weight so heavy that the motor holds back on the way down.
     {'current': strokes().current + 5.0 * np.cos(strokes().position)},
     {'position': strokes().position + 1e3},
+    # One that is never negative, but shows its friction; and an amount that is no motor's.
+    {'current': strokes().current - strokes().current.min()},
+    {'current': np.abs(strokes().current), 'load': 2.0 * strokes().current},
 ])
 def test_plausible_recordings_are_accepted(changes):
     check_plausible(strokes(**changes), 'trial')

@@ -338,3 +338,26 @@ def test_compressed_by_message_inside_a_damaged_file(tmp_path):
     content = (tmp_path / 'alone.mcap').read_bytes()
     (tmp_path / 'alone.mcap').write_bytes(content[:-200])
     assert len(read_recording(tmp_path / 'alone.mcap')[0]) == 50
+
+
+def test_positions_that_jump_away_and_back_are_left_out(tmp_path):
+    time = 0.005 * np.arange(4000)
+    position = 0.6 * np.sin(2.0 * time) + 1e-5 * np.random.default_rng(1).normal(size=len(time))
+    odd = np.array([50, 700, 1500, 2333, 3001, 3900])
+    glitched = position.copy()
+    glitched[odd] += [0.3, -0.2, 0.1, 3.0, -1.0, 0.05]
+    table = tmp_path / 'log.csv'
+
+    def read(values):
+        np.savetxt(table, np.column_stack((time, values, np.sign(np.cos(2.0 * time)))),
+                   delimiter=',', header='time,position,torque', comments='')
+        (samples, info), = read_recording_with_info(table)
+        return samples, [note for note in info.notes if 'jumps away' in note]
+    samples, notes = read(glitched)
+    np.testing.assert_allclose(samples.position, np.delete(position, odd), atol=1e-9)
+    assert notes == ['6 joint states left out: position jumps away and back within one sample']
+    # Neither steps of a coarse encoder nor a jump that stays are glitches.
+    for values in (np.round(position * 100.0) / 100.0, position + 0.3 * (time > 10.0), position):
+        samples, notes = read(values)
+        assert len(samples) == len(time)
+        assert not notes

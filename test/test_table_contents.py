@@ -315,3 +315,31 @@ def test_units_taken_for_granted_stand_beside_the_numbers(tmp_path, capsys):
     assert printed[7].startswith('torque = ')
     assert printed[8] == f'taken for granted: {said}'
     assert said in (tmp_path / 'out' / 'report.html').read_text()
+
+
+def test_steady_states_of_another_form_are_not_simply_trusted():
+    speeds, alarms = np.concatenate((-SPEEDS, SPEEDS)), 0
+    for seed in range(15):
+        noise = 0.01 * np.random.default_rng(seed).normal(size=len(speeds))
+        alarms += fit_steady_states(speeds, sliding(speeds) + noise, Drive(1.0, 1.0)).is_curved
+        # Viscous friction of a lubricant that thins with the speed.
+        thinning = 0.57 * np.sign(speeds) + 0.3 * np.arcsinh(speeds / 0.1)
+        assert fit_steady_states(speeds, thinning + noise, Drive(1.0, 1.0)).is_curved
+    assert alarms <= 2
+
+
+def test_that_values_of_a_motor_are_behind_its_gear_is_said(tmp_path):
+    time, position, velocity = swing()
+    torque = np.sign(velocity)
+    path = write(tmp_path / 'log.csv', time_s=time, motor_position_rad=position, torque_Nm=torque)
+    (_, info), = read_recording_with_info(path)
+    assert info.assumed == ('motor_position_rad behind the gear, of the joint',)
+    write(path, time_s=time, position_rad=position, torque_Nm=torque)
+    (_, info), = read_recording_with_info(path)
+    assert info.assumed == ()
+    # An effort of the wrong sign is told with the remedy, which the same table then needs.
+    write(path, time_s=time, position_rad=position, torque_Nm=-torque)
+    with pytest.raises(InputError, match=r'--unit effort=-1Nm'):
+        read_recording(path)
+    samples, = read_recording(path, layout=Layout({}, {'effort': '-1Nm'}))
+    np.testing.assert_allclose(samples.current, torque)

@@ -70,6 +70,12 @@ UR = ['timestamp', *(f'{name}_{k}' for name in ('actual_q', 'actual_qd', 'actual
     ('tauact', 'effort', '', ''), ('time_since_start', 'time', '', ''),
     ('header.stamp.sec', 'time', '', ''), ('pos_estimate', 'position', '', ''),
     ('id_1_present_position', 'position', 'id_1', ''), ('eff_2', 'effort', '2', ''),
+    # German logs.
+    ('Zeit [ms]', 'time', '', 'ms'), ('Zeitstempel', 'time', '', ''),
+    ('Winkel [°]', 'position', '', '°'), ('Winkel_Ellenbogen', 'position', 'Ellenbogen', ''),
+    ('Istposition', 'position', '', ''), ('Position Soll [deg]', 'reference_position', '', 'deg'),
+    ('Drehzahl [1/min]', 'velocity', '', '1/min'), ('Drehmoment (Nm)', 'effort', '', 'Nm'),
+    ('Strom_A', 'current', '', 'A'), ('Position (Grad)', 'position', '', 'Grad'),
     # No unit, and no signal.
     ('theta_in', 'position', 'in', ''), ('q_m', 'position', 'm', ''), ('phase_A', '', '', ''),
     ('error_deg', '', '', ''), ('latency_ms', '', '', ''), ('id [A]', '', '', ''),
@@ -83,6 +89,7 @@ def test_a_name_tells_signal_joint_and_unit(name, signal, joint, unit):
     ('2.69mA', 'current', 2.69e-3), ('0.229rpm', 'velocity', 0.229 * math.pi / 30.0),
     ('inch', 'position', 0.0254), ('inch/min', 'velocity', 0.0254 / 60.0),
     ('kip', 'effort', 4448.2216), ('kN·m', 'effort', 1e3), ('lbf·in', 'effort', 0.1129848),
+    ('U/min', 'velocity', math.pi / 30.0), ('1/min', 'velocity', math.pi / 30.0),
     ('deg', 'velocity', math.pi / 180.0), ('counts/4096', 'position', 2.0 * math.pi / 4096.0),
     ('counts/100', 'time', 0.01), ('-1Nm', 'link_torque', -1.0), ('0.01mm', 'position', 1e-5)])
 def test_units_have_factors_products_and_quotients(text, signal, factor):
@@ -184,6 +191,10 @@ def test_dates_are_times(tmp_path):
     (samples, info), = read_recording_with_info(tmp_path / 'log.csv')
     np.testing.assert_allclose(samples.time, [0.0, 0.01], atol=1e-6)
     assert info.start == pytest.approx(1765296961.586, abs=1e-3)
+    # Times of the day, with a decimal comma.
+    (tmp_path / 'log.csv').write_text('Zeit;q;tau\n16:16:01,586;0;1\n16:16:01,596;0,1;2\n')
+    samples, = read_recording(tmp_path / 'log.csv')
+    np.testing.assert_allclose(samples.time, [0.0, 0.01], atol=1e-6)
     (tmp_path / 'log.csv').write_text('time,q,tau\n2025-13-09T16:16:01Z,0,1\n')
     with pytest.raises(InputError, match='is not a number'):
         read_recording(tmp_path / 'log.csv')

@@ -27,6 +27,9 @@ from friction_comp.model.sigmoid import Sigmoid
 _STEEP = 10.0
 # Scatter below which residuals are rounding errors, in units of the largest current.
 _ROUNDING = 1e-9
+# Fewest pairs of neighbouring speeds that show the form of the errors, and errors too small to
+# matter, in units of the current.
+_FEWEST_PAIRS, _SMALL = 6, 0.01
 
 
 @dataclass(frozen=True)
@@ -41,6 +44,7 @@ class SteadyStates:
     fit_rmse: float
     left_out_rmse: float    # each row predicted by a fit to all others
     plain_rmse: float       # the same of Coulomb and viscous friction alone
+    is_curved: bool         # whether errors of neighbouring speeds are alike
 
 
 def fit_steady_states(speeds: np.ndarray, currents: np.ndarray, drive: Drive) -> SteadyStates:
@@ -64,7 +68,8 @@ def fit_steady_states(speeds: np.ndarray, currents: np.ndarray, drive: Drive) ->
     best = min(fits, key=lambda fit: fit.criterion)
     return SteadyStates(
         speeds, currents, best.values, best.intervals(), best.model(drive),
-        float(np.sqrt(np.mean(best.residual ** 2))), best.left_out(), fits[0].left_out())
+        float(np.sqrt(np.mean(best.residual ** 2))), best.left_out(), fits[0].left_out(),
+        best.is_curved())
 
 
 class _Curve:
@@ -125,6 +130,18 @@ class _Curve:
         half = float(student.ppf(0.975, count - free)) * spread
         return {name: (value - width, value + width)
                 for (name, value), width in zip(self.values.items(), half.tolist())}
+
+    def is_curved(self) -> bool:
+        """Return whether the errors of neighbouring speeds are more alike than chance makes them.
+
+        Errors of a hundredth of the current do not count.
+        """
+        sides = [self.residual[self._speeds > 0.0], self.residual[self._speeds < 0.0]]
+        alike = np.concatenate([side[1:] * side[:-1] for side in sides])
+        squares = float(np.mean(self.residual ** 2))
+        return len(alike) >= _FEWEST_PAIRS and squares > (
+            _SMALL ** 2 * float(np.mean(self._currents ** 2))) and (
+            float(np.mean(alike)) > 2.0 * squares / math.sqrt(len(alike)))
 
     def left_out(self) -> float:
         """Return the RMS error of each row, predicted by a fit to the others."""

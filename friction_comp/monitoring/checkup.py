@@ -42,6 +42,8 @@ _OBSERVERS = ('recorder', 'refinement', 'watch', 'doctor')
 # Fewest blocks of motion to check sign and unit of velocity, largest ratio of velocity and rate of
 # position, and fewest samples in motion.
 _FEWEST_BLOCKS, _LARGEST_RATIO, _FEWEST_SAMPLES = 5, 1.25, 50
+# Mean speed of a joint above which its position is hardly in rad, rad/s: over two turns a second.
+_FASTEST = 15.0
 # Commands below this share of the drive's limit are smaller than the measurement noise.
 _SMALL = 0.01
 # Accepted range of measured over commanded current; smaller errors of a gain or torque constant
@@ -170,6 +172,18 @@ def _values(states: StatesSeen, joint: str) -> Iterator[Finding]:
                       'joint, with one sign; velocity may be left empty')
     else:
         yield Finding(OK, joint, 'velocity and position agree')
+    yield from _unit_of_position(states, joint, time)
+
+
+def _unit_of_position(states: StatesSeen, joint: str, time: np.ndarray) -> Iterator[Finding]:
+    """Tell a position that is hardly in rad at the joint; velocity in the same unit agrees."""
+    position = states.position[np.isfinite(states.position)]
+    path, seconds = float(np.abs(np.diff(position)).sum()), float(np.ptp(time))
+    if path > _FASTEST * seconds > 0.0:
+        yield Finding(WARNING, joint, f'it moves at {path / seconds:.3g} rad/s on average, over '
+                      f'{np.ptp(position):.3g} rad: fast for a joint, as if position were in '
+                      'degrees or that of the motor before the gear',
+                      'let the driver give position in rad at the joint')
 
 
 def _commands(seen: Observation) -> Iterator[Finding]:

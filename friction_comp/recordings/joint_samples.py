@@ -17,9 +17,14 @@ from friction_comp.recordings.activity import Activity
 from friction_comp.recordings.plausible import check_plausible
 from friction_comp.recordings.scan import Scan, signal_of, Track
 from friction_comp.samples import JointStates, Samples
+from friction_comp.statistics import smallest_step
+from friction_comp.topics import TOPICS
 
 # A jump by nearly a turn, rad, within this time, s, is a wrapped angle.
 WRAP_TIME, _WRAP = 0.02, (1.8 * np.pi, 2.2 * np.pi)
+# A position that is so many times as far from its neighbours as is usual is a glitch, if these are
+# rare; fewest positions that tell.
+_GLITCH, _GLITCHES, _FEWEST_OF_GLITCHES = 20.0, 0.005, 200
 
 
 @dataclass
@@ -112,13 +117,21 @@ def to_samples(scan: Scan, joint: str | None,
         velocity = None
     else:
         finite &= has_velocity
+    alone = len(scan.joints) == 1
     order, duplicates = _in_order(stamp, finite & ~outlier, info.notes)
     for reason, count in (
-            ('not finite', np.count_nonzero(~finite)), ('duplicate stamp', duplicates),
+            # Messages of other joints alone have no value of this one.
+            ('not finite', np.count_nonzero(~finite & (np.isfinite(values).any(axis=1) | alone))),
+            ('duplicate stamp', duplicates),
             ('stamp far off', np.count_nonzero(finite & outlier))):
         if count:
             info.notes.append(f'{count} joint states left out: {reason}')
     order = order[row_times.fresh_rows(1e-9 * stamp[order], position[order], info.notes)]
+    odd = _glitches(position[order])
+    if odd.any():
+        info.notes.append(f'{np.count_nonzero(odd)} joint states left out: position jumps away and '
+                          'back within one sample')
+        order = order[~odd]
     lost = scan.custom.get('messages_lost', '')
     if lost:
         info.notes.append(f'the recorder lost messages: {lost}')
@@ -179,6 +192,20 @@ def joint_states_at(samples: Samples, info: RecordingInfo,
                        np.column_stack(speeds) if all_have_velocity else None)
 
 
+def _glitches(position: np.ndarray) -> np.ndarray:
+    """Return which positions are far from both neighbours, which agree, bool, shape (N,).
+
+    No joint jumps away and back. Where many do, it is no matter of single samples, and none is.
+    """
+    odd = np.zeros(len(position), dtype=bool)
+    if len(position) < _FEWEST_OF_GLITCHES:
+        return odd
+    away = np.abs(position[1:-1] - 0.5 * (position[2:] + position[:-2]))
+    usual = max(float(np.quantile(away, 0.98)), smallest_step(position))
+    odd[1:-1] = (away > _GLITCH * usual) & (np.abs(position[2:] - position[:-2]) < 0.5 * away)
+    return odd if odd.mean() < _GLITCHES else np.zeros_like(odd)
+
+
 def _unwrap(time: np.ndarray, position: np.ndarray, notes: list[str]) -> np.ndarray:
     jumps = np.diff(position)
     size = np.abs(jumps)
@@ -204,9 +231,12 @@ def _select_joint(scan: Scan, joint: str | None) -> tuple[Track, str, list[str],
         if any(signal_of(topic, kind) == 'joint_states' for topic, (kind, _) in
                scan.topics.items()):
             raise InputError(f'{scan.path}: its joint_states contain no message')
+        wanted = TOPICS['joint_states']
+        states = [topic for topic, (kind, _) in scan.topics.items() if kind == wanted]
         raise InputError(
-            f'{scan.path}: no joint_states of type sensor_msgs/msg/JointState in it (topics: '
-            f'{", ".join(sorted(scan.topics)) or "none"})')
+            f'{scan.path}: no joint_states of type {wanted} in it '
+            + (f'(of that type are {", ".join(sorted(states))}: rename the measured one)'
+               if states else f'(topics: {", ".join(sorted(scan.topics)) or "none"})'))
     joints = scan.joints
     if not joints:
         raise InputError(f'{scan.path}: joint_states names no joint')

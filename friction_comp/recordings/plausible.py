@@ -25,6 +25,11 @@ _OPPOSED = -0.9
 _BINS, _PER_BIN, _FEWEST_BINS = 20, 20, 5
 # Share of the motion in which the effort must appear reversed.
 _REVERSED_SHARE = 0.8
+# Difference between the directions, of the usual effort, that counts as none, and the share of the
+# motion in which an effort without a sign must show none.
+_NO_DIFFERENCE, _UNSIGNED_SHARE = 0.02, 0.2
+# Fewest samples near zero with which an effort comes down to it.
+_FEWEST_LOW = 5
 
 
 def check_plausible(samples: Samples, name: str, alone: bool = True) -> None:
@@ -36,7 +41,7 @@ def check_plausible(samples: Samples, name: str, alone: bool = True) -> None:
     if not len(samples):
         return
     for check in (_fault_of_limits, _fault_of_rate, _fault_of_velocity, _fault_of_command,
-                  *([_fault_of_power] if alone else [])):
+                  _fault_of_sign, *([_fault_of_power] if alone else [])):
         fault = check(samples)
         if fault:
             raise InputError(f'{name}: joint {samples.joint!r}: {fault}')
@@ -88,6 +93,24 @@ def _fault_of_command(samples: Samples) -> str:
     return ''
 
 
+def _fault_of_sign(samples: Samples) -> str:
+    """Return the fault of an effort without a sign, as some drives report their current.
+
+    In both directions it comes down to zero and never below, and it is no larger in the positive
+    direction: friction and weight that are always on one side leave a difference.
+    """
+    current, bins = samples.current, _by_position(samples)
+    if samples.load is not None or bins is None or current.min() < 0.0:
+        return ''
+    mean, _, weight = bins
+    usual = float(np.quantile(current, 0.95))
+    low = float(weight[mean[:, 1] - mean[:, 0] < _NO_DIFFERENCE * usual].sum())
+    if low < _UNSIGNED_SHARE or np.count_nonzero(current < 0.05 * usual) < _FEWEST_LOW:
+        return ''
+    return ('effort is never negative, and no larger in one direction than in the other: it is an '
+            'amount without a sign, which does not show friction; record it with its sign')
+
+
 def _fault_of_power(samples: Samples) -> str:
     """Return the fault of an effort with reversed sign.
 
@@ -96,10 +119,29 @@ def _fault_of_power(samples: Samples) -> str:
     """
     if samples.load is not None or (samples.command is not None and samples.command.any()):
         return ''
+    bins = _by_position(samples)
+    if bins is None:
+        return ''
+    mean, spread, weight = bins
+    difference = mean[:, 1] - mean[:, 0]
+    scatter = np.sqrt(max(float(weight @ (0.5 * spread.sum(axis=1))), 0.0))
+    if weight @ difference < -scatter and weight[difference < 0].sum() > _REVERSED_SHARE:
+        # Whether these are A or N·m is not known here.
+        return ('the motor brakes the motion: effort has the wrong sign (in a table, --unit '
+                'effort=-1Nm or current=-1A reverses it), or another torque drives the joint and '
+                'neither current_command nor interaction_wrench is recorded')
+    return ''
+
+
+def _by_position(samples: Samples) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Return mean and variance of the current in motion, (B, 2), and the weight, (B,), by position.
+
+    The columns are motion in the negative and the positive direction; None if they hardly overlap.
+    """
     velocity = samples.velocity if samples.velocity is not None else _rate(samples)
     fast = np.abs(velocity) > 0.2 * np.quantile(np.abs(velocity), 0.95)
     if not fast.any() or np.ptp(samples.position[fast]) == 0.0:
-        return ''
+        return None
     position, current, forward = samples.position[fast], samples.current[fast], velocity[fast] > 0
     if np.ptp(position) > 4.0 * np.pi:
         # Gravity is periodic.
@@ -113,15 +155,9 @@ def _fault_of_power(samples: Samples) -> str:
     fewer = np.minimum(count[0::2], count[1::2])
     used = fewer >= _PER_BIN
     if np.count_nonzero(used) < _FEWEST_BINS:
-        return ''
-    weight = fewer[used] / fewer[used].sum()
-    difference = (mean[1::2] - mean[0::2])[used]
-    scatter = np.sqrt(max(float(weight @ (0.5 * (spread[0::2] + spread[1::2])[used])), 0.0))
-    if weight @ difference < -scatter and weight[difference < 0].sum() > _REVERSED_SHARE:
-        return (f'the motor brakes the motion ({float(weight @ difference):.3g} A between its two '
-                'directions): effort has the wrong sign, or another torque drives the joint and '
-                'neither current_command nor interaction_wrench is recorded')
-    return ''
+        return None
+    return (mean.reshape(-1, 2)[used], spread.reshape(-1, 2)[used],
+            fewer[used] / fewer[used].sum())
 
 
 def _rate(samples: Samples) -> np.ndarray:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from friction_comp.column_names import is_target
 from friction_comp.recordings import cdr, dynamic_states
 from friction_comp.recordings.activity import Activity, ActivityLog, DIAGNOSTICS
 from friction_comp.recordings.storage import Storage, unpack, unreadable_on_error
@@ -150,6 +151,8 @@ class MessageScanner:
         self._joint, self._batch, self._linear = joint, batch, linear
         self._topics: dict[str, _TopicReader] = {}
         self._activity = ActivityLog()
+        # A topic of another name that holds the joint states.
+        self._other_states: str | None = None
 
     @property
     def progress(self) -> float:
@@ -160,7 +163,8 @@ class MessageScanner:
         """Yield a scan after each batch of joint states, and the rest at the end."""
         begin = 0
         with unreadable_on_error(self._storage.path):
-            for index, (topic, kind, receive, raw) in enumerate(self._storage.messages(_is_wanted)):
+            for index, (topic, kind, receive, raw) in enumerate(
+                    self._storage.messages(self._is_wanted)):
                 if not index:
                     begin = receive
                 if kind == DIAGNOSTICS:
@@ -168,7 +172,7 @@ class MessageScanner:
                     continue
                 reader = self._topics.get(topic)
                 if reader is None:
-                    signal = signal_of(topic, kind)
+                    signal = self._signal(topic, kind)
                     assert signal is not None
                     reader = self._topics[topic] = _TopicReader(topic, signal, self._joint)
                 reader.messages.append((receive, index, raw))
@@ -176,7 +180,31 @@ class MessageScanner:
                     reader.decode()
                     if reader.signal in ('joint_states', dynamic_states.SIGNAL):
                         yield self._scan()
-            yield self._scan()
+            if self._called_otherwise():
+                yield from self.scans()
+            else:
+                yield self._scan()
+
+    def _signal(self, topic: str, kind: str) -> str | None:
+        return 'joint_states' if topic == self._other_states else signal_of(topic, kind)
+
+    def _is_wanted(self, topic: str, kind: str) -> bool:
+        return kind == DIAGNOSTICS or self._signal(topic, kind) is not None
+
+    def _called_otherwise(self) -> bool:
+        """Begin anew if the only topic of measured joint states has another name."""
+        states = {signal_of(topic, kind) for topic, (kind, _) in self._storage.topics.items()}
+        others = [topic for topic, (kind, _) in self._storage.topics.items()
+                  if kind == cdr.JOINT_STATE and not is_target(topic.rsplit('/', 1)[-1])]
+        if (self._other_states or len(others) != 1
+                or {'joint_states', dynamic_states.SIGNAL} & states):
+            return False
+        self._other_states, = others
+        self._storage, self._topics = Storage(self._storage.path), {}
+        self._activity = ActivityLog()
+        self._storage.notes.append(
+            f'{self._other_states} is read as joint_states: no other topic holds joint states')
+        return True
 
     def _scan(self) -> Scan:
         storage, readers = self._storage, self._topics.values()
@@ -187,10 +215,6 @@ class MessageScanner:
         tracks, in_ampere, more = dynamic_states.resolved(tracks)
         return Scan(storage.path, tracks, storage.topics, notes + more, storage.custom,
                     list(self._activity.changes), effort_is_current=in_ampere, linear=self._linear)
-
-
-def _is_wanted(topic: str, kind: str) -> bool:
-    return kind == DIAGNOSTICS or signal_of(topic, kind) is not None
 
 
 class _TopicReader:

@@ -24,6 +24,7 @@ from friction_comp.column_names import read_name
 from friction_comp.column_values import date_in_seconds, to_numbers
 from friction_comp.errors import InputError
 from friction_comp.layout import TABLES
+from friction_comp.recordings.joint_rows import Labels
 from friction_comp.units import parse_unit
 
 Columns = dict[str, np.ndarray]
@@ -106,6 +107,7 @@ class Csv:
 
     def __init__(self, path: Path) -> None:
         self._path = path
+        self.labels: dict[str, Labels] = {}     # columns whose values are numbered
         with path.open('rb') as file:
             lines = list(islice(self._text(file), 200))
         if any('\0' in line for line in lines):
@@ -179,11 +181,16 @@ class Csv:
             # A comma that does not separate is a decimal one.
             lines = [line.replace(',', '.') for line in lines]
         try:
-            return np.loadtxt(lines, delimiter=self._separator, usecols=indices, ndmin=2,
-                              comments=None)
+            values = np.loadtxt(lines, delimiter=self._separator, usecols=indices, ndmin=2,
+                                comments=None)
         except ValueError:
             # Cells are missing or not numeric: parse slowly, with a clear error.
             return self._parse_each(lines, indices, first_line)
+        for name, labels in self.labels.items():
+            if self._index[name] in indices and len(values):
+                place = indices.index(self._index[name])
+                values[:, place] = labels.codes(values[:, place])
+        return values
 
     def _parse_each(self, lines: list[str], indices: list[int], first_line: int) -> np.ndarray:
         rows = []
@@ -197,6 +204,9 @@ class Csv:
         return np.array(rows).reshape(len(rows), len(indices))
 
     def _number(self, cell: str, index: int, line: int) -> float:
+        for name, labels in self.labels.items():
+            if self._index[name] == index:
+                return labels.code(cell)
         if cell.lower() in ('', 'nan', 'na', 'null', 'none', '-'):
             return float('nan')
         try:
@@ -227,6 +237,7 @@ class Parquet:
 
     def __init__(self, path: Path) -> None:
         self._file, self._path = pyarrow_of(path).parquet.ParquetFile(path), path
+        self.labels: dict[str, Labels] = {}     # columns whose values are numbered
         self._source: dict[str, tuple[str, int | None]] = {}
         first: Any = None
         for field in self._file.schema_arrow:
@@ -254,7 +265,8 @@ class Parquet:
         if item is not None:
             values = np.array([row[item] if row is not None and len(row) > item else np.nan
                                for row in values])
-        return to_numbers(values, name, self._path)
+        labels = self.labels.get(name)
+        return labels.codes(values) if labels else to_numbers(values, name, self._path)
 
 
 def pyarrow_of(path: Path) -> Any:
@@ -273,6 +285,7 @@ class Arrays:
     def __init__(self, path: Path, columns: Columns) -> None:
         self._path, self._columns = path, columns
         self.names = list(columns)
+        self.labels: dict[str, Labels] = {}     # columns whose values are numbered
 
     def blocks(self, wanted: Sequence[str], rows: int) -> Iterator[tuple[Columns, float]]:
         """Yield blocks of columns and the share of them that has been read."""
@@ -283,9 +296,13 @@ class Arrays:
                 f'{name} {count}' for name, count in sizes.items()))
         for first in range(0, size, rows):
             part = slice(first, first + rows)
-            yield ({name: to_numbers(np.broadcast_to(self._columns[name], size)[part], name,
-                                     self._path) for name in wanted},
+            yield ({name: self._values(name, size, part) for name in wanted},
                    min((first + rows) / size, 1.0))
+
+    def _values(self, name: str, size: int, part: slice) -> np.ndarray:
+        values = np.broadcast_to(self._columns[name], size)[part]
+        labels = self.labels.get(name)
+        return labels.codes(values) if labels else to_numbers(values, name, self._path)
 
 
 def _flat(items: Iterable[tuple[str, Any]]) -> Columns:

@@ -12,10 +12,12 @@ import re
 
 import numpy as np
 
+from friction_comp.column_names import is_of_motor
 from friction_comp.columns import assign
 from friction_comp.errors import InputError
 from friction_comp.files import write_atomically
 from friction_comp.layout import Layout
+from friction_comp.recordings.joint_rows import column_of_joints
 from friction_comp.recordings.scan import Scan, Track
 from friction_comp.recordings.storage import unreadable_on_error
 from friction_comp.recordings.table_files import Columns, open_table, pyarrow_of
@@ -47,6 +49,7 @@ class TableScanner:
         with unreadable_on_error(path):
             self._table = open_table(path)
         self._use = assign(self._table.names, layout, str(path))
+        self._whose = self._column_of_joints()
         self._effort_unit = next((column.unit for column in self._use.columns if column.unit
                                   and column.signal == 'effort' and not column.dimension), '')
         self._gains = self._layout.gains(self._table.names, str(path))
@@ -55,11 +58,25 @@ class TableScanner:
         self._below_second = [name for name in self._table.names if time and re.sub(
             r'n(ano)?(?=sec(s|onds)?$)', '', name) == time.name != name]
 
+    def _column_of_joints(self) -> str | None:
+        """Return the column that says whose row each row is; columns are then of no joint."""
+        use = self._use
+        if len(use.joints) > 1:
+            return None
+        with unreadable_on_error(self._path):
+            name = column_of_joints(self._table, [column.name for column in use.columns],
+                                    use.time.name if use.time else None)
+        if name is not None:
+            use.columns[:] = [replace(column, joint='') for column in use.columns]
+            use.notes.append(f'column {name!r} says whose row each row is')
+        return name
+
     def scans(self) -> Iterator[Scan]:
         """Yield a scan of each block of rows."""
         use = self._use
         wanted = [column.name for column in use.columns]
         wanted += [gain for gain in self._gains if isinstance(gain, str)] + self._below_second
+        wanted += [self._whose] if self._whose is not None else []
         rows = 0
         with unreadable_on_error(self._path):
             for columns, share in self._table.blocks(wanted, self._batch):
@@ -69,10 +86,12 @@ class TableScanner:
                     if not rows:
                         self._check_first(columns)
                     self._leave_out_raw(columns)
-                    tracks = list(self._tracks(columns, rows))
+                    time, order = self._times(columns, rows), rows + np.arange(size)
+                    tracks = list(self._tracks(columns, time, order) if self._whose is None
+                                  else self._tracks_by_joint(columns, time, order))
                     rows += size
                     yield Scan(self._path, tracks,
-                               {track.topic: (TOPICS[track.topic], rows) for track in tracks},
+                               {track.topic: (TOPICS[track.signal], rows) for track in tracks},
                                list(use.notes), effort_is_current=use.effort_is_current,
                                selected=use.chosen, linear=use.linear,
                                effort_unit=self._effort_unit, assumed=self._assumed())
@@ -80,7 +99,11 @@ class TableScanner:
             raise InputError(f'{self._path}: has no row below its header')
 
     def _assumed(self) -> tuple[str, ...]:
-        """Return the columns whose unit neither their name nor the user gives, with the SI unit."""
+        """Return what is taken for granted of columns.
+
+        It is the SI unit where neither the name nor the user gives one, and that the values of a
+        motor are those behind its gear.
+        """
         found: dict[str, list[str]] = {}
         for column in self._use.columns:
             known = column.signal == 'effort' and (
@@ -88,8 +111,11 @@ class TableScanner:
             if not (column.stated or known):
                 found.setdefault(column.signal, []).append(column.name)
         units = {'position': 'rad', 'effort': 'N·m', 'velocity': 'rad/s', 'time': 's'}
-        return tuple(f'{found[signal][0]}{" and alike" * (len(found[signal]) > 1)} in {unit}'
-                     for signal, unit in units.items() if signal in found)
+        geared = [column.name for column in self._use.columns if is_of_motor(column.name)
+                  and column.signal in ('position', 'velocity')]
+        return (*(f'{found[signal][0]}{" and alike" * (len(found[signal]) > 1)} in {unit}'
+                  for signal, unit in units.items() if signal in found),
+                *([f'{" and ".join(geared[:2])} behind the gear, of the joint'] if geared else []))
 
     def _check_first(self, columns: Columns) -> None:
         """Compare values of the first block with the units that are taken for granted.
@@ -151,12 +177,24 @@ class TableScanner:
             seconds = seconds + 1e-9 * columns[name]
         return seconds
 
-    def _tracks(self, columns: Columns, first: int) -> Iterator[Track]:
-        """Yield the tracks of a block of rows; `first` is the number of its first row."""
+    def _tracks_by_joint(self, columns: Columns, time: np.ndarray, order: np.ndarray
+                         ) -> Iterator[Track]:
+        """Yield the tracks of each joint's rows, as if it had topics of its own."""
+        assert self._whose is not None
+        codes = columns[self._whose]
+        for code, name in enumerate(self._table.labels[self._whose].names):
+            own = np.flatnonzero(codes == code)
+            for track in self._tracks({column: values[own] for column, values in columns.items()},
+                                      time[own], order[own]) if len(own) else ():
+                # Arrays of commands and directions have no names.
+                if '' in track.values and track.signal not in ('current_command', 'direction'):
+                    values = {name: track.values['']} if self._joint in (None, name) else {}
+                    yield replace(track, topic=f'{name}/{track.topic}', names=[name], values=values)
+
+    def _tracks(self, columns: Columns, time: np.ndarray, order: np.ndarray) -> Iterator[Track]:
+        """Yield the tracks of rows with their times, s, and their numbers in the table."""
         use, joint = self._use, self._joint
-        time = self._times(columns, first)
         stamp, valid = _stamps(time)
-        order = first + np.arange(len(stamp))
         missing = np.full(len(stamp), np.nan)
 
         def read(signal: str, name: str) -> np.ndarray | None:

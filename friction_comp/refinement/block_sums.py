@@ -13,9 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from friction_comp.refinement import thresholds
+
 # Share of a column's sum of squares over all blocks; keeps the coefficients of collinear columns,
 # and of those that are nearly zero in the fitted blocks, small.
 _RIDGE = 1e-7
+# Columns whose own shares differ by less stand in for each other.
+_ALIKE = 1.1
 
 
 @dataclass
@@ -55,6 +59,37 @@ class BlockSums:
         own = self.part(columns)
         return _squared_errors(own, _fits(own, train.astype(float))[fold_of_block])
 
+    def fits_without(self, columns: Sequence[int], train: np.ndarray) -> np.ndarray:
+        """Return the coefficients of fits to some of the blocks, bool (F, K), shape (F, S).
+
+        What these blocks do not determine, since a column hardly differs from zero or from others
+        in them, stays as in the fit to all: noise would decide it. Of several, the last stays.
+        """
+        own = self.part(columns)
+        sums, norms, whole = np.tensordot(train.astype(float), own.gram, 1), own.norms, None
+        fits = solve(sums, norms, own.signs)
+        for k, inner in enumerate(sums[:, :-1, :-1] / norms / norms[:, None]):
+            free = np.arange(len(norms))
+            while len(free) and (shares := _shares(inner[np.ix_(free, free)])).min() < \
+                    thresholds.OWN_SHARE:
+                free = np.delete(free, np.flatnonzero(shares < _ALIKE * shares.min())[-1])
+            if len(free) == len(norms):
+                continue
+            whole = self.fit(columns) if whole is None else whole
+            held = np.where(np.isin(np.arange(len(norms)), free), 0.0, whole)
+            # What the others have to explain beside what stays.
+            rest = sums[k].copy()
+            rest[:-1, -1] -= sums[k, :-1, :-1] @ held
+            both = np.append(free, -1)
+            fits[k] = held
+            fits[k, free] = solve(rest[None, both[:, None], both], norms[free], own.signs[free])[0]
+        return fits
+
+    def errors_without(self, columns: Sequence[int], fold: np.ndarray) -> np.ndarray:
+        """Return the squared error of each block by `fits_without` the blocks of its fold."""
+        train = fold != np.arange(int(fold.max()) + 1)[:, None]
+        return _squared_errors(self.part(columns), self.fits_without(columns, train)[fold])
+
     def errors_of_fit(self, columns: Sequence[int], weights: np.ndarray) -> np.ndarray:
         """Return the squared error of each block by one fit to all, with weights, shape (K,)."""
         own = self.part(columns)
@@ -76,9 +111,7 @@ class BlockSums:
         """Return the share of each column's norm that is independent of the others, shape (S,)."""
         own = self.part(columns)
         norms = own.norms
-        scaled = own.gram.sum(axis=0)[:-1, :-1] / norms / norms[:, None]
-        scaled[np.diag_indices(len(scaled))] += 1e-12
-        return np.asarray(1.0 / np.sqrt(np.abs(np.diag(np.linalg.inv(scaled)))))
+        return _shares(own.gram.sum(axis=0)[:-1, :-1] / norms / norms[:, None])
 
     def beside(self, columns: Sequence[int], others: Sequence[int]) -> np.ndarray:
         """Return the sums of products of what columns have beside others, shape (S, S)."""
@@ -89,6 +122,13 @@ class BlockSums:
         own = sums[size:, size:] - sums[size:, :size] @ np.linalg.solve(
             sums[:size, :size], sums[:size, size:])
         return np.asarray(own * norms[size:] * norms[size:, None])
+
+
+def _shares(scaled: np.ndarray) -> np.ndarray:
+    """Return the shares of `BlockSums.independent_share` of sums of columns of norm one."""
+    scaled = scaled.copy()
+    scaled[np.diag_indices(len(scaled))] += 1e-12
+    return np.asarray(1.0 / np.sqrt(np.abs(np.diag(np.linalg.inv(scaled)))))
 
 
 def _fits(own: BlockSums, weights: np.ndarray) -> np.ndarray:

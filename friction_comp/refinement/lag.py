@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 import math
 
 import numpy as np
@@ -14,6 +14,8 @@ from friction_comp.refinement import thresholds
 
 # Number of lags that are tried on each side, from half a sample to the longest.
 _LAGS = 9
+# Twice as many show how far a number moves with the lag.
+_FINE_LAGS = 18
 
 
 def best_lag(error: Callable[[float], float], step: float, fine: bool) -> tuple[float, float]:
@@ -33,6 +35,25 @@ def best_lag(error: Callable[[float], float], step: float, fine: bool) -> tuple[
     least, lag = min((errors[index], float(lags[index])), (float(best.fun), float(best.x)))
     without_lag = errors[int(np.argmin(np.abs(lags)))]
     return lag, 1.0 - least / without_lag
+
+
+def equal_responses(error: Callable[[float, float], float], step: float,
+                    now: tuple[float, float]) -> Iterator[tuple[float, float]]:
+    """Yield the delays and time constants, s, from `now` on as far as the error is hardly larger.
+
+    One of both is zero. `error` returns the squared error with both, `step` is the time of a
+    sample.
+    """
+    whole, most = sum(now), (1.0 + thresholds.EQUIVALENT) * error(*now)
+    sizes = np.geomspace(0.1 * step, max(thresholds.LONGEST_LAG, step), _FINE_LAGS)
+    for side in (-1.0, 1.0):
+        for is_delay in (True, False):
+            # Far from it, a lag of the opposite sign may fit again by chance.
+            for lag in whole + side * sizes:
+                other = (float(lag), 0.0) if is_delay else (0.0, float(lag))
+                if error(*other) > most:
+                    break
+                yield other
 
 
 def best_response(error: Callable[[float, float], float], step: float,

@@ -17,6 +17,7 @@ import warnings
 
 import numpy as np
 from scipy.cluster.vq import kmeans2
+from scipy.ndimage import maximum_filter1d
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
@@ -178,7 +179,10 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
 
     `samples` are joined; `declared` says that torque constant and gear ratio are known.
     """
-    unusable = clipped(samples.current)
+    at_limit = clipped(samples.current)
+    # Their neighbours are below the limit if their noise is: a fit to these alone would be bent.
+    unusable = maximum_filter1d(
+        at_limit, 2 * round(thresholds.NEAR_LIMIT / samples.sample_time) + 1)
     joints = recorded_motion.moving_joints(samples)
     load = recorded_motion.load_coefficient(samples, unusable, drive) if declared else 0.0
     settings = settings or recorded_motion.choose_differentiation(samples, unusable, joints, load)
@@ -203,7 +207,7 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
     # Rigid bodies are the same in all postures.
     unknown = motion if samples.rigid_body is None else None
     region = regions_of(unknown[0][start]) if unknown else np.zeros_like(block)
-    rows = Rows(moved, target, usable, unusable, coverage, start, length, block, region, load,
+    rows = Rows(moved, target, usable, at_limit, coverage, start, length, block, region, load,
                 motion, joints, slow)
     return replace(rows, coverage=replace(coverage, transition=choose_transition(rows))), settings
 

@@ -72,6 +72,28 @@ def candidate_settings(samples: Samples, velocity: np.ndarray | None,
             for source in sources for value in values]
 
 
+def velocity_delay(samples: Samples) -> float:
+    """Return by how much the recorded velocity is later than the position, s; 0 without it.
+
+    A drive that filters its velocity delays it: against it, viscous friction looks like inertia.
+    """
+    velocity = samples.velocity
+    if velocity is None or not np.any(velocity):
+        return 0.0
+    samples = excerpt(samples, np.ones(len(samples), dtype=bool))[0]
+    settings = smooth_settings(samples)
+    recorded, true = (differentiate(samples, {**settings, 'source': source})
+                      for source in ('velocity', 'position'))
+    late = np.asarray(true.velocity) - np.asarray(recorded.velocity)
+    acceleration = np.asarray(true.acceleration)
+    pieces = np.array_split(np.arange(len(late)), int(thresholds.BLOCKS))
+    squares = np.array([np.sum(acceleration[piece] ** 2) for piece in pieces])
+    products = np.array([late[piece] @ acceleration[piece] for piece in pieces])
+    # The median: where the joint rests, and where encoders disagree, there is no delay.
+    moving = squares > 0.1 * squares.max()
+    return float(np.median(products[moving] / squares[moving])) if moving.any() else 0.0
+
+
 def excerpt(samples: Samples, mask: np.ndarray) -> tuple[Samples, np.ndarray]:
     """Return at most `_EXCERPT` samples in pieces from everywhere, and their part of the mask."""
     size, pieces = len(samples), 15

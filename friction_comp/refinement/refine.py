@@ -23,7 +23,7 @@ from friction_comp.refinement.best_fit import find_best_fit, Fit, fit_eq6_alone,
 from friction_comp.refinement.effect_columns import eq6_columns, EQ6_LINEAR, MAX_SHIFT, Table, Term
 from friction_comp.refinement.friction_numbers import recorded_of
 from friction_comp.refinement.prepare import join
-from friction_comp.refinement.recorded_motion import settings_for_arm
+from friction_comp.refinement.recorded_motion import settings_for_arm, velocity_delay
 from friction_comp.refinement.report import report_of
 from friction_comp.refinement.result import Origin, Predicted, RefineResult
 from friction_comp.refinement.search import adjust_constants, at_limit
@@ -73,7 +73,9 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
         declared = drive is not None or model is not None
     drive = drive or (model.drive if model else Drive(1.0, 1.0))
     origin = replace(origin, unit=unit or origin.unit or ('A' if declared else 'N·m'))
-    problem = Problem(join(recorded), drive, declared, model)
+    samples, late = _without_late_velocity(join(recorded), model)
+    origin = replace(origin, warnings=[*origin.warnings, *late])
+    problem = Problem(samples, drive, declared, model)
     fit = find_best_fit(problem)
     report_progress(0.6, 'repeating the search on resampled parts')
     fit = select_named(fit)
@@ -98,6 +100,19 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
         **refined.model.notes, **origin.notes, 'unit': origin.unit})
     return RefineResult(report, written, start.model, rows.samples, rows.usable, start.held_out,
                         refined.held_out, rows.coverage)
+
+
+def _without_late_velocity(samples: Samples, model: FrictionModel | None
+                           ) -> tuple[Samples, list[str]]:
+    """Return samples without a velocity that is late, unless a model needs it, and a note."""
+    delay = velocity_delay(samples)
+    needed = model is not None and (model.differentiation or {}).get('source') == 'velocity'
+    if delay <= thresholds.LATE_VELOCITY * samples.sample_time:
+        return samples, []
+    note = f'The recorded velocity is {1e3 * delay:.2g} ms later than the position'
+    if needed:
+        return samples, [f'{note}: inertia is too large by viscous friction times this.']
+    return samples.with_(velocity=None), [f'{note}, as after a filter: it is not used.']
 
 
 def select_named(fit: Fit) -> Fit:

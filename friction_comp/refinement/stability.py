@@ -209,7 +209,7 @@ class LeftOutThirds:
             terms, derivatives=False)]
         errors = {}
         for name, sums in self._sums.items():
-            held_out = sums.held_out_errors(columns, np.arange(len(sums.rows)) // 2)
+            held_out = sums.errors_without(columns, np.arange(len(sums.rows)) // 2)
             errors[name] = float(held_out[::2].sum()) / max(float(sums.rows[::2].sum()), 1.0)
         return {name: max(error, 1e-300) for name, error in errors.items()}
 

@@ -40,6 +40,10 @@ LAG_ERROR = Threshold(
     0.8, 'of the squared error', 'limit for accepting a lag, which blurs and may replace effects')
 LONGEST_LAG = Threshold(
     0.15, 's', 'longer than that of any drive with a current controller')
+LATE_VELOCITY = Threshold(
+    2.0, 'samples', 'a velocity that is later than the position is filtered, and not used')
+NEAR_LIMIT = Threshold(
+    0.05, 's', 'beside samples at a limit of the current, only those with low noise are below it')
 SAME_MOTION_ERROR = Threshold(
     1.02, 'times', 'the smallest squared error in motion: below it, starts and stops decide')
 # The search.

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from argparse import Namespace
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from friction_comp.columns import Column
 from friction_comp.errors import errors_name, InputError
 from friction_comp.identification.steady_state import fit_steady_states, SteadyStates
 from friction_comp.recorded_drive.given import drive_of, figures_unit
+from friction_comp.recordings.joint_rows import column_of_joints
 from friction_comp.recordings.table_files import open_table
 from friction_comp.refinement import thresholds
 from friction_comp.reports.html import units_of_axis
@@ -34,12 +36,7 @@ def refine_table(arguments: Namespace, columns: tuple[Column, Column]) -> int:
         raise InputError(f'{path}: holds neither time nor position, only means at constant speeds: '
                          f'--{given} needs a recording')
     velocity, effort = columns
-    blocks = [block for block, _ in open_table(path).blocks(
-        [column.name for column in columns], 250_000)]
-    if not blocks:
-        raise InputError(f'{path}: has no row below its header')
-    speeds, torques = (column.factor * np.concatenate([block[column.name] for block in blocks])
-                       for column in columns)
+    speeds, torques = _values(path, columns, arguments.joint)
     told = given_of(arguments)
     drive = drive_of(told, None)
     in_ampere = effort.dimension == 'current'
@@ -71,6 +68,27 @@ def refine_table(arguments: Namespace, columns: tuple[Column, Column]) -> int:
         *(f'  {line}' for line in (*report['reasons'], *report['warnings']))])
 
 
+def _values(path: Path, columns: tuple[Column, Column], joint: str | None) -> list[np.ndarray]:
+    """Return the columns in SI units, of one joint's rows where a column says whose they are."""
+    table, names = open_table(path), [column.name for column in columns]
+    whose = column_of_joints(table, names, None)
+    blocks = [block for block, _ in table.blocks([*names, *([whose] if whose else [])], 250_000)]
+    if not blocks:
+        raise InputError(f'{path}: has no row below its header')
+    read = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
+    values = [column.factor * read[column.name] for column in columns]
+    if whose is None:
+        return values
+    joints = table.labels[whose].names
+    if joint is None and len(joints) > 1:
+        raise InputError(f'{path}: several joints, name one with --joint: '
+                         + ', '.join(map(repr, joints)))
+    if joint not in (None, *joints):
+        raise InputError(f'{path}: no joint {joint!r} in it, but {", ".join(map(repr, joints))}')
+    own = read[whose] == (joints.index(joint) if joint is not None else 0)
+    return [column[own] for column in values]
+
+
 def _report(fit: SteadyStates, unit: str) -> dict[str, Any]:
     one_direction = 'offset' not in fit.values
     signal = rms(fit.currents)
@@ -82,6 +100,10 @@ def _report(fit: SteadyStates, unit: str) -> dict[str, Any]:
     if fit.intervals['coulomb'][0] <= 0.0 <= fit.intervals['coulomb'][1]:
         reasons.append('Coulomb friction cannot be distinguished from zero.')
         again.append('more and slower speeds')
+    if fit.is_curved:
+        reasons.append(f'The remaining error, {fit.fit_rmse:.2g} {unit} RMS, depends on the speed: '
+                       'friction has another form than Coulomb, viscous and Stribeck friction.')
+        again.append('a log of motion, in which refine finds other forms')
     if fit.left_out_rmse > thresholds.UNEXPLAINED * signal:
         reasons.append(f'{fit.left_out_rmse:.2g} {unit} of {signal:.2g} {unit} remain unexplained.')
         again.append('each speed several times, over the same range of positions')
