@@ -192,6 +192,18 @@ def test_sensor_that_covers_too_little_is_left_out(tmp_path):
     assert any('less than half' in note for note in info.notes)
 
 
+def test_after_a_sensor_has_fallen_silent_its_value_is_not_known(tmp_path):
+    messages = list(states(200))
+    messages += [('/interaction_wrench', 5_000_000_000 + k, wrench(
+        1_000_000_000 + k * 1_000_000, 'elbow', 0.1 * k)) for k in range(141)]
+    (samples, info), = read_recording_with_info(record(tmp_path / 'r', messages))
+    # Until a gap after it, the last one holds.
+    assert samples.load[160] == pytest.approx(14.0)
+    assert np.isfinite(samples.load[:161]).all()
+    assert np.isnan(samples.load[161:]).all()
+    assert any('load is not known at 39 of them' in note for note in info.notes)
+
+
 def test_the_later_of_two_directions_counts(tmp_path):
     messages = list(states(60))
     stamp = [m[2][1].header.stamp for m in messages]

@@ -162,7 +162,10 @@ class TimeBase:
         return held
 
     def interpolate(self, track: Track, values: np.ndarray) -> np.ndarray | None:
-        """Return the signal at each joint state, or None if it covers less than half of them."""
+        """Return the signal at each joint state, or None if it covers less than half of them.
+
+        It is NaN where it ends earlier, or begins later, than at a gap from the joint states.
+        """
         times, other_times, values = self._finite_values(track, values)
         if not len(values):
             return None
@@ -171,6 +174,9 @@ class TimeBase:
         if len(other_times) > 1 and covered.mean() < 0.5:
             return None
         interpolated: np.ndarray = np.interp(times - origin, other_times - origin, values)
+        if len(other_times) > 1:
+            beyond = np.maximum(other_times[0] - times, times - other_times[-1])
+            interpolated[beyond > NANO * gap_length(np.diff(other_times) / NANO)] = np.nan
         return interpolated
 
 
@@ -193,6 +199,11 @@ def other_signals(scan: Scan, joint: str, joints: list[str], base: TimeBase,
                     notes.append(f'{track.topic}: its '
                                  f'{np.count_nonzero(np.isfinite(column))} values cover less than '
                                  'half of the recording: not used')
+                # Before and after an exercise there is no reference.
+                elif topic != 'reference' and np.isnan(signals[name]).any():
+                    notes.append(f'{track.topic}: begins later or ends earlier than the joint '
+                                 f'states: {name} is not known at '
+                                 f'{np.count_nonzero(np.isnan(signals[name]))} of them')
     # Arrays have no joint names: their order is that of the reference, or of the joint states.
     order = [*(track.names for track in scan.of('reference')), joints]
     command = _find_array(scan.of('current_command'), joint, order, notes, torque_per_current)
