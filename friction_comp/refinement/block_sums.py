@@ -50,27 +50,37 @@ class BlockSums:
 
         Blocks of the same `fold`, shape (K,), are left out together; each by itself when omitted.
         """
-        fold_of_block = np.arange(len(self.rows)) if fold is None else fold
-        train = fold_of_block != np.arange(int(fold_of_block.max()) + 1)[:, None]
-        own = self.part(columns)
-        return _squared_errors(own, _fits(own, train.astype(float))[fold_of_block])
+        own, every = self.part(columns), np.arange(len(self.rows))
+        fold, left_out = every if fold is None else fold, own.gram
+        if not np.array_equal(fold, every):
+            left_out = np.zeros((int(fold.max()) + 1, *own.gram.shape[1:]))
+            np.add.at(left_out, fold, own.gram)
+        fits = solve(own.gram.sum(axis=0) - left_out, own.norms, own.signs)
+        return _squared_errors(own.gram, fits[fold])
 
-    def errors_of_fit(self, columns: Sequence[int], weights: np.ndarray) -> np.ndarray:
-        """Return the squared error of each block by one fit to all, with weights, shape (K,)."""
-        own = self.part(columns)
-        return _squared_errors(own, _fits(own, weights[None]))
+    def errors_of_fit(self, columns: Sequence[int], blocks: np.ndarray | slice = slice(None),
+                      fitted: np.ndarray | None = None) -> np.ndarray:
+        """Return the squared error of some blocks by one fit to all of them, or to other sums.
+
+        The sums `fitted`, shape (P + 1, P + 1), are of all columns.
+        """
+        own, inner = self.part(columns), np.array([*columns, -1])
+        sums = own.gram.sum(axis=0) if fitted is None else fitted[inner[:, None], inner]
+        return _squared_errors(own.gram[blocks], solve(sums[None], own.norms, own.signs))
 
     def squared_errors(self, columns: Sequence[int], coefficients: np.ndarray) -> np.ndarray:
         """Return the squared error of each block, (K,); all have coefficients (1, S), or own."""
-        return _squared_errors(self.part(columns), coefficients)
+        return _squared_errors(self.part(columns).gram, coefficients)
 
     def fits(self, columns: Sequence[int], weights: np.ndarray) -> np.ndarray:
         """Return the coefficients, shape (F, S), of fits to blocks with weights, shape (F, K)."""
-        return _fits(self.part(columns), weights)
+        own = self.part(columns)
+        return solve(np.tensordot(weights, own.gram, 1), own.norms, own.signs)
 
     def fit(self, columns: Sequence[int]) -> np.ndarray:
         """Return the coefficients fitted to all blocks, shape (S,)."""
-        return self.fits(columns, np.ones((1, len(self.rows))))[0]
+        own = self.part(columns)
+        return solve(own.gram.sum(axis=0)[None], own.norms, own.signs)[0]
 
     def independent_share(self, columns: Sequence[int]) -> np.ndarray:
         """Return the share of each column's norm that is independent of the others, shape (S,)."""
@@ -91,13 +101,9 @@ class BlockSums:
         return np.asarray(own * norms[size:] * norms[size:, None])
 
 
-def _fits(own: BlockSums, weights: np.ndarray) -> np.ndarray:
-    return solve(np.tensordot(weights, own.gram, 1), own.norms, own.signs)
-
-
-def _squared_errors(own: BlockSums, coefficients: np.ndarray) -> np.ndarray:
+def _squared_errors(gram: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
     combination = np.concatenate((coefficients, np.full((len(coefficients), 1), -1.0)), axis=1)
-    return np.asarray((combination[:, None] @ own.gram @ combination[:, :, None])[:, 0, 0])
+    return np.asarray((combination[:, None] @ gram @ combination[:, :, None])[:, 0, 0])
 
 
 def sums_of(columns: np.ndarray, target: np.ndarray, block: np.ndarray) -> BlockSums:
@@ -119,23 +125,17 @@ def solve(sums: np.ndarray, norms: np.ndarray, signs: np.ndarray) -> np.ndarray:
     A coefficient with the wrong sign is set to zero, the worst first, and the others are solved
     for without it. `sums`, shape (F, S + 1, S + 1), are of columns with these `norms` and `signs`.
     """
-    size = len(norms)
     scaled = sums[:, :-1, :-1] / norms[:, None] / norms
-    scaled.reshape(len(sums), -1)[:, ::size + 1] += _RIDGE
-    goal = sums[:, :-1, -1] / norms
-    solution = np.linalg.solve(scaled, goal[:, :, None])[:, :, 0]
-    bounded, free, inverse = signs > 0, np.ones(solution.shape, dtype=bool), None
+    scaled.reshape(len(sums), -1)[:, ::len(norms) + 1] += _RIDGE
+    goal, bounded = sums[:, :-1, -1:] / norms[:, None], signs > 0
+    solution = np.linalg.solve(scaled, goal)
     while True:
-        wrong = np.where(bounded & free, solution, 0.0)
-        cases = np.nonzero((wrong < 0.0).any(axis=1))[0]
+        wrong = np.where(bounded, solution[:, :, 0], 0.0)
+        cases = np.flatnonzero((wrong < 0.0).any(axis=1))
         if not len(cases):
-            return np.asarray(solution / norms)
-        if inverse is None:
-            inverse = np.linalg.inv(scaled)
+            return np.asarray(solution[:, :, 0] / norms)
         worst = wrong[cases].argmin(axis=1)
-        free[cases, worst] = False
-        # What the others are without it follows from its row of the inverse.
-        row, pivot = inverse[cases, worst], inverse[cases, worst, worst][:, None]
-        solution[cases] -= row * (solution[cases, worst][:, None] / pivot)
-        solution[~free] = 0.0
-        inverse[cases] -= row[:, :, None] * (row / pivot)[:, None]
+        # Its equation becomes that it is zero.
+        scaled[cases, worst] = scaled[cases, :, worst] = goal[cases, worst] = 0.0
+        scaled[cases, worst, worst] = 1.0
+        solution[cases] = np.linalg.solve(scaled[cases], goal[cases])

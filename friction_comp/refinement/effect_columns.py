@@ -53,6 +53,12 @@ class Term:
             return rows.as_recorded(self.group.columns(rows.joints, *rows.motion))
         return rows.as_recorded(self.kind.matrix(rows.samples, self.constants))
 
+    def at_rows(self, rows: Rows) -> np.ndarray:
+        """Return the term's columns on rows, shape (M, R)."""
+        if self.group is None and not (self.kind.has_memory or rows.time_constant):
+            return self.kind.matrix(rows.at_rows, self.constants).T
+        return rows.averaged(self.columns(rows)).T
+
     @property
     def choice(self) -> tuple[Any, ...]:
         """What it is, of which form, constants or the width of a group are one choice."""
@@ -129,7 +135,7 @@ class Table:
             if term in self.columns_of:
                 continue
             columns = (part.columns[part.columns_of[term]] if part and term in part.columns_of
-                       else self.rows.averaged(term.columns(self.rows)).T)
+                       else term.at_rows(self.rows))
             if np.isfinite(columns).all():
                 first = len(self.columns) + len(fresh)
                 self.columns_of[term] = list(range(first, first + len(columns)))
@@ -185,8 +191,7 @@ class Table:
 
     def error(self, terms: Sequence[Term]) -> float:
         """Return the squared error of a fit of some terms to all blocks."""
-        columns, all_cells = self.indices(terms, derivatives=False), np.ones(len(self.block))
-        return float(self.sums.errors_of_fit(columns, all_cells).sum())
+        return float(self.sums.errors_of_fit(self.indices(terms, derivatives=False)).sum())
 
     def coefficients(self, terms: Sequence[Term]) -> dict[int, float]:
         """Return the coefficient of each column index, fitted to all blocks."""

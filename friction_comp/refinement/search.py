@@ -77,7 +77,7 @@ class Search:
         self.table, self.candidates, self.fixed = table, candidates, fixed
         self._resampled = weights is not None
         self._weights = np.ones(len(table.block)) if weights is None else weights[table.block]
-        self._held_out = np.nonzero(self._weights == 0.0)[0]
+        self._held_out = np.flatnonzero(self._weights == 0.0)
         # The table of a resampled search stays as it is.
         self._fitted = np.tensordot(self._weights, table.sums.gram, 1) if self._resampled else None
         # By transition and terms, which the same steps compare again and again.
@@ -102,7 +102,7 @@ class Search:
         if key not in self._errors:
             columns = table.indices(terms)
             if self._resampled:
-                errors = [sums.errors_of_fit(columns, self._weights)[self._held_out]]
+                errors = [sums.errors_of_fit(columns, self._held_out, self._fitted)]
             else:
                 errors = [table.block_errors(terms)]
                 errors += [sums.held_out_errors(columns, table.region)] if self._regions else []
@@ -282,7 +282,7 @@ def constant_derivatives(table: Table, terms: Sequence[Term], free: Sequence[tup
         columns = table.columns_of[terms[index]]
         changed = with_step(terms[index], name, _STEP, table.rows.coverage)
         gain = np.array([coefficients[column] for column in columns])
-        new = table.rows.averaged(changed.columns(table.rows)).T
+        new = changed.at_rows(table.rows)
         rows.append(gain @ (new - table.columns[columns]) / _STEP)
     return np.array(rows).reshape(len(free), table.columns.shape[1])
 
