@@ -40,11 +40,16 @@ class Term:
     kind: type[Effect]
     constants: dict[str, Any] = field(default_factory=dict, compare=False)
     group: Group | None = None
-    # The values of the constants, which are compared and hashed.
+    # The values of the constants, which are compared and hashed, and the hash, often needed.
     _values: tuple[Any, ...] = field(init=False, repr=False)
+    _hash: int = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, '_values', tuple(self.constants.values()))
+        object.__setattr__(self, '_hash', hash((self.kind, self.group, self._values)))
+
+    def __hash__(self) -> int:
+        return self._hash
 
     def columns(self, rows: Rows) -> np.ndarray:
         """Return the term's columns on all samples, shape (N, M)."""

@@ -136,6 +136,8 @@ class Search:
         groups = [term.group for term in terms if term.group]
         own = {'weight': 'gravity', 'kinetic': 'inertia'}
         needed = {own[group.kind] for group in groups if group.kind in own}
+        if not needed:
+            return list(terms)
         needed -= {term.kind.name for term in terms if not term.group}
         return [*terms, *(term for term in self.table.columns_of
                           if not term.group and term.kind.name in needed)]
@@ -162,8 +164,8 @@ class Search:
 
     def shortlist(self, terms: Sequence[Term]) -> list[Term]:
         """Return the candidates that reduce the fitted error most, one of each effect."""
-        counts = Counter(term.choice for term in terms)
-        allowed = [term for term in self.candidates if term not in terms and (
+        counts, known = Counter(term.choice for term in terms), set(terms)
+        allowed = [term for term in self.candidates if term not in known and (
             counts[term.choice] < term.kind.max_count)]
         if not allowed:
             return []
