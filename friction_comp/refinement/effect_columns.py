@@ -31,6 +31,8 @@ EQ6_COLUMNS, EQ6_LINEAR, _EQ6_SIGNS = 5, 3, (0, 1, 1, 0, 0)
 _FLATTEST, _STEEPEST = 2.0, 6000.0
 # Steepness times shift at which Eq. 6 has 15 % of Coulomb friction at zero velocity.
 MAX_SHIFT = 0.3
+# Share of the squared error: a transition that promises, or brings, less is good enough.
+_LEAST_GAIN = 1e-4
 
 
 @dataclass(frozen=True)
@@ -228,7 +230,8 @@ class Table:
         best = error_at(current)
         for _ in range(rounds):
             before, coefficients = best, part.sums.fit(part.indices(terms))
-            if not coefficients[1] > 0.0:
+            promised = float(part.held_out_errors(part.indices(terms)).sum())
+            if not (coefficients[1] > 0.0 and promised < (1.0 - _LEAST_GAIN) * best):
                 break
             # Columns 3 and 4 are derivatives of column 1, Coulomb friction.
             growth = float(np.clip(coefficients[3] / coefficients[1], -1.0, 1.0))
@@ -243,7 +246,7 @@ class Table:
                 if error < best:
                     best, current = error, trial
                     break
-            if best > (1.0 - 1e-4) * before:
+            if best > (1.0 - _LEAST_GAIN) * before:
                 break
         self.set_transition(*current)
 

@@ -23,6 +23,8 @@ from friction_comp.refinement.effect_columns import Table, Term
 
 _STEP = 1e-3
 _RIDGE = 1e-6
+# Share of the squared error: constants that promise, or bring, less are good enough.
+_LEAST_GAIN = 1e-3
 # Constants that define an effect; the others only say how it fades.
 _DEFINING = ('time_constant', 'width', 'distance')
 
@@ -308,9 +310,11 @@ def adjust_constants(table: Table, terms: Sequence[Term], rounds: int) -> list[T
         scaled = design / norm[:, None]
         gram = scaled @ scaled.T
         gram[np.diag_indices(len(gram))] += _RIDGE
-        step = np.linalg.solve(gram, scaled @ residual) / norm
-        step = np.clip(step[-len(free):], -1.0, 1.0)
-        initial = float(residual @ residual)
+        slope, initial = scaled @ residual, float(residual @ residual)
+        step = np.linalg.solve(gram, slope)
+        if not slope @ step > _LEAST_GAIN * initial:
+            break
+        step = np.clip((step / norm)[-len(free):], -1.0, 1.0)
         for share in (1.0, 0.5, 0.25):
             changed = list(terms)
             for (index, name), size in zip(free, share * step):
@@ -322,7 +326,7 @@ def adjust_constants(table: Table, terms: Sequence[Term], rounds: int) -> list[T
         else:
             break
         terms = _with_current_loads(table, changed)
-        if error > (1.0 - 1e-3) * initial:
+        if error > (1.0 - _LEAST_GAIN) * initial:
             break
     return every.add(terms, table)
 
