@@ -84,6 +84,7 @@ def rivals_of(table: Table, terms: Sequence[Term], initial_count: int) -> dict[T
     own = trial.block_errors(terms, derivatives=False)
     for term in terms[initial_count:]:
         rest = [other for other in terms if other != term]
+        trial.keep(terms)
         # With constants on a grid, a rival predicts half as much better at least.
         most = own.sum() + thresholds.STAYS * (trial.block_errors(rest, False) - own).sum()
         search.candidates = trial.add([
