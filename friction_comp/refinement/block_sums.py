@@ -10,7 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+import math
 
+from numba import njit
 import numpy as np
 
 # Share of a column's sum of squares over all blocks; keeps the coefficients of collinear columns,
@@ -119,23 +121,48 @@ def held_out_error(columns: np.ndarray, target: np.ndarray, block: np.ndarray) -
     return float(sums_of(columns, target, block).held_out_errors(range(columns.shape[1])).sum())
 
 
+@njit(cache=True)
 def solve(sums: np.ndarray, norms: np.ndarray, signs: np.ndarray) -> np.ndarray:
     """Solve least squares problems with bounds at zero; return the coefficients, shape (F, S).
 
     A coefficient with the wrong sign is set to zero, the worst first, and the others are solved
     for without it. `sums`, shape (F, S + 1, S + 1), are of columns with these `norms` and `signs`.
     """
-    scaled = sums[:, :-1, :-1] / norms[:, None] / norms
-    scaled.reshape(len(sums), -1)[:, ::len(norms) + 1] += _RIDGE
-    goal, bounded = sums[:, :-1, -1:] / norms[:, None], signs > 0
-    solution = np.linalg.solve(scaled, goal)
-    while True:
-        wrong = np.where(bounded, solution[:, :, 0], 0.0)
-        cases = np.flatnonzero((wrong < 0.0).any(axis=1))
-        if not len(cases):
-            return np.asarray(solution[:, :, 0] / norms)
-        worst = wrong[cases].argmin(axis=1)
-        # Its equation becomes that it is zero.
-        scaled[cases, worst] = scaled[cases, :, worst] = goal[cases, worst] = 0.0
-        scaled[cases, worst, worst] = 1.0
-        solution[cases] = np.linalg.solve(scaled[cases], goal[cases])
+    result, scale = np.zeros((len(sums), len(norms))), 1.0 / norms
+    for problem, solution in zip(sums, result):
+        free = np.ones(len(norms), dtype=np.bool_)
+        wrong = True
+        while wrong:
+            _solve_free(problem, scale, free, solution)
+            worst = np.argmin(np.where(signs > 0, solution, np.inf)) if len(norms) else 0
+            wrong = len(norms) > 0 and signs[worst] > 0 and solution[worst] < 0.0
+            if wrong:
+                free[worst] = False
+        solution *= scale
+    return result
+
+
+@njit(cache=True)
+def _solve_free(sums: np.ndarray, scale: np.ndarray, free: np.ndarray, x: np.ndarray) -> None:
+    """Solve for the `free` ones of coefficients times norms, shape (S,), by Cholesky's method."""
+    size = len(x)
+    lower = np.zeros((size, size))
+    x[:] = 0.0
+    for i in range(size):
+        if free[i]:
+            for j in range(i + 1):
+                if free[j]:
+                    rest = sums[i, j] * scale[i] * scale[j]
+                    for k in range(j):
+                        rest -= lower[i, k] * lower[j, k]
+                    lower[i, j] = rest / lower[j, j] if j < i else math.sqrt(
+                        max(rest + _RIDGE, 1e-3 * _RIDGE))
+            x[i] = sums[i, size] * scale[i]
+            for k in range(i):
+                x[i] -= lower[i, k] * x[k]
+            x[i] /= lower[i, i]
+    for i in range(size - 1, -1, -1):
+        if free[i]:
+            for k in range(i + 1, size):
+                x[i] -= lower[k, i] * x[k]
+            x[i] /= lower[i, i]
