@@ -303,6 +303,8 @@ def adjust_constants(table: Table, terms: Sequence[Term], rounds: int) -> list[T
         free = free_constants(terms)
         if not free:
             break
+        # Trials of the rounds before make room for others.
+        table.keep(terms)
         residual = table.residual(terms, derivatives=False)
         design = np.vstack((table.columns[table.indices(terms)],
                             constant_derivatives(table, terms, free)))
