@@ -57,7 +57,7 @@ class BlockSums:
         if not np.array_equal(fold, every):
             left_out = np.zeros((int(fold.max()) + 1, *own.gram.shape[1:]))
             np.add.at(left_out, fold, own.gram)
-        fits = solve(own.gram.sum(axis=0) - left_out, own.norms, own.signs)
+        fits = solve(own.gram.sum(axis=0) - left_out, own.gram, own.signs)
         return _squared_errors(own.gram, fits[fold])
 
     def errors_of_fit(self, columns: Sequence[int], blocks: np.ndarray | slice = slice(None),
@@ -68,7 +68,7 @@ class BlockSums:
         """
         own, inner = self.part(columns), np.array([*columns, -1])
         sums = own.gram.sum(axis=0) if fitted is None else fitted[inner[:, None], inner]
-        return _squared_errors(own.gram[blocks], solve(sums[None], own.norms, own.signs))
+        return _squared_errors(own.gram[blocks], solve(sums[None], own.gram, own.signs))
 
     def squared_errors(self, columns: Sequence[int], coefficients: np.ndarray) -> np.ndarray:
         """Return the squared error of each block, (K,); all have coefficients (1, S), or own."""
@@ -77,12 +77,12 @@ class BlockSums:
     def fits(self, columns: Sequence[int], weights: np.ndarray) -> np.ndarray:
         """Return the coefficients, shape (F, S), of fits to blocks with weights, shape (F, K)."""
         own = self.part(columns)
-        return solve(np.tensordot(weights, own.gram, 1), own.norms, own.signs)
+        return solve(np.tensordot(weights, own.gram, 1), own.gram, own.signs)
 
     def fit(self, columns: Sequence[int]) -> np.ndarray:
         """Return the coefficients fitted to all blocks, shape (S,)."""
         own = self.part(columns)
-        return solve(own.gram.sum(axis=0)[None], own.norms, own.signs)[0]
+        return solve(own.gram.sum(axis=0)[None], own.gram, own.signs)[0]
 
     def independent_share(self, columns: Sequence[int]) -> np.ndarray:
         """Return the share of each column's norm that is independent of the others, shape (S,)."""
@@ -103,9 +103,17 @@ class BlockSums:
         return np.asarray(own * norms[size:] * norms[size:, None])
 
 
+@njit(cache=True)
 def _squared_errors(gram: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
-    combination = np.concatenate((coefficients, np.full((len(coefficients), 1), -1.0)), axis=1)
-    return np.asarray((combination[:, None] @ gram @ combination[:, :, None])[:, 0, 0])
+    errors = gram[:, -1, -1].copy()
+    for k in range(len(gram)):
+        x = coefficients[min(k, len(coefficients) - 1)]
+        for i in range(len(x)):
+            fitted = -2.0 * gram[k, i, -1]
+            for j in range(len(x)):
+                fitted += gram[k, i, j] * x[j]
+            errors[k] += x[i] * fitted
+    return errors
 
 
 def sums_of(columns: np.ndarray, target: np.ndarray, block: np.ndarray) -> BlockSums:
@@ -122,23 +130,30 @@ def held_out_error(columns: np.ndarray, target: np.ndarray, block: np.ndarray) -
 
 
 @njit(cache=True)
-def solve(sums: np.ndarray, norms: np.ndarray, signs: np.ndarray) -> np.ndarray:
+def solve(sums: np.ndarray, gram: np.ndarray, signs: np.ndarray) -> np.ndarray:
     """Solve least squares problems with bounds at zero; return the coefficients, shape (F, S).
 
     A coefficient with the wrong sign is set to zero, the worst first, and the others are solved
-    for without it. `sums`, shape (F, S + 1, S + 1), are of columns with these `norms` and `signs`.
+    for without it. `sums`, shape (F, S + 1, S + 1), are of columns with these `signs`; `gram` gives
+    the sums of squares over all blocks, of which the ridge is a share.
     """
-    result, scale = np.zeros((len(sums), len(norms))), 1.0 / norms
-    for problem, solution in zip(sums, result):
-        free = np.ones(len(norms), dtype=np.bool_)
-        wrong = True
-        while wrong:
-            _solve_free(problem, scale, free, solution)
-            worst = np.argmin(np.where(signs > 0, solution, np.inf)) if len(norms) else 0
-            wrong = len(norms) > 0 and signs[worst] > 0 and solution[worst] < 0.0
-            if wrong:
+    size = len(signs)
+    result, scale = np.zeros((len(sums), size)), np.ones(size)
+    for i in range(size):
+        square = np.sum(gram[:, i, i])
+        if square > 0.0:
+            scale[i] = 1.0 / math.sqrt(square)
+    for problem, x in zip(sums, result):
+        free, worst = np.ones(size, dtype=np.bool_), 0
+        while worst >= 0:
+            _solve_free(problem, scale, free, x)
+            worst, least = -1, 0.0
+            for i in range(size):
+                if signs[i] > 0 and x[i] < least:
+                    worst, least = i, x[i]
+            if worst >= 0:
                 free[worst] = False
-        solution *= scale
+        x *= scale
     return result
 
 

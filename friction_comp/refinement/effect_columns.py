@@ -168,10 +168,11 @@ class Table:
         if more > 0:
             self._unused += range(size, size + more)
             self.columns = np.vstack((self.columns, np.zeros((more, len(self.target)))))
-            old, known = self.sums, [*range(size), size + more]
-            self.sums = BlockSums(np.zeros((len(old.gram), size + more + 1, size + more + 1)),
-                                  old.rows, np.append(old.signs, [0] * more).astype(int))
-            self.sums.gram[:, np.array(known)[:, None], known] = old.gram
+            old, known = self.sums, self.sums.gram
+            gram = np.zeros((len(known), size + more + 1, size + more + 1))
+            gram[:, :size, :size], gram[:, -1, -1] = known[:, :size, :size], known[:, -1, -1]
+            gram[:, :size, -1] = gram[:, -1, :size] = known[:, :size, -1]
+            self.sums = BlockSums(gram, old.rows, np.append(old.signs, [0] * more).astype(int))
         places, self._unused = self._unused[:count], self._unused[count:]
         return places
 

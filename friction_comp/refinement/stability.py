@@ -57,6 +57,9 @@ def repeat_search(table: Table, terms: Sequence[Term], initial_count: int,
     early = [term for term in offered if term not in late]
     expected = [term for term in early if term.kind.in_first_model and not term.group]
     groups = [term for term in terms[initial_count:] if term.group]
+    # A group of other joints needs the joint's own inertia or weight.
+    table = table.part(list(dict.fromkeys([*terms, *offered, *(
+        term for term in table.columns_of if term.kind.in_first_model)])))
     searches: list[list[Term]] = []
     while len(searches) < thresholds.SEARCHES:
         weights = table.draw_blocks(rng)
@@ -84,7 +87,6 @@ def rivals_of(table: Table, terms: Sequence[Term], initial_count: int) -> dict[T
     own = trial.block_errors(terms, derivatives=False)
     for term in terms[initial_count:]:
         rest = [other for other in terms if other != term]
-        trial.keep(terms)
         # With constants on a grid, a rival predicts half as much better at least.
         most = own.sum() + thresholds.STAYS * (trial.block_errors(rest, False) - own).sum()
         search.candidates = trial.add([
