@@ -153,8 +153,10 @@ def shifted_in_time(values: np.ndarray, samples: Samples, lag: float) -> np.ndar
         place = np.interp(time + lag, time, np.arange(len(time)))
         index = place.astype(int)
         before = own.take(index, axis=1)
-        after = own.take(np.minimum(index + 1, len(time) - 1), axis=1)
-        shifted[:, part] = before + (place - index) * (after - before)
+        change = own.take(np.minimum(index + 1, len(time) - 1), axis=1)
+        change -= before
+        change *= place - index
+        np.add(before, change, out=shifted[:, part])
     return shifted.T.reshape(np.shape(values))
 
 

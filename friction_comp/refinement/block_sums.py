@@ -120,7 +120,7 @@ def sums_of(columns: np.ndarray, target: np.ndarray, block: np.ndarray) -> Block
     """Return the block sums of columns, shape (R, P), and a target, with consecutive blocks."""
     edges = np.searchsorted(block, np.arange(int(block.max()) + 2))
     return BlockSums.over(
-        np.column_stack((columns, target)).T, [slice(*ends) for ends in zip(edges, edges[1:])],
+        np.vstack((columns.T, target)), [slice(*ends) for ends in zip(edges, edges[1:])],
         np.zeros(columns.shape[1], dtype=int))
 
 
@@ -138,46 +138,39 @@ def solve(sums: np.ndarray, gram: np.ndarray, signs: np.ndarray) -> np.ndarray:
     the sums of squares over all blocks, of which the ridge is a share.
     """
     size = len(signs)
-    result, scale = np.zeros((len(sums), size)), np.ones(size)
+    result, scale = np.zeros((len(sums), size)), np.ones(size + 1)
     for i in range(size):
         square = np.sum(gram[:, i, i])
         if square > 0.0:
             scale[i] = 1.0 / math.sqrt(square)
     for problem, x in zip(sums, result):
-        free, worst = np.ones(size, dtype=np.bool_), 0
+        kept, worst = scale.copy(), 0
         while worst >= 0:
-            _solve_free(problem, scale, free, x)
+            _solve_scaled(problem, kept, x)
             worst, least = -1, 0.0
             for i in range(size):
                 if signs[i] > 0 and x[i] < least:
                     worst, least = i, x[i]
             if worst >= 0:
-                free[worst] = False
-        x *= scale
+                kept[worst] = 0.0
+        x *= scale[:-1]
     return result
 
 
 @njit(cache=True)
-def _solve_free(sums: np.ndarray, scale: np.ndarray, free: np.ndarray, x: np.ndarray) -> None:
-    """Solve for the `free` ones of coefficients times norms, shape (S,), by Cholesky's method."""
+def _solve_scaled(sums: np.ndarray, scale: np.ndarray, x: np.ndarray) -> None:
+    """Solve one problem of columns times their scale, the target last, by Cholesky's method."""
     size = len(x)
-    lower = np.zeros((size, size))
-    x[:] = 0.0
-    for i in range(size):
-        if free[i]:
-            for j in range(i + 1):
-                if free[j]:
-                    rest = sums[i, j] * scale[i] * scale[j]
-                    for k in range(j):
-                        rest -= lower[i, k] * lower[j, k]
-                    lower[i, j] = rest / lower[j, j] if j < i else math.sqrt(
-                        max(rest + _RIDGE, 1e-3 * _RIDGE))
-            x[i] = sums[i, size] * scale[i]
-            for k in range(i):
-                x[i] -= lower[i, k] * x[k]
-            x[i] /= lower[i, i]
+    lower = np.empty((size + 1, size))
+    for i in range(size + 1):
+        for j in range(min(i + 1, size)):
+            rest = sums[i, j] * scale[i] * scale[j]
+            for k in range(j):
+                rest -= lower[i, k] * lower[j, k]
+            lower[i, j] = (rest / lower[j, j] if j < i else
+                           math.sqrt(max(rest + _RIDGE, 1e-3 * _RIDGE)))
     for i in range(size - 1, -1, -1):
-        if free[i]:
-            for k in range(i + 1, size):
-                x[i] -= lower[k, i] * x[k]
-            x[i] /= lower[i, i]
+        x[i] = lower[size, i]
+        for k in range(i + 1, size):
+            x[i] -= lower[k, i] * x[k]
+        x[i] /= lower[i, i]

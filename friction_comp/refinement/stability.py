@@ -93,12 +93,16 @@ def rivals_of(table: Table, terms: Sequence[Term], initial_count: int) -> dict[T
             other for other in proposals(trial, rest) if other.choice != term.choice])
         rivals[term] = []
         for other in search.shortlist(rest):
-            if trial.block_errors([*rest, other], False).sum() < most:
+            errors = trial.block_errors([*rest, other], False)
+            if not errors.sum() < most:
+                continue
+            if search.is_improvement([errors], [own]):
                 instead = adjust_constants(trial, [*rest, other], 3)
                 trial.fit_transition(instead)
-                if not search.is_improvement([trial.block_errors(instead, False)], [own]):
-                    rivals[term].append(other.kind.name)
+                errors = trial.block_errors(instead, False)
                 trial.set_transition(*now)
+            if not search.is_improvement([errors], [own]):
+                rivals[term].append(other.kind.name)
     return rivals
 
 
