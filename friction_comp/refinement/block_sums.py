@@ -62,10 +62,7 @@ class BlockSums:
 
     def errors_of_fit(self, columns: Sequence[int], blocks: np.ndarray | slice = slice(None),
                       fitted: np.ndarray | None = None) -> np.ndarray:
-        """Return the squared error of some blocks by one fit to all of them, or to other sums.
-
-        The sums `fitted`, shape (P + 1, P + 1), are of all columns.
-        """
+        """Return the squared error of blocks by one fit to all, or to sums (P + 1, P + 1)."""
         own, inner = self.part(columns), np.array([*columns, -1])
         sums = own.gram.sum(axis=0) if fitted is None else fitted[inner[:, None], inner]
         return _squared_errors(own.gram[blocks], solve(sums[None], own.gram, own.signs))
@@ -103,17 +100,9 @@ class BlockSums:
         return np.asarray(own * norms[size:] * norms[size:, None])
 
 
-@njit(cache=True)
 def _squared_errors(gram: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
-    errors = gram[:, -1, -1].copy()
-    for k in range(len(gram)):
-        x = coefficients[min(k, len(coefficients) - 1)]
-        for i in range(len(x)):
-            fitted = -2.0 * gram[k, i, -1]
-            for j in range(len(x)):
-                fitted += gram[k, i, j] * x[j]
-            errors[k] += x[i] * fitted
-    return errors
+    combination = np.concatenate((coefficients, np.full((len(coefficients), 1), -1.0)), axis=1)
+    return np.asarray((combination[:, None] @ gram @ combination[:, :, None])[:, 0, 0])
 
 
 def sums_of(columns: np.ndarray, target: np.ndarray, block: np.ndarray) -> BlockSums:
@@ -141,8 +130,7 @@ def solve(sums: np.ndarray, gram: np.ndarray, signs: np.ndarray) -> np.ndarray:
     result, scale = np.zeros((len(sums), size)), np.ones(size + 1)
     for i in range(size):
         square = np.sum(gram[:, i, i])
-        if square > 0.0:
-            scale[i] = 1.0 / math.sqrt(square)
+        scale[i] = 1.0 / math.sqrt(square) if square > 0.0 else 1.0
     for problem, x in zip(sums, result):
         kept, worst = scale.copy(), 0
         while worst >= 0:

@@ -23,7 +23,7 @@ from friction_comp.refinement.effect_columns import Table, Term
 
 _STEP = 1e-3
 _RIDGE = 1e-6
-# Shares of the squared error: a step that promises less is not tried, one that brings less the last.
+# Of the squared error: a step that promises less is not tried, one that brings less is the last.
 _PROMISED, _LEAST_GAIN = 1e-4, 1e-3
 # Constants that define an effect; the others only say how it fades.
 _DEFINING = ('time_constant', 'width', 'distance')
@@ -78,10 +78,10 @@ class Search:
                  weights: np.ndarray | None = None) -> None:
         self.table, self.candidates, self.fixed = table, candidates, fixed
         self._resampled = weights is not None
-        self._weights = np.ones(len(table.block)) if weights is None else weights[table.block]
-        self._held_out = np.flatnonzero(self._weights == 0.0)
+        drawn = np.ones(len(table.block)) if weights is None else weights[table.block]
+        self._held_out = np.flatnonzero(drawn == 0.0)
         # The table of a resampled search stays as it is.
-        self._fitted = np.tensordot(self._weights, table.sums.gram, 1) if self._resampled else None
+        self._fitted = np.tensordot(drawn, table.sums.gram, 1) if self._resampled else None
         # By transition and terms, which the same steps compare again and again.
         self._errors: dict[tuple[tuple[float, float], frozenset[Term]], list[np.ndarray]] = {}
         self._regions = len(np.unique(table.region)) > 1
@@ -90,9 +90,7 @@ class Search:
 
     def _mixed(self) -> np.ndarray:
         """Return the sums of products over the fitted blocks, shape (P + 1, P + 1)."""
-        if self._fitted is not None:
-            return self._fitted
-        return np.asarray(np.tensordot(self._weights, self.table.sums.gram, 1))
+        return self.table.sums.gram.sum(axis=0) if self._fitted is None else self._fitted
 
     def after_addition(self, terms: list[Term]) -> list[Term]:
         """Return terms after one was added; a subclass may adjust them and update `candidates`."""
@@ -138,10 +136,8 @@ class Search:
         groups = [term.group for term in terms if term.group]
         own = {'weight': 'gravity', 'kinetic': 'inertia'}
         needed = {own[group.kind] for group in groups if group.kind in own}
-        if not needed:
-            return list(terms)
         needed -= {term.kind.name for term in terms if not term.group}
-        return [*terms, *(term for term in self.table.columns_of
+        return [*terms, *(term for term in (self.table.columns_of if needed else ())
                           if not term.group and term.kind.name in needed)]
 
     def without_collinear(self, terms: Sequence[Term]) -> list[Term]:

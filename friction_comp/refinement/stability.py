@@ -94,14 +94,13 @@ def rivals_of(table: Table, terms: Sequence[Term], initial_count: int) -> dict[T
         rivals[term] = []
         for other in search.shortlist(rest):
             errors = trial.block_errors([*rest, other], False)
-            if not errors.sum() < most:
-                continue
-            if search.is_improvement([errors], [own]):
+            close = errors.sum() < most
+            if close and search.is_improvement([errors], [own]):
                 instead = adjust_constants(trial, [*rest, other], 3)
                 trial.fit_transition(instead)
                 errors = trial.block_errors(instead, False)
                 trial.set_transition(*now)
-            if not search.is_improvement([errors], [own]):
+            if close and not search.is_improvement([errors], [own]):
                 rivals[term].append(other.kind.name)
     return rivals
 
