@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import numpy as np
@@ -152,8 +153,10 @@ def shifted_in_time(values: np.ndarray, samples: Samples, lag: float) -> np.ndar
         place = np.interp(time + lag, time, np.arange(len(time)))
         index = place.astype(int)
         before = own.take(index, axis=1)
-        after = own.take(np.minimum(index + 1, len(time) - 1), axis=1)
-        shifted[:, part] = before + (place - index) * (after - before)
+        change = own.take(np.minimum(index + 1, len(time) - 1), axis=1)
+        change -= before
+        change *= place - index
+        np.add(before, change, out=shifted[:, part])
     return shifted.T.reshape(np.shape(values))
 
 
@@ -181,12 +184,20 @@ def as_recorded(current: np.ndarray, samples: Samples, time_constant: float | No
     return result
 
 
+@functools.lru_cache(maxsize=64)
+def _low_pass(cutoff: float) -> np.ndarray:
+    """Return the filter's sections; the cutoff frequency is a share of half the sample rate."""
+    from scipy.signal import butter
+
+    return np.asarray(butter(_ORDER, cutoff, output='sos'))
+
+
 def _smooth(signal: np.ndarray, sample_time: float, bandwidth: float | None) -> np.ndarray:
     if bandwidth is None or sample_time <= 0 or 2.0 * bandwidth * sample_time >= 0.95:
         return signal
-    from scipy.signal import butter, sosfiltfilt
+    from scipy.signal import sosfiltfilt
 
-    sections = butter(_ORDER, 2.0 * bandwidth * sample_time, output='sos')
+    sections = _low_pass(2.0 * bandwidth * sample_time)
     # Long enough for slow transients of narrow filters, short enough for short parts.
     padding = min(len(signal) - 1, int(3.0 / (bandwidth * sample_time)))
     return sosfiltfilt(sections, signal, padtype='odd', padlen=padding)

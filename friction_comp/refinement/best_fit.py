@@ -169,11 +169,13 @@ class EffectSearch(Search):
         terms = self.without_collinear(list(dict.fromkeys([*self.fixed, *start])))
         self.table.fit_transition(terms)
         self.update_candidates(terms)
-        terms = self.after_addition(self.forward(terms), 5)
-        terms = self.backward(self.exchange(terms))
+        adjusted = self.after_addition(self.forward(terms), 5)
+        terms = self.backward(self.exchange(adjusted))
         self._time_effects = True
         self.update_candidates(terms)
-        terms = self.backward(self.after_addition(self.forward(terms), 5))
+        terms = self.forward(terms)
+        if terms != adjusted:
+            terms = self.backward(self.after_addition(terms, 5))
         self._retained.update(terms)
         return terms
 

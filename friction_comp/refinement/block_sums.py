@@ -10,7 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+import math
 
+from numba import njit
 import numpy as np
 
 from friction_comp.refinement import thresholds
@@ -54,10 +56,13 @@ class BlockSums:
 
         Blocks of the same `fold`, shape (K,), are left out together; each by itself when omitted.
         """
-        fold_of_block = np.arange(len(self.rows)) if fold is None else fold
-        train = fold_of_block != np.arange(int(fold_of_block.max()) + 1)[:, None]
-        own = self.part(columns)
-        return _squared_errors(own, _fits(own, train.astype(float))[fold_of_block])
+        own, every = self.part(columns), np.arange(len(self.rows))
+        fold, left_out = every if fold is None else fold, own.gram
+        if not np.array_equal(fold, every):
+            left_out = np.zeros((int(fold.max()) + 1, *own.gram.shape[1:]))
+            np.add.at(left_out, fold, own.gram)
+        fits = solve(own.gram.sum(axis=0) - left_out, own.gram, own.signs)
+        return _squared_errors(own.gram, fits[fold])
 
     def fits_without(self, columns: Sequence[int], train: np.ndarray) -> np.ndarray:
         """Return the coefficients of fits to some of the blocks, bool (F, K), shape (F, S).
@@ -67,7 +72,7 @@ class BlockSums:
         """
         own = self.part(columns)
         sums, norms, whole = np.tensordot(train.astype(float), own.gram, 1), own.norms, None
-        fits = solve(sums, norms, own.signs)
+        fits = solve(sums, own.gram, own.signs)
         for k, inner in enumerate(sums[:, :-1, :-1] / norms / norms[:, None]):
             free = np.arange(len(norms))
             while len(free) and (shares := _shares(inner[np.ix_(free, free)])).min() < \
@@ -82,30 +87,35 @@ class BlockSums:
             rest[:-1, -1] -= sums[k, :-1, :-1] @ held
             both = np.append(free, -1)
             fits[k] = held
-            fits[k, free] = solve(rest[None, both[:, None], both], norms[free], own.signs[free])[0]
+            fits[k, free] = solve(rest[None, both[:, None], both], own.gram[:, both[:, None], both],
+                                  own.signs[free])[0]
         return fits
 
     def errors_without(self, columns: Sequence[int], fold: np.ndarray) -> np.ndarray:
         """Return the squared error of each block by `fits_without` the blocks of its fold."""
         train = fold != np.arange(int(fold.max()) + 1)[:, None]
-        return _squared_errors(self.part(columns), self.fits_without(columns, train)[fold])
+        return _squared_errors(self.part(columns).gram, self.fits_without(columns, train)[fold])
 
-    def errors_of_fit(self, columns: Sequence[int], weights: np.ndarray) -> np.ndarray:
-        """Return the squared error of each block by one fit to all, with weights, shape (K,)."""
-        own = self.part(columns)
-        return _squared_errors(own, _fits(own, weights[None]))
+    def errors_of_fit(self, columns: Sequence[int], blocks: np.ndarray | slice = slice(None),
+                      fitted: np.ndarray | None = None) -> np.ndarray:
+        """Return the squared error of blocks by one fit to all, or to sums (P + 1, P + 1)."""
+        own, inner = self.part(columns), np.array([*columns, -1])
+        sums = own.gram.sum(axis=0) if fitted is None else fitted[inner[:, None], inner]
+        return _squared_errors(own.gram[blocks], solve(sums[None], own.gram, own.signs))
 
     def squared_errors(self, columns: Sequence[int], coefficients: np.ndarray) -> np.ndarray:
         """Return the squared error of each block, (K,); all have coefficients (1, S), or own."""
-        return _squared_errors(self.part(columns), coefficients)
+        return _squared_errors(self.part(columns).gram, coefficients)
 
     def fits(self, columns: Sequence[int], weights: np.ndarray) -> np.ndarray:
         """Return the coefficients, shape (F, S), of fits to blocks with weights, shape (F, K)."""
-        return _fits(self.part(columns), weights)
+        own = self.part(columns)
+        return solve(np.tensordot(weights, own.gram, 1), own.gram, own.signs)
 
     def fit(self, columns: Sequence[int]) -> np.ndarray:
         """Return the coefficients fitted to all blocks, shape (S,)."""
-        return self.fits(columns, np.ones((1, len(self.rows))))[0]
+        own = self.part(columns)
+        return solve(own.gram.sum(axis=0)[None], own.gram, own.signs)[0]
 
     def independent_share(self, columns: Sequence[int]) -> np.ndarray:
         """Return the share of each column's norm that is independent of the others, shape (S,)."""
@@ -131,20 +141,16 @@ def _shares(scaled: np.ndarray) -> np.ndarray:
     return np.asarray(1.0 / np.sqrt(np.abs(np.diag(np.linalg.inv(scaled)))))
 
 
-def _fits(own: BlockSums, weights: np.ndarray) -> np.ndarray:
-    return solve(np.tensordot(weights, own.gram, 1), own.norms, own.signs)
-
-
-def _squared_errors(own: BlockSums, coefficients: np.ndarray) -> np.ndarray:
+def _squared_errors(gram: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
     combination = np.concatenate((coefficients, np.full((len(coefficients), 1), -1.0)), axis=1)
-    return np.asarray((combination[:, None] @ own.gram @ combination[:, :, None])[:, 0, 0])
+    return np.asarray((combination[:, None] @ gram @ combination[:, :, None])[:, 0, 0])
 
 
 def sums_of(columns: np.ndarray, target: np.ndarray, block: np.ndarray) -> BlockSums:
     """Return the block sums of columns, shape (R, P), and a target, with consecutive blocks."""
     edges = np.searchsorted(block, np.arange(int(block.max()) + 2))
     return BlockSums.over(
-        np.column_stack((columns, target)).T, [slice(*ends) for ends in zip(edges, edges[1:])],
+        np.vstack((columns.T, target)), [slice(*ends) for ends in zip(edges, edges[1:])],
         np.zeros(columns.shape[1], dtype=int))
 
 
@@ -153,29 +159,47 @@ def held_out_error(columns: np.ndarray, target: np.ndarray, block: np.ndarray) -
     return float(sums_of(columns, target, block).held_out_errors(range(columns.shape[1])).sum())
 
 
-def solve(sums: np.ndarray, norms: np.ndarray, signs: np.ndarray) -> np.ndarray:
+@njit(cache=True)
+def solve(sums: np.ndarray, gram: np.ndarray, signs: np.ndarray) -> np.ndarray:
     """Solve least squares problems with bounds at zero; return the coefficients, shape (F, S).
 
     A coefficient with the wrong sign is set to zero, the worst first, and the others are solved
-    for without it. `sums`, shape (F, S + 1, S + 1), are of columns with these `norms` and `signs`.
+    for without it. `sums`, shape (F, S + 1, S + 1), are of columns with these `signs`; `gram` gives
+    the sums of squares over all blocks, of which the ridge is a share.
     """
-    size = len(norms)
-    scaled = sums[:, :-1, :-1] / norms[:, None] / norms
-    scaled.reshape(len(sums), -1)[:, ::size + 1] += _RIDGE
-    goal = sums[:, :-1, -1] / norms
-    solution = np.linalg.solve(scaled, goal[:, :, None])[:, :, 0]
-    bounded, free, inverse = signs > 0, np.ones(solution.shape, dtype=bool), None
-    while True:
-        wrong = np.where(bounded & free, solution, 0.0)
-        cases = np.nonzero((wrong < 0.0).any(axis=1))[0]
-        if not len(cases):
-            return np.asarray(solution / norms)
-        if inverse is None:
-            inverse = np.linalg.inv(scaled)
-        worst = wrong[cases].argmin(axis=1)
-        free[cases, worst] = False
-        # What the others are without it follows from its row of the inverse.
-        row, pivot = inverse[cases, worst], inverse[cases, worst, worst][:, None]
-        solution[cases] -= row * (solution[cases, worst][:, None] / pivot)
-        solution[~free] = 0.0
-        inverse[cases] -= row[:, :, None] * (row / pivot)[:, None]
+    size = len(signs)
+    result, scale = np.zeros((len(sums), size)), np.ones(size + 1)
+    for i in range(size):
+        square = np.sum(gram[:, i, i])
+        scale[i] = 1.0 / math.sqrt(square) if square > 0.0 else 1.0
+    for problem, x in zip(sums, result):
+        kept, worst = scale.copy(), 0
+        while worst >= 0:
+            _solve_scaled(problem, kept, x)
+            worst, least = -1, 0.0
+            for i in range(size):
+                if signs[i] > 0 and x[i] < least:
+                    worst, least = i, x[i]
+            if worst >= 0:
+                kept[worst] = 0.0
+        x *= scale[:-1]
+    return result
+
+
+@njit(cache=True)
+def _solve_scaled(sums: np.ndarray, scale: np.ndarray, x: np.ndarray) -> None:
+    """Solve one problem of columns times their scale, the target last, by Cholesky's method."""
+    size = len(x)
+    lower = np.empty((size + 1, size))
+    for i in range(size + 1):
+        for j in range(min(i + 1, size)):
+            rest = sums[i, j] * scale[i] * scale[j]
+            for k in range(j):
+                rest -= lower[i, k] * lower[j, k]
+            lower[i, j] = (rest / lower[j, j] if j < i else
+                           math.sqrt(max(rest + _RIDGE, 1e-3 * _RIDGE)))
+    for i in range(size - 1, -1, -1):
+        x[i] = lower[size, i]
+        for k in range(i + 1, size):
+            x[i] -= lower[k, i] * x[k]
+        x[i] /= lower[i, i]

@@ -11,6 +11,7 @@ what it changes, the recording is too short to tell.
 from __future__ import annotations
 
 from dataclasses import dataclass
+import functools
 from itertools import combinations, product
 from typing import Any
 
@@ -22,9 +23,7 @@ from friction_comp.refinement import thresholds
 from friction_comp.samples import Samples
 from friction_comp.statistics import quantile_edges, robust_std
 
-_FLIPS, _CHANCE = 1500, 0.001
-# Flips that are tried first: mostly, they show already that it may be chance.
-_FIRST_FLIPS = 100
+_FLIPS, _FEW_FLIPS, _CHANCE = 1500, 50, 0.001
 # Errors beyond so many standard deviations are clipped.
 _OUTLYING = 8.0
 _SINGLE = {'velocity': 20, 'position': 16, 'acceleration': 12, 'time': 12, 'history': 12,
@@ -62,12 +61,11 @@ def remaining_dependences(samples: Samples, residual: np.ndarray, slowest: float
     dependences: list[Dependence] = []
     if not power > 0.0:
         return dependences
-    rng = np.random.default_rng(0)
     cells = {name: _cells(name, signals, side) for name in _SINGLE if name in signals}
     while cells:
         block, known_memory = _blocks(values)
         share = float(values @ values) / power
-        strength, name = max((explained_share(values, cell, block, rng), name)
+        strength, name = max((explained_share(values, cell, block), name)
                              for name, cell in cells.items())
         slow = not known_memory and 'time' in cells and (
             name == 'time' or strength * share < thresholds.LEAST_STRENGTH)
@@ -82,7 +80,7 @@ def remaining_dependences(samples: Samples, residual: np.ndarray, slowest: float
         mean = np.bincount(cell, values) / np.maximum(np.bincount(cell), 1)
         values = values - mean[cell]
     share = float(values @ values) / power
-    pair, strength = _strongest_pair(values, signals, side, rng)
+    pair, strength = _strongest_pair(values, signals, side)
     if strength * share > 2.0 * thresholds.LEAST_STRENGTH:
         known = {item.variable for item in dependences}
         dependences += [_dependence(name, strength * share, values, ' and '.join(pair))
@@ -91,8 +89,13 @@ def remaining_dependences(samples: Samples, residual: np.ndarray, slowest: float
     return dependences + _inseparable(dependences, signals)
 
 
-def explained_share(residual: np.ndarray, cells: np.ndarray, block: np.ndarray,
-                    rng: np.random.Generator) -> float:
+@functools.lru_cache(maxsize=1)
+def _signs(blocks: int) -> np.ndarray:
+    """Return the signs of blocks in each of the random flips, shape (_FLIPS, B)."""
+    return np.random.default_rng(0).integers(0, 2, size=(_FLIPS, blocks)) * 2.0 - 1.0
+
+
+def explained_share(residual: np.ndarray, cells: np.ndarray, block: np.ndarray) -> float:
     """Return the share of a residual's variance that cells explain; 0 if it may be chance.
 
     `cells` and `block`, shape (N,), are the indices of each sample's cell and block. Blocks are
@@ -104,10 +107,9 @@ def explained_share(residual: np.ndarray, cells: np.ndarray, block: np.ndarray,
     weight = 1.0 / np.maximum(np.bincount(cells, minlength=count), 1)
     power = float(residual @ residual)
     explained = float(weight @ np.sum(table, axis=0) ** 2) / power
-    signs = rng.integers(0, 2, size=(_FLIPS, rows)) * 2.0 - 1.0
-    by_chance = np.empty(0)
-    for part in (signs[:_FIRST_FLIPS], signs[_FIRST_FLIPS:]):
-        by_chance = np.append(by_chance, (part @ table) ** 2 @ weight / power)
+    # What is due to chance shows in a few flips.
+    for flips in (_FEW_FLIPS, _FLIPS):
+        by_chance = (_signs(rows)[:flips] @ table) ** 2 @ weight / power
         if float(np.sum(by_chance >= explained)) + 1.0 > _CHANCE * (_FLIPS + 1.0):
             return 0.0
     # A strong dependence is in the flipped table, too, so that the strength is underestimated.
@@ -146,8 +148,8 @@ def _cells(name: str, signals: dict[str, np.ndarray], side: np.ndarray) -> np.nd
     return cell if name == 'acceleration' else 2 * cell + side
 
 
-def _strongest_pair(values: np.ndarray, signals: dict[str, np.ndarray], side: np.ndarray,
-                    rng: np.random.Generator) -> tuple[tuple[str, ...], float]:
+def _strongest_pair(values: np.ndarray, signals: dict[str, np.ndarray], side: np.ndarray
+                    ) -> tuple[tuple[str, ...], float]:
     """Return the two variables that together explain most, and the share that they explain."""
     ranges = {name: _ranges(signals[name], count) for name, count in _PAIRED.items()
               if name in signals}
@@ -158,7 +160,7 @@ def _strongest_pair(values: np.ndarray, signals: dict[str, np.ndarray], side: np
         if 'velocity' not in names:
             cell = 2 * cell + side
         cell = np.unique(cell, return_inverse=True)[1].reshape(-1)
-        strength = explained_share(values, cell, block, rng)
+        strength = explained_share(values, cell, block)
         weighted = strength * (_OTHER_PAIR if _STATE.issuperset(names) else 1.0)
         best = max(best, (weighted, strength, names))
     return best[2], best[1]

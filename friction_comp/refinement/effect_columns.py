@@ -31,6 +31,8 @@ EQ6_COLUMNS, EQ6_LINEAR, _EQ6_SIGNS = 5, 3, (0, 1, 1, 0, 0)
 _FLATTEST, _STEEPEST = 2.0, 6000.0
 # Steepness times shift at which Eq. 6 has 15 % of Coulomb friction at zero velocity.
 MAX_SHIFT = 0.3
+# Share of the squared error: a transition that promises, or brings, less is good enough.
+_LEAST_GAIN = 1e-4
 
 
 @dataclass(frozen=True)
@@ -40,11 +42,16 @@ class Term:
     kind: type[Effect]
     constants: dict[str, Any] = field(default_factory=dict, compare=False)
     group: Group | None = None
-    # The values of the constants, which are compared and hashed.
+    # The values of the constants, which are compared and hashed, and the hash, often needed.
     _values: tuple[Any, ...] = field(init=False, repr=False)
+    _hash: int = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, '_values', tuple(self.constants.values()))
+        object.__setattr__(self, '_hash', hash((self.kind, self.group, self._values)))
+
+    def __hash__(self) -> int:
+        return self._hash
 
     def columns(self, rows: Rows) -> np.ndarray:
         """Return the term's columns on all samples, shape (N, M)."""
@@ -52,6 +59,12 @@ class Term:
             assert rows.motion is not None, 'groups are made of the motion of several joints'
             return rows.as_recorded(self.group.columns(rows.joints, *rows.motion))
         return rows.as_recorded(self.kind.matrix(rows.samples, self.constants))
+
+    def at_rows(self, rows: Rows) -> np.ndarray:
+        """Return the term's columns on rows, shape (M, R)."""
+        if self.group is None and not (self.kind.has_memory or rows.time_constant):
+            return self.kind.matrix(rows.at_rows, self.constants).T
+        return rows.averaged(self.columns(rows)).T
 
     @property
     def choice(self) -> tuple[Any, ...]:
@@ -110,68 +123,67 @@ class Table:
         self.block, self.region = np.divmod(cells, int(rows.region.max()) + 1)
         self.sums = BlockSums.over(self.target[None], self._cells, np.empty(0, dtype=int))
         self.columns = np.empty((0, len(self.target)))
-        self._append(self._base(steepness, shift), _EQ6_SIGNS)
+        self._unused: list[int] = []  # indices of columns that no term has
+        self._set(self._places(EQ6_COLUMNS), self._base(steepness, shift), _EQ6_SIGNS)
 
     def _base(self, steepness: float, shift: float) -> np.ndarray:
         return self.rows.averaged(eq6_columns(self.rows, steepness, shift)).T
 
     def part(self, terms: Sequence[Term]) -> Table:
         """Return a table of some of the terms alone, in which others are tried for less."""
-        part = copy.copy(self)
-        part._keep_only(terms)
+        part, columns, size = copy.copy(self), self.indices(terms), EQ6_COLUMNS
+        part.sums, part.columns = self.sums.part(columns), self.columns[columns]
+        part.columns_of, part._unused = {}, []
+        for term in terms:
+            part.columns_of[term] = [size + k for k in range(len(self.columns_of[term]))]
+            size += len(self.columns_of[term])
         return part
 
     def add(self, terms: Sequence[Term], part: Table | None = None) -> list[Term]:
         """Add terms, whose columns a part of the table may have; return the finite ones."""
-        fresh: list[np.ndarray] = []
-        signs: list[int] = []
+        fresh: dict[Term, np.ndarray] = {}
         for term in terms:
-            if term in self.columns_of:
-                continue
-            columns = (part.columns[part.columns_of[term]] if part and term in part.columns_of
-                       else self.rows.averaged(term.columns(self.rows)).T)
-            if np.isfinite(columns).all():
-                first = len(self.columns) + len(fresh)
-                self.columns_of[term] = list(range(first, first + len(columns)))
-                fresh += list(columns)
-                signs += signs_of(term, len(columns))
+            if term not in self.columns_of and term not in fresh:
+                columns = (part.columns[part.columns_of[term]] if part and term in part.columns_of
+                           else term.at_rows(self.rows))
+                if np.isfinite(columns).all():
+                    fresh[term] = columns
         if fresh:
-            self._append(np.array(fresh), signs)
+            places = self._places(sum(map(len, fresh.values())))
+            signs = [sign for term, columns in fresh.items() for sign in signs_of(
+                term, len(columns))]
+            self._set(places, np.concatenate(list(fresh.values())), signs)
+            for term, columns in fresh.items():
+                self.columns_of[term], places = places[:len(columns)], places[len(columns):]
         return [term for term in terms if term in self.columns_of]
 
     def keep(self, terms: Container[Term]) -> None:
         """Remove all other terms."""
-        remaining = [term for term in self.columns_of if term in terms]
-        if len(remaining) < len(self.columns_of):
-            self._keep_only(remaining)
+        for term in [term for term in self.columns_of if term not in terms]:
+            self._unused += self.columns_of.pop(term)
 
-    def _keep_only(self, remaining: Sequence[Term]) -> None:
-        sizes = [len(self.columns_of[term]) for term in remaining]
-        columns = self.indices(remaining)
-        self.sums = self.sums.part(columns)
-        self.columns, self.columns_of = self.columns[columns], {}
-        for term, stop, size in zip(remaining, np.cumsum(sizes), sizes):
-            last = EQ6_COLUMNS + int(stop)
-            self.columns_of[term] = list(range(last - size, last))
+    def _places(self, count: int) -> list[int]:
+        """Return the indices of columns that no term has; columns are added if they are too few."""
+        size, more = len(self.columns), count - len(self._unused)
+        if more > 0:
+            self._unused += range(size, size + more)
+            self.columns = np.vstack((self.columns, np.zeros((more, len(self.target)))))
+            old, known = self.sums, self.sums.gram
+            gram = np.zeros((len(known), size + more + 1, size + more + 1))
+            gram[:, :size, :size], gram[:, -1, -1] = known[:, :size, :size], known[:, -1, -1]
+            gram[:, :size, -1] = gram[:, -1, :size] = known[:, :size, -1]
+            self.sums = BlockSums(gram, old.rows, np.append(old.signs, [0] * more).astype(int))
+        places, self._unused = self._unused[:count], self._unused[count:]
+        return places
 
-    def _append(self, fresh: np.ndarray, signs: Sequence[int]) -> None:
-        old, known = len(self.columns), self.sums.gram
-        self.columns = np.vstack((self.columns, fresh))
-        size = len(self.columns)
-        gram = np.empty((len(self._cells), size + 1, size + 1))
-        gram[:, :old, :old] = known[:, :old, :old]
-        gram[:, :old, size] = gram[:, size, :old] = known[:, :old, old]
-        gram[:, size, size] = known[:, old, old]
-        self.sums = BlockSums(gram, self.sums.rows, np.append(self.sums.signs, signs).astype(int))
-        self._update_sums(slice(old, size))
-
-    def _update_sums(self, changed: slice) -> None:
-        """Recompute the sums of products of some columns with all others and with the target."""
+    def _set(self, places: Sequence[int], columns: np.ndarray, signs: Sequence[int]) -> None:
+        """Replace some columns, and their sums of products with all others and the target."""
+        self.columns[places], self.sums.signs[places] = columns, signs
         for gram, rows in zip(self.sums.gram, self._cells):
-            columns, target = self.columns[:, rows], self.target[rows]
-            products = columns[changed] @ columns.T
-            gram[changed, :-1], gram[:-1, changed] = products, products.T
-            gram[changed, -1] = gram[-1, changed] = columns[changed] @ target
+            every, own, target = self.columns[:, rows], columns[:, rows], self.target[rows]
+            products = own @ every.T
+            gram[places, :-1], gram[:-1, places] = products, products.T
+            gram[places, -1] = gram[-1, places] = own @ target
 
     def indices(self, terms: Sequence[Term], derivatives: bool = True) -> list[int]:
         """Return the column indices of Eq. 6 and of some terms."""
@@ -185,8 +197,7 @@ class Table:
 
     def error(self, terms: Sequence[Term]) -> float:
         """Return the squared error of a fit of some terms to all blocks."""
-        columns, all_cells = self.indices(terms, derivatives=False), np.ones(len(self.block))
-        return float(self.sums.errors_of_fit(columns, all_cells).sum())
+        return float(self.sums.errors_of_fit(self.indices(terms, derivatives=False)).sum())
 
     def coefficients(self, terms: Sequence[Term]) -> dict[int, float]:
         """Return the coefficient of each column index, fitted to all blocks."""
@@ -218,7 +229,8 @@ class Table:
         best = error_at(current)
         for _ in range(rounds):
             before, coefficients = best, part.sums.fit(part.indices(terms))
-            if not coefficients[1] > 0.0:
+            promised = float(part.held_out_errors(part.indices(terms)).sum())
+            if not (coefficients[1] > 0.0 and promised < (1.0 - _LEAST_GAIN) * best):
                 break
             # Columns 3 and 4 are derivatives of column 1, Coulomb friction.
             growth = float(np.clip(coefficients[3] / coefficients[1], -1.0, 1.0))
@@ -233,7 +245,7 @@ class Table:
                 if error < best:
                     best, current = error, trial
                     break
-            if best > (1.0 - 1e-4) * before:
+            if best > (1.0 - _LEAST_GAIN) * before:
                 break
         self.set_transition(*current)
 
@@ -241,8 +253,7 @@ class Table:
         """Set the steepness and the shift of Eq. 6 and recompute its columns."""
         if (steepness, shift) != self.transition:
             self.transition = steepness, shift
-            self.columns[:EQ6_COLUMNS] = self._base(steepness, shift)
-            self._update_sums(slice(0, EQ6_COLUMNS))
+            self._set(range(EQ6_COLUMNS), self._base(steepness, shift), _EQ6_SIGNS)
 
     def load_shares(self, terms: Sequence[Term]) -> list[dict[str, float]]:
         """Return the load on the teeth due to each term of a fit; see `Effect.load_share`.

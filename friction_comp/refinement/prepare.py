@@ -64,7 +64,8 @@ class Rows:
     @functools.cached_property
     def at_rows(self) -> Samples:
         """The averages of the signals over each row."""
-        names = ('time', 'position', 'velocity', 'acceleration', 'load', 'temperature')
+        names = ('time', 'position', 'velocity', 'acceleration', 'load', 'temperature',
+                 'rigid_body', 'coupling')
         known: Any = {name: self.averaged(getattr(self.samples, name)) for name in names
                       if getattr(self.samples, name) is not None}
         return Samples(current=self.averaged(self.samples.current), joint=self.samples.joint,

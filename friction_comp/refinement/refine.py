@@ -146,11 +146,11 @@ def select_named(fit: Fit) -> Fit:
 def refit(fit: Fit, terms: Sequence[Term]) -> Fit:
     """Fit some terms alone, with the transition that predicts all samples best."""
     terms = adjust_constants(fit.table, terms, 5)
-    # The transition is tried at many places, each with sums over all columns that are kept.
-    fit.table.keep(terms)
-    fit.table.fit_transition(terms)
-    _fit_transition_to_all_samples(fit.table, terms)
-    return replace(fit, terms=terms)
+    # The transition is tried at many places, each with sums over all columns.
+    table = fit.table.part(terms)
+    table.fit_transition(terms)
+    _fit_transition_to_all_samples(table, terms)
+    return replace(fit, table=table, terms=terms)
 
 
 def _fit_transition_to_all_samples(table: Table, terms: Sequence[Term]) -> None:

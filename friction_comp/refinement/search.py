@@ -23,6 +23,8 @@ from friction_comp.refinement.effect_columns import Table, Term
 
 _STEP = 1e-3
 _RIDGE = 1e-6
+# Of the squared error: a step that promises less is not tried, one that brings less is the last.
+_PROMISED, _LEAST_GAIN = 1e-4, 1e-3
 # Constants that define an effect; the others only say how it fades.
 _DEFINING = ('time_constant', 'width', 'distance')
 
@@ -76,10 +78,10 @@ class Search:
                  weights: np.ndarray | None = None) -> None:
         self.table, self.candidates, self.fixed = table, candidates, fixed
         self._resampled = weights is not None
-        self._weights = np.ones(len(table.block)) if weights is None else weights[table.block]
-        self._held_out = np.nonzero(self._weights == 0.0)[0]
+        drawn = np.ones(len(table.block)) if weights is None else weights[table.block]
+        self._held_out = np.flatnonzero(drawn == 0.0)
         # The table of a resampled search stays as it is.
-        self._fitted = np.tensordot(self._weights, table.sums.gram, 1) if self._resampled else None
+        self._fitted = np.tensordot(drawn, table.sums.gram, 1) if self._resampled else None
         # By transition and terms, which the same steps compare again and again.
         self._errors: dict[tuple[tuple[float, float], frozenset[Term]], list[np.ndarray]] = {}
         self._regions = len(np.unique(table.region)) > 1
@@ -88,9 +90,7 @@ class Search:
 
     def _mixed(self) -> np.ndarray:
         """Return the sums of products over the fitted blocks, shape (P + 1, P + 1)."""
-        if self._fitted is not None:
-            return self._fitted
-        return np.asarray(np.tensordot(self._weights, self.table.sums.gram, 1))
+        return self.table.sums.gram.sum(axis=0) if self._fitted is None else self._fitted
 
     def after_addition(self, terms: list[Term]) -> list[Term]:
         """Return terms after one was added; a subclass may adjust them and update `candidates`."""
@@ -102,7 +102,7 @@ class Search:
         if key not in self._errors:
             columns = table.indices(terms)
             if self._resampled:
-                errors = [sums.errors_of_fit(columns, self._weights)[self._held_out]]
+                errors = [sums.errors_of_fit(columns, self._held_out, self._fitted)]
             else:
                 errors = [table.block_errors(terms)]
                 errors += [sums.held_out_errors(columns, table.region)] if self._regions else []
@@ -137,7 +137,7 @@ class Search:
         own = {'weight': 'gravity', 'kinetic': 'inertia'}
         needed = {own[group.kind] for group in groups if group.kind in own}
         needed -= {term.kind.name for term in terms if not term.group}
-        return [*terms, *(term for term in self.table.columns_of
+        return [*terms, *(term for term in (self.table.columns_of if needed else ())
                           if not term.group and term.kind.name in needed)]
 
     def without_collinear(self, terms: Sequence[Term]) -> list[Term]:
@@ -162,8 +162,8 @@ class Search:
 
     def shortlist(self, terms: Sequence[Term]) -> list[Term]:
         """Return the candidates that reduce the fitted error most, one of each effect."""
-        counts = Counter(term.choice for term in terms)
-        allowed = [term for term in self.candidates if term not in terms and (
+        counts, known = Counter(term.choice for term in terms), set(terms)
+        allowed = [term for term in self.candidates if term not in known and (
             counts[term.choice] < term.kind.max_count)]
         if not allowed:
             return []
@@ -282,7 +282,7 @@ def constant_derivatives(table: Table, terms: Sequence[Term], free: Sequence[tup
         columns = table.columns_of[terms[index]]
         changed = with_step(terms[index], name, _STEP, table.rows.coverage)
         gain = np.array([coefficients[column] for column in columns])
-        new = table.rows.averaged(changed.columns(table.rows)).T
+        new = changed.at_rows(table.rows)
         rows.append(gain @ (new - table.columns[columns]) / _STEP)
     return np.array(rows).reshape(len(free), table.columns.shape[1])
 
@@ -299,6 +299,8 @@ def adjust_constants(table: Table, terms: Sequence[Term], rounds: int) -> list[T
         free = free_constants(terms)
         if not free:
             break
+        # Trials of the rounds before make room for others.
+        table.keep(terms)
         residual = table.residual(terms, derivatives=False)
         design = np.vstack((table.columns[table.indices(terms)],
                             constant_derivatives(table, terms, free)))
@@ -306,9 +308,11 @@ def adjust_constants(table: Table, terms: Sequence[Term], rounds: int) -> list[T
         scaled = design / norm[:, None]
         gram = scaled @ scaled.T
         gram[np.diag_indices(len(gram))] += _RIDGE
-        step = np.linalg.solve(gram, scaled @ residual) / norm
-        step = np.clip(step[-len(free):], -1.0, 1.0)
-        initial = float(residual @ residual)
+        slope, initial = scaled @ residual, float(residual @ residual)
+        step = np.linalg.solve(gram, slope)
+        if not slope @ step > _PROMISED * initial:
+            break
+        step = np.clip((step / norm)[-len(free):], -1.0, 1.0)
         for share in (1.0, 0.5, 0.25):
             changed = list(terms)
             for (index, name), size in zip(free, share * step):
@@ -320,7 +324,7 @@ def adjust_constants(table: Table, terms: Sequence[Term], rounds: int) -> list[T
         else:
             break
         terms = _with_current_loads(table, changed)
-        if error > (1.0 - 1e-3) * initial:
+        if error > (1.0 - _LEAST_GAIN) * initial:
             break
     return every.add(terms, table)
 

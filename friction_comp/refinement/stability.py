@@ -57,6 +57,9 @@ def repeat_search(table: Table, terms: Sequence[Term], initial_count: int,
     early = [term for term in offered if term not in late]
     expected = [term for term in early if term.kind.in_first_model and not term.group]
     groups = [term for term in terms[initial_count:] if term.group]
+    # A group of other joints needs the joint's own inertia or weight.
+    table = table.part(list(dict.fromkeys([*terms, *offered, *(
+        term for term in table.columns_of if term.kind.in_first_model)])))
     searches: list[list[Term]] = []
     while len(searches) < thresholds.SEARCHES:
         weights = table.draw_blocks(rng)
@@ -90,12 +93,15 @@ def rivals_of(table: Table, terms: Sequence[Term], initial_count: int) -> dict[T
             other for other in proposals(trial, rest) if other.choice != term.choice])
         rivals[term] = []
         for other in search.shortlist(rest):
-            if trial.block_errors([*rest, other], False).sum() < most:
+            errors = trial.block_errors([*rest, other], False)
+            close = errors.sum() < most
+            if close and search.is_improvement([errors], [own]):
                 instead = adjust_constants(trial, [*rest, other], 3)
                 trial.fit_transition(instead)
-                if not search.is_improvement([trial.block_errors(instead, False)], [own]):
-                    rivals[term].append(other.kind.name)
+                errors = trial.block_errors(instead, False)
                 trial.set_transition(*now)
+            if close and not search.is_improvement([errors], [own]):
+                rivals[term].append(other.kind.name)
     return rivals
 
 
