@@ -84,7 +84,7 @@ class BlockSums:
             held = np.where(np.isin(np.arange(len(norms)), free), 0.0, whole)
             # What the others have to explain beside what stays.
             rest = sums[k].copy()
-            rest[:-1, -1] -= sums[k, :-1, :-1] @ held
+            rest[-1, :-1] -= sums[k, :-1, :-1] @ held
             both = np.append(free, -1)
             fits[k] = held
             fits[k, free] = solve(rest[None, both[:, None], both], own.gram[:, both[:, None], both],
@@ -164,8 +164,9 @@ def solve(sums: np.ndarray, gram: np.ndarray, signs: np.ndarray) -> np.ndarray:
     """Solve least squares problems with bounds at zero; return the coefficients, shape (F, S).
 
     A coefficient with the wrong sign is set to zero, the worst first, and the others are solved
-    for without it. `sums`, shape (F, S + 1, S + 1), are of columns with these `signs`; `gram` gives
-    the sums of squares over all blocks, of which the ridge is a share.
+    for without it. `sums`, shape (F, S + 1, S + 1), of which the lower triangle is read, are of
+    columns with these `signs`; `gram` gives the sums of squares over all blocks, of which the ridge
+    is a share.
     """
     size = len(signs)
     result, scale = np.zeros((len(sums), size)), np.ones(size + 1)
