@@ -31,8 +31,8 @@ SLOW_SHARE = 0.89
 # presliding; this multiple where the uncertainty is unknown. A joint that moves farther than this
 # multiple and its backlash under its preload slips.
 LONGER = 1.5
-# Backlash of the operator as a share of its distance, beyond half a count: it prevents vibration of
-# a joint that a hand holds. Where presliding is known, less is needed.
+# Backlash of the operator as a share of its distance, beyond one count: it prevents vibration of a
+# joint that a hand holds. Where presliding is known, less is needed.
 BACKLASH, KNOWN_BACKLASH = 0.15, 0.05
 # Presliding is known if it has a standard deviation, and at least this many counts: an encoder
 # resolves no fewer.
@@ -182,8 +182,7 @@ def _set_distances(p: Any, model: FrictionModel) -> None:
     p['resolution'], p['distance'] = count, distance
     p['turn_distance'] = distance * (0.5 if knows_presliding(model) else 2.0)
     p['saving_distance'], p['turn_share'] = SAVING * distance, TURN_SHARE
-    # A count that flickers moves to and fro within it.
-    p['backlash'] = backlash * distance + 0.5 * count
+    p['backlash'] = backlash * distance + count
     p['slip'] = slip + 4.0 * count
     p['still_distance'] = distance / 16.0 + 1.5 * count
     p['start_distance'], p['moved_distance'] = START_DISTANCE * distance, max(MOVED, 8.0 * distance)
