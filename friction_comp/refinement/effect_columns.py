@@ -31,7 +31,7 @@ EQ6_COLUMNS, EQ6_LINEAR, _EQ6_SIGNS = 5, 3, (0, 1, 1, 0, 0)
 _FLATTEST, _STEEPEST = 2.0, 6000.0
 # Steepness times shift at which Eq. 6 has 15 % of Coulomb friction at zero velocity.
 MAX_SHIFT = 0.3
-# Share of the squared error: a transition that promises, or brings, less is good enough.
+# Share of the squared error: a transition that brings less is good enough.
 _LEAST_GAIN = 1e-4
 
 
@@ -229,8 +229,7 @@ class Table:
         best = error_at(current)
         for _ in range(rounds):
             before, coefficients = best, part.sums.fit(part.indices(terms))
-            promised = float(part.held_out_errors(part.indices(terms)).sum())
-            if not (coefficients[1] > 0.0 and promised < (1.0 - _LEAST_GAIN) * best):
+            if not coefficients[1] > 0.0:
                 break
             # Columns 3 and 4 are derivatives of column 1, Coulomb friction.
             growth = float(np.clip(coefficients[3] / coefficients[1], -1.0, 1.0))
