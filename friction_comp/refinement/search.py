@@ -23,8 +23,8 @@ from friction_comp.refinement.effect_columns import Table, Term
 
 _STEP = 1e-3
 _RIDGE = 1e-6
-# Of the squared error: a step that promises less is not tried, one that brings less is the last.
-_PROMISED, _LEAST_GAIN = 1e-4, 1e-3
+# Of the squared error: a step that brings less is the last.
+_LEAST_GAIN = 1e-3
 # Constants that define an effect; the others only say how it fades.
 _DEFINING = ('time_constant', 'width', 'distance')
 
@@ -308,11 +308,9 @@ def adjust_constants(table: Table, terms: Sequence[Term], rounds: int) -> list[T
         scaled = design / norm[:, None]
         gram = scaled @ scaled.T
         gram[np.diag_indices(len(gram))] += _RIDGE
-        slope, initial = scaled @ residual, float(residual @ residual)
-        step = np.linalg.solve(gram, slope)
-        if not slope @ step > _PROMISED * initial:
-            break
-        step = np.clip((step / norm)[-len(free):], -1.0, 1.0)
+        step = np.linalg.solve(gram, scaled @ residual) / norm
+        step = np.clip(step[-len(free):], -1.0, 1.0)
+        initial = float(residual @ residual)
         for share in (1.0, 0.5, 0.25):
             changed = list(terms)
             for (index, name), size in zip(free, share * step):
