@@ -41,7 +41,7 @@ class ConfiguredCompensator(CompensationLoop):
         zeros, simulated = [0.0] * len(joints), self._value('use_sim_time')
         self._commands = CommandPort(node, zeros, zeros, self._value('command_interface'))
         # Equal to the node's clock without simulated time, at a third of the cost.
-        self._waits = simulated and self._value('wait_for_direction')
+        waits = simulated and self._value('wait_for_direction')
         now = (lambda: node.get_clock().now().nanoseconds) if simulated else time.time_ns
         super().__init__(
             joints, law, self._commands, faults, round(NANO * self._value('joint_state_timeout')),
@@ -52,13 +52,13 @@ class ConfiguredCompensator(CompensationLoop):
             (Int8MultiArray, 'direction', self._on_direction),
             (JointState, STAMPED, self._on_stamped_direction),
             (Temperature, 'motor_temperature', self._on_temperature),
-            (JointState, 'joint_states', self.hear))]
+            (JointState, 'joint_states', self._hear_in_step if waits else self.hear))]
 
-    def hear(self, message: Any, info: dict[str, Any]) -> None:
+    def _hear_in_step(self, message: Any, info: dict[str, Any]) -> None:
         """Answer a joint state, or wait for its direction: a plant in lockstep repeats it."""
-        if not (self._waits and self.inputs.awaits_direction(self._now())
+        if not (self.inputs.awaits_direction(self._now())
                 and self._node.count_publishers(self._node.resolve_topic_name(STAMPED))):
-            super().hear(message, info)
+            self.hear(message, info)
 
     def _value(self, name: str) -> Any:
         return self._node.get_parameter(name).value
