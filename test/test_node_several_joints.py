@@ -76,7 +76,9 @@ def record(folder):
                 'output': str(path), 'model_file': FILES[0], 'use_sim_time': True,
                 'input_reliability': 'reliable'}) as recorder, \
             start('exercise', {
-                **common, **MOVEMENT, 'clock': 'ticks', 'when_done': 'exit'}) as exercise, \
+                **common, **MOVEMENT, 'clock': 'ticks', 'when_done': 'exit',
+                # The compensator and the recorder.
+                'wait_for_listeners': 2}) as exercise, \
             start('compensator', {
                 **common, **patient, 'model_files': FILES, 'law': LAW,
                 'autostart': False}) as compensator:

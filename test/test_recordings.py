@@ -204,6 +204,16 @@ def test_after_a_sensor_has_fallen_silent_its_value_is_not_known(tmp_path):
     assert any('load is not known at 39 of them' in note for note in info.notes)
 
 
+def test_messages_sent_again_do_not_make_a_slow_sensor_silent(tmp_path):
+    messages = list(states(200))
+    messages += [('/interaction_wrench', 5_000_000_000 + k, wrench(
+        1_000_000_000 + k * 1_000_000, 'elbow', 0.1 * k)) for k in range(0, 200, 40)
+        for _ in range(3)]
+    (samples, info), = read_recording_with_info(record(tmp_path / 'r', messages))
+    assert np.isfinite(samples.load).all()
+    assert not any('not known' in note for note in info.notes)
+
+
 def test_the_later_of_two_directions_counts(tmp_path):
     messages = list(states(60))
     stamp = [m[2][1].header.stamp for m in messages]

@@ -109,8 +109,12 @@ def clock_shifts(times: np.ndarray, order: np.ndarray, receive: np.ndarray,
 
 
 def gap_length(steps: np.ndarray) -> float:
-    """Return the time in s above which one of these time steps, shape (N,), counts as a gap."""
-    return max(_GAP_STEPS * float(np.median(steps)), _GAP)
+    """Return the time in s above which one of these time steps, shape (N,), counts as a gap.
+
+    Steps of 0, of messages that were sent again, say nothing of the usual one.
+    """
+    steps = steps[steps > 0.0]
+    return max(_GAP_STEPS * float(np.median(steps)), _GAP) if len(steps) else _GAP
 
 
 def note_gaps(times: np.ndarray, notes: list[str]) -> None:
