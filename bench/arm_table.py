@@ -54,14 +54,15 @@ def trusted_too_far(results):
 
 
 def print_summary(results):
-    """Print medians and 90th percentiles by type of motion and in total."""
-    print(f'\n{"":16s}seeds failed           refined   '
-          f'trusted, yet beyond {TOO_FAR:.0f} x held-out\n{"":29s}   median     90 %')
+    """Print medians and 90th percentiles by type of motion and in total; `start` is Eq. 6 alone."""
+    print(f'\n{"":16s}seeds failed             start           refined   '
+          f'trusted, yet beyond {TOO_FAR:.0f} x held-out\n{"":26s}' + '   median     90 %' * 2)
     for kind in (*dict.fromkeys(r['kind'] for r in results), 'total'):
         chosen = [r for r in results if kind in (r['kind'], 'total')]
         answered = [r for r in chosen if 'failed' not in r]
         beyond, trusted = trusted_too_far(answered)
         print(f"{kind:16s}{len(chosen):5d} {len(chosen) - len(answered):6d} "
+              f"{quantiles([r['start'] for r in answered])} "
               f"{quantiles([r['refined'] for r in answered])}   {beyond} of {trusted}")
 
 
