@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Judges where directions come from: every floor of plans, leaders, sensors and ends.
 
-    python3 bench/direction_table.py [--rows attempts earliest rest intention follow ends taught]
-                                     [--seed S] [--draws N] [--hours H]
+    python3 bench/direction_table.py [--rows attempts earliest rest intention let_go follow ends
+                                      taught] [--seed S] [--draws N] [--hours H]
 
 --draws are gears of each kind, --hours are of rest. Even seeds are for tuning on, odd seeds are
 kept for judging. Each row has the simplest rival beside it. The whole takes
@@ -16,7 +16,7 @@ from bench_tools import table_parser
 from cheap_sensors.attempts import attempts, co_contractions, hours_at_rest
 from cheap_sensors.ends import beyond_ends
 from cheap_sensors.follower import follow, follower_bank, WAYS
-from cheap_sensors.intention import intention
+from cheap_sensors.intention import intention, let_go
 from cheap_sensors.oracle import earliest
 from cheap_sensors.taught import taught
 import numpy as np
@@ -86,6 +86,15 @@ def intention_rows(options):
             yield f'{name}: least gain over d = 0', f'{least:.0f} %', '≥ 0'
 
 
+def let_go_rows(options):
+    bank = make_bank(world, world.KINDS, options.draws, options.seed)
+    for what, factors in (('friction 0.70 and 0.80 of the model', (1.0 / 0.7, 1.0 / 0.8)),
+                          ('model 1 and 1.1 times the truth', (1.0, 1.1))):
+        for name, way in let_go(bank, KINDS, factors).items():
+            yield (f'{name}, {what}: > 5 deg after one lets go',
+                   f'{(way > 5.0).sum()} of {len(way)}', 'that of d = 0' if name in KINDS else '')
+
+
 def follow_rows(options):
     bank = follower_bank(world, options.draws, options.seed)
     found = {way: follow(bank, way) for way in WAYS}
@@ -128,8 +137,8 @@ def taught_rows(options):
 # rad: height of stairs that count as such, and a count of the encoder.
 STUCK, COUNT = 5e-3, 5e-4
 ROWS = {'attempts': attempts_rows, 'earliest': earliest_rows, 'rest': rest_rows,
-        'intention': intention_rows, 'follow': follow_rows, 'ends': ends_rows,
-        'taught': taught_rows}
+        'intention': intention_rows, 'let_go': let_go_rows, 'follow': follow_rows,
+        'ends': ends_rows, 'taught': taught_rows}
 
 
 if __name__ == '__main__':

@@ -37,6 +37,7 @@ RULES = {
     'start of a movement': {PARAMETERS + 'START_TIME': 1e-3},
     'slip': {PARAMETERS + 'LOWERED': 1.0},
     'early slip': {PARAMETERS + 'EARLY': 1.0},
+    'faster though nobody pushes': {OPERATOR + 'FASTER': math.inf},
     'least trust': {PARAMETERS + 'LEAST_TRUST': 0.0},
     'taken back beyond the identified speeds': {KERNEL + 'TAKEN_DISTANCE': math.inf},
     'changed announcement at rest': {OPERATOR + 'PATIENCE': 0.0},

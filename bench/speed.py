@@ -67,7 +67,7 @@ class Steps:
         begin = time.perf_counter()
         for k in range(count):
             self._law.observe(parameters, state, 1e-3 * k, 3e-4 * k, 0.3, True)
-            self._law.decide(parameters, state, 1.0, math.nan, 0.0, 0.0, 0.0)
+            self._law.decide(parameters, state, 1.0, math.nan, False, 0.0, 0.0, 0.0)
         return (time.perf_counter() - begin) / count
 
     def plant(self, count):

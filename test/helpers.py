@@ -48,15 +48,17 @@ def printed_by(code, **environment):
     return done.stdout
 
 
-def drive_along(law, places, direction=1, begin=0, velocity=None):
+def drive_along(law, places, direction=1, begin=0, velocity=None, is_pushed=False):
     """Return a law's currents for a joint that goes from place to place, rad, every millisecond.
 
-    The direction announced is one for all samples or one for each.
+    The direction announced, and whether a push is felt, is one for all samples or one for each.
     """
-    directions = np.broadcast_to(direction, len(places))
+    directions, pushes = np.broadcast_to(direction, len(places)), np.broadcast_to(
+        is_pushed, len(places))
     return np.array([
-        law.update(1e-3 * (begin + k), [x], None if velocity is None else [velocity], [d])[0]
-        for k, (x, d) in enumerate(zip(places, directions))])
+        law.update(1e-3 * (begin + k), [x], None if velocity is None else [velocity], [d],
+                   is_pushed=[felt])[0]
+        for k, (x, d, felt) in enumerate(zip(places, directions, pushes))])
 
 
 def follow(run, plant, alter=lambda run, sample: sample):

@@ -358,6 +358,26 @@ def test_a_temperature_without_a_stamp_has_that_of_the_newest_state():
     assert desk.inputs.temperature.tolist() == [30.0]
 
 
+def test_a_push_that_a_sensor_feels_counts_for_its_direction_and_no_longer():
+    desk = Desk()
+
+    def felt(*efforts, direction=1.0):
+        desk.inputs.take_stamped_direction(
+            ['elbow'], [direction], desk.inputs.states.stamp, 0, [math.nan], efforts)
+        desk.time += 1e-3
+        desk.state()
+        return desk.inputs.direction.tolist(), desk.inputs.is_pushed.tolist()
+    desk.state()
+    assert felt(1.0) == ([1.0], [True])
+    assert felt(math.nan) == ([1.0], [False])
+    assert felt(2.5, direction=-1.0) == ([-1.0], [True])
+    assert felt(direction=-1.0) == ([-1.0], [False])
+    assert felt(1.0, direction=0.0) == ([0.0], [False])
+    # An announcement that has timed out says nothing, nor does one that cannot be read.
+    assert felt(1.0) == ([1.0], [True])
+    assert felt(1.0, 1.0) == ([0.0], [False])
+
+
 def test_the_end_that_a_planner_says_is_kept_until_another_direction_or_end_comes():
     direction = Direction(['elbow', 'wrist'], 0.5)
 

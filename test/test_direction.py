@@ -68,6 +68,20 @@ def test_a_push_is_announced_within_fractions_of_a_second_and_ends_with_the_push
     assert hand.reason == 'at rest'
 
 
+@pytest.mark.parametrize('side', [1, -1])
+def test_a_push_is_felt_beyond_doubt_soon_after_it_is_announced_and_until_it_ends(side):
+    hand = Hand().calibrated(500.0)
+
+    def feel(value):
+        return hand.feel(value), hand.source.at(hand.time).is_pushed
+    assert {feel(500.0) for _ in range(500)} == {(0, False)}
+    said = [feel(500.0 + side * 3.0 * k) for k in range(16)]
+    onset = [direction for direction, _ in said].index(side)
+    assert onset <= said.index((side, True)) <= onset + 5
+    assert {feel(500.0 + side * 40.0) for _ in range(50)} == {(side, True)}
+    assert [feel(500.0) for _ in range(30)][-1] == (0, False)
+
+
 def test_the_end_of_the_motion_ends_the_announcement_although_the_hand_still_pushes():
     hand = Hand().calibrated(500.0)
     for k in range(12):

@@ -252,6 +252,21 @@ def test_pushing_before_the_preload_is_reached_costs_little_of_it():
     assert law.guards['taken back'][0] == 0.0
 
 
+@pytest.mark.parametrize('then', ['pushed', 'slower', 'faster'])
+def test_a_slip_under_a_push_that_is_felt_tells_nothing_until_nobody_pushes(then):
+    """Who gains speed although nobody pushes has less friction than is fed forward."""
+    law, time = CompensationLaw([small_model()]), np.arange(500) * 1e-3
+    drive_along(law, np.zeros(500), direction=0)
+    speed = np.interp(time, [0.05, 0.1, 0.25, 0.5],
+                      [0.0, 0.3, 0.3, 0.25 if then == 'slower' else 0.36])
+    felt = (time < 0.25) | (then == 'pushed')
+    current = drive_along(law, np.cumsum(speed) * 1e-3, begin=500, is_pushed=felt)
+    assert law.guards['slips'][0] == (then == 'faster')
+    assert current[240] > 0.85 * LEVEL
+    lost = 1.0 - EARLY if then == 'faster' else 0.0
+    assert law.guards['taken back'][0] == pytest.approx(lost, abs=1e-6)
+
+
 def test_a_joint_that_was_too_fast_gets_less_after_it_has_slowed_down():
     """Otherwise a drive that lost friction would hum along at the identified speeds."""
     law, time = CompensationLaw([small_model()]), np.arange(4000) * 1e-3

@@ -40,9 +40,12 @@ class Sensors:
             self.plant = CheapMuscles(breakaway, seed, kind == 'muscle_envelope')
         self.sources = [SensedDirection(kind, self.plant.range) for _ in breakaway]
         self.time = 0.0
+        self.is_pushed = np.zeros(len(breakaway), dtype=bool)
 
     def play(self, torque, position=None, **more):
         """Advance by N ms; return the directions every 10 ms, shape (N / 10, J).
+
+        `is_pushed`, shape (J,), then says whether a push is felt beyond doubt.
 
         Torque is what the muscles intend where there are muscles, N·m, shape (N, J).
         """
@@ -58,7 +61,8 @@ class Sensors:
                 fresh = values[due:upto].reshape(upto - due, joints, -1)[:, j] if upto > due else ()
                 if len(fresh) and np.isfinite(fresh).all():
                     source.add(self.time, fresh)
-                directions[k, j] = source.at(self.time).direction
+                said = source.at(self.time)
+                directions[k, j], self.is_pushed[j] = said.direction, said.is_pushed
             due = upto
         return directions
 

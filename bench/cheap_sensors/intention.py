@@ -3,7 +3,8 @@
 """How much of friction the law removes if only a sensor knows where the person wants to go.
 
 The gears, persons and movements of `law_judge.peak`: a person follows a movement on a screen, and
-the same law is told the direction a second ahead, not at all, or by a sensor.
+the same law is told the direction a second ahead, not at all, or by a sensor. And how far a joint
+goes when the person lets go.
 """
 
 from numba import njit
@@ -12,11 +13,14 @@ import numpy as np
 from cheap_sensors.attempts import rest_torque, Sensors
 from law_judge.bank import Joints
 from law_judge.felt import removed
-from law_judge.loop import NONE
+from law_judge.loop import make_law, NONE, run
 from law_judge.peak import movements, peaks, since, START
+from law_judge.rows import DEGREE
 from world.person import person_torque
 
 _CHUNK = 10
+# Samples from one record to the next; s from the start until a person lets go, and from there.
+_EVERY, HELD, _AFTER = 50, 2.0, 6.0
 
 
 @njit(cache=True)
@@ -50,6 +54,11 @@ class Watched:
             self._rows = []
         return self._directions
 
+    @property
+    def is_pushed(self):
+        """Whether the sensors feel beyond doubt that the persons push, shape (J,)."""
+        return self._sensors.is_pushed
+
 
 def intention(bank, kinds, law='continuous'):
     """Return, for each gear, the share of friction's part of the peak that is removed.
@@ -59,10 +68,34 @@ def intention(bank, kinds, law='continuous'):
     """
     joints = Joints(bank, repetition=[0, 1], side=[1.0, -1.0])
     persons = movements(joints)
+    sources = sources_of(joints, kinds)
     floor = peaks(joints, persons, NONE, bank.world.frictionless(joints.gears))
     bare = peaks(joints, persons, NONE)
-    sources = {'announced': since(joints, START - 1.0), 'd = 0': since(joints, np.inf)}
-    for kind in kinds:
-        sources[kind] = lambda plant, kind=kind: Watched(kind, plant, joints, bank.seed)
     return {name: 0.01 * removed(bare, peaks(joints, persons, law, announce=announce), floor)
             for name, announce in sources.items()}
+
+
+def sources_of(joints, kinds):
+    """Return what announces the joints' directions, by name, as for `peaks`."""
+    sources = {'announced': since(joints, START - 1.0), 'd = 0': since(joints, np.inf)}
+    for kind in kinds:
+        sources[kind] = lambda plant, kind=kind: Watched(kind, plant, joints, joints.bank.seed)
+    return sources
+
+
+def let_go(bank, kinds, factors, law='continuous'):
+    """Return how far each joint goes when its person lets go 2 s after the start, deg, by source.
+
+    Models have `factors` times the true friction.
+    """
+    joints = Joints(bank, factor=factors, side=[1.0, -1.0])
+    persons = movements(joints)
+    persons['release'] = START + HELD
+    way = {}
+    for name, announce in sources_of(joints, kinds).items():
+        plant = joints.plant(persons)
+        place = run(plant, make_law(law, joints), START + HELD + _AFTER, announce(plant),
+                    {'x': 'link'}, _EVERY)['x']
+        first = round((START + HELD) / plant.sample_time) // _EVERY
+        way[name] = np.abs(place[first:] - place[first]).max(axis=0) / DEGREE
+    return way

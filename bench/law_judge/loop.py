@@ -54,9 +54,10 @@ def run(plant, law, seconds, direction, watch, every=1, corrupt=None, knock=None
     """Run the closed loop and return what was watched.
 
     `law`: object with ``update``. `direction`: ``direction(time)`` gives what the planner
-    announces, shape (J,). `watch`: dict of str to str; name in the result and field of the plant's
-    state, or 'command'. `every`: samples from one record to the next. `corrupt`: callable,
-    optional; ``corrupt(k, time, position, velocity)`` gives what the law gets to see of sample k,
+    announces, shape (J,), and may have ``is_pushed``, where a sensor feels the push. `watch`: dict
+    of str to str; name in the result and field of the plant's state, or 'command'. `every`: samples
+    from one record to the next. `corrupt`: callable, optional; ``corrupt(k, time, position,
+    velocity)`` gives what the law gets to see of sample k,
     or None where it sees nothing. `knock`: tuple of float and ndarray, optional; when, s, and by
     how much every joint's speed changes, rad/s. `hold`: samples of the plant for which each
     current of the law is applied. Returns arrays of shape (N, J) by name, and ``raised``:
@@ -79,8 +80,11 @@ def run(plant, law, seconds, direction, watch, every=1, corrupt=None, knock=None
             extra = {'load': plant.states['person'].copy()}
             if warm:
                 extra['temperature'] = REFERENCE_TEMPERATURE + plant.states['temperature']
+            announced_now = direction(plant.time)
+            if hasattr(direction, 'is_pushed'):
+                extra['is_pushed'] = direction.is_pushed
             try:
-                command = np.array(law.update(*seen, direction(plant.time), **extra), dtype=float)
+                command = np.array(law.update(*seen, announced_now, **extra), dtype=float)
             except Exception:
                 if corrupt is None:
                     raise

@@ -24,6 +24,8 @@ PATIENCE = 0.3
 """s that a changed announcement must last at a joint that has not moved."""
 PUSHED = 2.0
 """Factor by which v²/x must have risen from its least where somebody pushes the joint."""
+FASTER = 1.1
+"""Multiple of the speed at the last push that a sensor felt: who is faster gains speed alone."""
 AGAIN = 1.5
 """Multiple of the speed below which help is given back, above which a joint has not turned."""
 
@@ -92,23 +94,25 @@ def _start_leading(p: Parameters, s: State, aim: float) -> None:
 
 
 @njit(cache=True)
-def lead(p: Parameters, s: State, aim: float) -> None:
+def lead(p: Parameters, s: State, aim: float, is_pushed: bool) -> None:
     """Lead the operator to the announced direction, and check that the joint holds.
 
     A joint that moves in that direction by more than it yields has slipped: while z is led, which
     ends there, and once more from one rest to the next, unless it moved farther than anybody does
-    by accident.
+    by accident. Under a push that is felt this tells nothing of the drive, but that it goes faster
+    once nobody pushes does.
     """
     if s.mode == LEADING:
         s.since += s.step
         moved = s.position - s.lead_position
         if abs(moved) > s.yields:
             if moved * aim > 0.0:
+                s.rest_position = s.lead_position
                 # The law moves the joint at about the speed above which z waits. The push of a
                 # person grows more slowly.
                 early = s.since < p.lead_time + 0.5 * p.slip / p.lead_speed
-                _slipped(p, s, p.early * abs(s.ramp) if early else p.lowered)
-                s.rest_position = s.lead_position
+                if not is_pushed:
+                    _slipped(p, s, p.early * abs(s.ramp) if early else p.lowered)
             s.mode, s.still_time, s.still_position = FREE, 0.0, s.position
             return
         # A gear that yields fast under the preload would overshoot.
@@ -123,13 +127,14 @@ def lead(p: Parameters, s: State, aim: float) -> None:
     elif s.still_time >= p.rest_time:
         if s.mode == FREE:
             moved = s.position - s.rest_position
-            if s.z * aim > 0.0 and p.slip < moved * aim < p.moved_distance:
+            slipped = s.z * aim > 0.0 and p.slip < moved * aim < p.moved_distance
+            if slipped and not is_pushed:
                 _slipped(p, s, p.lowered)
             # Within the slip distance a joint that creeps has not left its position of rest.
             if abs(moved) > p.slip:
                 s.rest_position = s.position
         s.since = s.way = s.top = 0.0
-        s.slowed, s.displaced, s.trusted = 2, 0, s.trust
+        s.slowed, s.displaced, s.trusted, s.pushed_speed = 2, 0, s.trust, math.inf
         if aim == 0.0:
             # Displacement keeps driving the operator, since a push may come at any time.
             if s.z != 0.0:
@@ -147,6 +152,11 @@ def lead(p: Parameters, s: State, aim: float) -> None:
         if s.displaced == 0 and s.way > p.moved_distance:
             s.displaced = 1
             s.trust = min(1.0, max(s.trust, s.trusted) + 1.0 - p.lowered)
+        if is_pushed:
+            s.pushed_speed = abs(s.speed)
+        elif abs(s.speed) > FASTER * s.pushed_speed:
+            _slipped(p, s, p.early)
+            s.pushed_speed = math.inf
 
 
 @njit(cache=True)
@@ -198,7 +208,7 @@ def turn_round(p: Parameters, s: State) -> None:
         if s.way > p.moved_distance:
             s.displaced, s.trusted = 0, s.trust
         s.top = s.way = 0.0
-        s.slowed = 0
+        s.slowed, s.pushed_speed = 0, math.inf
         if turned:
             s.heading, s.farthest = math.copysign(1.0, beyond), s.position
 

@@ -166,7 +166,8 @@ class CompensationLaw:
 
     def update(self, time: float, position: ArrayLike, velocity: ArrayLike | None,
                direction: ArrayLike, temperature: ArrayLike | None = None,
-               load: ArrayLike | None = None, end: ArrayLike | None = None) -> np.ndarray:
+               load: ArrayLike | None = None, end: ArrayLike | None = None,
+               is_pushed: ArrayLike | None = None) -> np.ndarray:
         """Return the current for one sample.
 
         Parameters
@@ -183,6 +184,8 @@ class CompensationLaw:
             Degrees Celsius and N·m, for effects that need them.
         end : array_like, shape (J,), optional
             Position at which the announced movement ends, rad; None or NaN if that is not said.
+        is_pushed : array_like of bool, shape (J,), optional
+            Whether a sensor feels beyond doubt that a person pushes in this direction.
 
         Returns
         -------
@@ -194,6 +197,7 @@ class CompensationLaw:
         velocity = self._still if velocity is None else self._row(velocity, 'velocity')
         direction = self._row(direction, 'direction')
         end = self._endless if end is None else self._row(end, 'end')
+        pushed = (self._still if is_pushed is None else self._row(is_pushed, 'is_pushed')) != 0.0
         temperature = None if temperature is None else self._row(temperature, 'temperature')
         load = None if load is None else self._row(load, 'load')
         kernel.observe_bank(self._parameters, self._states, float(time), position, velocity,
@@ -206,7 +210,7 @@ class CompensationLaw:
                 forward[j], backward[j], carried[j] = self._effect_currents(j, float(time), signals)
         current = np.empty(self.joints)
         kernel.decide_bank(self._parameters, self._states, self._usable, direction, end,
-                           forward, backward, carried, current)
+                           pushed, forward, backward, carried, current)
         self._carried = carried
         return current
 

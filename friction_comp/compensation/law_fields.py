@@ -101,6 +101,7 @@ class State:
     saved: float            # share of a reversal that the way has paid for
     swing: float            # since it stood or the law changed z: way, rad, and least v²/x, rad/s²
     least: float
+    pushed_speed: float     # at the last push of this way that a sensor felt, rad/s, or infinite
     current: float          # given last, A, and its parts
     friction: float
     kinetic: float

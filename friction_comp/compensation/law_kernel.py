@@ -78,6 +78,7 @@ def settle(s: State, position: float) -> None:
     s.mode, s.displaced, s.slowed = FREE, 0, 0
     s.pace = s.slowest = s.usual = s.sliding = s.withheld = 0.0
     s.heading = s.top = s.way = s.saved = s.swing = 0.0
+    s.pushed_speed = math.inf
 
 
 @njit(cache=True)
@@ -255,8 +256,8 @@ def soft_end(p: Parameters, s: State, current: float) -> float:
 
 
 @njit(cache=True)
-def continuous_current(p: Parameters, s: State, direction: float, forward: float, backward: float,
-                       carried: float) -> float:
+def continuous_current(p: Parameters, s: State, direction: float, is_pushed: bool, forward: float,
+                       backward: float, carried: float) -> float:
     """Return the current of the continuous law in A.
 
     Parameters
@@ -264,6 +265,8 @@ def continuous_current(p: Parameters, s: State, direction: float, forward: float
     p, s : records of PARAMETERS and STATE
     direction : float
         -1, 0 or 1.
+    is_pushed : bool
+        Whether a sensor feels a push in this direction.
     forward, backward : float
         Signed contribution of friction effects in each direction of sliding, A.
     carried : float
@@ -284,7 +287,7 @@ def continuous_current(p: Parameters, s: State, direction: float, forward: float
         # A movement in its direction spends an announcement, so a joint cannot swing on it.
         turn = aim if math.isfinite(s.aim_position) else 0.0
         follow(p, s)
-        lead(p, s, aim)
+        lead(p, s, aim, is_pushed)
         turn_round(p, s)
         slow_down(p, s, turn)
     speed = abs(s.speed)
@@ -346,8 +349,8 @@ def within_movement(p: Parameters, s: State, direction: float, end: float) -> fl
 
 
 @njit(cache=True)
-def decide(p: Parameters, s: State, direction: float, end: float, forward: float, backward: float,
-           carried: float) -> float:
+def decide(p: Parameters, s: State, direction: float, end: float, is_pushed: bool, forward: float,
+           backward: float, carried: float) -> float:
     """Return the motor current in A for the sample that `observe` processed.
 
     Parameters
@@ -357,6 +360,8 @@ def decide(p: Parameters, s: State, direction: float, end: float, forward: float
         d: -1, 0 or +1, anything else counts as 0.
     end : float
         Position at which the announced movement ends, rad; NaN if that is not said.
+    is_pushed : bool
+        Whether a sensor feels beyond doubt that a person pushes in this direction.
     forward, backward : float
         Signed contribution of friction effects in each direction of sliding, A; for the continuous
         law only.
@@ -367,7 +372,7 @@ def decide(p: Parameters, s: State, direction: float, end: float, forward: float
         direction = 0.0
     direction = within_movement(p, s, direction, end)
     if p.law >= CONTINUOUS:
-        s.current = continuous_current(p, s, direction, forward, backward, carried)
+        s.current = continuous_current(p, s, direction, is_pushed, forward, backward, carried)
     else:
         wanted = 0.0 if p.law == NONE else paper_current(p, s, direction) + carried
         if s.changed == 1:
@@ -388,12 +393,13 @@ def observe_bank(p: np.ndarray, s: np.ndarray, time: float, position: np.ndarray
 
 @njit(cache=True)
 def decide_bank(p: np.ndarray, s: np.ndarray, usable: np.ndarray, direction: np.ndarray,
-                end: np.ndarray, forward: np.ndarray, backward: np.ndarray, carried: np.ndarray,
-                current: np.ndarray) -> None:
+                end: np.ndarray, is_pushed: np.ndarray, forward: np.ndarray, backward: np.ndarray,
+                carried: np.ndarray, current: np.ndarray) -> None:
     """Write every joint's current in A; 0 where the sample cannot be used."""
     for j in range(len(p)):
         if usable[j]:
             current[j] = decide(
-                p[j], s[j], direction[j], end[j], forward[j], backward[j], carried[j])
+                p[j], s[j], direction[j], end[j], is_pushed[j], forward[j], backward[j],
+                carried[j])
         else:
             current[j] = s[j].current = s[j].kinetic = s[j].breakaway = 0.0

@@ -121,7 +121,8 @@ class CompensationLoop:
             return self._zeros
         try:
             return self._law.update(inputs.time, inputs.position, inputs.velocity,
-                                    inputs.direction, inputs.temperature, end=inputs.ends)
+                                    inputs.direction, inputs.temperature, end=inputs.ends,
+                                    is_pushed=inputs.is_pushed)
         except Exception as error:
             self._faults.latch('law', f'an error in the law: {error!r}\n{traceback.format_exc()}')
             return self._zeros

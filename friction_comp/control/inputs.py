@@ -37,9 +37,10 @@ class Inputs:
 
     Of the last new joint state are: `time`, s since the first one (seconds since 1970 have too
     little resolution as a float); `position`, `direction` and `ends` (of announced movements),
-    shape (J,), rad, NaN where in doubt or unknown; `velocity`, rad/s, and `temperature`, degrees
-    Celsius, shape (J,) or None where nobody sent any; whether it begins `anew` rather than
-    continues the state before; and how long joint states were silent before it, `silence` in s.
+    shape (J,), rad, NaN where in doubt or unknown; `is_pushed`, bool, where a sensor feels the
+    person push in that direction; `velocity`, rad/s, and `temperature`, degrees Celsius, shape (J,)
+    or None where nobody sent any; whether it begins `anew` rather than continues the state before;
+    and how long joint states were silent before it, `silence` in s.
     """
 
     def __init__(self, joints: Sequence[str], timeout: int, direction_timeout: float,
@@ -97,10 +98,11 @@ class Inputs:
             self._refuse_direction()
 
     def take_stamped_direction(self, names: Any, velocities: Any, stamp: int, now: int,
-                               ends: Any = ()) -> None:
-        """Take a direction with the stamp of its announcement, and where the movement ends."""
+                               ends: Any = (), pushes: Any = ()) -> None:
+        """Take a direction with its stamp, where the movement ends, and whether a push is felt."""
         at = self.states.stamp or now
-        if not self._direction.take_stamped(names, velocities, stamp or at, max(at, now), ends):
+        if not self._direction.take_stamped(names, velocities, stamp or at, max(at, now), ends,
+                                            pushes):
             self._refuse_direction()
 
     def _refuse_direction(self) -> None:
@@ -148,6 +150,7 @@ class Inputs:
             self._faults.report('velocity', '; '.join(
                 f'{self._joints[j]}: {self._velocities[j].fault}' for j in wrong))
         self.direction, self.ends = self._direction.at(stamp), self._direction.ends
+        self.is_pushed = self._direction.is_pushed & (self.direction != 0.0)
         self.temperature = self._temperature.before(stamp)
 
     def _possible(self) -> np.ndarray:

@@ -26,7 +26,8 @@ class Direction:
     contradict each other: the direction counts as 0 for twice that time. `refused` is the number of
     invalid messages so far, and `why` the fault of the last of them. `ends` are the positions in
     rad at which the movements end, NaN where no planner says so, shape (J,); they are kept until
-    another direction or end comes. Times are in ns.
+    another direction or end comes. `is_pushed`, bool, shape (J,), says where a sensor feels the
+    person push in the direction announced. Times are in ns.
     """
 
     def __init__(self, joints: Sequence[str], timeout: float) -> None:
@@ -42,7 +43,7 @@ class Direction:
         """Reset to 0 until the next message."""
         count = len(self._zeros)
         self._values, self._times = self._zeros, [_NEVER] * count
-        self.ends = np.full(count, math.nan)
+        self.ends, self.is_pushed = np.full(count, math.nan), np.zeros(count, dtype=bool)
         # Previous direction of each joint, and the times of its change and of its change back.
         self._before, self._changed, self._disputed = (
             [0.0] * count, [_NEVER] * count, [_NEVER] * count)
@@ -60,35 +61,41 @@ class Direction:
                           'a value other than -1, 0 and +1', time)
 
     def take_stamped(self, names: Sequence[str], velocities: Sequence[float], stamp: int,
-                     now: int, ends: Sequence[float] = ()) -> bool:
+                     now: int, ends: Sequence[float] = (), pushes: Sequence[float] = ()) -> bool:
         """Take a message with the planner's stamp; return whether it is valid.
 
         The signs of the velocities are the directions. Unknown joints are ignored, joints that are
         not named keep their direction, and a joint that is named twice gets 0. A direction whose
         stamp is ahead of `now`, the time of the joint states, by more than the timeout counts as 0,
-        since its age is unknown. `ends` may be empty, or NaN where not known.
+        since its age is unknown. `ends` and `pushes` may be empty, or NaN where not known; a
+        push other than 0 is one that a sensor feels beyond doubt.
         """
-        if len(names) != len(velocities) or len(ends) not in (0, len(names)):
-            wrong = ('velocities', len(velocities)) if len(names) != len(velocities) else (
-                'positions', len(ends))
-            return self._refuse(f'{wrong[1]} {wrong[0]} for {len(names)} names',
-                                range(len(self._zeros)), max(stamp, now))
-        own = [(self._indices[name], value) for name, value in zip(names, velocities)
-                if name in self._indices]
-        indices = [index for index, _ in own]
+        count = len(names)
+        for word, values, lengths in (('velocities', velocities, (count,)),
+                                      ('positions', ends, (0, count)),
+                                      ('efforts', pushes, (0, count))):
+            if len(values) not in lengths:
+                return self._refuse(f'{len(values)} {word} for {count} names',
+                                    range(len(self._zeros)), max(stamp, now))
+        unknown = [math.nan] * count
+        own = [(self._indices[name], value, end, push) for name, value, end, push in zip(
+            names, velocities, ends or unknown, pushes or unknown) if name in self._indices]
+        indices = [index for index, *_ in own]
         if stamp - now > self.timeout * 1e9:
             return self._refuse('a stamp ahead of time', indices, min(stamp, now))
         if len(set(indices)) < len(indices):
             return self._refuse('a joint named twice', indices, stamp)
-        return self._take(indices, [value for _, value in own], 'a velocity that is not finite',
-                          stamp, [end for name, end in zip(names, ends) if name in self._indices])
+        return self._take(
+            indices, [value for _, value, *_ in own], 'a velocity that is not finite', stamp,
+            [end for _, _, end, _ in own],
+            [math.isfinite(push) and push != 0.0 for *_, push in own])
 
     def _take(self, indices: Sequence[int], values: Sequence[float], fault: str, time: int,
-              ends: Sequence[float] = ()) -> bool:
+              ends: Sequence[float] = (), pushes: Sequence[bool] = ()) -> bool:
         """Keep the signs of values; where one is not finite, 0, and the message has a fault."""
         finite = [math.isfinite(value) for value in values]
         self._set(indices, [float(np.sign(value)) if known else 0.0
-                            for value, known in zip(values, finite)], time, ends)
+                            for value, known in zip(values, finite)], time, ends, pushes)
         return all(finite) or self._refuse(fault, (), time)
 
     def _refuse(self, why: str, indices: Sequence[int], time: int) -> bool:
@@ -97,10 +104,13 @@ class Direction:
         return False
 
     def _set(self, indices: Sequence[int], values: Sequence[float], time: int,
-             ends: Sequence[float] = ()) -> None:
-        # Callers of `at` may still hold the previous array.
+             ends: Sequence[float] = (), pushes: Sequence[bool] = ()) -> None:
+        # Callers of `at` may still hold the previous arrays.
         self._values, self.ends = self._values.copy(), self.ends.copy()
-        for index, value, end in zip(indices, values, ends or [math.nan] * len(indices)):
+        self.is_pushed = self.is_pushed.copy()
+        count = len(indices)
+        for index, value, end, push in zip(
+                indices, values, ends or [math.nan] * count, pushes or [False] * count):
             if time < self._times[index]:
                 continue
             last = float(self._values[index])
@@ -112,6 +122,7 @@ class Direction:
                     self._disputed[index] = time
                 self._before[index], self._changed[index] = last, time
             self._values[index], self._times[index] = value, time
+            self.is_pushed[index] = push
 
     def disputed(self, time: int) -> list[str]:
         """Return the joints whose planners contradict each other at a time."""

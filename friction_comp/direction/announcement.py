@@ -22,9 +22,12 @@ class Announcement:
         Position at which the announced movement ends, rad; NaN if that is not known.
     fault : bool
         Whether the source cannot be used; the direction is then 0.
+    is_pushed : bool
+        Whether a sensor feels beyond doubt that the person pushes in this direction.
     """
 
     direction: int
     reason: str
     end: float = math.nan
     fault: bool = False
+    is_pushed: bool = False

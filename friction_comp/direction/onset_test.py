@@ -44,7 +44,8 @@ _ORDER, _SLOWEST = 4, 0.98
 _LEVEL_TIME, _GROWS, _SHRINKS = 1.0, 0.2, 30.0
 # s by which level and scatter are behind, so that an onset does not hide itself.
 _BEHIND = 0.15
-# Largest sum in units of the limit: a signal that has been away for long is back soon.
+# Largest sum in units of the limit: a signal that has been away for long is back soon. Without a
+# cause it comes about once in a thousand years (Lorden 1971, as above).
 _MOST = 2.0
 
 
@@ -107,6 +108,8 @@ class OnsetTest:
         The level at rest, which follows the signal slowly while `follow` is called.
     alarm : int
         +1 or -1 while the signal is above or below the level at rest, else 0.
+    sure : int
+        The alarm where it is beyond doubt, else 0.
     rising : int
         Number of samples of which the sum of what is above the level is made.
     """
@@ -114,6 +117,7 @@ class OnsetTest:
     def __init__(self, rest: Rest, per_hour: float = FALSE_ALARMS,
                  proportional: bool = False) -> None:
         self.rest, self.level, self.alarm, self.rising = rest, rest.level, 0, 0
+        self.sure = 0
         self._proportional = proportional
         # Two sides; the level and the scatter follow the signal, so that they have errors, too.
         self.limit = alarm_limit(2.0 * 3600.0 * rest.rate / per_hour)
@@ -144,6 +148,7 @@ class OnsetTest:
         up = min(most, max(0.0, up + z - ALLOWANCE))
         down = min(most, max(0.0, down - z - ALLOWANCE))
         self._sums = [up, down]
+        self.sure = 1 if up == most else -1 if down == most else 0
         self.rising = self.rising + 1 if up else 0
         self.alarm = 1 if up > self.limit else -1 if down > self.limit else 0
         if self.alarm:
@@ -165,5 +170,6 @@ class OnsetTest:
 
     def settle(self, level: float) -> None:
         """Begin anew at another level of rest."""
-        self.level, self.alarm, self.rising, self._sums = level, 0, 0, [0.0, 0.0]
+        self.level, self.alarm, self.sure, self.rising = level, 0, 0, 0
+        self._sums = [0.0, 0.0]
         self._waiting.clear()

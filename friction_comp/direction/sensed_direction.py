@@ -251,4 +251,10 @@ class SensedDirection:
         if fault:
             self._attempt.stop(time, fault)
             return Announcement(0, fault, fault=True)
-        return Announcement(self._attempt.direction, self._attempt.reason)
+        direction = self._attempt.direction
+        if self.kind == FORCE:
+            is_pushed = self._channels[0].test.sure * direction > 0
+        else:
+            muscle = self._channels[0 if direction > 0 else 1]
+            is_pushed = direction != 0 and muscle.test.sure > 0
+        return Announcement(direction, self._attempt.reason, is_pushed=is_pushed)

@@ -131,7 +131,7 @@ class ConfiguredCompensator(CompensationLoop):
     def _on_stamped_direction(self, message: Any) -> None:
         self.inputs.take_stamped_direction(
             message.name, message.velocity, nanoseconds(message.header.stamp), self._now(),
-            message.position)
+            message.position, message.effort)
 
     def _on_temperature(self, message: Any) -> None:
         self.inputs.take_temperature(message.header.frame_id, message.temperature,

@@ -239,12 +239,15 @@ class DirectionNode(Node):
     def _announce(self) -> None:
         now = self._now()
         self._said = self._at(now)
-        self._say(now, [said.direction for said in self._said], [said.end for said in self._said])
+        self._say(now, [said.direction for said in self._said], [said.end for said in self._said],
+                  [said.is_pushed for said in self._said])
 
-    def _say(self, now: float, directions: list[int], ends: list[float]) -> None:
+    def _say(self, now: float, directions: list[int], ends: list[float], pushes: list[bool]
+             ) -> None:
         set_stamp(self._message.header.stamp, round(now * NANO))
         self._message.velocity = array('d', directions)
         self._message.position = array('d', ends)
+        self._message.effort = array('d', pushes)
         self._announcements.publish(self._message)
 
     def _report(self) -> Any:
@@ -263,4 +266,4 @@ class DirectionNode(Node):
     def leave(self) -> None:
         """Announce no direction."""
         if self.context.ok():
-            self._say(self._now(), [0] * len(self._joints), [])
+            self._say(self._now(), [0] * len(self._joints), [], [])

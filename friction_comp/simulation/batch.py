@@ -50,7 +50,7 @@ def _run_all(parameters: np.ndarray, random: np.ndarray, laws: np.ndarray, own: 
         for k in range(shown.shape[1]):
             command = 0.0
             if observe(law, own[r], k * sample_time, out.position + added[k], out.velocity, known):
-                command = decide(law, own[r], shown[2, k], math.nan, 0.0, 0.0, 0.0)
+                command = decide(law, own[r], shown[2, k], math.nan, False, 0.0, 0.0, 0.0)
             else:
                 own[r].current = 0.0
             if every > 0 and k % every == 0:
