@@ -153,7 +153,7 @@ def test_a_sensor_announces_after_its_calibration_and_not_while_it_is_silent(tmp
         assert desk.steps(30, send) == [0.0, 0.0]
         # A sample may come after the tick of its step.
         assert any(desk.step(grow) == [1.0, -1.0] for _ in range(40))
-        assert any((desk.step(grow), list(desk.said[-1].effort)) == ([1.0, -1.0], [1.0, 1.0])
+        assert any((desk.step(grow), list(desk.last.effort)) == ([1.0, -1.0], [1.0, 1.0])
                    for _ in range(20))
         # By a wrench of one joint; the other falls silent.
         message = WrenchStamped()
