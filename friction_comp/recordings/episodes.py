@@ -48,6 +48,7 @@ class Episodes:
 
     def apart(self, number: np.ndarray, time: np.ndarray) -> np.ndarray:
         """Return times, s, that go on with a pause where another episode begins."""
+        time = np.where(np.isfinite(time), time, np.nan)
         step = np.diff(time, prepend=self._time)
         change = np.diff(number, prepend=self._number)
         begins = np.isfinite(change) & (change != 0.0) & (step < _APART)

@@ -341,13 +341,21 @@ def _flat(items: Iterable[tuple[str, Any]]) -> Columns:
     return columns
 
 
+def _load(path: Path) -> Any:
+    try:
+        return np.load(path, allow_pickle=False)
+    except ValueError:
+        # NumPy asks to trust whatever it does not know.
+        raise InputError(f'{path}: not a NumPy file of numbers') from None
+
+
 def _npz(path: Path) -> Columns:
-    with np.load(path, allow_pickle=False) as file:
+    with _load(path) as file:
         return _flat(file.items())
 
 
 def _npy(path: Path) -> Columns:
-    values = np.load(path, allow_pickle=False)
+    values = _load(path)
     if values.dtype.names:
         return _flat((name, values[name]) for name in values.dtype.names)
     return _flat([('', values) if values.ndim == 2 else ('1', values)])
@@ -356,7 +364,10 @@ def _npy(path: Path) -> Columns:
 def _mat(path: Path) -> Columns:
     from scipy.io import loadmat
 
-    content = loadmat(path, struct_as_record=True, squeeze_me=True)
+    try:
+        content = loadmat(path, struct_as_record=True, squeeze_me=True)
+    except (IndexError, TypeError, ValueError):
+        raise InputError(f'{path}: not a readable MATLAB file') from None
     return _flat((name, value) for name, value in content.items() if not name.startswith('__'))
 
 

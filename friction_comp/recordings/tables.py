@@ -143,6 +143,8 @@ class TableScanner:
                 continue
             unit = '' if column.stated else unit_of_dates(values)
             finite = values[np.isfinite(values)]
+            if len(values) and not finite.size:
+                raise InputError(f'{said} holds no time')
             if unit:
                 self._use.columns[place] = replace(
                     column, unit=unit, factor=unit_factor('time', unit), stated=True)
