@@ -87,6 +87,19 @@ def test_groups_called_as_episodes_are_one_table_with_pauses_in_their_order(tmp_
     assert any('2 gaps in the joint states' in note for note in info.notes)
 
 
+def test_what_stands_beside_episodes_holds_for_all_or_is_left_out(tmp_path):
+    position, velocity, effort = joints()
+    path = h5_file(tmp_path / 'log.h5', fps=50, summary=np.zeros(3), **{
+        f'episode_{k}__{name}': values[:, 0] for k in range(2)
+        for name, values in (('q', position), ('dq', velocity), ('tau', effort))})
+    samples, = read_recording(path, layout=Layout(rate=50.0))
+    assert len(samples) == 1000
+    path = h5_file(tmp_path / 'one.h5', t=swing(500, 0.02)[0], trajectory__q=position[:, 0],
+                   trajectory__tau=effort[:, 0])
+    samples, = read_recording(path)
+    np.testing.assert_allclose(samples.position, position[:, 0])
+
+
 def test_blocks_of_an_hdf5_file_are_its_whole(tmp_path):
     from friction_comp.recordings.table_files import open_table, whole_columns
 

@@ -46,6 +46,12 @@ class Hdf5:
         self._file.visititems(self._add)
         if not self._episodes:
             raise InputError(f'{path}: holds no table of numbers')
+        if len(self._episodes) > 1:
+            # Beside episodes only numbers are of use, which hold for all of them.
+            for name, place in self._episodes.pop('', {}).items():
+                if self._file[place[0]].size == 1:
+                    for columns in self._episodes.values():
+                        columns.setdefault(name, place)
         first, *others = self._episodes.values()
         self.names = [name for name in first if all(name in other for other in others)]
         self.names += [EPISODE] if others else []
@@ -57,7 +63,7 @@ class Hdf5:
                 item.ndim > 2 or not item.size or '#' in name):
             return
         parts = name.split('/')
-        own = [part for part in parts if is_episode(part)]
+        own = [part for part in parts if re.search(r'\d', part) and is_episode(part)]
         label = '.'.join(part for part in parts if part not in own)
         columns = self._episodes.setdefault('/'.join(own), {})
         if item.ndim < 2 or 1 in item.shape:
