@@ -81,8 +81,9 @@ setup(
     install_requires=interfaces.listed(ROOT / 'requirements' / 'run.txt'),
     # colcon runs the tests with pytest where it finds it asked for here.
     # Pinocchio reads URDF files for `refine --urdf`, Bokeh makes the page of `watch`, pyarrow reads
-    # Parquet files, Dask's distributed spreads `refine --each` over machines.
-    extras_require={'parquet': ['pyarrow>=12'], 'arm': ['pin>=2.7'], 'mujoco': ['mujoco>=3.1'],
+    # Parquet files, h5py HDF5 files, Dask's distributed spreads `refine --each` over machines.
+    extras_require={'parquet': ['pyarrow>=12'], 'hdf5': ['h5py>=3.8'],
+                    'arm': ['pin>=2.7'], 'mujoco': ['mujoco>=3.1'],
                     'watch': ['bokeh>=3.1'], 'fleet': ['distributed>=2023.5'],
                     'test': ['pytest']},
     zip_safe=False,

@@ -31,17 +31,16 @@ _QUANTITIES = {
     'load': 'load tau+b tau+ext wrench',
     'link_torque': 'jts torque+sensor+joint joint+torque+sensor tau+link',
     'temperature': 'temperature temperatures temp temps temperatur motortemperatur',
-    'target': 'action',
     # What is none of the signals, though one of its words is.
     '': 'ddq qdd qddot acc acceleration accelerations accel ddtheta error errors err limit limits '
         'max min std variance gain kp kd present+load id voltage power energy status bits '
         'bus supply battery',
 }
 _MEASURED = {'actual', 'act', 'measured', 'meas', 'present', 'feedback', 'fb', 'observed', 'sensed',
-             'observation', 'obs', 'mean', 'avg', 'average', 'real', 'applied', 'estimated', 'est',
-             'estimate', 'ist', 'istwert', 'gemessen'}
+             'observation', 'observations', 'obs', 'mean', 'avg', 'average', 'real', 'applied',
+             'estimated', 'est', 'estimate', 'ist', 'istwert', 'gemessen'}
 _TARGET = {'target', 'tgt', 'reference', 'ref', 'desired', 'des', 'goal', 'command', 'commanded',
-           'cmd', 'setpoint', 'set', 'sp', 'computed', 'soll', 'sollwert'}
+           'cmd', 'setpoint', 'set', 'sp', 'computed', 'action', 'soll', 'sollwert'}
 # A torque with one of these words is applied to the joint from outside, or behind the gear.
 _OUTSIDE = {'external', 'ext', 'interaction', 'sensor', 'person', 'human', 'hand', 'backdriving',
             'contact', 'load', 'driving', 'back'}

@@ -12,8 +12,8 @@ from friction_comp.errors import InputError
 from friction_comp.units import Unit, unit_factor, unit_of
 
 # Suffixes of table files.
-TABLES = ('.csv', '.csv.gz', '.tsv', '.txt', '.dat', '.parquet', '.npz', '.npy', '.mat', '.json',
-          '.jsonl')
+TABLES = ('.csv', '.csv.gz', '.tsv', '.txt', '.dat', '.parquet', '.npz', '.npy', '.mat', '.h5',
+          '.hdf5', '.json', '.jsonl')
 SIGNALS = ('time', 'position', 'velocity', 'effort', 'current', 'command', 'direction', 'load',
            'link_torque', 'temperature', 'reference_position', 'reference_velocity')
 

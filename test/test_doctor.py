@@ -11,6 +11,7 @@ from helpers import ROOT
 import numpy as np
 import pytest
 
+from friction_comp.__main__ import main
 from friction_comp.errors import InputError
 from friction_comp.files import write_yaml
 from friction_comp.model.effects import EFFECTS
@@ -18,6 +19,7 @@ from friction_comp.model.friction_model import arm_document, FrictionModel
 from friction_comp.monitoring.checkup import check_joint, check_system
 from friction_comp.monitoring.observation import (
     Endpoint,
+    Finding,
     Observation,
     PROBLEM,
     StatesSeen,
@@ -277,6 +279,18 @@ def test_a_model_that_cannot_be_used_is_named_before_the_system_is_observed(monk
     monkeypatch.setattr('friction_comp.ros.system_probe.observe', lambda *_: 1 / 0)
     with pytest.raises(InputError, match=r'nothere\.yaml'):
         doctor.check_running_system(Namespace(seconds=1.0, model=['nothere.yaml'], ros=[]))
+
+
+def test_a_model_that_cannot_be_used_is_named_though_only_the_machine_is_looked_at(capsys):
+    assert main(['doctor', '--installed', '--model', 'nothere.yaml']) == 2
+    assert 'nothere.yaml: No such file' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(('levels', 'said'), [
+    ([PROBLEM], '1 problem, 0 warnings'), ([PROBLEM, PROBLEM, WARNING], '2 problems, 1 warning')])
+def test_problems_and_warnings_are_counted(capsys, levels, said):
+    doctor._print([Finding(level, 'rate', 'slow') for level in levels])
+    assert said in capsys.readouterr().out.splitlines()
 
 
 def test_a_middleware_that_is_not_installed_is_named_before_it_ends_the_process(

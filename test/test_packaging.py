@@ -102,7 +102,7 @@ def test_package_xml_names_what_the_modules_import():
         for name in imported(path) - set(sys.stdlib_module_names):
             # Optional ones are extras for pip, dependencies of the tests for rosdep.
             if name not in ('friction_comp', INTERFACES, 'pinocchio', 'bokeh', 'pyarrow',
-                            'mujoco', 'distributed'):
+                            'h5py', 'mujoco', 'distributed'):
                 needed.add(ROSDEP_KEYS.get(name, name))
     assert needed - declared == set()
 

@@ -4,6 +4,7 @@
 
 import gzip
 import json
+import warnings
 
 from helpers import ROOT
 import numpy as np
@@ -310,3 +311,33 @@ def test_the_notebook_runs_from_top_to_bottom(tmp_path, monkeypatch, capsys):
     assert 'position=q_deg in deg' in said
     assert 'verdict:' in said
     assert (tmp_path / 'output' / 'current.csv').exists()
+
+
+def test_what_is_no_number_in_a_table_is_named_and_warns_of_nothing(tmp_path, refuses):
+    one = moving()
+    position = np.where(np.arange(2000) % 500 < 50, np.inf, one.position)
+    path = write_csv(tmp_path / 'log.csv', one.with_(position=position))
+    with warnings.catch_warnings():
+        warnings.simplefilter('error', RuntimeWarning)
+        samples, = read_recording(path)
+    assert len(samples) == 1800
+    path = write(tmp_path / 'none.csv', t=np.full(300, np.nan), q=one.position[:300],
+                 tau=one.current[:300])
+    refuses("column 't' holds no time", 'refine', path)
+
+
+@pytest.mark.parametrize(('name', 'said'), [
+    ('log.npz', 'not a NumPy file of numbers'), ('log.npy', 'not a NumPy file of numbers'),
+    ('log.mat', 'not a readable MATLAB file')])
+def test_a_text_of_another_name_asks_nobody_to_trust_it(tmp_path, refuses, name, said):
+    (tmp_path / name).write_text('hello, this is a text\n')
+    refuses(said, 'refine', tmp_path / name)
+
+
+def test_commands_of_a_converted_recording_keep_their_unit(tmp_path):
+    one = moving(command=moving().current)
+    write_samples(tmp_path / 'bag', one, 0.1, 50.0)
+    assert main(['convert', str(tmp_path / 'bag'), '--output', str(tmp_path / 'log.csv')]) == 0
+    samples, = read_recording(tmp_path / 'log.csv', torque_constant=0.1, gear_ratio=50.0,
+                              layout=Layout({}, {'effort': 'N·m', 'command': 'A'}))
+    np.testing.assert_allclose(samples.command, samples.current, atol=1e-6)

@@ -97,7 +97,12 @@ def refine_recordings(given: Given, paths: Sequence[Path],
 
 def notes_on(recordings: Iterable[tuple[Samples, RecordingInfo]], idle: bool = False) -> list[str]:
     """Return the notes on recordings as warnings of a report; `idle` is that of the motor."""
-    return [f'{info.path}: {note}' for _, info in recordings for note in info.notes] + [
+    paths: dict[str, list[Path]] = {}
+    for _, info in recordings:
+        for note in info.notes:
+            paths.setdefault(note, []).append(info.path)
+    return [f'{own[0]}{f" and {len(own) - 1} more" * (len(own) > 1)}: {note}'
+            for note, own in paths.items()] + [
         'the motor was idle: friction is what the load (torque sensor) overcame, in N·m'] * idle
 
 
@@ -105,7 +110,7 @@ def assumed_in(given: Given, recordings: Iterable[tuple[Samples, RecordingInfo]]
     """Return the units of tables that are taken for granted, with what tells against them."""
     from friction_comp.recordings.told_units import unit_of_weight
 
-    lines: dict[str, None] = {}
+    spans: dict[tuple[str, str, str], float] = {}
     for samples, info in recordings:
         columns = [one for one in info.assumed if not (given.figures and 'N·m' in one)]
         if not columns or len(samples) < 2:
@@ -113,11 +118,13 @@ def assumed_in(given: Given, recordings: Iterable[tuple[Samples, RecordingInfo]]
         span = float(samples.position.max() - samples.position.min())
         unit = unit_of_weight(samples.time, samples.position, samples.current) \
             if any(one.endswith(' in rad') for one in columns) else ''
-        lines[f'{", ".join(columns)} (position covers {span:.3g} rad, {span / 6.2832:.2g} turns; '
-              f'rows are {1e3 * samples.sample_time:.3g} ms apart); --unit gives others' + (
-                  f'. A weight that repeats every turn explains the effort if position is in {unit}'
-                  if unit else '')] = None
-    return list(lines)
+        key = ', '.join(columns), f'{1e3 * samples.sample_time:.3g}', unit
+        spans[key] = max(span, spans.get(key, 0.0))
+    return [f'{columns} (position covers {span:.3g} rad, {span / 6.2832:.2g} turns; '
+            f'rows are {step} ms apart); --unit gives others' + (
+                f'. A weight that repeats every turn explains the effort if position is in {unit}'
+                if unit else '')
+            for (columns, step, unit), span in spans.items()]
 
 
 def _idle(given: Given, recorded: Sequence[Samples]) -> bool:

@@ -26,7 +26,9 @@ _NUMBER = {'no', 'nr', 'num', 'number', 'index', 'idx'}
 _ROWS, _MOST = 250_000, 64
 
 
-class _Table(Protocol):
+class Table(Protocol):
+    """What all readers of tables have."""
+
     names: list[str]
     labels: dict[str, Labels]
 
@@ -67,7 +69,7 @@ class Labels:
         return codes[inverse]
 
 
-def column_of_joints(table: _Table, used: Sequence[str], time: str | None) -> str | None:
+def column_of_joints(table: Table, used: Sequence[str], time: str | None) -> str | None:
     """Return the column that says whose row each row is, and label it; None if there is none.
 
     A text beside the word joint, or one like it, is believed. Other values may be those of a state

@@ -15,7 +15,7 @@ from friction_comp.errors import InputError
 from friction_comp.recordings import row_times, time_base
 from friction_comp.recordings.activity import Activity
 from friction_comp.recordings.plausible import check_plausible
-from friction_comp.recordings.scan import Scan, signal_of, Track
+from friction_comp.recordings.scan import in_topic, Scan, signal_of, Track
 from friction_comp.samples import JointStates, Samples
 from friction_comp.statistics import smallest_step
 from friction_comp.topics import TOPICS
@@ -227,6 +227,10 @@ def _others_moved(scan: Scan, own: np.ndarray) -> bool:
 
 def _select_joint(scan: Scan, joint: str | None) -> tuple[Track, str, list[str], np.ndarray]:
     tracks = scan.of('joint_states')
+    topic, name = in_topic(joint)
+    if topic and topic not in scan.topics:
+        raise InputError(f'{scan.path}: no topic {topic} in it, but '
+                         f'{", ".join(sorted(scan.topics)) or "none"}')
     if not tracks:
         if any(signal_of(topic, kind) == 'joint_states' for topic, (kind, _) in
                scan.topics.items()):
@@ -235,13 +239,14 @@ def _select_joint(scan: Scan, joint: str | None) -> tuple[Track, str, list[str],
         states = [topic for topic, (kind, _) in scan.topics.items() if kind == wanted]
         raise InputError(
             f'{scan.path}: no joint_states of type {wanted} in it '
-            + (f'(of that type are {", ".join(sorted(states))}: rename the measured one)'
+            + (f'(of that type are {", ".join(sorted(states))}: name one, with its joint, as '
+               '--joint /TOPIC/NAME)'
                if states else f'(topics: {", ".join(sorted(scan.topics)) or "none"})'))
     joints = scan.joints
     if not joints:
         raise InputError(f'{scan.path}: joint_states names no joint')
     listed = ', '.join(repr(name) for name in joints)
-    joint = scan.selected if joint is None else joint
+    joint = scan.selected if joint is None else name
     if joint is None:
         if len(joints) > 1:
             raise InputError(f'{scan.path}: several joints, name one with --joint: {listed}')
@@ -253,8 +258,8 @@ def _select_joint(scan: Scan, joint: str | None) -> tuple[Track, str, list[str],
     matching = [track for track in tracks if key in track.names]
     if len(matching) > 1:
         raise InputError(
-            f'{scan.path}: joint {joint!r} is in several topics: '
-            f'{", ".join(track.topic for track in matching)}')
+            f'{scan.path}: joint {joint!r} is in several topics, name one with --joint: '
+            f'{", ".join(f"{track.topic}/{joint}" for track in matching)}')
     track = matching[0]
     return track, joint, list(track.names) if key else [joint], track.values[key]
 

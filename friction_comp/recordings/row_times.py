@@ -21,7 +21,9 @@ def spread_rounded(stamp: np.ndarray, position: np.ndarray, notes: list[str]) ->
 
     They do if most rows in motion have the stamp of the row before.
     """
-    change, step = np.diff(position), np.diff(stamp)
+    # Infinite values are no positions, and have no difference.
+    change = np.diff(np.where(np.isfinite(position), position, np.nan))
+    step = np.diff(stamp)
     moved = np.isfinite(change) & (change != 0.0)
     if (step < 0).any():
         return stamp    # the clock was set back, or rows are out of order

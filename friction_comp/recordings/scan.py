@@ -111,6 +111,12 @@ def signal_of(topic: str, type_name: str) -> str | None:
     return None
 
 
+def in_topic(joint: str | None) -> tuple[str | None, str | None]:
+    """Return topic and name of a joint given as /TOPIC/NAME; without a slash, it has no topic."""
+    topic, _, name = (joint or '').rpartition('/')
+    return (topic, name) if topic.startswith('/') else (None, joint)
+
+
 def values_of(signal: str, names: tuple[str, ...], fields: dict[str, np.ndarray],
               joint: str | None = None) -> tuple[tuple[str, ...], dict[str, np.ndarray]]:
     """Return names and values, as in a `Track`, of decoded messages of one layout.
@@ -148,11 +154,12 @@ class MessageScanner:
                  linear: bool = False) -> None:
         with unreadable_on_error(path):
             self._storage = Storage(path)
-        self._joint, self._batch, self._linear = joint, batch, linear
+        self._batch, self._linear = batch, linear
         self._topics: dict[str, _TopicReader] = {}
         self._activity = ActivityLog()
-        # A topic of another name that holds the joint states.
-        self._other_states: str | None = None
+        # The topic that holds the joint states, if the user names it or it has another name.
+        self._states, name = in_topic(joint)
+        self._joint = name or None
 
     @property
     def progress(self) -> float:
@@ -186,7 +193,11 @@ class MessageScanner:
                 yield self._scan()
 
     def _signal(self, topic: str, kind: str) -> str | None:
-        return 'joint_states' if topic == self._other_states else signal_of(topic, kind)
+        signal = signal_of(topic, kind)
+        if self._states is None or signal not in (None, 'joint_states', dynamic_states.SIGNAL):
+            return signal
+        own = signal or ('joint_states' if kind == cdr.JOINT_STATE else None)
+        return own if topic == self._states else None
 
     def _is_wanted(self, topic: str, kind: str) -> bool:
         return kind == DIAGNOSTICS or self._signal(topic, kind) is not None
@@ -196,14 +207,14 @@ class MessageScanner:
         states = {signal_of(topic, kind) for topic, (kind, _) in self._storage.topics.items()}
         others = [topic for topic, (kind, _) in self._storage.topics.items()
                   if kind == cdr.JOINT_STATE and not is_target(topic.rsplit('/', 1)[-1])]
-        if (self._other_states or len(others) != 1
+        if (self._states or len(others) != 1
                 or {'joint_states', dynamic_states.SIGNAL} & states):
             return False
-        self._other_states, = others
+        self._states, = others
         self._storage, self._topics = Storage(self._storage.path), {}
         self._activity = ActivityLog()
         self._storage.notes.append(
-            f'{self._other_states} is read as joint_states: no other topic holds joint states')
+            f'{self._states} is read as joint_states: no other topic holds joint states')
         return True
 
     def _scan(self) -> Scan:

@@ -49,9 +49,11 @@ def find_recordings(paths: AnyPath | Sequence[AnyPath]) -> list[Path]:
             kind = 'not a recording (a rosbag2 folder, an .mcap file or a table is needed: ' \
                 f'{", ".join(TABLES)})'
             if path.is_dir():
-                tables = any(map(is_table, path.rglob('*')))
+                tables = (file.relative_to(path) for file in sorted(path.rglob('*'))
+                          if is_table(file) and file.is_file())
+                named = next((str(file.parent / f'*{file.suffix}') for file in tables), None)
                 kind = 'no recording in this folder' + (
-                    '; tables must be named, for instance with *.csv' if tables else '')
+                    f'; tables must be named, for instance with {named}' if named else '')
             raise InputError(f'{path}: {kind}')
         for recording in recordings:
             unique.setdefault(recording.resolve(), recording)

@@ -24,6 +24,7 @@ from friction_comp.column_names import read_name
 from friction_comp.column_values import date_in_seconds, to_numbers
 from friction_comp.errors import InputError
 from friction_comp.layout import TABLES
+from friction_comp.recordings.hdf5_file import Hdf5, is_hdf5
 from friction_comp.recordings.joint_rows import Labels
 from friction_comp.units import parse_unit
 
@@ -36,7 +37,7 @@ def is_table(path: Path) -> bool:
     return path.name.lower().endswith(TABLES) or bool(parts_of(path))
 
 
-def open_table(path: Path) -> Csv | Parquet | Arrays:
+def open_table(path: Path) -> Csv | Parquet | Hdf5 | Arrays:
     """Return the reader of a table; raises InputError if it is none."""
     parts = parts_of(path)
     if parts:
@@ -44,6 +45,8 @@ def open_table(path: Path) -> Csv | Parquet | Arrays:
     name = path.name.lower()
     if name.endswith('.parquet'):
         return Parquet(path)
+    if is_hdf5(path):
+        return Hdf5(path)
     for suffix, load in _LOADERS.items():
         if name.endswith(suffix):
             return Arrays(path, load(path))
@@ -95,7 +98,7 @@ def _joined(path: Path, parts: Sequence[Path]) -> Columns:
     return columns
 
 
-def whole_columns(table: Csv | Parquet | Arrays, names: Sequence[str]) -> Columns:
+def whole_columns(table: Csv | Parquet | Hdf5 | Arrays, names: Sequence[str]) -> Columns:
     """Return columns of a table in memory."""
     blocks = [block for block, _ in table.blocks(names, 250_000)]
     return {name: np.concatenate([np.empty(0), *(block[name] for block in blocks)])
@@ -338,13 +341,21 @@ def _flat(items: Iterable[tuple[str, Any]]) -> Columns:
     return columns
 
 
+def _load(path: Path) -> Any:
+    try:
+        return np.load(path, allow_pickle=False)
+    except ValueError:
+        # NumPy asks to trust whatever it does not know.
+        raise InputError(f'{path}: not a NumPy file of numbers') from None
+
+
 def _npz(path: Path) -> Columns:
-    with np.load(path, allow_pickle=False) as file:
+    with _load(path) as file:
         return _flat(file.items())
 
 
 def _npy(path: Path) -> Columns:
-    values = np.load(path, allow_pickle=False)
+    values = _load(path)
     if values.dtype.names:
         return _flat((name, values[name]) for name in values.dtype.names)
     return _flat([('', values) if values.ndim == 2 else ('1', values)])
@@ -355,9 +366,8 @@ def _mat(path: Path) -> Columns:
 
     try:
         content = loadmat(path, struct_as_record=True, squeeze_me=True)
-    except NotImplementedError:
-        raise InputError(f'{path}: MATLAB files of version 7.3 are not read: save it with '
-                         "save('FILE.mat', '-v7')") from None
+    except (IndexError, TypeError, ValueError):
+        raise InputError(f'{path}: not a readable MATLAB file') from None
     return _flat((name, value) for name, value in content.items() if not name.startswith('__'))
 
 

@@ -17,6 +17,7 @@ from friction_comp.columns import assign
 from friction_comp.errors import InputError
 from friction_comp.files import write_atomically
 from friction_comp.layout import Layout
+from friction_comp.recordings.episodes import column_of_episodes, Episodes
 from friction_comp.recordings.joint_rows import column_of_joints
 from friction_comp.recordings.scan import Scan, Track
 from friction_comp.recordings.storage import unreadable_on_error
@@ -50,6 +51,7 @@ class TableScanner:
             self._table = open_table(path)
         self._use = assign(self._table.names, layout, str(path))
         self._whose = self._column_of_joints()
+        self._episode, self._episodes = self._column_of_episodes(), Episodes()
         self._effort_unit = next((column.unit for column in self._use.columns if column.unit
                                   and column.signal == 'effort' and not column.dimension), '')
         self._gains = self._layout.gains(self._table.names, str(path))
@@ -71,12 +73,19 @@ class TableScanner:
             use.notes.append(f'column {name!r} says whose row each row is')
         return name
 
+    def _column_of_episodes(self) -> str | None:
+        with unreadable_on_error(self._path):
+            name = column_of_episodes(self._table, [c.name for c in self._use.columns])
+        if name is not None:
+            self._use.notes.append(f'column {name!r} says which episode each row is of')
+        return name
+
     def scans(self) -> Iterator[Scan]:
         """Yield a scan of each block of rows."""
         use = self._use
         wanted = [column.name for column in use.columns]
         wanted += [gain for gain in self._gains if isinstance(gain, str)] + self._below_second
-        wanted += [self._whose] if self._whose is not None else []
+        wanted += [name for name in (self._whose, self._episode) if name is not None]
         rows = 0
         with unreadable_on_error(self._path):
             for columns, share in self._table.blocks(wanted, self._batch):
@@ -87,6 +96,8 @@ class TableScanner:
                         self._check_first(columns)
                     self._leave_out_raw(columns)
                     time, order = self._times(columns, rows), rows + np.arange(size)
+                    if self._episode is not None:
+                        time = self._episodes.apart(columns[self._episode], time)
                     tracks = list(self._tracks(columns, time, order) if self._whose is None
                                   else self._tracks_by_joint(columns, time, order))
                     rows += size
@@ -132,6 +143,8 @@ class TableScanner:
                 continue
             unit = '' if column.stated else unit_of_dates(values)
             finite = values[np.isfinite(values)]
+            if len(values) and not finite.size:
+                raise InputError(f'{said} holds no time')
             if unit:
                 self._use.columns[place] = replace(
                     column, unit=unit, factor=unit_factor('time', unit), stated=True)

@@ -86,7 +86,7 @@ def clock_shifts(times: np.ndarray, order: np.ndarray, receive: np.ndarray,
                  notes: list[str]) -> Shifts:
     """Return the offsets with which times continue to increase after the clock was set back.
 
-    The step across each reset is that of the receive times, or ten usual steps.
+    The step across each reset is that of the receive times, or else twice the shortest gap.
     """
     shifts = Shifts()
     steps = np.diff(times)
@@ -98,7 +98,7 @@ def clock_shifts(times: np.ndarray, order: np.ndarray, receive: np.ndarray,
                 or (np.diff(following) < 0).any()):
             continue
         elapsed = int(receive[k] - receive[k - 1])
-        gap = elapsed if elapsed > 0 else round(2 * _GAP_STEPS) * max(usual_step, 1)
+        gap = elapsed if elapsed > 0 else round(2.0 * max(_GAP_STEPS * usual_step, _GAP * NANO))
         back = int(times[k - 1] - times[k])
         shift += back + gap
         shifts.at.append(int(order[k]))

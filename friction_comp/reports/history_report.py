@@ -20,9 +20,10 @@ _MOST_LABELS = 16
 def history_report(model: str, recordings: Sequence[RecordedFriction],
                    notes: Sequence[tuple[str, str]], unit: str = 'A') -> Report:
     """Return the report on recordings in order of date; `notes` are pairs of ISO date and text."""
-    report = Report('History of a drive', f'{model}, {len(recordings)} recordings from '
-                    f'{recordings[0].day} to {recordings[-1].day}')
     first, last = recordings[0], recordings[-1]
+    plural = 's' * (len(recordings) != 1)
+    report = Report('History of a drive', f'{model}, {len(recordings)} recording{plural} from '
+                    f'{first.day} to {last.day}')
     text = f"In the latest recording, friction is **{100 * last.level:.0f} %** of the model's"
     if len(recordings) > 1:
         text += f'; in the first it was {100 * first.level:.0f} %'

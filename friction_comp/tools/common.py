@@ -91,9 +91,10 @@ class Arguments(argparse.ArgumentParser):
             'recordings' if several else 'recording', metavar='RECORDING',
             type=Path, nargs='+' if several else None,
             help='rosbag2 folder, .mcap or .bag file, table (.csv, .txt, .parquet, .npz, .npy, '
-            '.mat, .json, .jsonl; several with a signal each are one)' + (
+            '.mat, .h5, .hdf5, .json, .jsonl; several with a signal each are one)' + (
                 ', or folder of recordings other than tables' if several else ''))
-        self.add_argument('--joint', help='name of the joint, if a recording has several')
+        self.add_argument('--joint', help='name of the joint, if a recording has several; '
+                          '/TOPIC/NAME if several topics have it')
         self.add_argument(
             '--columns', metavar='SIGNAL=COLUMN,…', action=_Joined,
             help='columns of a table, for instance time=t,position=q_2,velocity=dq_2,effort=tau_2; '

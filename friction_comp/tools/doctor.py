@@ -40,7 +40,8 @@ _PACKAGES = (
     ('pinocchio', 'pin', 'refine --urdf', True),
     ('mujoco', 'mujoco', 'plant with engine mujoco, and demo --scene arm', True),
     ('bokeh', 'bokeh', 'watch', True),
-    ('pyarrow', 'pyarrow', 'Parquet files', True))
+    ('pyarrow', 'pyarrow', 'Parquet files', True),
+    ('h5py', 'h5py', 'HDF5 files', True))
 _ROS = ('rclpy', 'sensor_msgs', 'std_msgs', 'geometry_msgs', 'diagnostic_msgs', 'lifecycle_msgs')
 _ACTIONS = ('IdentifyFriction', 'PlayTrajectory', 'RefineModel')
 _STYLES = {OK: ('green', 'ok'), NOTE: ('cyan', 'note'), WARNING: ('yellow', 'warning'),
@@ -60,6 +61,8 @@ def main(argv: list[str] | None = None) -> int:
                         help='check this machine only, not the running system')
     parser.add_argument('--json', action='store_true', help='print findings as JSON')
     arguments = parser.parse(argv)
+    # A file that cannot be used is named before anything is observed.
+    _load(arguments.model)
     findings = list(check_machine())
     if not arguments.installed and PROBLEM not in {finding.level for finding in findings}:
         findings += check_running_system(arguments)
@@ -68,6 +71,14 @@ def main(argv: list[str] | None = None) -> int:
     else:
         _print(findings)
     return int(PROBLEM in {finding.level for finding in findings})
+
+
+def _load(paths: list[Path]) -> list[FrictionModel]:
+    if not paths:
+        return []   # what a model needs may be what is missing
+    from friction_comp.model.friction_model import FrictionModel
+
+    return [FrictionModel.load(path) for path in paths]
 
 
 def check_machine() -> Iterator[Finding]:
@@ -127,12 +138,10 @@ def _middleware() -> Iterator[Finding]:
 
 def check_running_system(arguments: argparse.Namespace) -> list[Finding]:
     """Return the findings about the running system."""
-    from friction_comp.model.friction_model import FrictionModel
     from friction_comp.monitoring.checkup import check_system
     from friction_comp.ros.system_probe import middleware, observe
 
-    # A file that cannot be used is named before anything is observed.
-    models = [FrictionModel.load(path) for path in arguments.model]
+    models = _load(arguments.model)
     variables = ', '.join(f'{name}={os.environ[name]}' for name in (
         'ROS_DOMAIN_ID', 'ROS_AUTOMATIC_DISCOVERY_RANGE', 'ROS_STATIC_PEERS', 'ROS_LOCALHOST_ONLY')
         if name in os.environ)
@@ -183,7 +192,8 @@ def _print(findings: list[Finding]) -> None:
                       (finding.what + do).replace('[', r'\['))
     Console(highlight=False).print(table)
     count = {level: sum(finding.level == level for finding in findings) for level in _STYLES}
-    print(f"{count['problem']} problems, {count['warning']} warnings")
+    print(', '.join(f'{count[level]} {level}{"s" * (count[level] != 1)}'
+                    for level in ('problem', 'warning')))
     print(readiness(findings))
 
 

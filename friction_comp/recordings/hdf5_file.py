@@ -1,0 +1,137 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Reads HDF5 files as tables, as are MATLAB's of version 7.3: every dataset of numbers is columns.
+
+A column is named by the path of its dataset, as in ``observations.qpos_1``. Groups called as
+episodes are, such as ``demo_0`` and ``demo_1``, are rows one after the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+import re
+from typing import Any
+
+import numpy as np
+
+from friction_comp.column_values import to_numbers
+from friction_comp.errors import InputError
+from friction_comp.recordings.episodes import EPISODE, is_episode
+from friction_comp.recordings.joint_rows import Labels
+
+# More than this are the points of a picture, no joints.
+_MOST_COLUMNS = 64
+_SIGNATURE = b'\x89HDF\r\n\x1a\n'
+_Place = tuple[str, int | None]     # a dataset, and which of its columns; None if it is one
+
+
+def is_hdf5(path: Path) -> bool:
+    """Return whether a file is to be read as HDF5, by its name or, of MATLAB's, its beginning."""
+    name = path.name.lower()
+    if not name.endswith('.mat'):
+        return name.endswith(('.h5', '.hdf5'))
+    with path.open('rb') as file:
+        return _SIGNATURE in file.read(1024)
+
+
+class Hdf5:
+    """An HDF5 file; only what is asked for is read."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._file = h5py_of(path).File(path, 'r')
+        self.labels: dict[str, Labels] = {}     # columns whose values are numbered
+        self._episodes: dict[str, dict[str, _Place]] = {}
+        self._file.visititems(self._add)
+        if not self._episodes:
+            raise InputError(f'{path}: holds no table of numbers')
+        if len(self._episodes) > 1:
+            # Beside episodes only numbers are of use, which hold for all of them.
+            for name, place in self._episodes.pop('', {}).items():
+                if self._file[place[0]].size == 1:
+                    for columns in self._episodes.values():
+                        columns.setdefault(name, place)
+        first, *others = self._episodes.values()
+        self.names = [name for name in first if all(name in other for other in others)]
+        self.names += [EPISODE] if others else []
+
+    def _add(self, name: str, item: Any) -> None:
+        """Add the columns of one of the file's items, if it is a dataset that has some."""
+        # What MATLAB calls #refs# is no signal.
+        if getattr(item, 'dtype', None) is None or item.dtype.kind not in 'biuf' or (
+                item.ndim > 2 or not item.size or '#' in name):
+            return
+        parts = name.split('/')
+        own = [part for part in parts if re.search(r'\d', part) and is_episode(part)]
+        label = '.'.join(part for part in parts if part not in own)
+        columns = self._episodes.setdefault('/'.join(own), {})
+        if item.ndim < 2 or 1 in item.shape:
+            columns[label] = name, None
+        elif min(item.shape) <= _MOST_COLUMNS:
+            columns.update({f'{label}_{k + 1}': (name, k) for k in range(min(item.shape))})
+
+    def blocks(self, wanted: Sequence[str], rows: int) -> Iterator[tuple[dict[str, Any], float]]:
+        """Yield blocks of columns and the share of the file that has been read."""
+        waiting: list[dict[str, np.ndarray]] = []
+        for number, episode in enumerate(sorted(self._episodes, key=_natural)):
+            size = self._rows(self._episodes[episode], wanted)
+            for first in range(0, size, rows):
+                last = min(first + rows, size)
+                waiting.append(self._values(number, self._episodes[episode], wanted, first, last))
+                if sum(len(part[wanted[0]]) for part in waiting) >= rows:
+                    yield self._joined(waiting), (number + last / size) / len(self._episodes)
+                    waiting = []
+        if waiting:
+            yield self._joined(waiting), 1.0
+
+    def _joined(self, parts: list[dict[str, np.ndarray]]) -> dict[str, Any]:
+        whole = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+        return {name: self.labels[name].codes(values) if name in self.labels
+                else to_numbers(values, name, self._path) for name, values in whole.items()}
+
+    def _rows(self, places: dict[str, _Place], wanted: Sequence[str]) -> int:
+        # Of its own, the number of an episode has no length.
+        sizes = {name: max(self._file[places[name][0]].shape, default=1)
+                 for name in ([*wanted] if {*wanted} & {*places} else self.names) if name in places}
+        size = max(sizes.values(), default=0)
+        if set(sizes.values()) - {1, size}:
+            raise InputError(f'{self._path}: its datasets differ in length: ' + ', '.join(
+                f'{name} {count}' for name, count in sizes.items()))
+        return size
+
+    def _values(self, number: int, places: dict[str, _Place], wanted: Sequence[str], first: int,
+                last: int) -> dict[str, np.ndarray]:
+        read: dict[str, np.ndarray] = {}
+        values = {}
+        for name in wanted:
+            source, column = places.get(name, ('', None))
+            if source and source not in read:
+                read[source] = _slice(self._file[source], first, last)
+            part = read[source] if source else np.array([number])
+            part = part if column is None else part[:, column]
+            values[name] = np.broadcast_to(part, last - first) if part.size == 1 else part
+        return values
+
+
+def _slice(dataset: Any, first: int, last: int) -> np.ndarray:
+    """Return rows of a dataset, whose times are along its longer side; a number as it is."""
+    if dataset.size == 1:
+        return np.asarray(dataset[()]).reshape(1)
+    along = int(np.argmax(dataset.shape))
+    part = dataset[first:last] if along == 0 else dataset[:, first:last].T
+    return np.asarray(part.reshape(-1) if 1 in dataset.shape else part)
+
+
+def _natural(name: str) -> list[str | int]:
+    return [int(part) if part.isdigit() else part for part in re.split(r'(\d+)', name)]
+
+
+def h5py_of(path: Path) -> Any:
+    """Return the library for HDF5 files; raises InputError if it is not installed."""
+    try:
+        import h5py
+    except ModuleNotFoundError:
+        raise InputError(f'{path}: HDF5 files, and MATLAB files of version 7.3, need h5py: pip '
+                         'install "friction_comp[hdf5]", or pip install h5py') from None
+    return h5py
