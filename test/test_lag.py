@@ -62,6 +62,8 @@ def test_a_low_pass_is_told_from_a_delay_and_named_only_if_the_drive_has_it(
         assert found['actuation_lag'].parameters == {name: settings[name]}
         assert ('low pass' in found['actuation_lag'].in_words) == (name == 'time_constant')
         assert ('d/dt' in found['actuation_lag'].formula) == (name == 'time_constant')
+    told = [one.text for one in result.report.findings if one.code == 'late_current']
+    assert len(told) == (value < 0.0)
     assert result.report.friction.coulomb == pytest.approx(0.8, rel=0.01)
     assert result.report.friction.inertia == pytest.approx(0.05, rel=0.05)
     # The file says it, too: it predicts as the report states.

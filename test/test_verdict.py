@@ -13,10 +13,12 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.effects.definitions import Coverage
+from friction_comp.model.simulator_joint import cautions_of
 from friction_comp.parallel import one_thread
 from friction_comp.recordings import write_samples
 from friction_comp.refinement import refine, thresholds
 from friction_comp.refinement.dependence import remaining_dependences
+from friction_comp.refinement.judge import findings_on_line
 from friction_comp.refinement.prepare import clipped
 from friction_comp.refinement.recorded_motion import load_coefficient
 from friction_comp.refinement.stability import Intervals
@@ -38,9 +40,19 @@ def noise(samples, size=0.02, seed=0):
 def test_a_torque_behind_the_gear_holds_no_friction_and_says_so():
     motion = swings(1)
     torque = 6.0 * np.sin(motion.position) + 0.3 * motion.acceleration + noise(motion)
-    report = refine([motion.with_(current=torque, acceleration=None)], drive=DRIVE).report
+    result = refine([motion.with_(current=torque, acceleration=None)], drive=DRIVE)
+    report = result.report
     assert report.verdict == 'record again'
     assert codes(report) == {'no_friction'}
+    # So does the model, where nobody has the report at hand.
+    assert 'record again. No friction shows' in cautions_of([result.model])[0]
+
+
+@pytest.mark.parametrize('ends, found', [([-0.1, -0.01], 1), ([-0.1, 0.02], 0)])
+def test_a_friction_below_zero_is_no_friction(ends, found):
+    numbers = SimpleNamespace(coulomb=-0.04, viscous=0.06, intervals={'coulomb': ends})
+    said = list(findings_on_line(numbers))
+    assert [one.code for one in said] == ['negative_friction'] * found
 
 
 def test_a_load_of_the_other_sign_does_not_double_the_weight():

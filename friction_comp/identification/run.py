@@ -37,7 +37,7 @@ from friction_comp.identification.kinetic import (
 from friction_comp.identification.ramp_evaluation import evaluate_ramps, Ramp
 from friction_comp.identification.sigmoid_fit import fit_sigmoid
 from friction_comp.identification.supervised_run import speed_over, STILL_TIME, SupervisedRun
-from friction_comp.identification.supervision import check_load
+from friction_comp.identification.supervision import check_curve, check_load
 from friction_comp.statistics import evenly_spread, smallest_step
 
 # The joint slides when its mean speed over this time in s exceeds this speed in rad/s, and it has
@@ -285,7 +285,8 @@ class IdentificationRun(SupervisedRun):
             records=ramps.records, acceleration_per_current=acceleration,
             goal=replace(self.goal, ramp_slope=self.ramp_slope),
             warnings=[*self.warnings, *self.supervision.warnings(), *ramps.warnings,
-                      *([doubtful] if doubtful else [])],
+                      *([doubtful] if doubtful else []),
+                      *check_curve(points, sigmoid, MAX_SCATTER, self.say)],
             presliding=ramps.presliding, backlash=ramps.backlash)
 
     def _finest_step(self) -> float:

@@ -19,6 +19,7 @@ from friction_comp.drive import Drive
 from friction_comp.identification.goal import IdentificationError
 from friction_comp.identification.kinetic import KineticPoint
 from friction_comp.identification.velocity_control import LONGEST_DELAY, PHASE
+from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.signal_checks import Answer, current_fault, CurrentCheck, VelocityCheck
 
 LONGEST_GAP = 0.25      # longest time without a sample, s
@@ -230,6 +231,21 @@ class Supervision:
                 f'the joint does not move at {self._say(command)}, although less current broke it '
                 'free before: it is blocked, at a stop or held, or the encoder is stuck')
         self._begin_answer(time, position, sign)
+
+
+def check_curve(points: Sequence[KineticPoint], sigmoid: Sigmoid, share: float,
+                say: Callable[[float], str]) -> list[str]:
+    """Return a warning if the curve of Eq. 6 is off a measured current by more than a share of it.
+
+    `say` returns a current as text.
+    """
+    off, point = max(((abs(float(sigmoid(one.speed)) - one.current), one) for one in points),
+                     key=lambda entry: entry[0])
+    if off <= share * abs(point.current):
+        return []
+    return [f'at {point.speed:g} rad/s the curve of Eq. 6 is off what was measured, '
+            f'{say(abs(point.current))}, by {say(off)}: its Coulomb and viscous friction may be '
+            'wrong as well. Refine a recording with this model, or request other speeds']
 
 
 def check_load(points: Sequence[KineticPoint], breakaway: tuple[float, float], spread: float,

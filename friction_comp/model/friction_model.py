@@ -165,6 +165,11 @@ class FrictionModel:
         return differentiate(samples, self.settings)
 
     @property
+    def is_linear(self) -> bool:
+        """Whether the axis is linear: positions are in m and forces in N."""
+        return self.unit == 'N' or 'position_unit' in self.notes
+
+    @property
     def unit(self) -> str:
         """The unit of its current: that of the notes, else A, or N·m without constants."""
         default = 'N·m' if self.drive.torque_per_current == 1.0 else 'A'

@@ -10,6 +10,7 @@ the simulator's own bodies.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -53,14 +54,38 @@ class SimulatorJoint:
     def torque(self, motion: Samples, form: str) -> np.ndarray:
         """Return the torque of a form in a motion, N·m, shape (N,), with its inertia."""
         speed = np.asarray(motion.velocity)
-        smooth = form == 'tanh'
+        smooth = form in ('tanh', 'json')
         sign = np.tanh(speed / self.transition) if smooth else np.sign(speed)
         torque = self.coulomb * sign + self.viscous * speed
-        if smooth:
-            return torque + self.offset
+        torque = torque + (self.offset if smooth else 0.0)
+        if form == 'tanh':
+            return torque
         torque = torque + (self.inertia or 0.0) * np.asarray(motion.acceleration)
         return torque + (self.stiffness * (motion.position - self.rest)
-                         if form in ('mujoco', 'sdf') else 0.0)
+                         if form in ('mujoco', 'sdf', 'json') else 0.0)
+
+    def passive(self) -> SimulatorJoint:
+        """Return the joint without negative numbers, which no simulator takes; `left_out` says so.
+
+        Viscous friction is negative where friction falls with the speed.
+        """
+        least = {name: 0.0 for name in ('coulomb', 'viscous', 'stiffness')
+                 if getattr(self, name) < 0.0}
+        return replace(self, **least, left_out=[*self.left_out, *(  # type: ignore[arg-type]
+            f'{name} {getattr(self, name):.4g}: simulators take none below zero, so it is 0 here'
+            for name in least)], ranges={
+                name: ends for name, ends in self.ranges.items() if name not in least})
+
+
+def cautions_of(models: Iterable[FrictionModel]) -> list[str]:
+    """Return what refinement said against models, and what it took for granted."""
+    lines: dict[str, None] = {}
+    for model in models:
+        lines |= dict.fromkeys(f'Verdict of refine: {model.notes.get("verdict")}. {reason}'
+                               for reason in model.notes.get('reasons', ()))
+        lines |= dict.fromkeys(f'Taken for granted: {one}'
+                               for one in model.notes.get('assumed', ()))
+    return list(lines)
 
 
 def simulator_joint(model: FrictionModel, top_speed: float | None = None) -> SimulatorJoint:
@@ -88,7 +113,7 @@ def simulator_joint(model: FrictionModel, top_speed: float | None = None) -> Sim
         inertia=None if inertia is None else gain * inertia,
         stiffness=gain * sum(effect.coefficients[0] for effect in springs),
         rest=springs[0].values['position'] if springs else 0.0,
-        unit='N' if unit == 'N' else 'N·m', left_out=left_out,
+        unit='N' if model.is_linear else 'N·m', left_out=left_out,
         ranges={name: (gain * low, gain * high) for name, (low, high) in ranges.items()},
         ranges_are=ranges_are)
 

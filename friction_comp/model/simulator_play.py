@@ -42,9 +42,8 @@ def attributes(joint: SimulatorJoint, with_inertia: bool = True) -> str:
     """Return the attributes of a joint in MJCF."""
     inertia = f' armature="{joint.inertia:.9g}"' if with_inertia and joint.inertia else ''
     spring = (f' stiffness="{joint.stiffness:.9g}" springref="{joint.rest:.9g}"'
-              if joint.stiffness > 0.0 else '')
-    return (f'frictionloss="{max(joint.coulomb, 0.0):.9g}" damping="{max(joint.viscous, 0.0):.9g}"'
-            f'{inertia}{spring}')
+              if joint.stiffness else '')
+    return f'frictionloss="{joint.coulomb:.9g}" damping="{joint.viscous:.9g}"{inertia}{spring}'
 
 
 def play(joint: SimulatorJoint, motion: Samples, torque: np.ndarray) -> Played | None:
@@ -56,7 +55,7 @@ def play(joint: SimulatorJoint, motion: Samples, torque: np.ndarray) -> Played |
     if not joint.inertia or joint.inertia <= 0.0 or len(motion) < 10:
         return None
     bare = replace(joint, coulomb=0.0, viscous=0.0)
-    strayed = [_stray(mujoco, one, motion, torque) for one in (joint, bare)]
+    strayed = [_stray(mujoco, one, motion, torque) for one in (joint.passive(), bare.passive())]
     moved = np.concatenate([motion.position[part] for part in _parts(motion)])
     size = float(np.std(moved))
     if not size or not all(map(len, strayed)):

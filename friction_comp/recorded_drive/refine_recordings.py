@@ -42,7 +42,7 @@ def refine_to_folder(given: Given, paths: Sequence[Path], output: Path, command:
 
 def is_linear(result: RefineResult) -> bool:
     """Return whether the axis is linear: positions are in m and forces in N."""
-    return 'position_unit' in result.model.notes
+    return result.model.is_linear
 
 
 def refine_recordings(given: Given, paths: Sequence[Path],

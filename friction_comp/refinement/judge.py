@@ -29,6 +29,7 @@ from friction_comp.refinement.result import (
     AGAIN,
     Errors,
     Finding,
+    FrictionNumbers,
     IN_PART,
     Predicted,
     Question,
@@ -108,6 +109,14 @@ _FINDINGS = {
         TRUST, 'No load was recorded: effects of load, and an error of the torque constant, cannot '
         'be seen.', ''),
     'not_seen': (TRUST, '{reason}', ''),
+    'negative_friction': (
+        IN_PART, 'The straight line through friction has {name} friction below zero, {value:.3g}, '
+        'which no drive has: neither its Coulomb nor its viscous friction is that of the drive.',
+        'record more constant speeds, with a finer encoder or a stiffer controller'),
+    'late_current': (
+        TRUST, 'The recorded current follows the motion late, as after a filter of {lag:.3g} ms, '
+        'which is undone: another lag would change the inertia by viscous friction times the '
+        'difference.', ''),
     'short': (
         TRUST, 'The longest recording lasts {duration:.3g} s: warm-up takes minutes and cannot be '
         'seen in full.', ''),
@@ -321,6 +330,8 @@ def findings(fit: Fit, raw: Samples, after: Errors, growth: dict[str, float],
     for question in open_questions:
         yield finding('ambiguous', variables=question.variables, why=question.why,
                       experiment=question.experiment)
+    if -sum(fit.lag) >= rows.samples.sample_time:
+        yield finding('late_current', lag=-1e3 * sum(fit.lag))
     yield from findings_on_recording(rows, raw)
     yield from notes_on_coverage(rows.samples, rows.coverage)
     # The fit's error comes from block sums, that of the model from `predict` on the recording. Rows
@@ -329,6 +340,14 @@ def findings(fit: Fit, raw: Samples, after: Errors, growth: dict[str, float],
                         noise_floor(rows, rows.target) if rows.length > 1 else 0.0)
     if after.fit_rmse > thresholds.WRITTEN_ERROR * max(fitted, held_out):
         yield finding('written', error=after.fit_rmse, fitted=fitted)
+
+
+def findings_on_line(friction: FrictionNumbers) -> Iterator[Finding]:
+    """Yield what no drive does of the numbers that people read."""
+    for name, word in (('coulomb', 'Coulomb'), ('viscous', 'viscous')):
+        value = getattr(friction, name)
+        if value < 0.0 and max(friction.intervals.get(name, [value])) < 0.0:
+            yield finding('negative_friction', name=word, value=value)
 
 
 def findings_on_recording(rows: Rows, raw: Samples) -> Iterator[Finding]:

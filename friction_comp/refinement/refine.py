@@ -25,7 +25,7 @@ from friction_comp.refinement.friction_numbers import recorded_of
 from friction_comp.refinement.prepare import join
 from friction_comp.refinement.recorded_motion import settings_for_arm, velocity_delay
 from friction_comp.refinement.report import report_of
-from friction_comp.refinement.result import Origin, Predicted, RefineResult
+from friction_comp.refinement.result import Origin, Predicted, RefineResult, TRUST
 from friction_comp.refinement.search import adjust_constants, at_limit
 from friction_comp.refinement.stability import intervals, LeftOutThirds, repeat_search, rivals_of
 from friction_comp.samples import Samples
@@ -97,7 +97,8 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
         refined = start
     report = report_of(problem, fit, start, refined, origin)
     written = replace(refined.model, notes={
-        **refined.model.notes, **origin.notes, 'unit': origin.unit})
+        **refined.model.notes, **origin.notes, 'unit': origin.unit, 'verdict': report.verdict,
+        'reasons': [] if report.verdict == TRUST else report.reasons, 'assumed': report.assumed})
     return RefineResult(report, written, start.model, rows.samples, rows.usable, start.held_out,
                         refined.held_out, rows.coverage)
 

@@ -59,15 +59,16 @@ def report_of(problem: Problem, fit: Fit, start: Predicted, refined: Predicted, 
     if 'acceleration' not in growth:
         tested[judge.STEPS] = error_by_steps(raw, refined, rows.usable)
     errors = judge.errors_of(rows, refined, name, max(1.0, *tested.values()))
-    verdict = judge.verdict_of(judge.findings(
-        fit, raw, errors, tested, noise, dependences, open_questions), unit)
+    friction = friction_of(model, unit, rows.coverage.both_directions)
+    verdict = judge.verdict_of([*judge.findings_on_line(friction), *judge.findings(
+        fit, raw, errors, tested, noise, dependences, open_questions)], unit)
     return RefinementReport(
         unit=unit, joint=model.joint, samples=len(raw), samples_in_motion=int(rows.usable.sum()),
         samples_clipped=int(rows.clipped.sum()),
         held_out=f'{rows.blocks} long parts, each predicted by a fit to all others',
         signal_rms=rms(raw.current[rows.usable]), before=judge.errors_of(rows, start, base),
         after=errors, noise_floor=noise, effects=effects,
-        friction=friction_of(model, unit, rows.coverage.both_directions),
+        friction=friction,
         assumed=list(origin.assumed),
         correlations=[] if kept else correlations_of(fit),
         unexplained=[replace(dependence, note=judge.in_unit(dependence.note, unit))

@@ -22,6 +22,7 @@ from friction_comp.errors import errors_name, InputError
 from friction_comp.files import plain, read_yaml, to_yaml, write_atomically
 from friction_comp.tools.common import Arguments, keep_inputs, positive, progress
 from friction_comp.tools.refine_arguments import layout_of, OF_TABLE
+from friction_comp.units import in_own_units
 
 if TYPE_CHECKING:
     import numpy as np
@@ -94,9 +95,11 @@ def main(argv: list[str] | None = None) -> int:
     if arguments.load:
         raise InputError('--load goes with --to csv: the other forms have no effect of the load')
     joint = joint_of(arguments, models)
+    if arguments.to not in ('tanh', 'json'):
+        joint = joint.passive()
     name = arguments.joint or models[0].joint or 'joint'
     with progress('playing'):
-        remarks = remarks_on(joint, arguments, models[0])
+        remarks = in_own_units(remarks_on(joint, arguments, models), joint.unit == 'N')
     write_atomically(arguments.output, document(
         arguments.to, name, joint, remarks, not arguments.without_inertia))
     print(f'{arguments.output}: {name}')
@@ -111,6 +114,7 @@ def _write_table(arguments: Namespace, model: FrictionModel) -> int:
     import numpy as np
 
     from friction_comp.model.simulator_joint import (
+        cautions_of,
         FrictionTable,
         joint_friction_only,
         loss_of,
@@ -121,15 +125,17 @@ def _write_table(arguments: Namespace, model: FrictionModel) -> int:
         unit = simulator_joint(model).unit
     load = arguments.load or _LOAD
     table = FrictionTable.of(model, np.linspace(-load, load, 9), arguments.top_speed)
-    lines = [','.join(table.names), *(
+    lines = [','.join(in_own_units(table.names, model.is_linear)), *(
         ','.join(f'{value:.6g}' for value in row) for row in table.rows)]
     motion, _, why_not = recorded_motion(arguments, model)
     write_atomically(arguments.output, '\n'.join(lines) + '\n')
     print(f'{arguments.output}: {len(table.rows)} rows')
     for line in [_missed(loss_of(model, table, 'csv', motion), unit), *why_not]:
         print(f'  {line}')
-    for line in joint_friction_only(model, ('acceleration', 'load'))[1]:
-        print(f'  Not in it: {line}')
+    lines = [f'Not in it: {line}'
+             for line in joint_friction_only(model, ('acceleration', 'load'))[1]]
+    for line in [*lines, *cautions_of([model])]:
+        print(f'  {in_own_units(line, model.is_linear)}')
     return 0
 
 
@@ -164,12 +170,13 @@ def _over_history(joint: SimulatorJoint, model: FrictionModel, path: Path) -> Si
         'recordings of the history; others 95 % intervals of the fit'))
 
 
-def remarks_on(joint: SimulatorJoint, arguments: Namespace, model: FrictionModel) -> list[str]:
-    """Return lines on origin, values, ranges and losses of a form."""
-    from friction_comp.model.simulator_joint import loss_of
+def remarks_on(joint: SimulatorJoint, arguments: Namespace, models: list[FrictionModel]
+               ) -> list[str]:
+    """Return lines on origin, values, ranges and losses of a form, and what speaks against it."""
+    from friction_comp.model.simulator_joint import cautions_of, loss_of
     from friction_comp.refinement.friction_numbers import inertia_holds
 
-    form, unit = arguments.to, joint.unit
+    form, unit, model = arguments.to, joint.unit, models[0]
     lines = [f'Friction of {", ".join(map(str, arguments.models))}, by friction_comp {__version__}',
              f'Coulomb {joint.coulomb:.6g} {unit}, viscous {joint.viscous:.6g} '
              f'{"N·s/m" if unit == "N" else "N·m·s/rad"}']
@@ -190,7 +197,7 @@ def remarks_on(joint: SimulatorJoint, arguments: Namespace, model: FrictionModel
     loss = loss_of(model, joint, form, motion)
     lines += [_missed(loss, unit), *_played(joint, form, model, motion, torque), *why_not]
     lines += [f'Not in it: {line}' for line in [*_lacking(joint, form), *joint.left_out]]
-    return lines
+    return lines + cautions_of(models)
 
 
 def _missed(loss: Loss, unit: str) -> str:
@@ -287,6 +294,7 @@ def document(form: str, name: str, joint: SimulatorJoint, remarks: list[str],
             indent=2, ensure_ascii=False) + '\n'
     what = ('torque = Fc·tanh(k·v) + Fv·v + Fo, N·m, v in rad/s' if form == 'tanh' else
             'Isaac: static, dynamic and viscous friction of a joint, and its armature, SI units')
+    what = in_own_units(what, joint.unit == 'N')
     comment = '\n'.join(f'# {line}' for line in [*remarks, what])
     return f'{comment}\n{to_yaml({name: {**numbers, "range": ranges}})}'
 
@@ -312,7 +320,7 @@ def _xml(form: str, name: str, joint: SimulatorJoint, remarks: list[str],
     else:
         spring = (f'<spring_reference>{joint.rest:.9g}</spring_reference>'
                   f'<spring_stiffness>{joint.stiffness:.9g}</spring_stiffness>'
-                  if joint.stiffness > 0.0 else '')
+                  if joint.stiffness else '')
         body = (f'<sdf version="1.9">\n  <joint name={quoteattr(name)} type="{kind}">\n    '
                 f'<axis><dynamics><damping>{damping}</damping><friction>{friction}</friction>'
                 f'{spring}</dynamics></axis>\n  </joint>\n</sdf>\n')

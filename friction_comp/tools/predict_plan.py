@@ -14,7 +14,9 @@ from friction_comp.errors import errors_name, InputError
 from friction_comp.files import read_yaml, write_atomically
 from friction_comp.model.differentiation import as_recorded, differentiate
 from friction_comp.model.friction_model import FrictionModel, joints_of
+from friction_comp.model.simulator_joint import cautions_of
 from friction_comp.samples import Samples
+from friction_comp.units import in_own_units
 
 
 def predict_plan(arguments: Namespace, plan: dict[str, Samples]) -> int:
@@ -32,7 +34,8 @@ def predict_plan(arguments: Namespace, plan: dict[str, Samples]) -> int:
         unit = model.unit
         gain = model.torque_per(unit)
         if gain is not None:
-            columns[f'{prefix}torque'], units['torque'] = gain * current, 'N·m'
+            columns[f'{prefix}torque'], units['torque'] = gain * current, in_own_units(
+                'N·m', model.is_linear)
         if unit == 'A' or gain is None:
             what = 'current' if unit == 'A' else 'effort'
             columns[f'{prefix}{what}'], units[what] = current, unit
@@ -46,6 +49,8 @@ def predict_plan(arguments: Namespace, plan: dict[str, Samples]) -> int:
         print(f"left out, since a plan does not tell their signals: {', '.join(left_out)}")
     print(f'{arguments.output}: {len(columns["time"])} rows, '
           + ', '.join(f'{what} in {unit}' for what, unit in units.items()))
+    for line in cautions_of(models.values()):
+        print(f'note: {line}')
     return 0
 
 
