@@ -5,21 +5,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
 import math
 from typing import Any
 
 import numpy as np
 
-from friction_comp.model.differentiation import as_recorded, shifted_in_time
 from friction_comp.model.effects.base import Effect
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.measured import LINE, Recorded
 from friction_comp.model.sliding_friction import inertia_of, line_of, Sliding
 from friction_comp.refinement.best_fit import Fit
-from friction_comp.refinement.block_sums import BlockSums, sums_of
-from friction_comp.refinement.effect_columns import eq6_columns, EQ6_LINEAR
-from friction_comp.refinement.lag import equal_responses
+from friction_comp.refinement.block_sums import BlockSums
+from friction_comp.refinement.effect_columns import EQ6_LINEAR
 from friction_comp.refinement.result import FrictionNumbers
 from friction_comp.statistics import rms
 
@@ -27,8 +24,6 @@ from friction_comp.statistics import rms
 _SPEEDS = 12
 # Column of Eq. 6's derivative with respect to the logarithm of the steepness.
 _STEEPNESS = 3
-# Draws of blocks, of each of which the best lag is found, and the ends of 95 % of them.
-_DRAWS, _ENDS = 200, (0.025, 0.975)
 # Half an interval, of the current, that is due to rounding.
 _ROUNDING = 1e-9
 # Widest transition of a sign change that counts as determined: a factor of e either way.
@@ -38,9 +33,9 @@ _MOST_LOG = 1.0
 def recorded_of(fit: Fit, model: FrictionModel) -> Recorded:
     """Return the speeds of the recordings, and the intervals of the numbers of a fit's model.
 
-    An interval contains the scatter over parts drawn at random, and how far a number moves if the
-    slow, the middle or the fast third of the samples is left out, if any sign is allowed, and with
-    the lags between current and motion that are best for parts drawn at random.
+    An interval contains the scatter over parts drawn at random, with what the recordings hardly
+    tell (see `unsettled`), and how far a number moves if the slow, the middle or the fast third of
+    the samples is left out, or if any sign is allowed.
     """
     rows = fit.rows
     speed = np.abs(np.asarray(rows.samples.velocity)[rows.usable])
@@ -59,17 +54,16 @@ def recorded_of(fit: Fit, model: FrictionModel) -> Recorded:
         weights[:len(LINE), columns] = line
         if effect.name == 'inertia':
             weights[-1, columns[0]] = 1.0
-    intervals, other_fits, lagged = {}, _without_thirds(fit), _with_other_lags(fit)
+    intervals, other_fits = {}, _without_thirds(fit)
     values = *line_of(replace(model, recorded=recorded)).values(), inertia_of(model)
     for name, row, value in zip((*LINE, 'inertia'), weights, values):
-        moved, delayed = other_fits @ row, lagged @ row
-        half = math.hypot(fit.intervals.half_width(row), float(np.abs(moved[1:] - moved[0]).max()))
+        moved = other_fits @ row
+        below, above = (math.hypot(end, float(np.abs(moved[1:] - moved[0]).max()))
+                        for end in fit.intervals.ends(row))
         # In motion in one direction, the offset is part of Coulomb friction. A coefficient that
         # physics keeps at zero has no scatter, but rounding.
-        if value is not None and half > _ROUNDING * rms(fit.rows.target):
-            least, most = np.quantile(delayed, _ENDS)
-            intervals[name] = (value - math.hypot(half, min(least, 0.0)),
-                               value + math.hypot(half, max(most, 0.0)))
+        if value is not None and min(below, above) > _ROUNDING * rms(fit.rows.target):
+            intervals[name] = value - below, value + above
     row = np.zeros(weights.shape[1])
     row[_STEEPNESS] = 1.0
     coulomb = abs(0.5 * (model.sigmoid.upper - model.sigmoid.lower))
@@ -98,35 +92,6 @@ def _without_thirds(fit: Fit) -> np.ndarray:
     fits[:4, columns] = sums.fits_without(every, np.vstack((np.ones(3), 1.0 - np.eye(3))) > 0.0)
     fits[4, columns] = replace(sums, signs=np.zeros_like(sums.signs)).fit(every)
     return fits
-
-
-def _with_other_lags(fit: Fit) -> np.ndarray:
-    """Return how far the coefficients move with the best lag of blocks drawn at random, by column.
-
-    A lag turns viscous friction into inertia, and that of the fit is kept unless another is much
-    better. Shape (D, P).
-    """
-    table, rows = fit.table, replace(fit.rows, time_constant=0.0)
-    samples, indices = rows.samples, table.indices(fit.terms, derivatives=False)
-    columns = np.column_stack([eq6_columns(rows, *table.transition)[:, :EQ6_LINEAR],
-                               *(term.columns(rows) for term in fit.terms)])
-    every = range(len(indices))
-    target, now = rows.averaged(rows.target), fit.lag
-
-    @cache
-    def sums(delay: float, slow: float) -> BlockSums:
-        moved = shifted_in_time(columns, samples, delay - now[0]) if delay != now[0] else columns
-        return sums_of(rows.averaged(as_recorded(moved, samples, slow)), target, rows.block)
-
-    def errors(delay: float, slow: float) -> np.ndarray:
-        return sums(delay, slow).held_out_errors(every)
-    lags = [now, *equal_responses(lambda *lag: float(errors(*lag).sum()), samples.sample_time, now)]
-    coefficients = np.zeros((len(lags), max(fit.intervals.coefficients) + 1))
-    coefficients[:, indices] = [
-        sums(*lag).fit(every) for lag in lags]
-    rng, by_lag = np.random.default_rng(3), np.array([errors(*lag) for lag in lags])
-    best = [int(np.argmin(by_lag @ table.draw_blocks(rng))) for _ in range(_DRAWS)]
-    return coefficients[best] - coefficients[0]
 
 
 def friction_of(model: FrictionModel, unit: str, both_directions: bool = True) -> FrictionNumbers:

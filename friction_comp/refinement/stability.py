@@ -21,9 +21,17 @@ import math
 import numpy as np
 from scipy import stats
 
+from friction_comp.model.differentiation import shifted_in_time
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.block_sums import BlockSums
-from friction_comp.refinement.effect_columns import proposals, Table, Term
+from friction_comp.refinement.effect_columns import (
+    eq6_columns,
+    EQ6_LINEAR,
+    first_model,
+    proposals,
+    Table,
+    Term,
+)
 from friction_comp.refinement.search import (
     adjust_constants,
     constant_derivatives,
@@ -114,11 +122,18 @@ class Intervals:
     constants: dict[tuple[Term, str], tuple[float, float]] = field(default_factory=dict)
     draws: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))  # (D, P), both together
     quantile: float = math.nan  # half an interval over the standard deviation of the draws
+    # How far all other columns together move each coefficient from that of the terms alone.
+    moved: np.ndarray = field(default_factory=lambda: np.empty(0))
 
     def half_width(self, weights: np.ndarray) -> float:
         """Return half the interval of a weighted sum of coefficients, with a weight by column."""
         sums = self.draws[:, :len(self.coefficients)] @ weights[list(self.coefficients)]
         return self.quantile * float(robust_std(sums - np.median(sums)))
+
+    def ends(self, weights: np.ndarray) -> tuple[float, float]:
+        """Return how far below and above a weighted sum of coefficients its interval ends."""
+        half, moved = self.half_width(weights), float(self.moved @ weights[list(self.coefficients)])
+        return half + max(-moved, 0.0), half + max(moved, 0.0)
 
     def excludes_zero(self, table: Table, term: Term) -> bool:
         """Return whether the interval of a term's contribution excludes zero.
@@ -150,17 +165,39 @@ class Intervals:
         return sorted(pairs, key=lambda pair: -abs(pair[0]))
 
 
-def intervals(table: Table, terms: Sequence[Term]) -> Intervals:
+def unsettled(table: Table, terms: Sequence[Term]) -> list[np.ndarray]:
+    """Return the columns, each (M, R), of what a fit takes for granted and motion may hardly tell.
+
+    That the joint has no other inertia, weight or spring, and that torque and motion are recorded
+    at the same time and alike: a lag, a low pass or a filter of the motion add to the prediction
+    its first and second derivative by time. Differences over `LAG_STEP` stand for these.
+    """
+    rows = table.rows
+    fitted = table.coefficients(terms)
+    prediction = np.column_stack([eq6_columns(rows, *table.transition)[:, :EQ6_LINEAR], *(
+        term.columns(rows) for term in terms)]) @ np.array(list(fitted.values()))
+    step = max(thresholds.LAG_STEP, rows.samples.sample_time)
+    shifted = np.column_stack([shifted_in_time(prediction, rows.samples, count * step) - prediction
+                               for count in (-2, -1, 1, 2)])
+    kinds = {term.kind for term in terms}
+    others = [term for term in first_model(table) if term.kind not in kinds and not term.kind.needs]
+    return [rows.averaged(shifted).T,
+            *(term.at_rows(rows) for term in others)]
+
+
+def intervals(table: Table, terms: Sequence[Term], others: Sequence[np.ndarray] = ()) -> Intervals:
     """Return intervals from fits to resampled blocks.
 
     Each fit has one more column for each constant, the derivative of its term, so that the interval
-    of a coefficient includes the uncertainty of the constants; its unit is a `step_size`.
+    of a coefficient includes the uncertainty of the constants; its unit is a `step_size`. So it
+    does with the columns of `others`, each (M, R), for what else is uncertain.
     """
     free = free_constants(terms)
     indices = table.indices(terms)
-    columns = np.vstack(
-        (table.columns[indices], constant_derivatives(table, terms, free), table.target))
-    signs = np.append(table.sums.signs[indices], np.zeros(len(free), dtype=int))
+    columns = np.vstack((table.columns[indices], constant_derivatives(table, terms, free), *others,
+                         table.target))
+    signs = np.zeros(len(columns) - 1, dtype=int)
+    signs[:len(indices)] = table.sums.signs[indices]
     sums, both = BlockSums.over(columns, table.block_rows, signs), range(len(signs))
     rng = np.random.default_rng(1)
     weights = np.array([table.draw_blocks(rng) for _ in range(_DRAWS)], dtype=float)
@@ -169,15 +206,17 @@ def intervals(table: Table, terms: Sequence[Term]) -> Intervals:
     # By the median: samples that lack a direction of motion give outlying fits.
     half_widths = quantile * robust_std(draws - np.median(draws, axis=0), axis=0)
     # About the fit of the terms alone; the derivatives of Eq. 6 have no part in that.
-    middle = {**dict(zip(indices, sums.fit(both))), **table.coefficients(terms)}
+    fitted = dict(zip(indices, sums.fit(both)))
+    middle = {**fitted, **table.coefficients(terms)}
     coefficients = {column: (float(middle[column] - half), float(middle[column] + half))
                     for column, half in zip(indices, half_widths)}
+    moved = np.array([fitted[column] - middle[column] for column in indices])
     constants = {}
     for (index, name), steps in zip(free, half_widths[len(indices):]):
         term = terms[index]
         value, half = term.constants[name], steps * step_size(term, name, table.rows.coverage)
         constants[term, name] = float(value - half), float(value + half)
-    return Intervals(coefficients, constants, draws, quantile)
+    return Intervals(coefficients, constants, draws, quantile, moved)
 
 
 class LeftOutThirds:

@@ -40,6 +40,11 @@ LAG_ERROR = Threshold(
     0.8, 'of the squared error', 'limit for accepting a lag, which blurs and may replace effects')
 LONGEST_LAG = Threshold(
     0.15, 's', 'longer than that of any drive with a current controller')
+ENCODER_STEPS = Threshold(
+    0.2, 'of the acceleration', 'that may be due to steps of the encoder: a wider bandwidth shows '
+    'these, and what a controller makes of them')
+LAG_STEP = Threshold(
+    0.01, 's', 'change of the lag, over which intervals take its effect')
 LATE_VELOCITY = Threshold(
     2.0, 'samples', 'a velocity that is later than the position is filtered, and not used')
 NEAR_LIMIT = Threshold(
