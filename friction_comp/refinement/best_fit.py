@@ -27,7 +27,7 @@ from friction_comp.refinement.effect_columns import (
     Table,
     Term,
 )
-from friction_comp.refinement.lag import best_response
+from friction_comp.refinement.lag import best_lag, best_response, ENOUGH
 from friction_comp.refinement.prepare import prepare, Rows
 from friction_comp.refinement.search import adjust_constants, Search
 from friction_comp.refinement.stability import Intervals
@@ -251,15 +251,19 @@ def find_best_fit(problem: Problem) -> Fit:
 
 
 def _settings_with_lag(problem: Problem, fit: Fit) -> dict[str, Any]:
-    """Return the settings that are best beside the delay of a plain drive; those of `fit` if none.
+    """Return the settings that are best beside the delay of smooth motion; those of `fit` if none.
     """
-    rows = fit.rows
-    lag = recorded_motion.lag_of_plain_drive(problem.raw, rows.clipped)
-    if not lag:
+    raw, rows = problem.raw, fit.rows
+    delay, gain = best_lag(recorded_motion.delay_errors(*recorded_motion.smooth_motion(
+        *recorded_motion.excerpt(raw, rows.clipped))), raw.sample_time)
+    error = recorded_motion.delay_errors(rows.samples, rows.start)
+    # A filter of smooth motion may look like a delay.
+    if gain < ENOUGH or error(delay) > (1.0 - ENOUGH) * error(0.0):
         return fit.settings
-    late = problem.raw.with_(current=shifted_in_time(problem.raw.current, problem.raw, -lag))
+    delay = raw.sample_time * round(delay / raw.sample_time)
+    late = raw.with_(current=shifted_in_time(raw.current, raw, -delay))
     return {**recorded_motion.choose_differentiation(
-        late, rows.clipped, rows.joints, 0.0), 'lag': lag}
+        late, rows.clipped, rows.joints, rows.load_coefficient), 'lag': delay}
 
 
 def _lag_confidence(lagged: Fit, unlagged: Fit) -> float:

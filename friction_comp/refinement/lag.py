@@ -16,6 +16,8 @@ from friction_comp.refinement import thresholds
 _LAGS = 9
 # Of changes of a known lag.
 _CHANGES = 3
+ENOUGH = 0.5 * (1.0 - thresholds.LAG_ERROR)
+"""Share of the squared error that a lag has to remove before it is tried with a whole search."""
 
 
 def best_lag(error: Callable[[float], float], step: float, known: float = 0.0
@@ -50,7 +52,7 @@ def best_response(error: Callable[[float, float], float], step: float,
     fine = bool(known)
     change, gain = best_lag(lambda change: error(known + change, 0.0), step, known)
     whole = known + change
-    if not (fine or gain > 0.5 * (1.0 - thresholds.LAG_ERROR)):
+    if not (fine or gain > ENOUGH):
         return now
     least, response = error(whole, 0.0), (whole, 0.0)
     # A shorter lag is due to sampling, and a delay.

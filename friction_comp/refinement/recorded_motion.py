@@ -22,7 +22,7 @@ from friction_comp.model.arm.arm import moving_states
 from friction_comp.model.differentiation import differentiate, MEASURED, METHOD, prepared_signal
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.block_sums import held_out_error, sums_of
-from friction_comp.refinement.lag import best_lag
+from friction_comp.refinement.lag import best_lag, ENOUGH
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms, smallest_step, top_speed
 
@@ -256,21 +256,16 @@ def load_coefficient(samples: Samples, unusable: np.ndarray, drive: Drive) -> fl
     return mechanics if moves else 0.0
 
 
-def lag_of_plain_drive(samples: Samples, unusable: np.ndarray) -> float:
-    """Return the delay, s, in whole samples, with which a plain drive predicts clearly better.
+def delay_errors(moved: Samples, start: np.ndarray) -> Callable[[float], float]:
+    """Return the squared error of a plain drive on held-out blocks by its delay, s.
 
-    The bandwidth that is best without it makes up for it. 0 if there is none.
+    The delay is rounded to whole samples, so that the noise of the current stays the same.
     """
-    moved, start = smooth_motion(*excerpt(samples, unusable))
-    part, block, step = moved.take(start), blocks_of(moved, start), moved.sample_time
+    part, block = moved.take(start), blocks_of(moved, start)
     top = float(np.percentile(np.abs(np.asarray(part.velocity)), 95))
     columns = plain_columns(part, [share * top for share in TRANSITIONS])
-
-    def error(lag: float) -> float:
-        late = np.clip(start - round(lag / step), 0, len(moved) - 1)
-        return held_out_error(columns, moved.current[late], block)
-    lag, gain = best_lag(error, step)
-    return step * round(lag / step) if gain > 0.5 * (1.0 - thresholds.LAG_ERROR) else 0.0
+    return lambda delay: held_out_error(columns, moved.current[np.clip(
+        start - round(delay / moved.sample_time), 0, len(moved) - 1)], block)
 
 
 def choose_differentiation(samples: Samples, unusable: np.ndarray, joints: Sequence[str],
@@ -345,7 +340,7 @@ def _choose_signal(samples: Samples, name: str, present: dict[str, Any],
     if with_lag:
         change, gain = best_lag(lambda change: error_with(now, lag + change),
                                 samples.sample_time, known=lag)
-        if gain > (thresholds.EQUIVALENT if lag else 0.5 * (1.0 - thresholds.LAG_ERROR)):
+        if gain > (thresholds.EQUIVALENT if lag else ENOUGH):
             lag += change
     errors = [(error_with(value, lag), value or math.inf, value) for value in (
         *(value for value in _SIGNAL_BANDWIDTHS if value <= 0.3 / samples.sample_time), None)]
