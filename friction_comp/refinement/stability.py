@@ -45,6 +45,8 @@ from friction_comp.statistics import robust_std
 Parameter = int | tuple[Term, str]
 _LEVEL = 0.95
 _DRAWS = 200
+# Of how far a fit moves with the derivatives of what is unsettled: these do not go all the way.
+_BEYOND = 1.25
 _PARTS = 'parts'
 
 
@@ -122,7 +124,7 @@ class Intervals:
     constants: dict[tuple[Term, str], tuple[float, float]] = field(default_factory=dict)
     draws: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))  # (D, P), both together
     quantile: float = math.nan  # half an interval over the standard deviation of the draws
-    # How far all other columns together move each coefficient from that of the terms alone.
+    # How far what is `unsettled` moves each coefficient.
     moved: np.ndarray = field(default_factory=lambda: np.empty(0))
 
     def half_width(self, weights: np.ndarray) -> float:
@@ -168,29 +170,27 @@ class Intervals:
 def unsettled(table: Table, terms: Sequence[Term]) -> list[np.ndarray]:
     """Return the columns, each (M, R), of what a fit takes for granted and motion may hardly tell.
 
-    That the joint has no other inertia, weight or spring, and that torque and motion are recorded
-    at the same time and alike: a lag, a low pass or a filter of the motion add to the prediction
-    its first and second derivative by time. Differences over `LAG_STEP` stand for these.
+    It takes for granted that the joint has no other inertia, weight or spring, and that torque and
+    motion are recorded at one time and alike. A delay, a low pass, and a filter or a difference of
+    the motion are sums of the prediction at other times.
     """
-    rows = table.rows
-    fitted = table.coefficients(terms)
+    rows, kinds = table.rows, {term.kind for term in terms}
     prediction = np.column_stack([eq6_columns(rows, *table.transition)[:, :EQ6_LINEAR], *(
-        term.columns(rows) for term in terms)]) @ np.array(list(fitted.values()))
+        term.columns(rows) for term in terms)]) @ list(table.coefficients(terms).values())
     step = max(thresholds.LAG_STEP, rows.samples.sample_time)
-    shifted = np.column_stack([shifted_in_time(prediction, rows.samples, count * step) - prediction
-                               for count in (-2, -1, 1, 2)])
-    kinds = {term.kind for term in terms}
-    others = [term for term in first_model(table) if term.kind not in kinds and not term.kind.needs]
-    return [rows.averaged(shifted).T,
-            *(term.at_rows(rows) for term in others)]
+    moved = [rows.averaged(shifted_in_time(prediction, rows.samples, count * step) - prediction)
+             for count in (-4, -2, -1, 1, 2, 4)]
+    return [np.array(moved), *(
+        term.at_rows(rows) for term in first_model(table)
+        if term.kind not in kinds and not term.kind.needs)]
 
 
 def intervals(table: Table, terms: Sequence[Term], others: Sequence[np.ndarray] = ()) -> Intervals:
     """Return intervals from fits to resampled blocks.
 
     Each fit has one more column for each constant, the derivative of its term, so that the interval
-    of a coefficient includes the uncertainty of the constants; its unit is a `step_size`. So it
-    does with the columns of `others`, each (M, R), for what else is uncertain.
+    of a coefficient includes the uncertainty of the constants; its unit is a `step_size`. With the
+    columns of `others`, each (M, R), it also includes how far these move it, see `unsettled`.
     """
     free = free_constants(terms)
     indices = table.indices(terms)
@@ -206,17 +206,20 @@ def intervals(table: Table, terms: Sequence[Term], others: Sequence[np.ndarray] 
     # By the median: samples that lack a direction of motion give outlying fits.
     half_widths = quantile * robust_std(draws - np.median(draws, axis=0), axis=0)
     # About the fit of the terms alone; the derivatives of Eq. 6 have no part in that.
-    fitted = dict(zip(indices, sums.fit(both)))
-    middle = {**fitted, **table.coefficients(terms)}
-    coefficients = {column: (float(middle[column] - half), float(middle[column] + half))
-                    for column, half in zip(indices, half_widths)}
-    moved = np.array([fitted[column] - middle[column] for column in indices])
+    fitted = sums.fit(both)
+    alone = {**dict(zip(indices, fitted)), **table.coefficients(terms)}
+    middle = np.concatenate((list(alone.values()), np.zeros(len(free))))
+    moved = _BEYOND * (fitted[:len(middle)] - middle) * bool(others)
+    ends = np.array([np.minimum(moved, 0.0) - half_widths[:len(middle)],
+                     np.maximum(moved, 0.0) + half_widths[:len(middle)]]).T
+    coefficients = {column: (float(value + low), float(value + high))
+                    for (column, value), (low, high) in zip(alone.items(), ends)}
     constants = {}
-    for (index, name), steps in zip(free, half_widths[len(indices):]):
+    for (index, name), steps in zip(free, ends[len(indices):]):
         term = terms[index]
-        value, half = term.constants[name], steps * step_size(term, name, table.rows.coverage)
-        constants[term, name] = float(value - half), float(value + half)
-    return Intervals(coefficients, constants, draws, quantile, moved)
+        low, high = term.constants[name] + steps * step_size(term, name, table.rows.coverage)
+        constants[term, name] = float(low), float(high)
+    return Intervals(coefficients, constants, draws, quantile, moved[:len(indices)])
 
 
 class LeftOutThirds:
