@@ -251,8 +251,7 @@ def find_best_fit(problem: Problem) -> Fit:
 
 
 def _settings_with_lag(problem: Problem, fit: Fit) -> dict[str, Any]:
-    """Return the settings that are best beside the delay of smooth motion; those of `fit` if none.
-    """
+    """Return the settings that are best beside the delay of smooth motion, or those of `fit`."""
     raw, rows = problem.raw, fit.rows
     delay, gain = best_lag(recorded_motion.delay_errors(*recorded_motion.smooth_motion(
         *recorded_motion.excerpt(raw, rows.clipped))), raw.sample_time)

@@ -20,6 +20,7 @@ import numpy as np
 from friction_comp.drive import Drive
 from friction_comp.model.effects import Coverage, EFFECTS
 from friction_comp.model.effects.definitions import RESISTS, too_coarse
+from friction_comp.model.friction_numbers import FrictionNumbers
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.best_fit import Fit
 from friction_comp.refinement.dependence import Dependence, rank_correlation
@@ -101,6 +102,10 @@ _FINDINGS = {
         IN_PART, 'The current ends at a limit, {ends}, in {percent:.1f} % of the samples, which '
         'are left out.',
         'raise the limit of current or sensor, or use less acceleration and speed'),
+    'not_told_apart': (
+        TRUST, 'The motion hardly tells {names} from weight, a spring, friction at other speeds or '
+        'a lag of the current: see the intervals. Several frequencies and amplitudes would tell.',
+        ''),
     'no_temperature': (
         TRUST, 'Motor temperature was not recorded: its effect can only show as drift over time.',
         ''),
@@ -329,6 +334,15 @@ def findings(fit: Fit, raw: Samples, after: Errors, growth: dict[str, float],
                         noise_floor(rows, rows.target) if rows.length > 1 else 0.0)
     if after.fit_rmse > thresholds.WRITTEN_ERROR * max(fitted, held_out):
         yield finding('written', error=after.fit_rmse, fitted=fitted)
+
+
+def not_told_apart(friction: FrictionNumbers) -> Iterator[Finding]:
+    """Yield the numbers of which half the interval is a large part."""
+    names = {'coulomb': 'Coulomb friction', 'viscous': 'viscous friction', 'inertia': 'inertia'}
+    wide = [said for name, said in names.items() if name in friction.intervals and np.ptp(
+        friction.intervals[name]) > 2.0 * thresholds.UNCERTAIN * abs(getattr(friction, name)) > 0]
+    if wide:
+        yield finding('not_told_apart', names=' and '.join(wide))
 
 
 def findings_on_recording(rows: Rows, raw: Samples) -> Iterator[Finding]:

@@ -21,7 +21,7 @@ from friction_comp.parallel import one_thread
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.best_fit import find_best_fit, Fit, fit_eq6_alone, Problem
 from friction_comp.refinement.effect_columns import eq6_columns, EQ6_LINEAR, MAX_SHIFT, Table, Term
-from friction_comp.refinement.friction_numbers import recorded_of
+from friction_comp.refinement.number_intervals import recorded_of
 from friction_comp.refinement.prepare import join
 from friction_comp.refinement.recorded_motion import settings_for_arm, velocity_delay
 from friction_comp.refinement.report import report_of

@@ -196,8 +196,9 @@ def intervals(table: Table, terms: Sequence[Term], others: Sequence[np.ndarray] 
     indices = table.indices(terms)
     columns = np.vstack((table.columns[indices], constant_derivatives(table, terms, free), *others,
                          table.target))
+    # A coefficient that physics keeps at zero is as uncertain as if it were free.
     signs = np.zeros(len(columns) - 1, dtype=int)
-    signs[:len(indices)] = table.sums.signs[indices]
+    signs[:len(indices)] = table.sums.signs[indices] * (not others)
     sums, both = BlockSums.over(columns, table.block_rows, signs), range(len(signs))
     rng = np.random.default_rng(1)
     weights = np.array([table.draw_blocks(rng) for _ in range(_DRAWS)], dtype=float)

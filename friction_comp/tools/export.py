@@ -166,8 +166,8 @@ def _over_history(joint: SimulatorJoint, model: FrictionModel, path: Path) -> Si
 
 def remarks_on(joint: SimulatorJoint, arguments: Namespace, model: FrictionModel) -> list[str]:
     """Return lines on origin, values, ranges and losses of a form."""
+    from friction_comp.model.friction_numbers import inertia_holds
     from friction_comp.model.simulator_joint import loss_of
-    from friction_comp.refinement.friction_numbers import inertia_holds
 
     form, unit = arguments.to, joint.unit
     lines = [f'Friction of {", ".join(map(str, arguments.models))}, by friction_comp {__version__}',

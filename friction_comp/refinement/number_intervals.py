@@ -1,12 +1,11 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Coulomb and viscous friction, offset, inertia and transition of a fit, with 95 % intervals."""
+"""95 % intervals of Coulomb and viscous friction, offset, inertia and transition of a fit."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 import math
-from typing import Any
 
 import numpy as np
 
@@ -17,7 +16,6 @@ from friction_comp.model.sliding_friction import inertia_of, line_of, Sliding
 from friction_comp.refinement.best_fit import Fit
 from friction_comp.refinement.block_sums import BlockSums
 from friction_comp.refinement.effect_columns import EQ6_LINEAR
-from friction_comp.refinement.result import FrictionNumbers
 from friction_comp.statistics import rms
 
 # Quantiles of the speed in motion that a model file keeps.
@@ -35,7 +33,7 @@ def recorded_of(fit: Fit, model: FrictionModel) -> Recorded:
 
     An interval contains the scatter over parts drawn at random, with what the recordings hardly
     tell (see `unsettled`), and how far a number moves if the slow, the middle or the fast third of
-    the samples is left out, or if any sign is allowed.
+    the samples is left out.
     """
     rows = fit.rows
     speed = np.abs(np.asarray(rows.samples.velocity)[rows.usable])
@@ -75,11 +73,10 @@ def recorded_of(fit: Fit, model: FrictionModel) -> Recorded:
 
 
 def _without_thirds(fit: Fit) -> np.ndarray:
-    """Return the coefficients of all samples, without each third of the speed, and of any sign.
+    """Return the coefficients, (4, P), of all samples, and without each third of the speed.
 
     A model that lacks something fits each third differently, which parts of the recording drawn at
-    random do not show. Nor do these show how far off a coefficient is that physics keeps at zero:
-    as far at least as it would go below. Shape (5, P), by column.
+    random do not show.
     """
     table = fit.table
     speed = np.abs(np.asarray(fit.rows.at_rows.velocity))
@@ -87,55 +84,7 @@ def _without_thirds(fit: Fit) -> np.ndarray:
     columns = table.indices(fit.terms, derivatives=False)
     sums = BlockSums.over(np.vstack((table.columns[columns], table.target)),
                           [third == k for k in range(3)], table.sums.signs[columns])
-    fits = np.zeros((5, max(fit.intervals.coefficients) + 1))
-    every = range(len(columns))
-    fits[:4, columns] = sums.fits_without(every, np.vstack((np.ones(3), 1.0 - np.eye(3))) > 0.0)
-    fits[4, columns] = replace(sums, signs=np.zeros_like(sums.signs)).fit(every)
+    fits = np.zeros((4, max(fit.intervals.coefficients) + 1))
+    fits[:, columns] = sums.fits_without(
+        range(len(columns)), np.vstack((np.ones(3), 1.0 - np.eye(3))) > 0.0)
     return fits
-
-
-def friction_of(model: FrictionModel, unit: str, both_directions: bool = True) -> FrictionNumbers:
-    """Return the numbers of a model, in its unit of current, with the intervals that it holds.
-
-    Without motion in both directions, the offset is part of Coulomb friction.
-    """
-    base = model.sigmoid
-    numbers: dict[str, Any] = {
-        **line_of(model), 'inertia': inertia_of(model), 'transition': 2.0 / base.steepness}
-    if not both_directions:
-        numbers['offset'] = None
-    intervals = {name: list(ends) for name, value in numbers.items()
-                 if value is not None and model.recorded is not None
-                 and (ends := model.recorded.interval(name, value))}
-    return FrictionNumbers(
-        **numbers, shift=base.shift, intervals=intervals,
-        breakaway=None if model.breakaway is None else {
-            side: {what: getattr(model.breakaway, f'{side}_{what}') for what in ('mean', 'std')}
-            for side in ('positive', 'negative')},
-        unit=unit, torque_per_current=model.torque_per(unit),
-        inertia_holds=inertia_holds(model), formula=_formula_line(numbers, model, unit))
-
-
-def inertia_holds(model: FrictionModel) -> str:
-    """Return what moved with the inertia of a model."""
-    if any(effect.name == 'rigid_body' for effect in model.effects):
-        return 'the motor, without the links of the URDF'
-    return 'the motor with all links that moved'
-
-
-def _formula_line(numbers: dict[str, Any], model: FrictionModel, unit: str) -> str:
-    parts = [f"{numbers['coulomb']:.4g}·tanh(v/{numbers['transition']:.2g})",
-             f"{numbers['viscous']:+.4g}·v"]
-    if numbers['offset']:
-        parts.append(f"{numbers['offset']:+.3g}")
-    if numbers['inertia']:
-        parts.append(f"{numbers['inertia']:+.4g}·dv/dt")
-    others = dict.fromkeys(effect.name.replace('_', ' ') for effect in model.effects
-                           if effect.name not in ('inertia', 'hysteresis'))
-    spaced = ' '.join(parts).replace(' +', ' + ').replace(' -', ' − ')
-    return f'{quantity_in(unit)} = {" + ".join([spaced, *others])}   [{unit}, v in rad/s]'
-
-
-def quantity_in(unit: str) -> str:
-    """Return what an effort in a unit is called: torque, current or effort."""
-    return {'N·m': 'torque', 'A': 'current'}.get(unit, 'effort')
