@@ -38,7 +38,7 @@ def best_lag(error: Callable[[float], float], step: float, known: float = 0.0
         method='bounded', options={'xatol': 0.02 * step, 'maxiter': 12})
     least, lag = min((errors[index], float(lags[index])), (float(best.fun), float(best.x)))
     without_lag = errors[int(np.argmin(np.abs(lags)))]
-    return lag, 1.0 - least / without_lag
+    return lag, 1.0 - least / max(without_lag, 1e-300)
 
 
 def best_response(error: Callable[[float, float], float], step: float,

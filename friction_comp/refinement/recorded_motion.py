@@ -24,7 +24,7 @@ from friction_comp.refinement import thresholds
 from friction_comp.refinement.block_sums import held_out_error, sums_of
 from friction_comp.refinement.lag import best_lag, ENOUGH
 from friction_comp.samples import Samples
-from friction_comp.statistics import rms, smallest_step, top_speed
+from friction_comp.statistics import rms, top_speed
 
 _BANDWIDTHS = (5.0, 10.0, 20.0, 40.0, 80.0, 120.0, 200.0)
 # Of measured signals: a thermometer is slow.
@@ -78,7 +78,7 @@ def resolved_settings(samples: Samples) -> list[dict[str, Any]]:
     """Return the differentiation settings to compare, at which motion is not the encoder's steps.
 
     A controller that responds to the steps makes them predict the current at wider bandwidths. A
-    recorded velocity counts as another sensor's if its steps are finer than those of the position.
+    recorded velocity that is no difference of the positions counts as another sensor's.
     """
     choices = candidate_settings(samples, samples.velocity)
     first, *wider = [choice for choice in choices if choice['source'] == 'position']
@@ -88,10 +88,11 @@ def resolved_settings(samples: Samples) -> list[dict[str, Any]]:
     most = thresholds.ENCODER_STEPS * rms(np.asarray(differentiate(samples, first).acceleration))
     unresolved = {choice['bandwidth'] for choice in wider if rms(np.asarray(
         differentiate(steps, choice).acceleration)) > most}
-    finer = samples.velocity is not None and 2.0 * smallest_step(samples.velocity) < (
-        samples.position_step / samples.sample_time)
+    differs = samples.velocity is not None and np.median(np.abs(
+        samples.velocity[1:] * samples.sample_time - np.diff(samples.position))
+    ) > 0.1 * samples.position_step
     return [choice for choice in choices if choice['bandwidth'] not in unresolved
-            or (finer and choice['source'] == 'velocity')]
+            or (differs and choice['source'] == 'velocity')]
 
 
 def velocity_delay(samples: Samples) -> float:
