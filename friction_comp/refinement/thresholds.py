@@ -41,7 +41,7 @@ LAG_ERROR = Threshold(
 LONGEST_LAG = Threshold(
     0.15, 's', 'longer than that of any drive with a current controller')
 ENCODER_STEPS = Threshold(
-    0.2, 'of the acceleration', 'that may be due to steps of the encoder: a wider bandwidth shows '
+    0.4, 'of the acceleration', 'that may be due to steps of the encoder: a wider bandwidth shows '
     'these, and what a controller makes of them')
 LAG_STEP = Threshold(
     0.01, 's', 'change of the lag, over which intervals take its effect')
