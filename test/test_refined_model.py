@@ -103,7 +103,9 @@ def test_a_result_is_complete_when_it_is_made_and_leaves_the_given_model_as_it_i
                     origin=Origin(warnings=['late'], notes={'refined_from': ['log']}))
     assert model.to_dict() == before
     assert result.model.drive.current_limit == 3.0
-    assert result.model.notes == {'refined_from': ['log'], 'unit': 'A'}
+    assert result.model.notes == {
+        'refined_from': ['log'], 'unit': 'A', 'verdict': result.report.verdict,
+        'reasons': result.report.reasons, 'assumed': []}
     assert result.report.warnings[-1] == 'late'
     with pytest.raises(FrozenInstanceError):
         result.report.verdict = 'trust'

@@ -258,20 +258,7 @@ def soft_end(p: Parameters, s: State, current: float) -> float:
 @njit(cache=True)
 def continuous_current(p: Parameters, s: State, direction: float, is_pushed: bool, forward: float,
                        backward: float, carried: float) -> float:
-    """Return the current of the continuous law in A.
-
-    Parameters
-    ----------
-    p, s : records of PARAMETERS and STATE
-    direction : float
-        -1, 0 or 1.
-    is_pushed : bool
-        Whether a sensor feels a push in this direction.
-    forward, backward : float
-        Signed contribution of friction effects in each direction of sliding, A.
-    carried : float
-        Current of the other effects, A: added outside the operator.
-    """
+    """Return the current of the continuous law in A; for the arguments see `decide`."""
     limit = bound_of(p, forward, backward, carried)
     if s.step == 0.0:
         return min(limit, max(-limit, s.current))

@@ -27,7 +27,7 @@ from friction_comp.refinement.effect_columns import (
     Table,
     Term,
 )
-from friction_comp.refinement.lag import best_response
+from friction_comp.refinement.lag import best_lag, best_response, ENOUGH
 from friction_comp.refinement.prepare import prepare, Rows
 from friction_comp.refinement.search import adjust_constants, Search
 from friction_comp.refinement.stability import Intervals
@@ -228,9 +228,11 @@ def find_best_fit(problem: Problem) -> Fit:
     for settings in others:
         best = min(best, search_with(problem, settings), key=Fit.mean_error)
         tried.append(settings)
-    for _ in range(2):
+    for attempt in range(3):
         before = best
-        for settings in _other_settings(problem, best):
+        # The bandwidth that is best without a lag makes up for it: both are chosen together first.
+        for settings in _other_settings(problem, best) if attempt else [
+                _settings_with_lag(problem, best)]:
             if settings in tried:
                 continue
             tried.append(settings)
@@ -243,9 +245,24 @@ def find_best_fit(problem: Problem) -> Fit:
                 confidence = _lag_confidence(other, best) if first_lag else best.lag_confidence
                 if confidence >= thresholds.NAMED_SHARE:
                     best = replace(other, lag_confidence=confidence)
-        if best is before:
+        if attempt and best is before:
             break
     return best
+
+
+def _settings_with_lag(problem: Problem, fit: Fit) -> dict[str, Any]:
+    """Return the settings that are best beside the delay of smooth motion, or those of `fit`."""
+    raw, rows = problem.raw, fit.rows
+    delay, gain = best_lag(recorded_motion.delay_errors(*recorded_motion.smooth_motion(
+        *recorded_motion.excerpt(raw, rows.clipped))), raw.sample_time)
+    error = recorded_motion.delay_errors(rows.samples, rows.start)
+    # A filter of smooth motion may look like a delay.
+    if gain < ENOUGH or error(delay) > (1.0 - ENOUGH) * error(0.0):
+        return fit.settings
+    delay = raw.sample_time * round(delay / raw.sample_time)
+    late = raw.with_(current=shifted_in_time(raw.current, raw, -delay))
+    return {**recorded_motion.choose_differentiation(
+        late, rows.clipped, rows.joints, rows.load_coefficient), 'lag': delay}
 
 
 def _lag_confidence(lagged: Fit, unlagged: Fit) -> float:
@@ -293,7 +310,7 @@ def _other_settings(problem: Problem, fit: Fit) -> list[dict[str, Any]]:
         if signals != settings.get('signals', {}):
             others.append({**settings, 'signals': signals})
     errors: list[tuple[float, dict[str, Any]]] = []
-    for choice in recorded_motion.candidate_settings(problem.raw, problem.raw.velocity):
+    for choice in recorded_motion.resolved_settings(problem.raw):
         choice |= {name: settings[name] for name in (*_LAG, 'signals') if settings.get(name)}
         matrix = columns(rows.with_settings(problem.raw, choice))
         if np.isfinite(matrix).all():

@@ -20,6 +20,7 @@ import numpy as np
 from friction_comp.drive import Drive
 from friction_comp.model.effects import Coverage, EFFECTS
 from friction_comp.model.effects.definitions import RESISTS, too_coarse
+from friction_comp.model.friction_numbers import FrictionNumbers
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.best_fit import Fit
 from friction_comp.refinement.dependence import Dependence, rank_correlation
@@ -29,7 +30,6 @@ from friction_comp.refinement.result import (
     AGAIN,
     Errors,
     Finding,
-    FrictionNumbers,
     IN_PART,
     Predicted,
     Question,
@@ -102,6 +102,10 @@ _FINDINGS = {
         IN_PART, 'The current ends at a limit, {ends}, in {percent:.1f} % of the samples, which '
         'are left out.',
         'raise the limit of current or sensor, or use less acceleration and speed'),
+    'not_told_apart': (
+        TRUST, 'The motion hardly tells {names} from weight, a spring, friction at other speeds or '
+        'a lag of the current: see the intervals. Several frequencies and amplitudes would tell.',
+        ''),
     'no_temperature': (
         TRUST, 'Motor temperature was not recorded: its effect can only show as drift over time.',
         ''),
@@ -110,7 +114,7 @@ _FINDINGS = {
         'be seen.', ''),
     'not_seen': (TRUST, '{reason}', ''),
     'negative_friction': (
-        IN_PART, 'The straight line through friction has {name} friction below zero, {value:.3g}, '
+        IN_PART, 'The straight line through friction has {name} below zero, {value:.3g}, '
         'which no drive has: neither its Coulomb nor its viscous friction is that of the drive.',
         'record more constant speeds, with a finer encoder or a stiffer controller'),
     'late_current': (
@@ -342,12 +346,18 @@ def findings(fit: Fit, raw: Samples, after: Errors, growth: dict[str, float],
         yield finding('written', error=after.fit_rmse, fitted=fitted)
 
 
-def findings_on_line(friction: FrictionNumbers) -> Iterator[Finding]:
-    """Yield what no drive does of the numbers that people read."""
-    for name, word in (('coulomb', 'Coulomb'), ('viscous', 'viscous')):
-        value = getattr(friction, name)
-        if value < 0.0 and max(friction.intervals.get(name, [value])) < 0.0:
-            yield finding('negative_friction', name=word, value=value)
+def findings_on_numbers(friction: FrictionNumbers) -> Iterator[Finding]:
+    """Yield numbers that no drive has, and those of which half the interval is a large part."""
+    names = {'coulomb': 'Coulomb friction', 'viscous': 'viscous friction', 'inertia': 'inertia'}
+    wide = []
+    for name, said in names.items():
+        value, ends = getattr(friction, name), friction.intervals.get(name)
+        if name != 'inertia' and value < 0.0 and max(ends or [value]) < 0.0:
+            yield finding('negative_friction', name=said, value=value)
+        if ends and np.ptp(ends) > 2.0 * thresholds.UNCERTAIN * abs(value) > 0.0:
+            wide.append(said)
+    if wide:
+        yield finding('not_told_apart', names=' and '.join(wide))
 
 
 def findings_on_recording(rows: Rows, raw: Samples) -> Iterator[Finding]:

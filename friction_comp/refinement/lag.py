@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 import math
 
 import numpy as np
@@ -14,17 +14,21 @@ from friction_comp.refinement import thresholds
 
 # Number of lags that are tried on each side, from half a sample to the longest.
 _LAGS = 9
-# Twice as many show how far a number moves with the lag.
-_FINE_LAGS = 18
+# Of changes of a known lag.
+_CHANGES = 3
+ENOUGH = 0.5 * (1.0 - thresholds.LAG_ERROR)
+"""Share of the squared error that a lag has to remove before it is tried with a whole search."""
 
 
-def best_lag(error: Callable[[float], float], step: float, fine: bool) -> tuple[float, float]:
+def best_lag(error: Callable[[float], float], step: float, known: float = 0.0
+             ) -> tuple[float, float]:
     """Return the lag of the least error, s, and the share of the error that it removes.
 
-    `step` is the time of a sample; with `fine`, only lags of up to two samples are tried.
+    `step` is the time of a sample; beside a `known` lag, of which it is the change, only lags of
+    two samples, or half of that one, are tried.
     """
-    sizes = (1.0, 2.0) if fine else np.geomspace(
-        0.5, max(thresholds.LONGEST_LAG / step, 1.0), _LAGS)
+    sizes = np.geomspace(1.0, max(2.0, 0.5 * abs(known) / step), _CHANGES) if known else \
+        np.geomspace(0.5, max(thresholds.LONGEST_LAG / step, 1.0), _LAGS)
     lags = np.array(sorted([0.0, *(side * size * step for size in sizes for side in (1, -1))]))
     errors = [error(lag) for lag in lags]
     index = int(np.argmin(errors))
@@ -34,26 +38,7 @@ def best_lag(error: Callable[[float], float], step: float, fine: bool) -> tuple[
         method='bounded', options={'xatol': 0.02 * step, 'maxiter': 12})
     least, lag = min((errors[index], float(lags[index])), (float(best.fun), float(best.x)))
     without_lag = errors[int(np.argmin(np.abs(lags)))]
-    return lag, 1.0 - least / without_lag
-
-
-def equal_responses(error: Callable[[float, float], float], step: float,
-                    now: tuple[float, float]) -> Iterator[tuple[float, float]]:
-    """Yield the delays and time constants, s, from `now` on as far as the error is hardly larger.
-
-    One of both is zero. `error` returns the squared error with both, `step` is the time of a
-    sample.
-    """
-    whole, most = sum(now), (1.0 + thresholds.EQUIVALENT) * error(*now)
-    sizes = np.geomspace(0.1 * step, max(thresholds.LONGEST_LAG, step), _FINE_LAGS)
-    for side in (-1.0, 1.0):
-        for is_delay in (True, False):
-            # Far from it, a lag of the opposite sign may fit again by chance.
-            for lag in whole + side * sizes:
-                other = (float(lag), 0.0) if is_delay else (0.0, float(lag))
-                if error(*other) > most:
-                    break
-                yield other
+    return lag, 1.0 - least / max(without_lag, 1e-300)
 
 
 def best_response(error: Callable[[float, float], float], step: float,
@@ -61,13 +46,13 @@ def best_response(error: Callable[[float, float], float], step: float,
     """Return the delay or the time constant of the least error, s; `now` if it is hardly less.
 
     One of both is zero. `error` returns the squared error with both, `step` is the time of a
-    sample; near a delay in `now`, delays of two samples more or less are tried.
+    sample; beside a lag in `now`, only changes of it are tried.
     """
-    delay, slow = now
-    fine = bool(delay or slow)
-    change, gain = best_lag(lambda change: error(delay + slow + change, 0.0), step, fine)
-    whole = delay + slow + change
-    if not (fine or gain > 0.5 * (1.0 - thresholds.LAG_ERROR)):
+    known = sum(now)
+    fine = bool(known)
+    change, gain = best_lag(lambda change: error(known + change, 0.0), step, known)
+    whole = known + change
+    if not (fine or gain > ENOUGH):
         return now
     least, response = error(whole, 0.0), (whole, 0.0)
     # A shorter lag is due to sampling, and a delay.

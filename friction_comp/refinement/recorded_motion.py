@@ -22,7 +22,7 @@ from friction_comp.model.arm.arm import moving_states
 from friction_comp.model.differentiation import differentiate, MEASURED, METHOD, prepared_signal
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.block_sums import held_out_error, sums_of
-from friction_comp.refinement.lag import best_lag
+from friction_comp.refinement.lag import best_lag, ENOUGH
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms, top_speed
 
@@ -30,6 +30,8 @@ _BANDWIDTHS = (5.0, 10.0, 20.0, 40.0, 80.0, 120.0, 200.0)
 # Of measured signals: a thermometer is slow.
 _SIGNAL_BANDWIDTHS = (0.03, 0.1, 0.3, 1.0, 2.5, 5.0, 7.0, 10.0, 15.0, *_BANDWIDTHS[2:])
 _EXCERPT = 150_000
+# Samples of noise that stand for an encoder's steps.
+_PIECE = 2000
 # Shares of the top speed over which friction may change sign.
 TRANSITIONS = (0.3, 0.1, 0.03, 0.01, 0.003)
 # Share of the top speed above which a smooth velocity is right.
@@ -70,6 +72,27 @@ def candidate_settings(samples: Samples, velocity: np.ndarray | None,
     sources = ('position', 'velocity') if recorded else ('position',)
     return [{'method': METHOD, 'source': source, 'bandwidth': value}
             for source in sources for value in values]
+
+
+def resolved_settings(samples: Samples) -> list[dict[str, Any]]:
+    """Return the differentiation settings to compare, at which motion is not the encoder's steps.
+
+    A controller that responds to the steps makes them predict the current at wider bandwidths. A
+    recorded velocity that is no difference of the positions counts as another sensor's.
+    """
+    choices = candidate_settings(samples, samples.velocity)
+    first, *wider = [choice for choice in choices if choice['source'] == 'position']
+    piece = samples.take(np.arange(min(len(samples), _PIECE)))
+    steps = piece.with_(position=samples.position_step * np.random.default_rng(0).random(
+        len(piece)))
+    most = thresholds.ENCODER_STEPS * rms(np.asarray(differentiate(samples, first).acceleration))
+    unresolved = {choice['bandwidth'] for choice in wider if rms(np.asarray(
+        differentiate(steps, choice).acceleration)) > most}
+    differs = samples.velocity is not None and np.median(np.abs(
+        samples.velocity[1:] * samples.sample_time - np.diff(samples.position))
+    ) > 0.1 * samples.position_step
+    return [choice for choice in choices if choice['bandwidth'] not in unresolved
+            or (differs and choice['source'] == 'velocity')]
 
 
 def velocity_delay(samples: Samples) -> float:
@@ -178,7 +201,7 @@ def row_starts(samples: Samples, usable: np.ndarray, length: int) -> np.ndarray:
 
 def smooth_settings(samples: Samples) -> dict[str, Any]:
     """Return the settings of the widest filter without an encoder's steps."""
-    choices = candidate_settings(samples, samples.velocity)
+    choices = resolved_settings(samples)
     return max((choice for choice in choices if (choice['bandwidth'] or np.inf) <= 20.0),
                key=lambda choice: (choice['bandwidth'], choice['source']), default=choices[-1])
 
@@ -234,6 +257,18 @@ def load_coefficient(samples: Samples, unusable: np.ndarray, drive: Drive) -> fl
     return mechanics if moves else 0.0
 
 
+def delay_errors(moved: Samples, start: np.ndarray) -> Callable[[float], float]:
+    """Return the squared error of a plain drive on held-out blocks by its delay, s.
+
+    The delay is rounded to whole samples, so that the noise of the current stays the same.
+    """
+    part, block = moved.take(start), blocks_of(moved, start)
+    top = float(np.percentile(np.abs(np.asarray(part.velocity)), 95))
+    columns = plain_columns(part, [share * top for share in TRANSITIONS])
+    return lambda delay: held_out_error(columns, moved.current[np.clip(
+        start - round(delay / moved.sample_time), 0, len(moved) - 1)], block)
+
+
 def choose_differentiation(samples: Samples, unusable: np.ndarray, joints: Sequence[str],
                            load: float, filtered: bool = True) -> dict[str, Any]:
     """Return the differentiation settings with which a plain drive predicts other blocks best.
@@ -263,7 +298,7 @@ def choose_differentiation(samples: Samples, unusable: np.ndarray, joints: Seque
     # The load first, since noise in motion may make up for its noise.
     signals = choose_signals(samples, {}, lambda changed: error_with(
         smoothed.with_(**changed), smooth_settings(samples))) if filtered else {}
-    for choice in candidate_settings(samples, samples.velocity):
+    for choice in resolved_settings(samples):
         if signals:
             choice['signals'] = signals
         errors.append((error_with(differentiate(samples, choice), choice), choice))
@@ -305,8 +340,8 @@ def _choose_signal(samples: Samples, name: str, present: dict[str, Any],
     now, lag = present.get('bandwidth'), present.get('lag', 0.0)
     if with_lag:
         change, gain = best_lag(lambda change: error_with(now, lag + change),
-                                samples.sample_time, fine=bool(lag))
-        if gain > (thresholds.EQUIVALENT if lag else 0.5 * (1.0 - thresholds.LAG_ERROR)):
+                                samples.sample_time, known=lag)
+        if gain > (thresholds.EQUIVALENT if lag else ENOUGH):
             lag += change
     errors = [(error_with(value, lag), value or math.inf, value) for value in (
         *(value for value in _SIGNAL_BANDWIDTHS if value <= 0.3 / samples.sample_time), None)]

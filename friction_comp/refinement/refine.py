@@ -21,13 +21,19 @@ from friction_comp.parallel import one_thread
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.best_fit import find_best_fit, Fit, fit_eq6_alone, Problem
 from friction_comp.refinement.effect_columns import eq6_columns, EQ6_LINEAR, MAX_SHIFT, Table, Term
-from friction_comp.refinement.friction_numbers import recorded_of
+from friction_comp.refinement.number_intervals import recorded_of
 from friction_comp.refinement.prepare import join
 from friction_comp.refinement.recorded_motion import settings_for_arm, velocity_delay
 from friction_comp.refinement.report import report_of
 from friction_comp.refinement.result import Origin, Predicted, RefineResult, TRUST
 from friction_comp.refinement.search import adjust_constants, at_limit
-from friction_comp.refinement.stability import intervals, LeftOutThirds, repeat_search, rivals_of
+from friction_comp.refinement.stability import (
+    intervals,
+    LeftOutThirds,
+    repeat_search,
+    rivals_of,
+    unsettled,
+)
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
 
@@ -87,7 +93,7 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
         start = Predicted(replace(model, drive=drive), residual, residual)
     else:
         plain = refit(fit_eq6_alone(problem, fit.settings), [])
-        plain = replace(plain, intervals=intervals(plain.table, []))
+        plain = replace(plain, intervals=intervals(plain.table, [], unsettled(plain.table, [])))
         first = model_of(plain, problem)
         start = Predicted(first, rows.samples.current - first.current(rows.samples),
                           plain.residual())
@@ -139,7 +145,8 @@ def select_named(fit: Fit) -> Fit:
         certain = [term for k, term in enumerate(terms) if k < fit.initial_count or (
             bounds.excludes_zero(table, term) and not at_limit(term, coverage))]
         if len(certain) == len(terms):
-            return replace(fit, chosen=chosen, intervals=bounds,
+            return replace(fit, chosen=chosen,
+                           intervals=intervals(table, terms, unsettled(table, terms)),
                            rivals=rivals_of(table, terms, fit.initial_count))
         terms = certain
 

@@ -14,11 +14,11 @@ from dataclasses import replace
 import numpy as np
 
 from friction_comp.model.differentiation import DEFAULT_SETTINGS
+from friction_comp.model.friction_numbers import friction_of
 from friction_comp.refinement import judge, thresholds
 from friction_comp.refinement.best_fit import Fit, Problem
 from friction_comp.refinement.dependence import Dependence, remaining_dependences, share_of_means
 from friction_comp.refinement.effect_columns import Term
-from friction_comp.refinement.friction_numbers import friction_of
 from friction_comp.refinement.prepare import Rows
 from friction_comp.refinement.result import (
     Correlation,
@@ -60,7 +60,7 @@ def report_of(problem: Problem, fit: Fit, start: Predicted, refined: Predicted, 
         tested[judge.STEPS] = error_by_steps(raw, refined, rows.usable)
     errors = judge.errors_of(rows, refined, name, max(1.0, *tested.values()))
     friction = friction_of(model, unit, rows.coverage.both_directions)
-    verdict = judge.verdict_of([*judge.findings_on_line(friction), *judge.findings(
+    verdict = judge.verdict_of([*judge.findings_on_numbers(friction), *judge.findings(
         fit, raw, errors, tested, noise, dependences, open_questions)], unit)
     return RefinementReport(
         unit=unit, joint=model.joint, samples=len(raw), samples_in_motion=int(rows.usable.sum()),

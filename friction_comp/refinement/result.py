@@ -12,6 +12,7 @@ import numpy as np
 
 from friction_comp.model.effects import Coverage
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.friction_numbers import FrictionNumbers
 from friction_comp.refinement.dependence import Dependence
 from friction_comp.samples import Samples
 
@@ -103,24 +104,6 @@ class Finding:
     text: str  # one sentence, for people
     grade: str = TRUST  # the best verdict that this finding allows: `TRUST` for a mere note
     record: str = ''  # a recording that would settle it; empty if none would
-
-
-@dataclass(frozen=True)
-class FrictionNumbers:
-    """The numbers of a model, in its unit of current."""
-
-    offset: float | None  # part of Coulomb friction without motion in both directions
-    coulomb: float
-    viscous: float
-    inertia: float | None
-    transition: float
-    shift: float
-    intervals: dict[str, list[float]]  # 95 %, those that the model holds
-    breakaway: dict[str, dict[str, float]] | None
-    unit: str
-    torque_per_current: float | None  # None where it is not known, as of counts
-    inertia_holds: str
-    formula: str
 
 
 @dataclass(frozen=True)

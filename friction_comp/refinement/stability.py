@@ -21,9 +21,17 @@ import math
 import numpy as np
 from scipy import stats
 
+from friction_comp.model.differentiation import shifted_in_time
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.block_sums import BlockSums
-from friction_comp.refinement.effect_columns import proposals, Table, Term
+from friction_comp.refinement.effect_columns import (
+    eq6_columns,
+    EQ6_LINEAR,
+    first_model,
+    proposals,
+    Table,
+    Term,
+)
 from friction_comp.refinement.search import (
     adjust_constants,
     constant_derivatives,
@@ -37,6 +45,8 @@ from friction_comp.statistics import robust_std
 Parameter = int | tuple[Term, str]
 _LEVEL = 0.95
 _DRAWS = 200
+# Of how far a fit moves with the derivatives of what is unsettled: these do not go all the way.
+_BEYOND = 1.25
 _PARTS = 'parts'
 
 
@@ -114,11 +124,18 @@ class Intervals:
     constants: dict[tuple[Term, str], tuple[float, float]] = field(default_factory=dict)
     draws: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))  # (D, P), both together
     quantile: float = math.nan  # half an interval over the standard deviation of the draws
+    # How far what is `unsettled` moves each coefficient.
+    moved: np.ndarray = field(default_factory=lambda: np.empty(0))
 
     def half_width(self, weights: np.ndarray) -> float:
         """Return half the interval of a weighted sum of coefficients, with a weight by column."""
         sums = self.draws[:, :len(self.coefficients)] @ weights[list(self.coefficients)]
         return self.quantile * float(robust_std(sums - np.median(sums)))
+
+    def ends(self, weights: np.ndarray) -> tuple[float, float]:
+        """Return how far below and above a weighted sum of coefficients its interval ends."""
+        half, moved = self.half_width(weights), float(self.moved @ weights[list(self.coefficients)])
+        return half + max(-moved, 0.0), half + max(moved, 0.0)
 
     def excludes_zero(self, table: Table, term: Term) -> bool:
         """Return whether the interval of a term's contribution excludes zero.
@@ -150,17 +167,38 @@ class Intervals:
         return sorted(pairs, key=lambda pair: -abs(pair[0]))
 
 
-def intervals(table: Table, terms: Sequence[Term]) -> Intervals:
+def unsettled(table: Table, terms: Sequence[Term]) -> list[np.ndarray]:
+    """Return the columns, each (M, R), of what a fit takes for granted and motion may hardly tell.
+
+    It takes for granted that the joint has no other inertia, weight or spring, and that torque and
+    motion are recorded at one time and alike. A delay, a low pass, and a filter or a difference of
+    the motion are sums of the prediction at other times.
+    """
+    rows, kinds = table.rows, {term.kind for term in terms}
+    prediction = np.column_stack([eq6_columns(rows, *table.transition)[:, :EQ6_LINEAR], *(
+        term.columns(rows) for term in terms)]) @ list(table.coefficients(terms).values())
+    step = max(thresholds.LAG_STEP, rows.samples.sample_time)
+    moved = [rows.averaged(shifted_in_time(prediction, rows.samples, count * step) - prediction)
+             for count in (-4, -2, -1, 1, 2, 4)]
+    return [np.array(moved), *(
+        term.at_rows(rows) for term in first_model(table)
+        if term.kind not in kinds and not term.kind.needs)]
+
+
+def intervals(table: Table, terms: Sequence[Term], others: Sequence[np.ndarray] = ()) -> Intervals:
     """Return intervals from fits to resampled blocks.
 
     Each fit has one more column for each constant, the derivative of its term, so that the interval
-    of a coefficient includes the uncertainty of the constants; its unit is a `step_size`.
+    of a coefficient includes the uncertainty of the constants; its unit is a `step_size`. With the
+    columns of `others`, each (M, R), it also includes how far these move it, see `unsettled`.
     """
     free = free_constants(terms)
     indices = table.indices(terms)
-    columns = np.vstack(
-        (table.columns[indices], constant_derivatives(table, terms, free), table.target))
-    signs = np.append(table.sums.signs[indices], np.zeros(len(free), dtype=int))
+    columns = np.vstack((table.columns[indices], constant_derivatives(table, terms, free), *others,
+                         table.target))
+    # A coefficient that physics keeps at zero is as uncertain as if it were free.
+    signs = np.zeros(len(columns) - 1, dtype=int)
+    signs[:len(indices)] = table.sums.signs[indices] * (not others)
     sums, both = BlockSums.over(columns, table.block_rows, signs), range(len(signs))
     rng = np.random.default_rng(1)
     weights = np.array([table.draw_blocks(rng) for _ in range(_DRAWS)], dtype=float)
@@ -169,15 +207,20 @@ def intervals(table: Table, terms: Sequence[Term]) -> Intervals:
     # By the median: samples that lack a direction of motion give outlying fits.
     half_widths = quantile * robust_std(draws - np.median(draws, axis=0), axis=0)
     # About the fit of the terms alone; the derivatives of Eq. 6 have no part in that.
-    middle = {**dict(zip(indices, sums.fit(both))), **table.coefficients(terms)}
-    coefficients = {column: (float(middle[column] - half), float(middle[column] + half))
-                    for column, half in zip(indices, half_widths)}
+    fitted = sums.fit(both)
+    alone = {**dict(zip(indices, fitted)), **table.coefficients(terms)}
+    middle = np.concatenate((list(alone.values()), np.zeros(len(free))))
+    moved = _BEYOND * (fitted[:len(middle)] - middle) * bool(others)
+    ends = np.array([np.minimum(moved, 0.0) - half_widths[:len(middle)],
+                     np.maximum(moved, 0.0) + half_widths[:len(middle)]]).T
+    coefficients = {column: (float(value + low), float(value + high))
+                    for (column, value), (low, high) in zip(alone.items(), ends)}
     constants = {}
-    for (index, name), steps in zip(free, half_widths[len(indices):]):
+    for (index, name), steps in zip(free, ends[len(indices):]):
         term = terms[index]
-        value, half = term.constants[name], steps * step_size(term, name, table.rows.coverage)
-        constants[term, name] = float(value - half), float(value + half)
-    return Intervals(coefficients, constants, draws, quantile)
+        low, high = term.constants[name] + steps * step_size(term, name, table.rows.coverage)
+        constants[term, name] = float(low), float(high)
+    return Intervals(coefficients, constants, draws, quantile, moved[:len(indices)])
 
 
 class LeftOutThirds:

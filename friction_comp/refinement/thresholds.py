@@ -40,6 +40,11 @@ LAG_ERROR = Threshold(
     0.8, 'of the squared error', 'limit for accepting a lag, which blurs and may replace effects')
 LONGEST_LAG = Threshold(
     0.15, 's', 'longer than that of any drive with a current controller')
+ENCODER_STEPS = Threshold(
+    2.0, 'times the acceleration', 'that steps of the encoder may make of it: a wider bandwidth '
+    'shows these more than the motion, and what a controller makes of them')
+LAG_STEP = Threshold(
+    0.01, 's', 'change of the lag, over which intervals take its effect')
 LATE_VELOCITY = Threshold(
     2.0, 'samples', 'a velocity that is later than the position is filtered, and not used')
 NEAR_LIMIT = Threshold(
@@ -78,6 +83,8 @@ USELESS_ERROR = Threshold(
     0.9, 'of the error of a constant', 'with a larger error elsewhere, a constant predicts as well')
 SAME_LOAD = Threshold(
     0.02, 'of -1/(k_t·n)', 'if the load coefficient deviates by more, the torque constant is wrong')
+UNCERTAIN = Threshold(
+    0.2, 'of a number', 'half an interval that is larger is said in words')
 WRITTEN_ERROR = Threshold(
     1.5, 'times', "the fit's error: limit for the model as it is written")
 FOLLOWED_VARIANCE = Threshold(

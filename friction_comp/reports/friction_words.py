@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from friction_comp.refinement.result import FrictionNumbers
+from friction_comp.model.friction_numbers import FrictionNumbers
 from friction_comp.reports.html import number
 
 # Name and unit of each number, A standing for the unit of current.

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 import numpy as np
 
 from friction_comp.model.effects.position_effects import highest_frequency, position_spectrum
-from friction_comp.refinement.friction_numbers import quantity_in
+from friction_comp.model.friction_numbers import quantity_in
 from friction_comp.refinement.result import RefineResult
 from friction_comp.reports.figures import curve, new_figure, scatter, styled
 

@@ -14,10 +14,10 @@ import numpy as np
 from friction_comp.compensation.feed_forward import feed_forward
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.friction_numbers import FrictionNumbers, quantity_in
 from friction_comp.model.sliding_friction import line_of
-from friction_comp.refinement.friction_numbers import quantity_in
 from friction_comp.refinement.judge import in_unit
-from friction_comp.refinement.result import FrictionNumbers, RefinementReport, RefineResult
+from friction_comp.refinement.result import RefinementReport, RefineResult
 from friction_comp.refinement.thresholds import LEAST_SHARE
 from friction_comp.reports import refinement_figures as figures
 from friction_comp.reports.friction_words import number_rows

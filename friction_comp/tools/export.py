@@ -173,8 +173,8 @@ def _over_history(joint: SimulatorJoint, model: FrictionModel, path: Path) -> Si
 def remarks_on(joint: SimulatorJoint, arguments: Namespace, models: list[FrictionModel]
                ) -> list[str]:
     """Return lines on origin, values, ranges and losses of a form, and what speaks against it."""
+    from friction_comp.model.friction_numbers import inertia_holds
     from friction_comp.model.simulator_joint import cautions_of, loss_of
-    from friction_comp.refinement.friction_numbers import inertia_holds
 
     form, unit, model = arguments.to, joint.unit, models[0]
     lines = [f'Friction of {", ".join(map(str, arguments.models))}, by friction_comp {__version__}',

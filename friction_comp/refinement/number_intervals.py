@@ -1,0 +1,90 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""95 % intervals of Coulomb and viscous friction, offset, inertia and transition of a fit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+import math
+
+import numpy as np
+
+from friction_comp.model.effects.base import Effect
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.measured import LINE, Recorded
+from friction_comp.model.sliding_friction import inertia_of, line_of, Sliding
+from friction_comp.refinement.best_fit import Fit
+from friction_comp.refinement.block_sums import BlockSums
+from friction_comp.refinement.effect_columns import EQ6_LINEAR
+from friction_comp.statistics import rms
+
+# Quantiles of the speed in motion that a model file keeps.
+_SPEEDS = 12
+# Column of Eq. 6's derivative with respect to the logarithm of the steepness.
+_STEEPNESS = 3
+# Half an interval, of the current, that is due to rounding.
+_ROUNDING = 1e-9
+# Widest transition of a sign change that counts as determined: a factor of e either way.
+_MOST_LOG = 1.0
+
+
+def recorded_of(fit: Fit, model: FrictionModel) -> Recorded:
+    """Return the speeds of the recordings, and the intervals of the numbers of a fit's model.
+
+    An interval contains the scatter over parts drawn at random, with what the recordings hardly
+    tell (see `unsettled`), and how far a number moves if the slow, the middle or the fast third of
+    the samples is left out.
+    """
+    rows = fit.rows
+    speed = np.abs(np.asarray(rows.samples.velocity)[rows.usable])
+    speeds = np.quantile(speed, (np.arange(_SPEEDS) + 0.5) / _SPEEDS)
+    recorded = Recorded(tuple(np.unique(speeds[speeds > 0.0]).tolist()))
+    weights = np.zeros((len(LINE) + 1, max(fit.intervals.coefficients) + 1))
+    weights[:EQ6_LINEAR, :EQ6_LINEAR] = np.eye(EQ6_LINEAR)
+    own = [term for term in fit.terms if term.group is None]
+    # Their coefficients do not matter.
+    effects: list[Effect] = [term.kind({**term.constants, 'coefficients': [0.0] * len(
+        fit.table.columns_of[term])}) for term in own]
+    sliding = Sliding(recorded.speeds or Sliding.of(model).speeds,
+                      model.position_limits or Sliding.limits)
+    for term, effect, line in zip(own, effects, sliding.lines(effects)):
+        columns = fit.table.columns_of[term]
+        weights[:len(LINE), columns] = line
+        if effect.name == 'inertia':
+            weights[-1, columns[0]] = 1.0
+    intervals, other_fits = {}, _without_thirds(fit)
+    values = *line_of(replace(model, recorded=recorded)).values(), inertia_of(model)
+    for name, row, value in zip((*LINE, 'inertia'), weights, values):
+        moved = other_fits @ row
+        below, above = (math.hypot(end, float(np.abs(moved[1:] - moved[0]).max()))
+                        for end in fit.intervals.ends(row))
+        # In motion in one direction, the offset is part of Coulomb friction. A coefficient that
+        # physics keeps at zero has no scatter, but rounding.
+        if value is not None and min(below, above) > _ROUNDING * rms(fit.rows.target):
+            intervals[name] = value - below, value + above
+    row = np.zeros(weights.shape[1])
+    row[_STEEPNESS] = 1.0
+    coulomb = abs(0.5 * (model.sigmoid.upper - model.sigmoid.lower))
+    spread = fit.intervals.half_width(row) / coulomb if coulomb else math.inf
+    if 0.0 < spread <= _MOST_LOG:
+        transition = 2.0 / model.sigmoid.steepness
+        intervals['transition'] = (transition * math.exp(-spread), transition * math.exp(spread))
+    return Recorded(recorded.speeds, intervals)
+
+
+def _without_thirds(fit: Fit) -> np.ndarray:
+    """Return the coefficients, (4, P), of all samples, and without each third of the speed.
+
+    A model that lacks something fits each third differently, which parts of the recording drawn at
+    random do not show.
+    """
+    table = fit.table
+    speed = np.abs(np.asarray(fit.rows.at_rows.velocity))
+    third = np.searchsorted(np.quantile(speed, (1 / 3, 2 / 3)), speed, side='right')
+    columns = table.indices(fit.terms, derivatives=False)
+    sums = BlockSums.over(np.vstack((table.columns[columns], table.target)),
+                          [third == k for k in range(3)], table.sums.signs[columns])
+    fits = np.zeros((4, max(fit.intervals.coefficients) + 1))
+    fits[:, columns] = sums.fits_without(
+        range(len(columns)), np.vstack((np.ones(3), 1.0 - np.eye(3))) > 0.0)
+    return fits
