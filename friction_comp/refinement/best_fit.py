@@ -228,24 +228,26 @@ def find_best_fit(problem: Problem) -> Fit:
     for settings in others:
         best = min(best, search_with(problem, settings), key=Fit.mean_error)
         tried.append(settings)
-    for attempt in range(3):
-        before = best
-        # The bandwidth that is best without a lag makes up for it: both are chosen together first.
-        for settings in _other_settings(problem, best) if attempt else [
-                _settings_with_lag(problem, best)]:
+    for _ in range(2):
+        before, others = best, _other_settings(problem, best)
+        if not any(best.lag):
+            # The bandwidth that is best without a lag makes up for it: chosen together, too.
+            others.append(_settings_with_lag(problem, best))
+        for settings in others:
             if settings in tried:
                 continue
             tried.append(settings)
-            first_lag = without_lag(settings) != settings and not any(best.lag)
+            with_lag = without_lag(settings) != settings
+            first_lag = with_lag and not any(best.lag)
             # Terms that stood in for a lag are a poor start; another bandwidth changes little.
-            begin = None if first_lag else best.terms[best.initial_count:]
+            begin = None if with_lag and not any(before.lag) else best.terms[best.initial_count:]
             other = search_with(problem, settings, begin)
             share = thresholds.LAG_ERROR if first_lag else 1.0 - thresholds.EQUIVALENT
             if other.mean_error() < share * best.mean_error():
                 confidence = _lag_confidence(other, best) if first_lag else best.lag_confidence
                 if confidence >= thresholds.NAMED_SHARE:
                     best = replace(other, lag_confidence=confidence)
-        if attempt and best is before:
+        if best is before:
             break
     return best
 
