@@ -7,7 +7,6 @@ import gc
 from importlib.util import find_spec
 import os
 import signal
-from unittest.mock import patch
 
 # As `python3 -m friction_comp` does for tools, before the first import of NumPy: threads of linear
 # algebra that wait for each other take up to twelve times the processor time here.
@@ -111,13 +110,6 @@ def refuses(capsys, tmp_path):
         assert error.count('\n') == 1
         assert not output.exists()
     return check
-
-
-@pytest.fixture
-def own_environment():
-    """Restore the environment, in which a tool in this process sets its ROS domain."""
-    with patch.dict(os.environ):
-        yield
 
 
 @pytest.fixture(scope='module')

@@ -115,7 +115,7 @@ def test_wrong_input_is_one_line(wrong, words, refuses):
 @pytest.mark.slow
 @pytest.mark.processes
 @short_search(1)
-def test_one_command_goes_from_nothing_to_a_tested_model(tmp_path, monkeypatch, own_environment):
+def test_one_command_goes_from_nothing_to_a_tested_model(tmp_path, monkeypatch):
     pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
     fork_nodes_of_tools(monkeypatch)
     # The lowest sample rate that a plant allows.

@@ -127,7 +127,7 @@ def test_without_mujoco_it_says_what_to_install(monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.processes
-def test_a_guided_arm_is_learnt_and_carried(tmp_path, monkeypatch, own_environment):
+def test_a_guided_arm_is_learnt_and_carried(tmp_path, monkeypatch):
     """The demo's scene: taught, replayed alone, refined from that, replayed with help."""
     pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
     pytest.importorskip('pinocchio', reason='Pinocchio is not in this environment')

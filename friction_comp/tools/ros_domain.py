@@ -48,12 +48,18 @@ def _reserve(domain: int) -> socket.socket | None:
 @contextmanager
 def private_domain() -> Iterator[None]:
     """Use an unused ROS domain in this process and its children, so that no robot is disturbed."""
+    before = dict(os.environ)
     with leased_domain() as domain:
         os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
         # Nodes then discover each other in half a second instead of three.
         os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE',
                               str(package_file('config', 'quick_discovery.xml')))
-        yield
+        try:
+            yield
+        finally:
+            # The domain may be another process's from here on.
+            os.environ.clear()
+            os.environ.update(before)
 
 
 def domains_in_use() -> set[int]:
