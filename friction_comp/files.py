@@ -19,6 +19,16 @@ import yaml
 from friction_comp.errors import InputError, one_line
 
 
+def library_for(path: Path, name: str, extra: str, files: str) -> Any:
+    """Return the package of an optional module; raises InputError if it is not installed."""
+    try:
+        return __import__(name)
+    except ModuleNotFoundError:
+        package = name.partition('.')[0]
+        raise InputError(f'{path}: {files} need {package}: pip install "friction_comp[{extra}]", '
+                         f'or pip install {package}') from None
+
+
 class _PlainLoader(yaml.SafeLoader):
     """Reads the plain values of YAML 1.2, and rejects duplicate keys and references.
 

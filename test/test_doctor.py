@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from friction_comp.__main__ import main
-from friction_comp.errors import InputError
 from friction_comp.files import write_yaml
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import arm_document, FrictionModel
@@ -274,15 +273,11 @@ def test_everything_that_is_required_is_looked_for():
     assert {name.lower() for name in looked_for} == {name.lower() for name in required}
 
 
-def test_a_model_that_cannot_be_used_is_named_before_the_system_is_observed(monkeypatch):
-    pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
-    monkeypatch.setattr('friction_comp.ros.system_probe.observe', lambda *_: 1 / 0)
-    with pytest.raises(InputError, match=r'nothere\.yaml'):
-        doctor.check_running_system(Namespace(seconds=1.0, model=['nothere.yaml'], ros=[]))
-
-
-def test_a_model_that_cannot_be_used_is_named_though_only_the_machine_is_looked_at(capsys):
-    assert main(['doctor', '--installed', '--model', 'nothere.yaml']) == 2
+@pytest.mark.parametrize('only', [[], ['--installed']])
+def test_a_model_that_cannot_be_used_is_named_before_anything_is_looked_at(
+        monkeypatch, capsys, only):
+    monkeypatch.setattr(doctor, 'check_machine', lambda: 1 / 0)
+    assert main(['doctor', *only, '--model', 'nothere.yaml']) == 2
     assert 'nothere.yaml: No such file' in capsys.readouterr().err
 
 

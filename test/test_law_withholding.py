@@ -267,6 +267,17 @@ def test_a_slip_under_a_push_that_is_felt_tells_nothing_until_nobody_pushes(then
     assert law.guards['taken back'][0] == pytest.approx(lost, abs=1e-6)
 
 
+@pytest.mark.parametrize('felt', [1, -1, 0])
+def test_a_push_counts_for_the_direction_that_is_acted_on_alone(felt):
+    """Another announcement counts at rest when it has lasted; the joint still slips in the first.
+    """
+    law = CompensationLaw([small_model()])
+    drive_along(law, np.zeros(500), direction=0)
+    drive_along(law, np.zeros(50), begin=500)
+    drive_along(law, np.linspace(0.0, 5e-3, 50), felt, begin=550, is_pushed=True)
+    assert law.guards['slips'][0] == (felt != 1)
+
+
 def test_a_joint_that_was_too_fast_gets_less_after_it_has_slowed_down():
     """Otherwise a drive that lost friction would hum along at the identified speeds."""
     law, time = CompensationLaw([small_model()]), np.arange(4000) * 1e-3

@@ -197,7 +197,7 @@ class CompensationLaw:
         velocity = self._still if velocity is None else self._row(velocity, 'velocity')
         direction = self._row(direction, 'direction')
         end = self._endless if end is None else self._row(end, 'end')
-        pushed = (self._still if is_pushed is None else self._row(is_pushed, 'is_pushed')) != 0.0
+        pushed = self._still if is_pushed is None else self._row(is_pushed, 'is_pushed')
         temperature = None if temperature is None else self._row(temperature, 'temperature')
         load = None if load is None else self._row(load, 'load')
         kernel.observe_bank(self._parameters, self._states, float(time), position, velocity,

@@ -274,7 +274,8 @@ def continuous_current(p: Parameters, s: State, direction: float, is_pushed: boo
         # A movement in its direction spends an announcement, so a joint cannot swing on it.
         turn = aim if math.isfinite(s.aim_position) else 0.0
         follow(p, s)
-        lead(p, s, aim, is_pushed)
+        # Not where the push is the other way, or beyond the end.
+        lead(p, s, aim, is_pushed and aim * direction > 0.0)
         turn_round(p, s)
         slow_down(p, s, turn)
     speed = abs(s.speed)
@@ -386,7 +387,7 @@ def decide_bank(p: np.ndarray, s: np.ndarray, usable: np.ndarray, direction: np.
     for j in range(len(p)):
         if usable[j]:
             current[j] = decide(
-                p[j], s[j], direction[j], end[j], is_pushed[j], forward[j], backward[j],
+                p[j], s[j], direction[j], end[j], is_pushed[j] > 0.0, forward[j], backward[j],
                 carried[j])
         else:
             current[j] = s[j].current = s[j].kinetic = s[j].breakaway = 0.0

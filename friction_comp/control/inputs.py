@@ -38,9 +38,9 @@ class Inputs:
     Of the last new joint state are: `time`, s since the first one (seconds since 1970 have too
     little resolution as a float); `position`, `direction` and `ends` (of announced movements),
     shape (J,), rad, NaN where in doubt or unknown; `is_pushed`, bool, where a sensor feels the
-    person push in that direction; `velocity`, rad/s, and `temperature`, degrees Celsius, shape (J,)
-    or None where nobody sent any; whether it begins `anew` rather than continues the state before;
-    and how long joint states were silent before it, `silence` in s.
+    person push in that direction, if any; `velocity`, rad/s, and `temperature`, degrees Celsius,
+    shape (J,) or None where nobody sent any; whether it begins `anew` rather than continues the
+    state before; and how long joint states were silent before it, `silence` in s.
     """
 
     def __init__(self, joints: Sequence[str], timeout: int, direction_timeout: float,
@@ -150,7 +150,7 @@ class Inputs:
             self._faults.report('velocity', '; '.join(
                 f'{self._joints[j]}: {self._velocities[j].fault}' for j in wrong))
         self.direction, self.ends = self._direction.at(stamp), self._direction.ends
-        self.is_pushed = self._direction.is_pushed & (self.direction != 0.0)
+        self.is_pushed = self._direction.is_pushed
         self.temperature = self._temperature.before(stamp)
 
     def _possible(self) -> np.ndarray:

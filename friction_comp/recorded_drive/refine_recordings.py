@@ -29,7 +29,7 @@ def refine_to_folder(given: Given, paths: Sequence[Path], output: Path, command:
     from friction_comp.reports.html import units_of_axis
     from friction_comp.reports.refinement_report import refinement_report
 
-    linear = is_linear(result)
+    linear = result.model.is_linear
     with units_of_axis(linear):
         page = refinement_report(result, list(map(str, paths)))
     with output_folder(output) as folder:
@@ -38,11 +38,6 @@ def refine_to_folder(given: Given, paths: Sequence[Path], output: Path, command:
         if history is not None:
             history.save(folder / 'model.yaml')
     return result
-
-
-def is_linear(result: RefineResult) -> bool:
-    """Return whether the axis is linear: positions are in m and forces in N."""
-    return result.model.is_linear
 
 
 def refine_recordings(given: Given, paths: Sequence[Path],

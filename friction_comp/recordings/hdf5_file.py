@@ -17,6 +17,7 @@ import numpy as np
 
 from friction_comp.column_values import to_numbers
 from friction_comp.errors import InputError
+from friction_comp.files import library_for
 from friction_comp.recordings.episodes import EPISODE, is_episode
 from friction_comp.recordings.joint_rows import Labels
 
@@ -40,7 +41,8 @@ class Hdf5:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._file = h5py_of(path).File(path, 'r')
+        self._file = library_for(
+            path, 'h5py', 'hdf5', 'HDF5 files, and MATLAB files of version 7.3,').File(path, 'r')
         self.labels: dict[str, Labels] = {}     # columns whose values are numbered
         self._episodes: dict[str, dict[str, _Place]] = {}
         self._file.visititems(self._add)
@@ -125,13 +127,3 @@ def _slice(dataset: Any, first: int, last: int) -> np.ndarray:
 
 def _natural(name: str) -> list[str | int]:
     return [int(part) if part.isdigit() else part for part in re.split(r'(\d+)', name)]
-
-
-def h5py_of(path: Path) -> Any:
-    """Return the library for HDF5 files; raises InputError if it is not installed."""
-    try:
-        import h5py
-    except ModuleNotFoundError:
-        raise InputError(f'{path}: HDF5 files, and MATLAB files of version 7.3, need h5py: pip '
-                         'install "friction_comp[hdf5]", or pip install h5py') from None
-    return h5py

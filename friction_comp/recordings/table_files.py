@@ -23,6 +23,7 @@ import numpy as np
 from friction_comp.column_names import read_name
 from friction_comp.column_values import date_in_seconds, to_numbers
 from friction_comp.errors import InputError
+from friction_comp.files import library_for
 from friction_comp.layout import TABLES
 from friction_comp.recordings.hdf5_file import Hdf5, is_hdf5
 from friction_comp.recordings.joint_rows import Labels
@@ -274,12 +275,7 @@ class Parquet:
 
 def pyarrow_of(path: Path) -> Any:
     """Return the library for Parquet files; raises InputError if it is not installed."""
-    try:
-        import pyarrow.parquet
-    except ModuleNotFoundError:
-        raise InputError(f'{path}: Parquet files need pyarrow: pip install '
-                         '"friction_comp[parquet]", or pip install pyarrow') from None
-    return pyarrow
+    return library_for(path, 'pyarrow.parquet', 'parquet', 'Parquet files')
 
 
 class Arrays:

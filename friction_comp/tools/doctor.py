@@ -62,10 +62,10 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument('--json', action='store_true', help='print findings as JSON')
     arguments = parser.parse(argv)
     # A file that cannot be used is named before anything is observed.
-    _load(arguments.model)
+    models = _load(arguments.model)
     findings = list(check_machine())
     if not arguments.installed and PROBLEM not in {finding.level for finding in findings}:
-        findings += check_running_system(arguments)
+        findings += check_running_system(arguments, models)
     if arguments.json:
         print(to_json({'findings': [vars(finding) for finding in findings]}), end='')
     else:
@@ -136,12 +136,12 @@ def _middleware() -> Iterator[Finding]:
                       f'and on the robot alike, or install {wanted} on both')
 
 
-def check_running_system(arguments: argparse.Namespace) -> list[Finding]:
-    """Return the findings about the running system."""
+def check_running_system(arguments: argparse.Namespace, models: list[FrictionModel]
+                         ) -> list[Finding]:
+    """Return the findings about the running system, and on models of its joints."""
     from friction_comp.monitoring.checkup import check_system
     from friction_comp.ros.system_probe import middleware, observe
 
-    models = _load(arguments.model)
     variables = ', '.join(f'{name}={os.environ[name]}' for name in (
         'ROS_DOMAIN_ID', 'ROS_AUTOMATIC_DISCOVERY_RANGE', 'ROS_STATIC_PEERS', 'ROS_LOCALHOST_ONLY')
         if name in os.environ)

@@ -77,13 +77,13 @@ def main(argv: list[str] | None = None) -> int:
         from friction_comp.tools.refine_arm import refine_whole_arm
 
         return refine_whole_arm(arguments)
-    from friction_comp.recorded_drive.refine_recordings import is_linear, refine_to_folder
+    from friction_comp.recorded_drive.refine_recordings import refine_to_folder
 
     with progress('reading') as show:
         result = refine_to_folder(given_of(arguments), arguments.recordings, arguments.output,
                                   arguments.command, show)
     content, lines = result.report.content(), summary_lines(result.report)
-    linear = is_linear(result)
+    linear = result.model.is_linear
     return print_results(arguments, in_own_units(content, linear), in_own_units(lines, linear))
 
 

@@ -18,6 +18,7 @@ from friction_comp.package_files import package_file
 _DOMAINS = range(1, 102)
 # DDSI-RTPS 2.2, section 9.6.1.1: port base and domain gain; and the offset of an unused port.
 _PORT_BASE, _PORT_GAIN, _UNUSED_PORT = 7400, 250, 5
+_OF_DOMAIN = ('ROS_DOMAIN_ID', 'ROS_AUTOMATIC_DISCOVERY_RANGE', 'FASTRTPS_DEFAULT_PROFILES_FILE')
 _SOCKETS = (Path('/proc/net/udp'), Path('/proc/net/udp6'))
 
 
@@ -48,7 +49,7 @@ def _reserve(domain: int) -> socket.socket | None:
 @contextmanager
 def private_domain() -> Iterator[None]:
     """Use an unused ROS domain in this process and its children, so that no robot is disturbed."""
-    before = dict(os.environ)
+    before = {name: os.environ.get(name) for name in _OF_DOMAIN}
     with leased_domain() as domain:
         os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
         # Nodes then discover each other in half a second instead of three.
@@ -58,8 +59,10 @@ def private_domain() -> Iterator[None]:
             yield
         finally:
             # The domain may be another process's from here on.
-            os.environ.clear()
-            os.environ.update(before)
+            for name, value in before.items():
+                os.environ.pop(name, None)
+                if value is not None:
+                    os.environ[name] = value
 
 
 def domains_in_use() -> set[int]:
