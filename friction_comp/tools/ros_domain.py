@@ -18,7 +18,9 @@ from friction_comp.package_files import package_file
 _DOMAINS = range(1, 102)
 # DDSI-RTPS 2.2, section 9.6.1.1: port base and domain gain; and the offset of an unused port.
 _PORT_BASE, _PORT_GAIN, _UNUSED_PORT = 7400, 250, 5
-_OF_DOMAIN = ('ROS_DOMAIN_ID', 'ROS_AUTOMATIC_DISCOVERY_RANGE', 'FASTRTPS_DEFAULT_PROFILES_FILE')
+# What tools set for as long as they have a domain of their own.
+_OF_DOMAIN = ('ROS_DOMAIN_ID', 'ROS_AUTOMATIC_DISCOVERY_RANGE', 'FASTRTPS_DEFAULT_PROFILES_FILE',
+              'ROS_LOG_DIR')
 _SOCKETS = (Path('/proc/net/udp'), Path('/proc/net/udp6'))
 
 
