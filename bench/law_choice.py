@@ -20,15 +20,21 @@ import numpy as np
 
 from law_judge.bank import Joints, make_bank
 from law_judge.loop import KINETIC, TANH
+from law_judge.recorded import recorded_bank
 from law_judge.release import watch_release
 from law_judge.to_and_fro import swaying
 
 FREQUENCIES = (0.3, 0.6, 1.0)    # Hz
 WORLDS = ('world.gear', 'world.mujoco_gear')
-# Law, how its direction comes, and whether the model knows the gear's presliding distance.
-WAYS = {'announced': ('continuous', 'announced', True), 'unknown': ('continuous', 'd = 0', True),
-        'unmeasured': ('continuous', 'd = 0', False), 'tanh': (TANH, 'd = 0', False),
-        'kinetic': (KINETIC, 'd = 0', False)}
+# How a model comes by the gear's presliding distance, or does not.
+MODELS = {'identified': lambda bank: bank.telling(True), 'unmeasured': lambda bank:
+          bank.telling(False), 'recorded': lambda bank: recorded_bank(bank)[0].telling(True)}
+# Law, how its direction comes, and its model.
+WAYS = {'announced': ('continuous', 'announced', 'identified'),
+        'unknown': ('continuous', 'd = 0', 'identified'),
+        'recorded': ('continuous', 'd = 0', 'recorded'),
+        'unmeasured': ('continuous', 'd = 0', 'unmeasured'), 'tanh': (TANH, 'd = 0', 'unmeasured'),
+        'kinetic': (KINETIC, 'd = 0', 'unmeasured')}
 
 
 def main():
@@ -41,11 +47,11 @@ def main():
         world = importlib.import_module(name)
         bank = make_bank(world, world.KINDS, options.draws, options.seed)
         gears += len(bank.gears)
-        for known in (True, False):
-            told = bank.telling(known)
+        for model, made in MODELS.items():
+            told = made(bank)
             joints, removed = swaying(told, FREQUENCIES)
             for way, (law, how, needs) in WAYS.items():
-                if needs == known:
+                if needs == model:
                     share = removed(law, how)
                     found[way].append([share[joints['frequency'] == f] for f in FREQUENCIES])
                     gone[way] += watch_release(Joints(

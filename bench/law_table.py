@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Judges the compensation law: every floor, on gears of two worlds that share nothing with it.
 
-    python3 bench/law_table.py [--worlds gear mujoco refined chain] [--models true identified]
+    python3 bench/law_table.py [--worlds gear mujoco refined chain]
+                               [--models true identified recorded]
                                [--laws continuous none paper] [--floors release peak ...]
                                [--set SHARE=0.95 ...] [--without backlash ...]
                                [--kinds NAME ...] [--draws N] [--seed S] [--workers N] [--detail]
@@ -11,10 +12,10 @@
 effect, in their models too; `mujoco` are gears in an engine that is not ours (PyPI `mujoco`);
 `chain` are the note's drives behind chains of Maxwell elements, for identification only. Even
 seeds are for tuning on, odd seeds are kept for judging: report both, tune on one. The law is given
-the plant's own true model, times the factor that a floor names, or the one that identification
-finds. --set shows what becomes of it with other constants, by their names in law_parameters;
---without what becomes of it on gears without one of their properties. The whole takes about ten
-minutes of processor time.
+the plant's own true model, times the factor that a floor names, the one that identification
+finds, or the one that `refine` makes of a recording. --set shows what becomes of it
+with other constants, by their names in law_parameters; --without what becomes of it on gears
+without one of their properties. The whole takes about ten minutes of processor time.
 """
 
 import argparse
@@ -32,6 +33,7 @@ from law_judge.bank import make_bank
 from law_judge.identification import identification, identified_bank
 from law_judge.peak import peak
 from law_judge.quiet import flicker, knock, quiet
+from law_judge.recorded import recorded_bank
 from law_judge.refined import REFINED
 from law_judge.release import release
 from law_judge.reversal import reversal
@@ -64,7 +66,8 @@ def main():
 def parse():
     parser = table_parser(__doc__, seed=0, workers=2)
     parser.add_argument('--worlds', nargs='+', default=list(WORLDS), choices=WORLDS)
-    parser.add_argument('--models', nargs='+', default=['true'], choices=('true', 'identified'))
+    parser.add_argument('--models', nargs='+', default=['true'],
+                        choices=('true', 'identified', 'recorded'))
     parser.add_argument('--laws', nargs='+', default=['continuous'],
                         help="of CompensationLaw, or 'none'")
     parser.add_argument('--floors', nargs='+', default=list(FLOORS), choices=FLOORS)
@@ -126,7 +129,8 @@ def bank_of(name, models, seed, draws=None, kinds=None, without=()):
         module, which, few = WORLDS[name]
         world = importlib.import_module(module)
         bank = make_bank(world, kinds or which or world.KINDS, draws or few, seed, without=without)
-        _banks[key] = identified_bank(bank) if models == 'identified' else (bank, [])
+        changed = {'identified': identified_bank, 'recorded': recorded_bank}.get(models)
+        _banks[key] = changed(bank) if changed else (bank, [])
     return _banks[key]
 
 

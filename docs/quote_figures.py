@@ -70,8 +70,8 @@ def _reproduce_table(numbers: dict[str, Any]) -> list[str]:
 LAWS = {
     'announced': ('`continuous`, announced', 'exercises whose next movement is known', ''),
     'unknown': ('`continuous`, d = 0', 'hand guiding, leader arms, exercises without a plan', ''),
-    'unmeasured': ('the same, presliding not identified', 'the same, with a model of recordings',
-                   ''),
+    'recorded': ('the same, presliding from reversals', 'the same, with a model of recordings', ''),
+    'unmeasured': ('the same, presliding unknown', 'the same, without slow reversals', ''),
     'desired': ('`desired`', 'followers: joints that another controller moves along a reference',
                 '**warning**: it pushes while a direction is announced'),
     'tanh': ('0.9 · Coulomb · tanh(v / 0.03 rad/s)', 'comparing: two lines of code', ''),

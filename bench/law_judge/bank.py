@@ -51,8 +51,10 @@ class Bank:
         for gear, old in zip(self.gears, self.documents):
             new = {name: value for name, value in old.items() if name != 'presliding'}
             distance, scatter = self.world.presliding(gear)
-            if known and np.isfinite(distance):
-                new['presliding'] = old.get('presliding') or {
+            if known and 'presliding' in old:
+                new['presliding'] = old['presliding']
+            elif known and np.isfinite(distance):
+                new['presliding'] = {
                     'distance': float(distance),
                     'std': math.hypot(STD * float(distance), scatter)}
             documents.append(new)

@@ -95,11 +95,14 @@ def scaled(document, kinetic=1.0, breakaway=None):
     for k in (0, 2, 5):
         c[k] *= kinetic
     new['sigmoid'] = {**document['sigmoid'], 'coefficients': c}
-    new['breakaway'] = {
-        side: {'mean': entry['mean'] * breakaway, 'std': entry['std']}
-        for side, entry in document['breakaway'].items()}
-    table = document['lookup_table']
-    new['lookup_table'] = {**table, 'currents': [kinetic * i for i in table['currents']]}
+    # A model of a recording has neither.
+    if 'breakaway' in document:
+        new['breakaway'] = {
+            side: {'mean': entry['mean'] * breakaway, 'std': entry['std']}
+            for side, entry in document['breakaway'].items()}
+    if 'lookup_table' in document:
+        table = document['lookup_table']
+        new['lookup_table'] = {**table, 'currents': [kinetic * i for i in table['currents']]}
     new['effects'] = [scaled_effect(effect, kinetic) for effect in document['effects']]
     return FrictionModel.from_dict(new)
 

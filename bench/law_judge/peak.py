@@ -42,7 +42,7 @@ def peak(bank, law):
                      Row(f'{name}: worst tenth', _tenth(share), tenth, ' %', True,
                          beside=beside(removed, _tenth))]
             continue
-        known = np.array(['presliding' in document and document['presliding']['distance']
+        known = np.array([bool(document.get('presliding')) and document['presliding']['distance']
                           >= COUNTS * gear['resolution']
                           for document, gear in zip(bank.documents, bank.gears)])
         for which, among, least in (('presliding known, ≥ 10 counts', known, median),

@@ -157,8 +157,8 @@ def set_breakaway(p: np.void, breakaway: Breakaway | None,
 
 def knows_presliding(model: FrictionModel) -> bool:
     """Return whether presliding is known, and how surely."""
-    known, count = model.presliding, model.drive.position_resolution
-    return (known is not None and known.std is not None and count is not None
+    known, count = model.presliding, model.drive.position_resolution or DEFAULT_RESOLUTION
+    return (known is not None and known.std is not None
             and known.distance >= KNOWN_COUNTS * count)
 
 

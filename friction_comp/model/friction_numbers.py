@@ -23,6 +23,7 @@ class FrictionNumbers:
     shift: float
     intervals: dict[str, list[float]]  # 95 %, those that the model holds
     breakaway: dict[str, dict[str, float]] | None
+    presliding: dict[str, float] | None  # distance and std, rad
     unit: str
     torque_per_current: float | None  # None where it is not known, as of counts
     inertia_holds: str
@@ -47,6 +48,9 @@ def friction_of(model: FrictionModel, unit: str, both_directions: bool = True) -
         breakaway=None if model.breakaway is None else {
             side: {what: getattr(model.breakaway, f'{side}_{what}') for what in ('mean', 'std')}
             for side in ('positive', 'negative')},
+        presliding=None if model.presliding is None else {
+            name: value for name in ('distance', 'std')
+            if (value := getattr(model.presliding, name)) is not None},
         unit=unit, torque_per_current=model.torque_per(unit),
         inertia_holds=inertia_holds(model), formula=_formula_line(numbers, model, unit))
 

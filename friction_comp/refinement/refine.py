@@ -26,6 +26,7 @@ from friction_comp.refinement.prepare import join
 from friction_comp.refinement.recorded_motion import settings_for_arm, velocity_delay
 from friction_comp.refinement.report import report_of
 from friction_comp.refinement.result import Origin, Predicted, RefineResult, TRUST
+from friction_comp.refinement.reversals import friction_at_rest
 from friction_comp.refinement.search import adjust_constants, at_limit
 from friction_comp.refinement.stability import (
     intervals,
@@ -88,6 +89,11 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
     report_progress(0.9, 'writing')
     raw, rows = problem.raw, fit.rows
     new = model_of(fit, problem)
+    rest = friction_at_rest(
+        raw, new, max(drive.position_resolution or 0.0, rows.coverage.resolution))
+    # Ramps of identification show it better.
+    new = replace(new, presliding=new.presliding or rest.presliding,
+                  breakaway=new.breakaway or rest.breakaway)
     if model:
         residual = model.measured(raw) - model.predict(raw, same_recording=True)
         start = Predicted(replace(model, drive=drive), residual, residual)
@@ -97,7 +103,8 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
         first = model_of(plain, problem)
         start = Predicted(first, rows.samples.current - first.current(rows.samples),
                           plain.residual())
-    refined = Predicted(new, raw.current - new.predict(raw, same_recording=True), fit.residual())
+    refined = Predicted(new, raw.current - new.predict(raw, same_recording=True), fit.residual(),
+                        '' if new.presliding else rest.why)
     # A model that is no better on parts that were not fitted is not used.
     if rms(refined.held_out[rows.usable]) >= rms(start.held_out[rows.usable]):
         refined = start

@@ -38,6 +38,7 @@ class Predicted:
     model: FrictionModel
     own: np.ndarray  # of the model itself
     held_out: np.ndarray  # of each part, by a fit to all others
+    no_presliding: str = ''  # why the recordings do not show presliding; empty where it is known
 
 
 @dataclass(frozen=True)

@@ -69,6 +69,21 @@ SEARCHES = Threshold(
     40, 'searches', 'on resampled blocks: the standard error of a share of one half is 8 %')
 NAMED_SHARE = Threshold(
     0.6, 'of the searches', 'must choose an effect before it is named')
+# Reversals.
+REVERSALS = Threshold(
+    6, 'reversals', 'fewest from which friction at rest is read: three in each direction')
+REVERSAL_SAMPLES = Threshold(
+    6, 'samples', 'fewest from a turn until friction has changed')
+REVERSAL_TIME = Threshold(
+    0.05, 's', 'shortest time for this: a delay or filter of the current makes faster ones longer')
+REVERSAL_COUNTS = Threshold(
+    2, 'steps of position', 'shortest presliding that an encoder resolves')
+REVERSAL_SPREAD = Threshold(
+    0.4, 'of the distance', 'largest standard deviation of presliding')
+BREAKAWAY_SPREAD = Threshold(
+    0.1, 'of the level', 'largest standard deviation of breakaway: what a law leaves to the gear')
+LONGEST_PRESLIDING = Threshold(
+    5e-3, 'rad', 'usual geared joints have 0.1 to 3 mrad: what is longer is a spring or backlash')
 # The verdict.
 GROWTH = Threshold(
     1.3, 'times', 'the held-out error: limit for thirds that were not fitted')

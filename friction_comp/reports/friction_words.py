@@ -34,6 +34,7 @@ def number_rows(friction: FrictionNumbers) -> list[NumberRow]:
         'offset': 'not known: the motion was in one direction'}
     rows = [_row(friction, key, remarks.get(key, '')) for key in ('coulomb', 'viscous', 'offset')]
     rows += _breakaway_rows(friction)
+    rows.append(_presliding_row(friction.presliding))
     value, ends = friction.transition, friction.intervals.get('transition')
     rows.append(NumberRow('transition', *_texts(value, ends, 'rad/s'), '',
                           'speed over which friction changes sign'))
@@ -70,8 +71,19 @@ def _breakaway_rows(friction: FrictionNumbers) -> list[NumberRow]:
         torque = f'{number(gain * mean)} N·m' if gain and unit != 'N·m' else ''
         rows.append(NumberRow(
             f'breakaway {sign}', *_texts(mean, ends, unit), torque,
-            'as in the model given' + ('; interval of single trials' if spread else '')))
+            'interval of single trials' if spread else ''))
     return rows
+
+
+def _presliding_row(known: dict[str, float] | None) -> NumberRow:
+    if known is None:
+        return NumberRow('presliding', '–', '', '',
+                         'not known: slow reversals show it, and identification measures it')
+    middle, spread = 1e3 * known['distance'], 2e3 * known.get('std', 0.0)
+    ends = [max(middle - spread, 0.0), middle + spread] if spread else None
+    return NumberRow('presliding', *_texts(middle, ends, 'mrad'), '',
+                     'from rest until the gear slides'
+                     + ('; interval of single rests' if ends else ''))
 
 
 def _texts(value: float, ends: list[float] | None, unit: str) -> tuple[str, str]:
