@@ -122,8 +122,8 @@ _FINDINGS = {
         'which is undone: another lag would change the inertia by viscous friction times the '
         'difference.', ''),
     'no_presliding': (
-        TRUST, 'Presliding is not known, so that a law helps less at starts and turns: {why}. Ten '
-        'slow reversals (a sine of 0.1 Hz) at 250 Hz or more show it.', ''),
+        TRUST, '{what} not known, which a law needs at starts and turns: {why}. Ten slow reversals '
+        '(a sine of 0.1 Hz) at 250 Hz or more show it.', ''),
     'short': (
         TRUST, 'The longest recording lasts {duration:.3g} s: warm-up takes minutes and cannot be '
         'seen in full.', ''),

@@ -60,7 +60,8 @@ def report_of(problem: Problem, fit: Fit, start: Predicted, refined: Predicted, 
         tested[judge.STEPS] = error_by_steps(raw, refined, rows.usable)
     errors = judge.errors_of(rows, refined, name, max(1.0, *tested.values()))
     friction = friction_of(model, unit, rows.coverage.both_directions)
-    notes = ([judge.finding('no_presliding', why=refined.no_presliding)]
+    what = 'Presliding is' if model.breakaway else 'Breakaway and presliding are'
+    notes = ([judge.finding('no_presliding', what=what, why=refined.no_presliding)]
              if refined.no_presliding else [])
     verdict = judge.verdict_of([*judge.findings_on_numbers(friction), *judge.findings(
         fit, raw, errors, tested, noise, dependences, open_questions), *notes], unit)

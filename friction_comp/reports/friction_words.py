@@ -17,6 +17,9 @@ NAMES = {'coulomb': ('Coulomb', 'A'), 'viscous': ('viscous', 'A·s/rad'), 'offse
          'stribeck_speed': ('Stribeck speed', 'rad/s'), 'inertia': ('inertia', 'A·s²/rad')}
 
 
+_UNKNOWN = 'not known: slow reversals show it, and identification measures it'
+
+
 class NumberRow(NamedTuple):
     """A number of the model as text, in its own unit and in N·m ('' where that is the same)."""
 
@@ -62,8 +65,7 @@ def _row(friction: FrictionNumbers, key: str, remark: str) -> NumberRow:
 def _breakaway_rows(friction: FrictionNumbers) -> list[NumberRow]:
     known, unit, gain = friction.breakaway, friction.unit, friction.torque_per_current
     if known is None:
-        return [NumberRow('breakaway', '–', '', '',
-                          'not known: identification measures it with current ramps')]
+        return [NumberRow('breakaway', '–', '', '', _UNKNOWN)]
     rows = []
     for side, sign in (('positive', '+'), ('negative', '−')):
         mean, spread = known[side]['mean'], known[side]['std']
@@ -77,8 +79,7 @@ def _breakaway_rows(friction: FrictionNumbers) -> list[NumberRow]:
 
 def _presliding_row(known: dict[str, float] | None) -> NumberRow:
     if known is None:
-        return NumberRow('presliding', '–', '', '',
-                         'not known: slow reversals show it, and identification measures it')
+        return NumberRow('presliding', '–', '', '', _UNKNOWN)
     middle, spread = 1e3 * known['distance'], 2e3 * known.get('std', 0.0)
     ends = [max(middle - spread, 0.0), middle + spread] if spread else None
     return NumberRow('presliding', *_texts(middle, ends, 'mrad'), '',
