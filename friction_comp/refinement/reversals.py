@@ -32,7 +32,8 @@ from friction_comp.samples import Samples
 # change of friction, which varies less than its end does. The level before the turn is that of the
 # farther half.
 _FIRST_WAY, _MULTIPLE, _EARLY = 0.03, 6.0, 0.8
-_ROUNDS = 4
+# It is at least this multiple of that to the end of the change.
+_BEYOND_END, _ROUNDS = 2.0, 3
 # Turns are looked for among so many samples, evenly spread.
 _MOST_PLACES = 20_000
 # Share of the change of friction at which presliding ends, that is at 95 % of the level there, and
@@ -76,12 +77,8 @@ def friction_at_rest(raw: Samples, model: FrictionModel, count: float) -> AtRest
     """
     if model.settings.get('time_constant'):
         return AtRest(None, None, 'the torque follows the current by a low pass')
-    friction, window = friction_at(raw, model), _FIRST_WAY
-    for _ in range(_ROUNDS):
-        shown = list(_reversals(raw, friction, window))
-        if shown:
-            early = float(np.median([one.early for one in shown]))
-            window = min(_FIRST_WAY, max(_MULTIPLE * early, 20.0 * count))
+    friction = friction_at(raw, model)
+    shown = _at_own_scale(raw, friction, count)
     # In those that are faster, few samples or a late current would decide.
     fewest = max(thresholds.REVERSAL_SAMPLES, thresholds.REVERSAL_TIME / raw.sample_time)
     shown = [one for one in shown if one.taken >= fewest]
@@ -103,6 +100,26 @@ def friction_at_rest(raw: Samples, model: FrictionModel, count: float) -> AtRest
     if std > thresholds.REVERSAL_SPREAD * distance:
         return AtRest(None, breakaway, f'reversals differ by {100.0 * std / distance:.0f} %')
     return AtRest(Presliding(distance, std=std), breakaway, '')
+
+
+def _at_own_scale(raw: Samples, friction: np.ndarray, count: float) -> list[_Reversal]:
+    """Return the reversals over a way beyond the turn on which friction changes no further.
+
+    On a long way a ripple would count, or what friction changes with speed; on a short one the
+    creeping end of the change is missed.
+    """
+    shown = list(_reversals(raw, friction, _FIRST_WAY))
+    for _ in range(_ROUNDS):
+        window = min(_FIRST_WAY, max(_MULTIPLE * _middle(shown, 'early'), 20.0 * count))
+        again = list(_reversals(raw, friction, window))
+        if not again or window < _BEYOND_END * _middle(again, 'end'):
+            break
+        shown = again
+    return shown
+
+
+def _middle(shown: Sequence[_Reversal], name: str) -> float:
+    return float(np.median([getattr(one, name) for one in shown])) if shown else 0.0
 
 
 def _spread(values: np.ndarray) -> float:
