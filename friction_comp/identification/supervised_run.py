@@ -307,6 +307,10 @@ class SupervisedRun(ABC):
             self._expected_current(1, speed), self._expected_current(-1, speed),
             max(min(bandwidth, quiet), 0.5 * control.LEAST_BANDWIDTH))
 
+    def _bandwidth(self, speed: float) -> float:
+        """Return the bandwidth of the velocity controller at a speed in rad/s, rad/s."""
+        return self._controller(1.0, speed).bandwidth
+
     def _plausible_current(self, speed: float) -> float:
         """Return the largest plausible current in A at a speed.
 
@@ -325,8 +329,9 @@ class SupervisedRun(ABC):
         return 10.0 * speed / self.goal.cycle(speed)[0] / self.acceleration
 
     def _expected_current(self, sign: int, speed: float) -> float:
-        """Return the current expected at a speed, from the look-up table so far."""
-        known = [point for point in self.commanded_points if point.speed * sign > 0.0][-2:]
+        """Return the current expected at a speed, from the two entries that are nearest so far."""
+        known = sorted((point for point in self.commanded_points if point.speed * sign > 0.0),
+                       key=lambda point: -abs(abs(point.speed) - speed))[-2:]
         if not known:
             return sign * self._push[sign]
         current, last = known[-1].current, known[-1]
