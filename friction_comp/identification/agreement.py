@@ -83,9 +83,10 @@ def levelled(cycles: Sequence[Cycle], slopes: Sequence[float]) -> list[Cycle]:
 def position_slopes(cycles: Sequence[Cycle]) -> tuple[float, float]:
     """Return by how much the current rises over position, A/rad, forwards and backwards.
 
-    `cycles` begin with the slowest. The controller settles at the beginning of a phase, so that its mean belongs to the far side
+    The controller settles at the beginning of a phase, so that its mean belongs to the far side
     forwards and to the near side backwards, the more the faster the joint is: a spring would be
-    taken for viscous friction. Only the slower half is used, in which the controller has settled.
+    taken for viscous friction. `cycles` begin with the slowest; only the slower half is used, in
+    which the controller has settled.
     """
     products, squares = np.zeros(2), np.full(2, 1e-12)
     for cycle in cycles[:max(1, len(cycles) // 2)]:
@@ -145,8 +146,8 @@ def check_positions(first: Sequence[Cycle], again: Sequence[Cycle]) -> list[str]
     friction = _friction(both[0][0].points)
     said = []
     for part, (what, then) in enumerate((
-            ('friction', 'the look-up table has its means over the range driven, breakaway is that '
-             'of the middle of the range'),
+            ('friction', 'the look-up table has means over the range driven, which makes viscous '
+             'friction less exact; breakaway is that of the middle of the range'),
             ('the load', 'gravity, a spring or cogging, which are no part of the model'))):
         one, other = (profile[part] for profile in profiles)
         known = np.isfinite(one) & np.isfinite(other)
@@ -174,24 +175,26 @@ def check_currents(cycles: Sequence[Cycle]) -> list[str]:
                     'is the measured one')
     if abs(offset) > _CURRENTS:
         said.append(f'the measured current is off the commanded one by {offset:+.0%} of friction '
-                    'in both directions: the current sensor has an offset, which is now in the model')
+                    'in both directions: the current sensor has an offset, now part of the model')
     return said
 
 
-def check_settling(cycles: Sequence[Cycle], bandwidth: Callable[[float], float],
-                   delay: float) -> list[str]:
-    """Return a warning if constant velocities last too short for the velocity controller.
+def unsettled(cycles: Sequence[Cycle], bandwidth: Callable[[float], float]) -> list[float]:
+    """Return speeds in rad/s at which phases are too short for the velocity controller to settle.
 
-    `bandwidth` returns the controller's at a speed in rad/s, rad/s; `delay` is that of the measured
-    current, s.
+    `bandwidth` returns the controller's at a speed in rad/s, rad/s.
     """
-    short = [cycle.speed for cycle in cycles
-             if 0.3 * cycle.duration < _SETTLED / bandwidth(cycle.speed)]
-    if not short:
+    return [cycle.speed for cycle in cycles
+            if 0.3 * cycle.duration < _SETTLED / bandwidth(cycle.speed)]
+
+
+def say_unsettled(speeds: Sequence[float]) -> list[str]:
+    """Return a warning on the speeds of `unsettled`."""
+    if not speeds:
         return []
-    return [f'from {min(short):.3g} rad/s on, the velocity controller had no time to settle, with '
-            f'a measured current that is {delay:.2g} s late: friction there may be some percent off, '
-            'and the inertia by half. Widen motion_range, or request lower speeds']
+    return [f'from {min(speeds):.3g} rad/s on, the velocity controller had no time to settle, '
+            'since the measured current is late, or the encoder coarse: currents there, viscous '
+            'friction and inertia may be far off. Widen motion_range, or request lower speeds']
 
 
 def _friction(points: Sequence[KineticPoint]) -> float:

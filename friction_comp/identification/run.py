@@ -23,11 +23,12 @@ from friction_comp.identification import breakaway as stairs, velocity_control a
 from friction_comp.identification.agreement import (
     check_currents,
     check_positions,
-    check_settling,
     Cycle,
     levelled,
     position_slopes,
     say_drift,
+    say_unsettled,
+    unsettled,
     without_drift,
 )
 from friction_comp.identification.goal import (
@@ -226,7 +227,7 @@ class IdentificationRun(SupervisedRun):
             if self._lost > 2 + _MOST_LOST * 2 * self.goal.breakaway_cycles:
                 raise IdentificationError(
                     f'no current holds the joint reliably: it slid at {self.say(level)}, although '
-                    'more held it before; it is pushed, or its friction changes')
+                    'more held it before; it is pushed, or its friction changes, as over position')
         held.append(level)
         self.ramps.append(ramp)
         self._ramp_time += (self.sample.time - begin - self._ramp_time) / min(len(self.ramps), 8)
@@ -290,7 +291,9 @@ class IdentificationRun(SupervisedRun):
     def _evaluate(self) -> IdentificationResult:
         slopes = position_slopes(self.cycles)
         cycles, repeated = (levelled(driven, slopes) for driven in (self.cycles, self.repeated))
-        points, drift = without_drift(cycles, repeated)
+        fast = unsettled(cycles, self._bandwidth)
+        points, drift = without_drift(
+            cycles, [cycle for cycle in repeated if cycle.speed not in fast])
         points.sort(key=lambda point: point.speed)
         sigmoid, error = fit_sigmoid([p.speed for p in points], [p.current for p in points])
         acceleration = self._acceleration(cycles)
@@ -306,7 +309,7 @@ class IdentificationRun(SupervisedRun):
             records=ramps.records, acceleration_per_current=acceleration,
             goal=replace(self.goal, ramp_slope=self.ramp_slope),
             warnings=[*self.warnings, *check_currents(cycles), *say_drift(drift),
-                      *check_settling(cycles, self._bandwidth, self.supervision.delay),
+                      *say_unsettled(fast),
                       *ramps.warnings, *([doubtful] if doubtful else []),
                       *check_positions(self.cycles, self.repeated),
                       *check_curve(points, sigmoid, MAX_SCATTER, self.say)],
