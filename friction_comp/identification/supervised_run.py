@@ -329,9 +329,8 @@ class SupervisedRun(ABC):
         return 10.0 * speed / self.goal.cycle(speed)[0] / self.acceleration
 
     def _expected_current(self, sign: int, speed: float) -> float:
-        """Return the current expected at a speed, from the two entries that are nearest so far."""
-        known = sorted((point for point in self.commanded_points if point.speed * sign > 0.0),
-                       key=lambda point: -abs(abs(point.speed) - speed))[-2:]
+        """Return the current expected at a speed, from the look-up table so far."""
+        known = [point for point in self.commanded_points if point.speed * sign > 0.0][-2:]
         if not known:
             return sign * self._push[sign]
         current, last = known[-1].current, known[-1]
