@@ -23,6 +23,8 @@ from friction_comp.identification.kinetic import constant_velocity_windows, Kine
 _DRIFT, _CURRENTS, _POSITION = 0.03, 0.04, 0.1
 # A velocity controller has settled after this over its bandwidth.
 _SETTLED = 8.0
+# Standard errors of the difference of two means by which it must be larger.
+_ERRORS = 3.0
 # Ranges of position that are compared, and fewest samples in each.
 _RANGES, _SAMPLES = 48, 3
 
@@ -108,8 +110,8 @@ def without_drift(first: Sequence[Cycle], again: Sequence[Cycle]
                   ) -> tuple[list[KineticPoint], dict[float, float]]:
     """Return the look-up table, and the drift at each speed in rad/s, a share of its friction.
 
-    The drift is empty if it is small at all speeds: the table is then what was measured first.
-    Otherwise it is what would have been measured the second time: at speeds that were not driven
+    The drift is empty if it is small, or noise, at all speeds: the table is then what was measured
+    first. Otherwise it is what would have been measured the second time: at speeds that were not driven
     again, the change is interpolated over the times at which speeds were driven first.
     """
     both = pairs(first, again)
@@ -117,7 +119,8 @@ def without_drift(first: Sequence[Cycle], again: Sequence[Cycle]
                for a, b in both]
     shares = {a.speed: max(forward, -backward, key=abs) / _friction(a.points)
               for (a, _), (forward, backward) in zip(both, changes)}
-    if max(map(abs, shares.values()), default=0.0) <= _DRIFT:
+    if not any(abs(shares[a.speed]) > max(_DRIFT, _ERRORS * math.hypot(_error(a), _error(b)))
+               for a, b in both):
         return [point for cycle in first for point in cycle.points], {}
     times = [a.time for a, _ in both]
     return [replace(point, current=point.current + float(np.interp(cycle.time, times, side)))
@@ -199,6 +202,12 @@ def say_unsettled(speeds: Sequence[float]) -> list[str]:
 
 def _friction(points: Sequence[KineticPoint]) -> float:
     return max(0.5 * (points[0].current - points[1].current), 1e-9)
+
+
+def _error(cycle: Cycle) -> float:
+    """Return the standard error of the current at constant velocity, a share of friction."""
+    return max(point.standard_deviation / math.sqrt(max(len(phase), 1)) for point, phase in zip(
+        cycle.points, cycle.phases())) / _friction(cycle.points)
 
 
 def _over_position(cycle: Cycle) -> tuple[np.ndarray, np.ndarray]:
