@@ -111,8 +111,8 @@ def without_drift(first: Sequence[Cycle], again: Sequence[Cycle]
     """Return the look-up table, and the drift at each speed in rad/s, a share of its friction.
 
     The drift is empty if it is small, or noise, at all speeds: the table is then what was measured
-    first. Otherwise it is what would have been measured the second time: at speeds that were not driven
-    again, the change is interpolated over the times at which speeds were driven first.
+    first. Otherwise it is what would have been measured the second time: at speeds that were not
+    driven again, the change is interpolated over the times at which speeds were driven first.
     """
     both = pairs(first, again)
     changes = [[later.current - one.current for one, later in zip(a.points, b.points)]
