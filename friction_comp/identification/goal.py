@@ -143,6 +143,8 @@ class IdentificationResult:
     warnings: list[str] = field(default_factory=list)
     presliding: Presliding | None = None        # None if the encoder is too coarse
     backlash: float | None = None               # rad; None if the ramps show none
+    # How much friction at a speed in rad/s drifted, a share of it; empty if it hardly did.
+    drift: dict[float, float] = field(default_factory=dict)
 
     @property
     def speeds(self) -> np.ndarray:
@@ -179,5 +181,6 @@ class IdentificationResult:
                 'ramp_slope': self.goal.ramp_slope,
                 'ramp_period': self.goal.ramp_period,
                 'breakaway_cycles': self.goal.breakaway_cycles,
+                'drift': [{'speed': speed, 'share': share} for speed, share in self.drift.items()],
                 'warnings': list(self.warnings),
             })

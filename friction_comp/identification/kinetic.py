@@ -21,8 +21,9 @@ from friction_comp.errors import InputError
 
 LARGEST_SPEED = math.radians(100.0)
 """Bound on |ω_c| in Eq. 5, rad/s."""
-# s at the beginning of a constant-velocity phase that are not used.
-_SETTLING = 0.25
+SETTLING = 0.25
+"""Time in s at the beginning of a constant-velocity phase that is not used."""
+
 _TRANSIENT = 2.5e-3  # s that the current controller takes after a step of current
 _CYCLE_SMOOTHING = 0.02  # share of a cycle over which acceleration is computed
 
@@ -113,6 +114,7 @@ class KineticPoint:
     standard_deviation: float    # of the measured current over the phase, A
     actual_speed: float          # mean velocity over the phase, rad/s
     unsteadiness: float          # largest deviation from a straight line, as a share of its length
+    position: float = 0.0        # mean over the phase, rad
 
 
 def constant_velocity_currents(time: ArrayLike, position: ArrayLike, current: ArrayLike,
@@ -128,7 +130,7 @@ def constant_velocity_currents(time: ArrayLike, position: ArrayLike, current: Ar
     time, position, current = (
         np.asarray(values, dtype=float) for values in (time, position, current))
     points = []
-    for sign, (begin, end) in zip((1.0, -1.0), constant_velocity_windows(cycle_time, _SETTLING)):
+    for sign, (begin, end) in zip((1.0, -1.0), constant_velocity_windows(cycle_time, SETTLING)):
         chosen = (time >= begin) & (time <= end)
         count = int(np.sum(chosen))
         if count < 10:
@@ -145,7 +147,8 @@ def constant_velocity_currents(time: ArrayLike, position: ArrayLike, current: Ar
         distance = max(abs(slope) * (t[-1] - t[0]), 1e-12)
         points.append(KineticPoint(
             speed=sign * speed, current=mean, standard_deviation=float(np.std(i)),
-            actual_speed=float(slope), unsteadiness=float(np.max(np.abs(straight)) / distance)))
+            actual_speed=float(slope), unsteadiness=float(np.max(np.abs(straight)) / distance),
+            position=float(np.mean(x))))
     return points[0], points[1]
 
 

@@ -14,13 +14,23 @@ from collections import deque
 from collections.abc import Generator, Sequence
 from dataclasses import replace
 import math
-from typing import TypeAlias
 
 import numpy as np
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.identification import breakaway as stairs, velocity_control as control
+from friction_comp.identification.agreement import (
+    check_currents,
+    check_positions,
+    Cycle,
+    levelled,
+    position_slopes,
+    say_drift,
+    say_unsettled,
+    unsettled,
+    without_drift,
+)
 from friction_comp.identification.goal import (
     IdentificationError,
     IdentificationGoal,
@@ -54,9 +64,6 @@ PLACES_SHARE = 0.015
 # Share of a push's current, read late, that surely holds; share of the ramps that may be repeated.
 _PUSH_HOLDS, _MOST_LOST = 0.8, 0.2
 
-# Measured and commanded currents at one speed, forwards and backwards.
-_Cycle: TypeAlias = tuple[tuple[KineticPoint, ...], tuple[KineticPoint, ...]]
-
 
 class IdentificationRun(SupervisedRun):
     """One identification, from standstill to zero current; see `SupervisedRun`.
@@ -81,15 +88,16 @@ class IdentificationRun(SupervisedRun):
 
     def __init__(self, goal: IdentificationGoal, drive: Drive, torque: bool = False) -> None:
         super().__init__(goal, drive, torque)
-        self.points: list[KineticPoint] = []    # of measured currents: the look-up table so far
+        self.cycles: list[Cycle] = []      # at each speed, the lowest first: the look-up table
+        self.repeated: list[Cycle] = []    # at the speeds driven once more after the ramps
         self.ramps: list[Ramp] = []
-        # Time in s, position in rad and current in A, shape (N, 3), of each evaluated cycle.
-        self.cycles_driven: list[np.ndarray] = []
         self._highest_gain = math.inf      # largest factor of GAIN_LADDER that may be used
         self._uneven = False               # whether the current varies at any gain
         self._held: dict[int, list[float]] = {1: [], -1: []}    # largest currents that held, A
         self._ramp_time, self._lost = 0.25 * goal.ramp_period + 3.0, 0
-        self._speeds_done = 0
+        # Every speed, then the lowest, the middle and the top one again, each once.
+        again = {goal.speeds[k] for k in (0, len(goal.speeds) // 2, -1)}
+        self._to_drive, self._again = list(goal.speeds), sorted(again)
         self._result: IdentificationResult | None = None
         # Compile the function of the control loop before the first sample arrives.
         control.velocity_controller_step(
@@ -101,17 +109,15 @@ class IdentificationRun(SupervisedRun):
 
     def _time_left(self) -> float:
         goal, left = self.goal, 0.0
-        for speed in goal.speeds[self._speeds_done:]:
+        for speed in [*self._to_drive, *self._again]:
             duration, width = goal.cycle(speed)
             left += duration + self._travel_time(0.5 * width) + STILL_TIME
         return left + (2 * goal.breakaway_cycles - len(self.ramps)) * self._ramp_time
 
     def _movements(self) -> Generator[float, Sample, None]:
         self._check_accelerations()
-        for speed in self.goal.speeds:
-            yield from self._constant_velocity(speed)
-            self._speeds_done += 1
-        if len({abs(point.speed) for point in self.points}) < 2:
+        yield from self._velocities(self._to_drive, self.cycles)
+        if len(self.cycles) < 2:
             raise IdentificationError('too few speeds could be held: ' + '; '.join(self.warnings))
         # Directions alternate in pairs of ramps: a gear yields less after a slide in the ramp's own
         # direction than after one against it, and presliding needs both.
@@ -124,6 +130,10 @@ class IdentificationRun(SupervisedRun):
                         yield from self._travel(self.start)
                     self.phase = 'breakaway'
                     yield from self._breakaway(sign)
+        # Before, speeds rose with time: what changes with time would be taken for viscous friction.
+        driven = {cycle.speed for cycle in self.cycles}
+        self._again = [speed for speed in self._again if speed in driven]
+        yield from self._velocities(self._again, self.repeated)
 
     def _place(self, index: int) -> float:
         """Return the start in rad of the next ramps; any number of them is evenly spread."""
@@ -140,7 +150,22 @@ class IdentificationRun(SupervisedRun):
                     f'{self.say(needed)} to accelerate, the current limit is '
                     f'{self.say(self.drive.current_limit)}: lower the speed or widen the range')
 
-    def _constant_velocity(self, speed: float) -> Generator[float, Sample, None]:
+    def _velocities(self, speeds: list[float], driven: list[Cycle]
+                    ) -> Generator[float, Sample, None]:
+        """Drive each speed, add its cycle to `driven`, and take the speed off the list."""
+        while speeds:
+            best = yield from self._constant_velocity(speeds[0])
+            speed = speeds.pop(0)
+            if best is None:
+                self.warnings.append(
+                    f'{speed:g} rad/s left out: stick-slip, or the joint oscillates')
+                continue
+            driven.append(best)
+            if driven is self.cycles:
+                self.commanded_points.extend(best.commanded)
+                self._update_friction()
+
+    def _constant_velocity(self, speed: float) -> Generator[float, Sample, Cycle | None]:
         best = None
         for factor in GAIN_LADDER:
             if factor > self._highest_gain:
@@ -148,8 +173,8 @@ class IdentificationRun(SupervisedRun):
             driven = yield from self._one_cycle(speed, factor)
             if driven is None:
                 continue
-            scatter = _current_scatter(driven[0])
-            if best is not None and scatter > 0.7 * _current_scatter(best[0]):
+            scatter = _current_scatter(driven.points)
+            if best is not None and scatter > 0.7 * _current_scatter(best.points):
                 # The controller is not the cause: friction itself varies.
                 self._uneven, self._highest_gain = True, math.inf
                 break
@@ -158,14 +183,9 @@ class IdentificationRun(SupervisedRun):
                 break
             # Higher gains would only cause more oscillation, at other speeds too.
             self._highest_gain = max(0.99 * factor, GAIN_LADDER[-1])
-        if best is None:
-            self.warnings.append(f'{speed:g} rad/s left out: stick-slip, or the joint oscillates')
-            return
-        self.points.extend(best[0])
-        self.commanded_points.extend(best[1])
-        self._update_friction()
+        return best
 
-    def _one_cycle(self, speed: float, factor: float) -> Generator[float, Sample, _Cycle | None]:
+    def _one_cycle(self, speed: float, factor: float) -> Generator[float, Sample, Cycle | None]:
         """Run one cycle of Eq. 3; return both directions' currents, None if speed oscillated."""
         duration, width = self.goal.cycle(speed)
         yield from self._travel(self.start - 0.5 * width)
@@ -191,8 +211,7 @@ class IdentificationRun(SupervisedRun):
         if any(abs(point.actual_speed / point.speed - 1.0) > 0.1 or point.unsteadiness > 0.1
                for point in points):
             return None
-        self.cycles_driven.append(driven)
-        return points, held
+        return Cycle(begin, duration, points, held, driven)
 
     def _breakaway(self, sign: int) -> Generator[float, Sample, None]:
         """Find the largest current that holds, on one ramp; repeat it if no stair held."""
@@ -208,7 +227,7 @@ class IdentificationRun(SupervisedRun):
             if self._lost > 2 + _MOST_LOST * 2 * self.goal.breakaway_cycles:
                 raise IdentificationError(
                     f'no current holds the joint reliably: it slid at {self.say(level)}, although '
-                    'more held it before; it is pushed, or its friction changes')
+                    'more held it before; it is pushed, or its friction changes, as over position')
         held.append(level)
         self.ramps.append(ramp)
         self._ramp_time += (self.sample.time - begin - self._ramp_time) / min(len(self.ramps), 8)
@@ -270,9 +289,14 @@ class IdentificationRun(SupervisedRun):
         return self._result
 
     def _evaluate(self) -> IdentificationResult:
-        points = sorted(self.points, key=lambda point: point.speed)
+        slopes = position_slopes(self.cycles)
+        cycles, repeated = (levelled(driven, slopes) for driven in (self.cycles, self.repeated))
+        fast = unsettled(cycles, self._bandwidth)
+        points, drift = without_drift(
+            cycles, [cycle for cycle in repeated if cycle.speed not in fast])
+        points.sort(key=lambda point: point.speed)
         sigmoid, error = fit_sigmoid([p.speed for p in points], [p.current for p in points])
-        acceleration = self._acceleration()
+        acceleration = self._acceleration(cycles)
         ramps = evaluate_ramps(self.ramps, self._finest_step(), acceleration, sigmoid.viscous)
         breakaway = ramps.records.statistics()
         wrong, doubtful = check_load(
@@ -284,20 +308,22 @@ class IdentificationRun(SupervisedRun):
             points=points, sigmoid=sigmoid, sigmoid_error=error, breakaway=breakaway,
             records=ramps.records, acceleration_per_current=acceleration,
             goal=replace(self.goal, ramp_slope=self.ramp_slope),
-            warnings=[*self.warnings, *self.supervision.warnings(), *ramps.warnings,
-                      *([doubtful] if doubtful else []),
+            warnings=[*self.warnings, *check_currents(cycles), *say_drift(drift),
+                      *say_unsettled(fast),
+                      *ramps.warnings, *([doubtful] if doubtful else []),
+                      *check_positions(self.cycles, self.repeated),
                       *check_curve(points, sigmoid, MAX_SCATTER, self.say)],
-            presliding=ramps.presliding, backlash=ramps.backlash)
+            drift=drift, presliding=ramps.presliding, backlash=ramps.backlash)
 
     def _finest_step(self) -> float:
         """Return the encoder's step in rad: that of the drive, or a coarser one that was seen."""
         seen = [smallest_step(ramp.samples[:, 1]) for ramp in self.ramps]
         return max(self.drive.position_resolution or 1e-6, min(filter(None, seen), default=0.0))
 
-    def _acceleration(self) -> float:
+    def _acceleration(self, cycles: Sequence[Cycle]) -> float:
         """Return k_t·n/J in rad/s² per A from the cycles of Eq. 3, or else from the push."""
         push = self.acceleration
-        rates = [acceleration_of_cycle(cycle) for cycle in self.cycles_driven]
+        rates = [acceleration_of_cycle(cycle.samples) for cycle in cycles]
         plausible = [rate for rate in rates if push / 5.0 < rate < 5.0 * push]
         # The fastest cycle has the largest accelerations.
         return plausible[-1] if plausible else push

@@ -307,6 +307,10 @@ class SupervisedRun(ABC):
             self._expected_current(1, speed), self._expected_current(-1, speed),
             max(min(bandwidth, quiet), 0.5 * control.LEAST_BANDWIDTH))
 
+    def _bandwidth(self, speed: float) -> float:
+        """Return the bandwidth of the velocity controller at a speed in rad/s, rad/s."""
+        return self._controller(1.0, speed).bandwidth
+
     def _plausible_current(self, speed: float) -> float:
         """Return the largest plausible current in A at a speed.
 

@@ -35,8 +35,6 @@ LEAST_SHARE = 0.02
 _SAMPLES = 20
 # Time in s over which arrivals are compared.
 _LATELY = 1.0
-# Deviation of the overall gain from 1 above which the result contains a warning.
-_DOUBTFUL = 0.15
 # Longest step between samples that is integrated, s.
 _STEP = 0.02
 # A current of this multiple of breakaway must accelerate the joint visibly.
@@ -190,14 +188,6 @@ class Supervision:
             f'the measured current follows the commanded one {answer.delay:.2g} s late, with the '
             f'right size (ratio {answer.gain:.2g}): too late to control a joint, the limit is '
             f'{self._late:.2g} s at {1.0 / self.step:.3g} Hz. {cause}')
-
-    def warnings(self) -> list[str]:
-        """Return warnings as text."""
-        gain = self._currents.gain(self.least, lately=False)
-        if not math.isfinite(gain) or abs(gain - 1.0) <= _DOUBTFUL:
-            return []
-        return [f'the measured current is {gain:.2f} times the commanded one: torque constant, '
-                'gear ratio or current controller deviate from the model file']
 
     # A current well above friction must accelerate the joint.
 

@@ -1,0 +1,223 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What is measured twice must agree: else a result says by how much it does not.
+
+- A speed that is driven before the ramps and once more after them: friction drifts, as on a drive
+  that warms up. Time and speed would else be mistaken for each other, since speeds rise.
+- A position that is passed twice: what both passes have in common depends on position.
+- The measured and the commanded current at constant velocity: offset and gain of a sensor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+import math
+
+import numpy as np
+
+from friction_comp.identification.kinetic import constant_velocity_windows, KineticPoint, SETTLING
+
+# Shares of friction above which two measurements differ: of a speed driven again, of measured and
+# commanded currents, and the amplitude of what depends on position.
+_DRIFT, _CURRENTS, _POSITION = 0.03, 0.04, 0.1
+# A velocity controller has settled after this over its bandwidth.
+_SETTLED = 8.0
+# Standard errors of the difference of two means by which it must be larger.
+_ERRORS = 3.0
+# Ranges of position that are compared, and fewest samples in each.
+_RANGES, _SAMPLES = 48, 3
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """One cycle of Eq. 3; points are those of the positive and of the negative direction."""
+
+    begin: float                            # s
+    duration: float                         # s
+    points: tuple[KineticPoint, ...]        # of the measured current
+    commanded: tuple[KineticPoint, ...]     # of the commanded current
+    samples: np.ndarray                     # s, rad and A, shape (N, 3)
+
+    @property
+    def speed(self) -> float:
+        """Speed in rad/s, a magnitude."""
+        return abs(self.points[0].speed)
+
+    @property
+    def time(self) -> float:
+        """Time of the middle of the cycle, s."""
+        return self.begin + 0.5 * self.duration
+
+
+    @property
+    def middle(self) -> float:
+        """Middle of the range driven, rad."""
+        position = self.samples[:, 1]
+        return 0.5 * float(np.min(position) + np.max(position))
+
+    def phases(self) -> list[np.ndarray]:
+        """Return the samples of both phases at constant velocity, each of shape (N, 3)."""
+        since = self.samples[:, 0] - self.begin
+        known = np.isfinite(self.samples[:, 2])
+        return [self.samples[(since >= begin) & (since <= end) & known]
+                for begin, end in constant_velocity_windows(self.duration, SETTLING)]
+
+
+def levelled(cycles: Sequence[Cycle], slopes: Sequence[float]) -> list[Cycle]:
+    """Return cycles whose points are those of the middle of the range.
+
+    `slopes` over position, A/rad, are those of `position_slopes`. Samples lose what both directions
+    have in common, a load.
+    """
+    result = []
+    for cycle in cycles:
+        load = np.zeros_like(cycle.samples)
+        load[:, 2] = 0.5 * sum(slopes) * (cycle.samples[:, 1] - cycle.middle)
+        points, commanded = (tuple(
+            replace(point, current=point.current - slope * (point.position - cycle.middle))
+            for point, slope in zip(kind, slopes)) for kind in (cycle.points, cycle.commanded))
+        result.append(replace(cycle, points=points, commanded=commanded,
+                              samples=cycle.samples - load))
+    return result
+
+
+def position_slopes(cycles: Sequence[Cycle]) -> tuple[float, float]:
+    """Return by how much the current rises over position, A/rad, forwards and backwards.
+
+    The controller settles at the beginning of a phase, so that its mean belongs to the far side
+    forwards and to the near side backwards, the more the faster the joint is: a spring would be
+    taken for viscous friction. `cycles` begin with the slowest; only the slower half is used, in
+    which the controller has settled.
+    """
+    products, squares = np.zeros(2), np.full(2, 1e-12)
+    for cycle in cycles[:max(1, len(cycles) // 2)]:
+        for side, (_, position, current) in enumerate(phase.T for phase in cycle.phases()):
+            away = position - np.mean(position)
+            products[side] += float(away @ current)
+            squares[side] += float(away @ away)
+    forward, backward = products / squares
+    return float(forward), float(backward)
+
+
+def pairs(first: Sequence[Cycle], again: Sequence[Cycle]) -> list[tuple[Cycle, Cycle]]:
+    """Return cycles of the same speed, by the time of the first."""
+    second = {cycle.speed: cycle for cycle in again}
+    return [(cycle, second[cycle.speed]) for cycle in first if cycle.speed in second]
+
+
+def without_drift(first: Sequence[Cycle], again: Sequence[Cycle]
+                  ) -> tuple[list[KineticPoint], dict[float, float]]:
+    """Return the look-up table, and the drift at each speed in rad/s, a share of its friction.
+
+    The drift is empty if it is small, or noise, at all speeds: the table is then what was measured
+    first. Otherwise it is what would have been measured the second time: at speeds that were not
+    driven again, the change is interpolated over the times at which speeds were driven first.
+    """
+    both = pairs(first, again)
+    changes = [[later.current - one.current for one, later in zip(a.points, b.points)]
+               for a, b in both]
+    shares = {a.speed: max(forward, -backward, key=abs) / _friction(a.points)
+              for (a, _), (forward, backward) in zip(both, changes)}
+    if not any(abs(shares[a.speed]) > max(_DRIFT, _ERRORS * math.hypot(_error(a), _error(b)))
+               for a, b in both):
+        return [point for cycle in first for point in cycle.points], {}
+    times = [a.time for a, _ in both]
+    return [replace(point, current=point.current + float(np.interp(cycle.time, times, side)))
+            for cycle in first for point, side in zip(cycle.points, zip(*changes))], shares
+
+
+def say_drift(shares: dict[float, float]) -> list[str]:
+    """Return a warning on the drift of `without_drift`."""
+    if not shares:
+        return []
+    sizes = ', '.join(f'by {share:+.1%} at {speed:.3g} rad/s' for speed, share in shares.items())
+    return [f'friction drifted during the measurement: {sizes}. The look-up table and its curve '
+            'are those of the end, breakaway is the mean of the time before. Let the drive warm '
+            'up, then identify it again']
+
+
+def check_positions(first: Sequence[Cycle], again: Sequence[Cycle]) -> list[str]:
+    """Return warnings if friction, or the load, varies over position.
+
+    The slowest speed that was driven twice is used. What both cycles have in common is not noise.
+    """
+    both = pairs(first, again)
+    if not both:
+        return []
+    profiles = [_over_position(cycle) for cycle in both[0]]
+    friction = _friction(both[0][0].points)
+    said = []
+    for part, (what, then) in enumerate((
+            ('friction', 'the look-up table has means over the range driven, which makes viscous '
+             'friction less exact; breakaway is that of the middle of the range'),
+            ('the load', 'gravity, a spring or cogging, which are no part of the model'))):
+        one, other = (profile[part] for profile in profiles)
+        known = np.isfinite(one) & np.isfinite(other)
+        if np.sum(known) < _RANGES // 2:
+            continue
+        common = float(np.cov(one[known], other[known])[0, 1])
+        amplitude = math.sqrt(2.0 * max(common, 0.0)) / friction
+        if amplitude > _POSITION:
+            said.append(f'{what} varies over position, by about ±{amplitude:.0%} of friction: '
+                        f'{then}')
+    return said
+
+
+def check_currents(cycles: Sequence[Cycle]) -> list[str]:
+    """Return a warning if measured and commanded currents differ at constant velocity."""
+    measured, commanded = (sum(_friction(points) for points in kind) for kind in (
+        [cycle.points for cycle in cycles], [cycle.commanded for cycle in cycles]))
+    gain = measured / max(commanded, 1e-9)
+    offset = sum(one.current - other.current for cycle in cycles
+                 for one, other in zip(cycle.points, cycle.commanded)) / (2.0 * measured)
+    said = []
+    if abs(gain - 1.0) > _CURRENTS:
+        said.append(f'the measured current is {gain:.2f} times the commanded one: torque constant, '
+                    'gear ratio or current controller deviate from the model file, and friction '
+                    'is the measured one')
+    if abs(offset) > _CURRENTS:
+        said.append(f'the measured current is off the commanded one by {offset:+.0%} of friction '
+                    'in both directions: the current sensor has an offset, now part of the model')
+    return said
+
+
+def unsettled(cycles: Sequence[Cycle], bandwidth: Callable[[float], float]) -> list[float]:
+    """Return speeds in rad/s at which phases are too short for the velocity controller to settle.
+
+    `bandwidth` returns the controller's at a speed in rad/s, rad/s.
+    """
+    return [cycle.speed for cycle in cycles
+            if 0.3 * cycle.duration < _SETTLED / bandwidth(cycle.speed)]
+
+
+def say_unsettled(speeds: Sequence[float]) -> list[str]:
+    """Return a warning on the speeds of `unsettled`."""
+    if not speeds:
+        return []
+    return [f'from {min(speeds):.3g} rad/s on, the velocity controller had no time to settle, '
+            'since the measured current is late, or the encoder coarse: currents there, viscous '
+            'friction and inertia may be far off. Widen motion_range, or request lower speeds']
+
+
+def _friction(points: Sequence[KineticPoint]) -> float:
+    return max(0.5 * (points[0].current - points[1].current), 1e-9)
+
+
+def _error(cycle: Cycle) -> float:
+    """Return the standard error of the current at constant velocity, a share of friction."""
+    return max(point.standard_deviation / math.sqrt(max(len(phase), 1)) for point, phase in zip(
+        cycle.points, cycle.phases())) / _friction(cycle.points)
+
+
+def _over_position(cycle: Cycle) -> tuple[np.ndarray, np.ndarray]:
+    """Return friction and load in A over ranges of position; NaN where too little is known."""
+    sides = []
+    reach = 0.3 * cycle.speed * cycle.duration      # of a phase
+    for _, position, current in (phase.T for phase in cycle.phases()):
+        index = np.floor(((position - cycle.middle) / reach + 0.5) * _RANGES).astype(int)
+        inside = (index >= 0) & (index < _RANGES)
+        count = np.bincount(index[inside], minlength=_RANGES)
+        total = np.bincount(index[inside], current[inside], _RANGES)
+        sides.append(np.where(count >= _SAMPLES, total / np.maximum(count, 1), np.nan))
+    return 0.5 * (sides[0] - sides[1]), 0.5 * (sides[0] + sides[1])

@@ -1,0 +1,152 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What identification measures twice must agree; else it says what changed, and by how much."""
+
+from helpers import follow, note_model
+import numpy as np
+import pytest
+
+from friction_comp.identification import agreement
+from friction_comp.identification.goal import IdentificationGoal
+from friction_comp.identification.kinetic import (
+    constant_velocity_currents,
+    cycle_position,
+    cycle_velocity,
+)
+from friction_comp.identification.run import IdentificationRun
+from friction_comp.identification.sigmoid_fit import fit_sigmoid
+from friction_comp.simulation.joint import Plant
+from friction_comp.simulation.undeclared import Undeclared
+
+SPEEDS = np.array([0.09, 0.2, 0.5, 1.0, 1.6])
+RANGE, COULOMB, VISCOUS = 0.9, 0.5, 0.2
+STEP = 2e-3
+
+
+def cycles(friction, load=lambda x: 0.0, speeds=SPEEDS, begin=0.0, noise=0.002, sensor=None):
+    """Drive cycles of Eq. 3; friction(speed, position, time) and load(position) are in A."""
+    random, driven = np.random.default_rng(4), []
+    for speed in speeds:
+        duration = 2.5 * RANGE / speed
+        time = np.arange(0.0, duration, STEP)
+        x = np.array([cycle_position(t, speed, duration) for t in time])
+        v = np.array([cycle_velocity(t, speed, duration) for t in time])
+        command = np.sign(v) * friction(np.abs(v), x, begin + time) + load(x)
+        measured = (sensor or (lambda i: i))(command) + noise * random.standard_normal(len(x))
+        points, commanded = (constant_velocity_currents(time, x, i, speed, duration)
+                             for i in (measured, command))
+        driven.append(agreement.Cycle(begin, duration, points, commanded, np.column_stack(
+            [begin + time, x, measured])))
+        begin += duration + 2.0
+    return driven
+
+
+def plain(speed, x, time):
+    return COULOMB + VISCOUS * speed
+
+
+def warming(speed, x, time):
+    warm = np.exp(-time / 60.0)
+    return COULOMB * (1.0 + 0.1 * warm) + VISCOUS * (1.0 + 0.5 * warm) * speed
+
+
+def viscous(points):
+    points = sorted(points, key=lambda point: point.speed)
+    return fit_sigmoid([p.speed for p in points], [p.current for p in points])[0].viscous
+
+
+def test_friction_that_falls_while_it_is_measured_is_named_and_that_of_the_end_given():
+    first = cycles(warming)
+    again = cycles(warming, speeds=SPEEDS[[0, 2, 4]], begin=150.0)
+    points, drift = agreement.without_drift(first, again)
+    end = VISCOUS * (1.0 + 0.5 * np.exp(-again[-1].time / 60.0))
+    assert viscous([p for cycle in first for p in cycle.points]) > 1.08 * end
+    assert viscous(points) == pytest.approx(end, rel=0.04)
+    truth = np.array([np.sign(p.speed) * warming(abs(p.speed), 0.0, again[-1].time)
+                      for p in points])
+    np.testing.assert_allclose([p.current for p in points], truth, rtol=0.015)
+    [words] = agreement.say_drift(drift)
+    expected = warming(1.6, 0.0, again[-1].time) / warming(1.6, 0.0, first[-1].time) - 1.0
+    assert drift[1.6] == pytest.approx(expected, abs=0.005)
+    assert f'{drift[1.6]:+.1%} at 1.6 rad/s' in words
+
+
+def test_friction_that_stays_is_what_was_measured_first():
+    first, again = cycles(plain, noise=0.05), cycles(plain, speeds=SPEEDS[[0, 2, 4]], begin=150.0)
+    points, drift = agreement.without_drift(first, again)
+    assert points == [point for cycle in first for point in cycle.points]
+    assert not drift
+    assert not agreement.say_drift(drift)
+    assert not agreement.check_positions(first, again)
+    assert not agreement.check_currents(first)
+
+
+@pytest.mark.parametrize('load', [lambda x: 0.4 * x, lambda x: 0.4 * np.sin(x + 0.5)])
+def test_neither_a_spring_nor_gravity_is_taken_for_viscous_friction(load):
+    driven = cycles(plain, load)
+    assert viscous([p for cycle in driven for p in cycle.points]) > 1.1 * VISCOUS
+    level = agreement.levelled(driven, agreement.position_slopes(driven))
+    assert viscous([p for cycle in level for p in cycle.points]) == pytest.approx(VISCOUS, rel=0.02)
+
+
+def test_friction_that_rises_over_the_range_does_not_bend_the_curve():
+    driven = cycles(lambda v, x, t: plain(v, x, t) * (1.0 + 0.3 * (x - 0.5 * RANGE)))
+
+    def error(cycles):
+        return max(abs(abs(p.current) / plain(abs(p.speed), 0.0, 0.0) - 1.0)
+                   for cycle in cycles for p in cycle.points)
+    assert error(driven) > 0.05
+    assert error(agreement.levelled(driven, agreement.position_slopes(driven))) < 0.025
+
+
+def test_what_varies_over_position_is_named_with_its_size():
+    def worm(speed, x, time):
+        return plain(speed, x, time) * (1.0 + 0.25 * np.sin(50.0 * x))
+    [words] = agreement.check_positions(cycles(worm, noise=0.05), cycles(worm, begin=150.0))
+    assert words.startswith('friction varies over position')
+    assert 22 <= float(words.split('±')[1].split('%')[0]) <= 27
+    [words] = agreement.check_positions(*(
+        cycles(plain, lambda x: 0.1 * np.sin(40.0 * x), begin=begin) for begin in (0.0, 150.0)))
+    assert words.startswith('the load varies over position')
+    # Noise that is different each time does not count.
+    loud = cycles(plain, noise=0.3)
+    assert not agreement.check_positions(loud, cycles(plain, speeds=SPEEDS[:1], begin=9.0))
+
+
+@pytest.mark.parametrize(('sensor', 'words'), [
+    (lambda i: 0.9 * i, '0.90 times'), (lambda i: i - 0.05, '-8% of friction'),
+    (lambda i: i - 0.08 * np.sign(i), '0.87 times')])
+def test_a_current_sensor_that_is_off_is_named(sensor, words):
+    [said] = agreement.check_currents(cycles(plain, sensor=sensor))
+    assert words in said
+
+
+def test_a_controller_without_time_to_settle_is_named():
+    driven = cycles(plain)
+    assert agreement.unsettled(driven, lambda speed: 100.0) == []
+    assert agreement.unsettled(driven, lambda speed: 18.0) == [1.6]
+    [words] = agreement.say_unsettled([1.6])
+    assert 'from 1.6 rad/s on' in words
+
+
+@pytest.mark.parametrize('share', [0.0, 0.3])
+def test_a_whole_run_drives_three_speeds_again_and_tells_of_a_drive_that_warms_up(share):
+    model = note_model(1)
+    warm = Undeclared.from_dict({'format': 'friction_comp_undeclared', 'version': 1, 'effects': [
+        {'name': 'warm_up', 'parameters': {'share': share, 'time_constant': 25.0}}]})
+    goal = IdentificationGoal(speeds=np.radians([10.0, 20.0, 40.0, 60.0, 100.0]), ramp_slope=0.06,
+                              breakaway_cycles=2, longest_cycle=4.0, ramp_period=8.0)
+    run = IdentificationRun(goal, model.drive)
+    follow(run, Plant([model], seed=1, sample_time=4e-3, undeclared=[warm]))
+    result = run.result()
+    assert len(result.speeds) == 10
+    assert [cycle.speed for cycle in run.repeated] == [goal.speeds[k] for k in (0, 2, 4)]
+    notes = result.model(model.drive).notes
+    if not share:
+        assert result.warnings == notes['warnings'] == notes['drift'] == []
+        return
+    assert [word for word in result.warnings if 'drifted' in word]
+    left = 1.0 + share * np.exp(-run.repeated[-1].time / 25.0)
+    np.testing.assert_allclose(result.currents, left * model.sigmoid(result.speeds), rtol=0.04)
+    assert [entry['speed'] for entry in notes['drift']] == list(result.drift)
+    assert all(entry['share'] < -0.05 for entry in notes['drift'])
