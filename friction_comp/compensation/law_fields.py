@@ -58,7 +58,7 @@ class Parameters:
     fade_to: float
     fastest: float          # that is believed, rad/s
     limit: float            # of the current, A
-    slope: float            # of the current, A/s
+    turn_time: float        # in which the current may turn round at most, s
     law: int                # one of the laws above
 
 

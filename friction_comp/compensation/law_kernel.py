@@ -230,13 +230,19 @@ def while_steady(p: Parameters, s: State, speed: float) -> float:
 
 
 @njit(cache=True)
+def sliding_friction(p: Parameters, forward: float, backward: float) -> float:
+    """Return friction by the model without viscous friction, A: of Eq. 6 and of effects."""
+    return max(p.upper, -p.lower) + max(0.0, forward, -backward)
+
+
+@njit(cache=True)
 def bound_of(p: Parameters, forward: float, backward: float, carried: float) -> float:
     """Return the limit of the current in A: the drive's, and near friction by the model.
 
     What effects carry is beside friction, so that the bound takes nothing from it.
     """
-    sliding = max(p.upper, -p.lower) + max(0.0, p.viscous) * p.fade_from
-    friction = max(sliding + max(0.0, forward, -backward), p.break_positive, p.break_negative)
+    sliding = sliding_friction(p, forward, backward) + max(0.0, p.viscous) * p.fade_from
+    friction = max(sliding, p.break_positive, p.break_negative)
     return min(p.limit, p.bound * friction + abs(carried))
 
 
@@ -295,7 +301,8 @@ def continuous_current(p: Parameters, s: State, direction: float, is_pushed: boo
         s.friction = soft_end(p, s, friction)
         wanted = s.friction + carried
     wanted = min(limit, max(-limit, wanted))
-    current = approach(s.current, wanted, p.slope * s.step)
+    slope = 2.0 * sliding_friction(p, forward, backward) / p.turn_time
+    current = approach(s.current, wanted, slope * s.step)
     friction = current - carried
     s.breakaway = start * friction
     s.kinetic = friction - s.breakaway

@@ -203,5 +203,4 @@ def _set_speeds(p: Any, model: FrictionModel) -> None:
         fastest = float(speeds.max())
     p['slow'], p['fade_from'], p['fade_to'] = slowest, fastest, FADE * fastest
     p['fastest'] = UNBELIEVABLE * fastest
-    sliding = np.maximum(p['upper'], -p['lower'])
-    p['slope'] = 2.0 * sliding / TURN_TIME
+    p['turn_time'] = TURN_TIME
