@@ -117,11 +117,10 @@ class TableScanner:
         """
         found: dict[str, list[str]] = {}
         for column in self._use.columns:
-            known = column.signal == 'effort' and (
-                self._effort_unit or column.dimension == 'current')
-            if not (column.stated or known):
+            if not (column.stated or (column.signal == 'effort' and self._effort_unit)):
                 found.setdefault(column.signal, []).append(column.name)
-        units = {'position': 'rad', 'effort': 'N·m', 'velocity': 'rad/s', 'time': 's'}
+        units = {'position': 'rad', 'effort': 'A' if self._use.effort_is_current else 'N·m',
+                 'velocity': 'rad/s', 'time': 's'}
         geared = [column.name for column in self._use.columns if is_of_motor(column.name)
                   and column.signal in ('position', 'velocity')]
         return (*(f'{found[signal][0]}{" and alike" * (len(found[signal]) > 1)} in {unit}'
