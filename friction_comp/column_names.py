@@ -135,7 +135,7 @@ def _read_plain(name: str, unit: str = '') -> Reading:
     """Return what a name without brackets says, whose unit may have been in these."""
     short = re.sub(r'^/?(.*/)?joint_states/', '', name)
     left, _, right = short.replace('/', '.').rpartition('.')
-    if left:
+    if left and right.count('[') == right.count(']'):
         reading = _read_words(right, unit)
         joint = [word.lower() for _, word in _parts(left)]
         if reading.signal == 'time':

@@ -183,7 +183,8 @@ def _unknown_unit(reading: Reading, layout: Layout) -> bool:
 
 def _say_unit(name: str, reading: Reading) -> str:
     example = {'position': 'counts/4096 (counts in a turn), or deg',
-               'time': 'counts/100 (in a second)', 'velocity': '0.229rpm'}.get(reading.signal, default_unit(reading.signal))
+               'time': 'counts/100 (in a second)', 'velocity': '0.229rpm'}.get(
+                   reading.signal, default_unit(reading.signal))
     return (f'column {name!r}: {reading.unit!r} does not tell what a {reading.signal} of 1 is: '
             f'say it, for instance with --unit {reading.signal}={example}')
 

@@ -3,6 +3,7 @@
 """Tables as spreadsheets, laboratory programs and MATLAB write them."""
 
 from datetime import datetime, timedelta
+import json
 import math
 
 import numpy as np
@@ -15,6 +16,7 @@ from friction_comp.column_names import read_name
 from friction_comp.column_values import date_in_seconds
 from friction_comp.columns import assign
 from friction_comp.recordings import read_recording_with_info
+from friction_comp.recordings.sources import recorded_joints
 
 
 def rows(factor=1.0, offset=0.0):
@@ -108,3 +110,39 @@ def test_structs_of_structs_are_columns(tmp_path):
 def test_a_workbook_is_refused_with_what_to_do(tmp_path, refuses, name):
     (tmp_path / name).write_bytes(b'PK')
     refuses('a workbook: save its sheet as CSV', 'refine', tmp_path / name)
+
+
+def lerobot(folder, names):
+    """Write a dataset of two joints as LeRobot does; return its table."""
+    pyarrow = pytest.importorskip('pyarrow')
+    pytest.importorskip('pyarrow.parquet')
+    time, position, velocity = swing()
+    path = folder / 'data' / 'chunk-000' / 'episode_000000.parquet'
+    path.parent.mkdir(parents=True)
+    pyarrow.parquet.write_table(pyarrow.table({
+        'timestamp': time, 'observation.state': np.column_stack([-position, position]).tolist(),
+        'observation.effort': np.column_stack([velocity, np.sign(velocity)]).tolist()}), path)
+    (folder / 'meta').mkdir()
+    # What an item is called says which quantity it is.
+    effort = json.loads(json.dumps(names).replace('.pos', '.effort'))
+    features = {name: {'dtype': 'float32', 'shape': [2], 'names': own} for name, own in (
+        ('observation.state', names), ('observation.effort', effort))}
+    (folder / 'meta' / 'info.json').write_text(json.dumps({'fps': 50, 'features': features}))
+    return path
+
+
+@pytest.mark.parametrize('names', [
+    ['shoulder_pan.pos', 'elbow.pos'], {'motors': ['main_shoulder', 'main_elbow']},
+    [['shoulder', 'elbow']], ['left_waist', 'left_elbow']])
+def test_the_items_of_a_dataset_have_its_names(tmp_path, names):
+    path = lerobot(tmp_path, names)
+    joints = recorded_joints(path)
+    assert ['shoulder' in joints[0] or 'waist' in joints[0], 'elbow' in joints[1]] == [True, True]
+    samples, = read_recording(path, joint=joints[1])
+    assert samples.position == pytest.approx(swing()[1])
+    assert np.abs(samples.current) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize('names', [None, ['elbow'], ['elbow', 'elbow'], ['elbow', 3], 'elbow'])
+def test_without_names_for_all_items_they_are_numbered(tmp_path, names):
+    assert recorded_joints(lerobot(tmp_path, names)) == ['0', '1']

@@ -23,6 +23,7 @@ from friction_comp.files import library_for
 from friction_comp.layout import TABLES
 from friction_comp.recordings.csv_file import Columns, Csv
 from friction_comp.recordings.hdf5_file import Hdf5, is_hdf5
+from friction_comp.recordings.item_names import item_names
 from friction_comp.recordings.joint_rows import Labels
 
 
@@ -100,13 +101,17 @@ def whole_columns(table: Csv | Parquet | Hdf5 | Arrays, names: Sequence[str]) ->
 
 
 class Parquet:
-    """A Parquet file, read with pyarrow; the items of a column of lists are NAME[0] and so on."""
+    """A Parquet file, read with pyarrow.
+
+    The items of a column of lists are NAME[0] and so on, or have the names of `item_names`.
+    """
 
     def __init__(self, path: Path) -> None:
         self._file, self._path = pyarrow_of(path).parquet.ParquetFile(path), path
         self.labels: dict[str, Labels] = {}     # columns whose values are numbered
         self._source: dict[str, tuple[str, int | None]] = {}
         first: Any = None
+        called = item_names(path)
         for field in self._file.schema_arrow:
             if not hasattr(field.type, 'value_type'):
                 self._source[field.name] = field.name, None
@@ -114,8 +119,11 @@ class Parquet:
             if first is None:
                 first = next(self._file.iter_batches(batch_size=1), None)
             items = first.column(field.name)[0].as_py() if first is not None else None
-            self._source.update({f'{field.name}[{k}]': (field.name, k)
-                                 for k in range(len(items or ()))})
+            names = called.get(field.name, [])
+            if len(names) != len(items or ()):
+                names = [str(k) for k in range(len(items or ()))]
+            self._source.update({f'{field.name}[{name}]': (field.name, k)
+                                 for k, name in enumerate(names)})
         self.names: list[str] = list(self._source)
 
     def blocks(self, wanted: Sequence[str], rows: int) -> Iterator[tuple[Columns, float]]:
