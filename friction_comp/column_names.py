@@ -19,7 +19,7 @@ from friction_comp.units import parse_unit, unit_of
 # Quantity to the words that mean it; several words that stand together are joined by '+'.
 _QUANTITIES = {
     'time': 'time times t timestamp timestamps stamp sec secs second seconds elapsed date datetime '
-            'zeit zeitstempel',
+            'zeit zeitstempel datum uhrzeit',
     'position': 'position positions pos q qpos angle angles theta phi displacement '
                 'winkel gelenkwinkel lage observation+state',
     'velocity': 'velocity velocities vel vels velo dq qd qdot qvel q+dot dot+q omega speed speeds '
@@ -73,6 +73,9 @@ _OTHER_UNITS = {'%', 'percent', 'pct', 'v', 'mv', 'w', 'lsb', 'tick', 'ticks', '
 # Units that are more often something else, unless they are the last word.
 _LAST_ONLY = {'A', 's', 'C', 'sec', 'seconds'}
 _NEVER = {'m', 'N', 'h', 'in'}      # of a motor, of an input
+_DAYS = {'date', 'datum'}           # less than the time of the day beside them
+# What no name of a joint holds: brackets with such a mark hold a unit, though an unknown one.
+_MARK = re.compile(r'[^\w\s.,:_-]')
 
 
 @dataclass(frozen=True)
@@ -106,7 +109,8 @@ def read_name(name: str) -> Reading:
     """Return what a column's name says."""
     name = name.strip()
     match = _BRACKET.search(name)
-    if match and (parse_unit(match[1]) is not None or match[1].strip().lower() in _OTHER_UNITS):
+    if match and (parse_unit(match[1]) is not None or _MARK.search(match[1])
+                  or match[1].strip().lower() in _OTHER_UNITS):
         return _read_plain(name[:match.start()], match[1].strip())
     return _read_plain(name)
 
@@ -131,7 +135,7 @@ def _read_plain(name: str, unit: str = '') -> Reading:
     """Return what a name without brackets says, whose unit may have been in these."""
     short = re.sub(r'^/?(.*/)?joint_states/', '', name)
     left, _, right = short.replace('/', '.').rpartition('.')
-    if left:
+    if left and right.count('[') == right.count(']'):
         reading = _read_words(right, unit)
         joint = [word.lower() for _, word in _parts(left)]
         if reading.signal == 'time':
@@ -169,7 +173,8 @@ def _read_words(bare: str, unit: str) -> Reading:
         or (aims and lower[:2] == ['q', 'd'] and k == 1))]
     if signal == 'time':
         clocks = {lower[k] for k in rest} <= _NEUTRAL | _CLOCK
-        return Reading(signal, unit=unit) if clocks else Reading()
+        return Reading(signal, unit=unit, rank=int(bool(_DAYS & set(lower)))) if clocks else (
+            Reading())
     key = _distinctive([lower[k] for k in rest])
     rank = 2 * by_unit + any(word in _SECOND_CHOICE for word in lower)
     return Reading(signal, key, _label(bare, words, lower, rest) if key else '', unit,

@@ -12,6 +12,8 @@ from friction_comp.errors import InputError
 
 _DATE = re.compile(r'(\d{4}-\d\d-\d\d)[T ]?(\d\d:\d\d(?::\d\d(?:[.,]\d+)?)?)?'
                    r'\s*(?:Z|([+-])(\d\d):?(\d\d))?')
+# Only with points is the order of day and month certain.
+_DAY = re.compile(r'(\d\d?)\.(\d\d?)\.(\d{4})(?:,? +(\d.*))?')
 _CLOCK = re.compile(r'(\d\d?):(\d\d):(\d\d(?:[.,]\d+)?)')
 
 
@@ -33,12 +35,17 @@ def to_numbers(values: np.ndarray, name: str, where: object) -> np.ndarray:
 def date_in_seconds(text: str) -> float:
     """Return an ISO 8601 date as s since 1970, a time of the day as s since midnight.
 
-    Raises ValueError for any other text.
+    A day may be written 4.3.2026, too. Raises ValueError for any other text.
     """
     clock_time = _CLOCK.fullmatch(text.strip())
     if clock_time:
         hour, minute, second = (float(part.replace(',', '.')) for part in clock_time.groups())
         return 3600.0 * hour + 60.0 * minute + second
+    written = _DAY.fullmatch(text.strip())
+    if written:
+        day, month, year, clock = written.groups()
+        return date_in_seconds(f'{year}-{int(month):02}-{int(day):02}') + (
+            date_in_seconds(clock) if clock else 0.0)
     match = _DATE.fullmatch(text.strip())
     if not match:
         raise ValueError(text)

@@ -182,8 +182,9 @@ def _unknown_unit(reading: Reading, layout: Layout) -> bool:
 
 
 def _say_unit(name: str, reading: Reading) -> str:
-    example = {'position': 'counts/4096 (counts in a turn)', 'time': 'counts/100 (in a second)',
-               'velocity': '0.229rpm'}.get(reading.signal, default_unit(reading.signal))
+    example = {'position': 'counts/4096 (counts in a turn), or deg',
+               'time': 'counts/100 (in a second)', 'velocity': '0.229rpm'}.get(
+                   reading.signal, default_unit(reading.signal))
     return (f'column {name!r}: {reading.unit!r} does not tell what a {reading.signal} of 1 is: '
             f'say it, for instance with --unit {reading.signal}={example}')
 
@@ -282,19 +283,23 @@ def _check_complete(used: Iterable[Column], names: Sequence[str], layout: Layout
     signals = {_kind(column.signal) for column in used}
     needed = {'time': not layout.rate, 'position': True, 'effort': not layout.stiffness,
               'reference_position': bool(layout.stiffness)}
-    for signal, wanted in needed.items():
-        if not wanted or signal in signals:
-            continue
+    missing = [signal for signal, wanted in needed.items() if wanted and signal not in signals]
+    for signal in missing:
         for name in names:
             if (reading := read_name(name)).signal == signal and _unknown_unit(reading, layout):
                 raise InputError(f'{where}: {_say_unit(name, reading)}')
-        hints = {'time': ', or the rows per second with --rate HZ'}
-        if 'reference_position' in signals:
-            hints['effort'] = (', or the gains of the position controller with --stiffness and '
-                               '--damping: effort is then k_p (target - position) - k_d velocity')
-        elif 'command' in signals:
-            hints['effort'] = ', a command only if the drive is known to follow it'
-        what = 'effort or current' if signal == 'effort' else signal.replace('_', ' ')
-        raise InputError(f'{where}: which column is the {what}? Name it with --columns '
-                         f'{signal}=NAME{hints.get(signal, "")}; there are '
-                         f'{", ".join(map(repr, names))}')
+    if not missing:
+        return
+    hints = {'time': ', or the rows per second with --rate HZ'}
+    if 'reference_position' in signals:
+        hints['effort'] = (', or the gains of the position controller with --stiffness and '
+                           '--damping: effort is then k_p (target - position) - k_d velocity')
+    elif 'command' in signals:
+        hints['effort'] = ', a command only if the drive is known to follow it'
+    said = ', the '.join({'effort': 'effort or current'}.get(one, one.replace('_', ' '))
+                         for one in missing)
+    verb, them = ('s are', 'them') if len(missing) > 1 else (' is', 'it')
+    raise InputError(f'{where}: which column{verb} the {said}? Name {them} with --columns '
+                     f'{",".join(f"{one}=NAME" for one in missing)}'
+                     f'{"".join(hints.get(one, "") for one in missing)}; there are '
+                     f'{", ".join(map(repr, names))}')

@@ -115,7 +115,9 @@ def assumed_in(given: Given, recordings: Iterable[tuple[Samples, RecordingInfo]]
             if any(one.endswith(' in rad') for one in columns) else ''
         key = ', '.join(columns), f'{1e3 * samples.sample_time:.3g}', unit
         spans[key] = max(span, spans.get(key, 0.0))
-    return [f'{columns} (position covers {span:.3g} rad, {span / 6.2832:.2g} turns; '
+    # A joint seldom turns that far, but by as many degrees.
+    return [f'{columns} (position covers {span:.3g} rad, {span / 6.2832:.2g} turns'
+            f'{f", or {span / 57.296:.3g} rad if these are degrees" * (span > 6.2832)}; '
             f'rows are {step} ms apart); --unit gives others' + (
                 f'. A weight that repeats every turn explains the effort if position is in {unit}'
                 if unit else '')

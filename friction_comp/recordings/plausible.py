@@ -44,7 +44,8 @@ def check_plausible(samples: Samples, name: str, alone: bool = True) -> None:
                   _fault_of_sign, *([_fault_of_power] if alone else [])):
         fault = check(samples)
         if fault:
-            raise InputError(f'{name}: joint {samples.joint!r}: {fault}')
+            joint = f'joint {samples.joint!r}: ' if samples.joint else ''
+            raise InputError(f'{name}: {joint}{fault}')
 
 
 def _fault_of_limits(samples: Samples) -> str:
@@ -80,7 +81,8 @@ def _fault_of_velocity(samples: Samples) -> str:
     ratios = ratios[np.isfinite(ratios)]
     contradict = (ratios <= 1.0 / _LARGEST_RATIO) | (ratios >= _LARGEST_RATIO)
     if len(ratios) >= _FEWEST_BLOCKS and contradict.mean() > _CONTRADICTING:
-        return signal_checks.velocity_fault(ratios, _LARGEST_RATIO)
+        fault = signal_checks.velocity_fault(ratios, _LARGEST_RATIO)
+        return fault + ' (in a table, --unit says it, for instance --unit velocity=deg/s)'
     return ''
 
 

@@ -20,6 +20,8 @@ Progress = Callable[[float], None]
 
 # Number of messages in which each joint occurs at least once, even with several publishers.
 _FIRST_MESSAGES = 200
+# Files of spreadsheets, which hold several sheets, formulas and notes.
+_WORKBOOKS = ('.xlsx', '.xlsm', '.xls', '.ods')
 
 
 def part_of(progress: Progress | None, index: int, count: int) -> Progress:
@@ -54,6 +56,8 @@ def find_recordings(paths: AnyPath | Sequence[AnyPath]) -> list[Path]:
                 named = next((str(file.parent / f'*{file.suffix}') for file in tables), None)
                 kind = 'no recording in this folder' + (
                     f'; tables must be named, for instance with {named}' if named else '')
+            elif path.suffix.lower() in _WORKBOOKS:
+                kind = 'a workbook: save its sheet as CSV, and give that file'
             raise InputError(f'{path}: {kind}')
         for recording in recordings:
             unique.setdefault(recording.resolve(), recording)

@@ -9,28 +9,22 @@ Several files with a signal each, such as ``q.txt`` and ``tau.txt``, are one tab
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-import csv
-import gzip
-import io
-from itertools import islice
 import json
 from pathlib import Path
 import re
-from typing import Any, IO
+from typing import Any
 
 import numpy as np
 
 from friction_comp.column_names import read_name
-from friction_comp.column_values import date_in_seconds, to_numbers
+from friction_comp.column_values import to_numbers
 from friction_comp.errors import InputError
 from friction_comp.files import library_for
 from friction_comp.layout import TABLES
+from friction_comp.recordings.csv_file import Columns, Csv
 from friction_comp.recordings.hdf5_file import Hdf5, is_hdf5
+from friction_comp.recordings.item_names import item_names
 from friction_comp.recordings.joint_rows import Labels
-from friction_comp.units import parse_unit
-
-Columns = dict[str, np.ndarray]
-_COMMENTS = ('#', '%')
 
 
 def is_table(path: Path) -> bool:
@@ -106,144 +100,18 @@ def whole_columns(table: Csv | Parquet | Hdf5 | Arrays, names: Sequence[str]) ->
             for name in names}
 
 
-class Csv:
-    """A text file with one row per line; the separator is the most frequent one in its header."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self.labels: dict[str, Labels] = {}     # columns whose values are numbered
-        with path.open('rb') as file:
-            lines = list(islice(self._text(file), 200))
-        if any('\0' in line for line in lines):
-            raise InputError(f'{path}: not a text file')
-        # Skip comments before the header; numpy.savetxt writes the header itself as a comment.
-        header = next((k for k, line in enumerate(lines) if line.strip()
-                     and not line.startswith(_COMMENTS)), len(lines))
-        head = lines[header] if header < len(lines) else ''
-        if not head.strip():
-            raise InputError(f'{path}: is empty')
-        self._separator = _separator(head)
-        self.names = self._split(head)
-        self._skip = header + 1
-        comment = self._names_in(lines[header - 1].lstrip('#% ')) if header else []
-        fits = len(comment) == len(self.names)
-        if _all_numbers(head) or (fits and any(read_name(name).signal for name in comment)
-                                  and not any(read_name(name).signal for name in self.names)):
-            # Not a header: names are in the comment above it, otherwise columns are numbered.
-            self.names = comment if fits else [str(k + 1) for k in range(len(self.names))]
-            self._skip = header
-        elif units := self._units_in(lines[header + 1:header + 2]):
-            self.names = [f'{name} [{unit}]' if unit else name
-                          for name, unit in zip(self.names, units)]
-            self._skip += 1
-        # Spreadsheets end lines with empty cells: a column without a name is none.
-        self._index = {name: k for k, name in enumerate(self.names) if name}
-        named = [name for name in self.names if name]
-        duplicate = next((name for name in named if named.count(name) > 1), None)
-        self.names = named
-        if duplicate is not None:
-            raise InputError(f'{path}: has two columns called {duplicate!r}')
-
-    def _split(self, line: str) -> list[str]:
-        if self._separator is None:
-            return line.split()
-        cells = next(csv.reader([line.rstrip('\r\n')], delimiter=self._separator), [])
-        return [cell.strip() for cell in cells]
-
-    def _names_in(self, comment: str) -> list[str]:
-        """Return names in a comment, which are often separated by space only."""
-        names = self._split(comment)
-        return names if len(names) > 1 else comment.split()
-
-    def _units_in(self, lines: list[str]) -> list[str]:
-        """Return the units in the line below the names; empty if it is not one of units."""
-        cells = [cell.strip('[]()') for cell in self._split(lines[0])] if lines else []
-        known = [cell for cell in cells if cell in ('', '-') or parse_unit(cell) is not None]
-        return ([cell.strip('-') for cell in cells] if any(cells) and (
-            len(known) == len(cells) == len(self.names)) else [])
-
-    def _text(self, file: IO[bytes]) -> IO[str]:
-        compressed = self._path.name.lower().endswith('.gz')
-        plain: Any = gzip.GzipFile(fileobj=file) if compressed else file
-        return io.TextIOWrapper(plain, encoding='utf-8-sig', errors='replace', newline='')
-
-    def blocks(self, wanted: Sequence[str], rows: int) -> Iterator[tuple[Columns, float]]:
-        """Yield blocks of columns and the share of the file that has been read."""
-        indices = [self._index[name] for name in wanted]
-        size = self._path.stat().st_size
-        with self._path.open('rb') as file:
-            text = self._text(file)
-            first_line = sum(1 for _ in islice(text, self._skip))
-            while lines := list(islice(text, rows)):
-                columns = self._parse(lines, indices, first_line).T
-                # The position in the file, which may be compressed.
-                yield dict(zip(wanted, columns)), file.tell() / size
-                first_line += len(lines)
-
-    def _parse(self, lines: list[str], indices: list[int], first_line: int) -> np.ndarray:
-        if self._separator != ',':
-            # A comma that does not separate is a decimal one.
-            lines = [line.replace(',', '.') for line in lines]
-        try:
-            values = np.loadtxt(lines, delimiter=self._separator, usecols=indices, ndmin=2,
-                                comments=None)
-        except ValueError:
-            # Cells are missing or not numeric: parse slowly, with a clear error.
-            return self._parse_each(lines, indices, first_line)
-        for name, labels in self.labels.items():
-            if self._index[name] in indices and len(values):
-                place = indices.index(self._index[name])
-                values[:, place] = labels.codes(values[:, place])
-        return values
-
-    def _parse_each(self, lines: list[str], indices: list[int], first_line: int) -> np.ndarray:
-        rows = []
-        for k, line in enumerate(lines, first_line + 1):
-            if line.strip() and not line.startswith(_COMMENTS):
-                cells = self._split(line)
-                # The last line of a truncated file has fewer cells.
-                complete = len(cells) > max(indices)
-                rows.append([self._number(cells[index], index, k) if complete else np.nan
-                             for index in indices])
-        return np.array(rows).reshape(len(rows), len(indices))
-
-    def _number(self, cell: str, index: int, line: int) -> float:
-        for name, labels in self.labels.items():
-            if self._index[name] == index:
-                return labels.code(cell)
-        if cell.lower() in ('', 'nan', 'na', 'null', 'none', '-'):
-            return float('nan')
-        try:
-            return float(cell)
-        except ValueError:
-            pass
-        try:
-            return date_in_seconds(cell)
-        except ValueError:
-            name = next(name for name, place in self._index.items() if place == index)
-            raise InputError(f'{self._path}: line {line}, column {name!r}: {cell!r} is not a '
-                             'number') from None
-
-
-def _separator(line: str) -> str | None:
-    """Return the separator of a line, None for white space."""
-    counts = {mark: line.count(mark) for mark in ('\t', ';', ',')}
-    best = max(counts, key=lambda mark: counts[mark])
-    return best if counts[best] else None
-
-
-def _all_numbers(line: str) -> bool:
-    return bool(re.fullmatch(r'[\s\d.,;+\-eEnaN]+', line)) and bool(re.search(r'\d', line))
-
-
 class Parquet:
-    """A Parquet file, read with pyarrow; the items of a column of lists are NAME[0] and so on."""
+    """A Parquet file, read with pyarrow.
+
+    The items of a column of lists are NAME[0] and so on, or have the names of `item_names`.
+    """
 
     def __init__(self, path: Path) -> None:
         self._file, self._path = pyarrow_of(path).parquet.ParquetFile(path), path
         self.labels: dict[str, Labels] = {}     # columns whose values are numbered
         self._source: dict[str, tuple[str, int | None]] = {}
         first: Any = None
+        called = item_names(path)
         for field in self._file.schema_arrow:
             if not hasattr(field.type, 'value_type'):
                 self._source[field.name] = field.name, None
@@ -251,8 +119,11 @@ class Parquet:
             if first is None:
                 first = next(self._file.iter_batches(batch_size=1), None)
             items = first.column(field.name)[0].as_py() if first is not None else None
-            self._source.update({f'{field.name}[{k}]': (field.name, k)
-                                 for k in range(len(items or ()))})
+            names = called.get(field.name, [])
+            if len(names) != len(items or ()):
+                names = [str(k) for k in range(len(items or ()))]
+            self._source.update({f'{field.name}[{name}]': (field.name, k)
+                                 for k, name in enumerate(names)})
         self.names: list[str] = list(self._source)
 
     def blocks(self, wanted: Sequence[str], rows: int) -> Iterator[tuple[Columns, float]]:
@@ -319,12 +190,17 @@ def _flat(items: Iterable[tuple[str, Any]]) -> Columns:
             values = np.asarray(value)
         except ValueError:
             continue    # rows of different lengths
+        if values.dtype == object and values.size == 1 and isinstance(values.item(), np.ndarray):
+            values = values.item()
+        if values.dtype.names and values.size == 1:
+            # A struct of MATLAB, whose fields may be structs.
+            columns.update({f'{name}.{inner}': column for inner, column in _flat(
+                (field, values[field].item()) for field in values.dtype.names).items()})
+            continue
         if values.dtype.names:
             columns.update(_flat((f'{name}.{field}', values[field].squeeze())
                                  for field in values.dtype.names))
             continue
-        if values.dtype == object and values.size == 1 and isinstance(values.item(), np.ndarray):
-            values = values.item()
         if values.ndim == 2 and 1 in values.shape and max(values.shape) > 1:
             values = values.ravel()
         if values.ndim == 2:

@@ -17,11 +17,12 @@ from friction_comp.columns import assign
 from friction_comp.errors import InputError
 from friction_comp.files import write_atomically
 from friction_comp.layout import Layout
+from friction_comp.recordings.csv_file import Columns
 from friction_comp.recordings.episodes import column_of_episodes, Episodes
 from friction_comp.recordings.joint_rows import column_of_joints
 from friction_comp.recordings.scan import Scan, Track
 from friction_comp.recordings.storage import unreadable_on_error
-from friction_comp.recordings.table_files import Columns, open_table, pyarrow_of
+from friction_comp.recordings.table_files import open_table, pyarrow_of
 from friction_comp.recordings.told_units import angle_fault, time_fault, unit_of_dates
 from friction_comp.samples import Samples
 from friction_comp.topics import TOPICS, TORQUE_UNIT
@@ -117,11 +118,10 @@ class TableScanner:
         """
         found: dict[str, list[str]] = {}
         for column in self._use.columns:
-            known = column.signal == 'effort' and (
-                self._effort_unit or column.dimension == 'current')
-            if not (column.stated or known):
+            if not (column.stated or (column.signal == 'effort' and self._effort_unit)):
                 found.setdefault(column.signal, []).append(column.name)
-        units = {'position': 'rad', 'effort': 'N·m', 'velocity': 'rad/s', 'time': 's'}
+        units = {'position': 'rad', 'effort': 'A' if self._use.effort_is_current else 'N·m',
+                 'velocity': 'rad/s', 'time': 's'}
         geared = [column.name for column in self._use.columns if is_of_motor(column.name)
                   and column.signal in ('position', 'velocity')]
         return (*(f'{found[signal][0]}{" and alike" * (len(found[signal]) > 1)} in {unit}'

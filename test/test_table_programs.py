@@ -1,0 +1,148 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Tables as spreadsheets, laboratory programs and MATLAB write them."""
+
+from datetime import datetime, timedelta
+import json
+import math
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+from table_maker import swing, write
+
+from friction_comp import InputError, read_recording
+from friction_comp.column_names import read_name
+from friction_comp.column_values import date_in_seconds
+from friction_comp.columns import assign
+from friction_comp.recordings import read_recording_with_info
+from friction_comp.recordings.sources import recorded_joints
+
+
+def rows(factor=1.0, offset=0.0):
+    """Return rows of time, position and torque with a decimal comma and semicolons."""
+    time, position, velocity = swing()
+    table = np.column_stack([time + offset, factor * position, 2.0 * np.sign(velocity)])
+    return [';'.join(f'{value:.6f}' for value in row).replace('.', ',') for row in table]
+
+
+@pytest.mark.parametrize('encoding', ['utf-8', 'utf-8-sig', 'utf-16', 'cp1252'])
+def test_the_mark_of_a_unit_is_read_in_any_encoding(tmp_path, encoding):
+    path = tmp_path / 'log.csv'
+    path.write_text('\n'.join(['Zeit (s);Winkel (°);Drehmoment (N·m)', *rows(180.0 / math.pi)]),
+                    encoding=encoding)
+    samples, = read_recording(path)
+    assert samples.position == pytest.approx(swing()[1], abs=1e-6)
+
+
+@pytest.mark.parametrize('above', [
+    ['Logger v3', 'Date: 2026-03-04', ''], ['sep=;'], ['Knee'], ['Export;of'], ['', ''],
+    ['Patient;7;left'], ['# a comment', 'Motion of a joint, measured;twice']])
+def test_lines_above_the_header_are_no_header(tmp_path, above):
+    path = tmp_path / 'log.csv'
+    path.write_text('\n'.join([*above, 'Time;Position;Torque', *rows()]))
+    samples, = read_recording(path)
+    assert len(samples) == 2000
+    assert samples.position == pytest.approx(swing()[1], abs=1e-6)
+
+
+def test_a_header_with_other_cells_than_the_rows_stays_one(tmp_path):
+    path = tmp_path / 'log.csv'
+    path.write_text('\n'.join(['Time;Position;Torque;;', *rows()]))
+    assert len(read_recording(path)[0]) == 2000
+
+
+@pytest.mark.parametrize(('head', 'form'), [
+    ('Datum;Uhrzeit;Winkel;Drehmoment', '%d.%m.%Y;%H:%M:%S,%f'),
+    ('Uhrzeit;Winkel;Drehmoment', '%H:%M:%S,%f'),
+    ('Datum/Uhrzeit;Winkel;Drehmoment', '%d.%m.%Y %H:%M:%S.%f')])
+def test_days_and_times_of_the_day_are_times(tmp_path, head, form):
+    begin = datetime(2026, 3, 4, 9, 59, 59)
+    path = tmp_path / 'log.csv'
+    path.write_text('\n'.join([head, *(
+        f'{(begin + timedelta(milliseconds=k)).strftime(form)};{row.partition(";")[2]}'
+        for k, row in enumerate(rows()))]))
+    samples, = read_recording(path)
+    assert np.diff(samples.time) == pytest.approx(1e-3, abs=1e-6)
+
+
+def test_a_day_with_points_is_a_date_and_one_with_strokes_is_asked(tmp_path):
+    assert date_in_seconds('4.3.2026 09:59:50.5') == date_in_seconds('2026-03-04T09:59:50.5')
+    path = tmp_path / 'log.csv'
+    path.write_text('\n'.join(['Date;q;tau', *('03/04/2026;0;1' for _ in range(9))]))
+    with pytest.raises(InputError, match="'03/04/2026' is not a number, nor a date such as"):
+        read_recording(path)
+
+
+@pytest.mark.parametrize(('name', 'unit'), [
+    ('Winkel (Â°)', 'Â°'), ('angle [\ufffd]', '\ufffd'), ('q [°/x]', '°/x')])
+def test_a_mark_in_brackets_is_a_unit_that_is_asked(name, unit):
+    assert read_name(name).unit == unit
+    with pytest.raises(InputError, match='does not tell what a position of 1 is'):
+        assign(['t', name, 'tau'], None, 'log')
+    assert read_name('q [left-arm]').unit == ''
+
+
+def test_all_that_is_missing_is_asked_at_once():
+    with pytest.raises(InputError, match=r'which columns are the time, the position, the effort or '
+                       r'current\? Name them with --columns time=NAME,position=NAME,effort=NAME'):
+        assign(['tiempo', 'giro', 'par'], None, 'log')
+
+
+def test_a_current_without_a_unit_is_taken_for_granted_too(tmp_path):
+    time, position, velocity = swing()
+    path = write(tmp_path / 'log.csv', time=time, position=position,
+                 current=159.5 * np.sign(velocity))
+    (_, info), = read_recording_with_info(path)
+    assert 'current in A' in info.assumed
+
+
+def test_structs_of_structs_are_columns(tmp_path):
+    time, position, velocity = swing()
+    path = tmp_path / 'log.mat'
+    savemat(path, {'log': {'time': time[:, None], 'note': 'knee', 'joint': {
+        'q': position[:, None], 'motor': {'tau': np.sign(velocity)[:, None]}}}})
+    samples, = read_recording(path)
+    assert samples.position == pytest.approx(position)
+
+
+@pytest.mark.parametrize('name', ['log.xlsx', 'log.XLS', 'log.ods'])
+def test_a_workbook_is_refused_with_what_to_do(tmp_path, refuses, name):
+    (tmp_path / name).write_bytes(b'PK')
+    refuses('a workbook: save its sheet as CSV', 'refine', tmp_path / name)
+
+
+def lerobot(folder, names):
+    """Write a dataset of two joints as LeRobot does; return its table."""
+    pyarrow = pytest.importorskip('pyarrow')
+    pytest.importorskip('pyarrow.parquet')
+    time, position, velocity = swing()
+    path = folder / 'data' / 'chunk-000' / 'episode_000000.parquet'
+    path.parent.mkdir(parents=True)
+    pyarrow.parquet.write_table(pyarrow.table({
+        'timestamp': time, 'observation.state': np.column_stack([-position, position]).tolist(),
+        'observation.effort': np.column_stack([velocity, np.sign(velocity)]).tolist()}), path)
+    (folder / 'meta').mkdir()
+    # What an item is called says which quantity it is.
+    effort = json.loads(json.dumps(names).replace('.pos', '.effort'))
+    features = {name: {'dtype': 'float32', 'shape': [2], 'names': own} for name, own in (
+        ('observation.state', names), ('observation.effort', effort))}
+    (folder / 'meta' / 'info.json').write_text(json.dumps({'fps': 50, 'features': features}))
+    return path
+
+
+@pytest.mark.parametrize('names', [
+    ['shoulder_pan.pos', 'elbow.pos'], {'motors': ['main_shoulder', 'main_elbow']},
+    [['shoulder', 'elbow']], ['left_waist', 'left_elbow']])
+def test_the_items_of_a_dataset_have_its_names(tmp_path, names):
+    path = lerobot(tmp_path, names)
+    joints = recorded_joints(path)
+    assert ['shoulder' in joints[0] or 'waist' in joints[0], 'elbow' in joints[1]] == [True, True]
+    samples, = read_recording(path, joint=joints[1])
+    assert samples.position == pytest.approx(swing()[1])
+    assert np.abs(samples.current) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize('names', [None, ['elbow'], ['elbow', 'elbow'], ['elbow', 3], 'elbow'])
+def test_without_names_for_all_items_they_are_numbered(tmp_path, names):
+    assert recorded_joints(lerobot(tmp_path, names)) == ['0', '1']
