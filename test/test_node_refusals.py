@@ -49,6 +49,10 @@ ODD_EFFECT = 'format: friction_comp_undeclared\nversion: 1\neffects: [{name: gho
     ('compensator', ONE, ('--ros-args', '--params-file', 'none.yaml', '--'), 'none.yaml'),
     ('compensator', {**ONE, 'law': 'magic'}, (), 'law'),
     ('compensator', {**ONE, 'breakaway_gain': 3.0}, (), 'breakaway_gain'),
+    ('compensator', {**ONE, 'breakaway_gain': 1}, (), 'it is a number with a point, such as 1.0'),
+    ('compensator', {**ONE, 'autostart': 'yes'}, (), 'it is true or false'),
+    ('compensator', {**ONE, 'joints': 'elbow'}, (), "it is a list, such as ['joint']"),
+    ('compensator', {}, (), 'must have the name of this node'),
     ('compensator', {**ONE, 'command_interface': 'voltage'}, (),
      'command_interface: must be current or effort'),
     ('identification', {**ONE, 'model_files': ['broken.yaml']}, (), 'broken.yaml'),
@@ -75,6 +79,24 @@ def test_says_in_one_line_what_it_cannot_use(tmp_path, node, parameters, argumen
         assert 'Traceback' not in process.text
     assert [path.name for path in (tmp_path / 'taken').iterdir()] == ['kept']
     assert not (tmp_path / 'recording').exists()
+
+
+@pytest.mark.parametrize(('node', 'given', 'told'), [
+    ('compensator', {**ONE, 'breakaway_gian': 0.1, 'pace_of_all': 3},
+     ['parameter breakaway_gian does not exist, and has no effect: is it breakaway_gain?',
+      'parameter pace_of_all does not exist, and has no effect']),
+    # The file names those of all its sources.
+    ('direction', {}, [])])
+def test_a_misspelt_parameter_is_told(tmp_path, node, given, told):
+    config = ROOT / 'config' / 'parameters.yaml'
+    with own_domain(), probe_node() as probe, Process(tmp_path, node, given, arguments=(
+            '--ros-args', '--params-file', str(config), '--')) as process:
+        probe.until(lambda: node in probe.get_node_names(), 'the node')
+        probe.until(lambda: process.text.count('does not exist') >= len(told), 'what is told')
+        process.send(signal.SIGINT)
+        assert process.wait() == 0
+        assert process.text.count('does not exist') == len(told)
+        assert all(text in process.text for text in told)
 
 
 def test_an_exercise_takes_its_announcement_back_when_it_is_stopped(tmp_path):

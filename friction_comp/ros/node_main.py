@@ -25,6 +25,7 @@ from rclpy.utilities import remove_ros_args
 from friction_comp.errors import InputError
 from friction_comp.monitoring.network import alone
 from friction_comp.ros.executor import StreamExecutor
+from friction_comp.ros.parameters import unknown_parameters
 from friction_comp.ros.ros_start import start_ros, steady_timer, without_source_locations
 
 _FINAL_SPINS = 10
@@ -77,6 +78,8 @@ def run(name: str, make_node: Callable[[], Any], argv: Sequence[str]) -> int:
             raise InputError(without_source_locations(error)) from None
         stop_motor = getattr(node, 'stop_motor', _do_nothing)
         signals.set_callback(stop_motor)
+        for text in unknown_parameters(node):
+            node.get_logger().warning(text)
         _look_for_peers(node)
         executor = StreamExecutor(node)
         # The first line that rclpy logs looks for its caller through all modules, for 50 ms.

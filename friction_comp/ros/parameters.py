@@ -5,9 +5,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from difflib import get_close_matches
 from typing import Any, TYPE_CHECKING
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.exceptions import InvalidParameterTypeException
 
 from friction_comp.errors import errors_name, InputError
 
@@ -38,9 +40,36 @@ def declare(node: Any, name: str, default: Any, description: str, low: float | N
         default = ['']
     try:
         return node.declare_parameter(name, default, descriptor).value
+    except InvalidParameterTypeException as error:
+        raise InputError(f'parameter {name}: {error} (it is {_form(default)})') from None
     except Exception as error:
         # rclpy's errors for bad initial values have no common base class.
         raise InputError(f'parameter {name}: {error}') from None
+
+
+def _form(default: Any) -> str:
+    """Return how a parameter is written whose default this is."""
+    if isinstance(default, list):
+        return f'a list, such as {default if default not in ([], [""]) else ["elbow"]}'
+    return {bool: 'true or false', int: 'a whole number',
+            float: 'a number with a point, such as 1.0'}.get(type(default), 'a text')
+
+
+def unknown_parameters(node: Any) -> list[str]:
+    """Return what to say of each parameter that a node was given and does not have.
+
+    ROS ignores these, so that a misspelt limit would leave the default in place.
+    """
+    # Also holds what a file says of all nodes.
+    given = getattr(node, '_parameter_overrides', {})
+    known = list(node.get_parameters_by_prefix(''))
+    said = []
+    for name in sorted(given):
+        if name not in known and not name.startswith('qos_overrides.'):
+            alike = get_close_matches(name, known, 1)
+            said.append(f'parameter {name} does not exist, and has no effect' + (
+                f': is it {alike[0]}?' if alike else ''))
+    return said
 
 
 def declare_choice(node: Any, name: str, choices: Sequence[str], description: str) -> str:
@@ -75,6 +104,9 @@ def load_models(model_files: Sequence[str], joints: Sequence[str],
     from friction_comp.model.motor_check import check_for_motor
 
     files = names_in(model_files)
+    if not files:
+        raise InputError('parameter model_files: not given, one file per joint is needed (the '
+                         'section of a --params-file must have the name of this node)')
     if len(files) != len(joints):
         raise InputError(
             f'parameter model_files: one file per joint is needed, {len(joints)} for '
