@@ -107,7 +107,8 @@ def test_a_coefficient_that_physics_keeps_at_zero_is_not_certain():
 
 def test_the_lines_name_every_number_with_interval_and_unit(refined):
     lines = {line.split()[0]: line for line in number_lines(refined.report.friction)}
-    assert list(lines) == ['Coulomb', 'viscous', 'offset', 'breakaway', 'transition', 'inertia']
+    assert list(lines) == [
+        'Coulomb', 'viscous', 'offset', 'breakaway', 'presliding', 'transition', 'inertia']
     for name, unit in (('Coulomb', 'N·m '), ('viscous', 'N·m·s/rad'), ('inertia', 'kg·m²')):
         assert unit in lines[name]
         assert ' to ' in lines[name]

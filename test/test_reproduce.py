@@ -70,7 +70,9 @@ def test_whole_tool(tmp_path, monkeypatch):
         # What docs/results.md quotes is still so: docs/quote_figures.py writes it anew.
         quoted = QUOTED['configurations'][str(experiment.number)]
         for name, value in quoted['peak_torque'].items():
-            assert peaks[name] == pytest.approx(value, rel=0.05, abs=0.02), name
+            # What a law leaves is a small difference: 0.5 % of friction is 7 % of it.
+            assert peaks[name] == pytest.approx(
+                value, rel=0.05, abs=max(0.02, 0.01 * peaks['none'])), name
         for name, value in quoted['peak_reduction'].items():
             assert reductions[name] == pytest.approx(value, abs=0.03), name
 

@@ -312,8 +312,8 @@ def test_units_taken_for_granted_stand_beside_the_numbers(tmp_path, capsys):
     said = ('angle in rad, tau in N·m (position covers 45.8 rad, 7.3 turns, or 0.8 rad '
             'if these are degrees; rows are 4 ms apart); --unit gives others')
     printed = capsys.readouterr().out.splitlines()
-    assert printed[7].startswith('torque = ')
-    assert printed[8] == f'taken for granted: {said}'
+    assert printed[8].startswith('torque = ')
+    assert printed[9] == f'taken for granted: {said}'
     assert said in (tmp_path / 'out' / 'report.html').read_text()
 
 
