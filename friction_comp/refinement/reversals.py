@@ -19,7 +19,6 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
-from scipy.optimize import isotonic_regression
 
 from friction_comp.model.differentiation import shifted_in_time
 from friction_comp.model.effects.definitions import RESISTS
@@ -180,11 +179,20 @@ def _reversals(raw: Samples, friction: np.ndarray, window: float) -> Iterator[_R
             if height <= 0.0:
                 continue
             # From the peak on, friction may fall with speed.
-            share = isotonic_regression((change[:peak + 1] - np.median(level)) / height).x
-            if share[-1] >= _END:
-                early, end = np.searchsorted(share, (_EARLY, _END))
+            share = (change[:peak + 1] - np.median(level)) / height
+            early, end = (_reached(share, least) for least in (_EARLY, _END))
+            if end <= peak:
                 yield _Reversal(side, float(way[early]), float(way[end]), float(end),
                                 part.start + turn, part.start + following)
+
+
+def _reached(values: np.ndarray, level: float) -> int:
+    """Return from which index on noisy values, shape (N,), are at a level; N if they are not.
+
+    It is where an isotonic regression reaches the level: the values before it sum up to the least
+    beside the level (Barlow et al. 1972).
+    """
+    return int(np.argmin(np.concatenate(([0.0], np.cumsum(values - level)))))
 
 
 def _turns(position: np.ndarray, least: float) -> list[tuple[int, float]]:
