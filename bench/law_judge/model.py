@@ -95,7 +95,7 @@ def scaled(document, kinetic=1.0, breakaway=None):
     for k in (0, 2, 5):
         c[k] *= kinetic
     new['sigmoid'] = {**document['sigmoid'], 'coefficients': c}
-    # A model of a recording has neither.
+    # A model of a recording has no table, and not always breakaway.
     if 'breakaway' in document:
         new['breakaway'] = {
             side: {'mean': entry['mean'] * breakaway, 'std': entry['std']}

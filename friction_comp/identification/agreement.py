@@ -49,6 +49,11 @@ class Cycle:
         """Time of the middle of the cycle, s."""
         return self.begin + 0.5 * self.duration
 
+    @property
+    def phase(self) -> float:
+        """Duration of a phase at constant velocity, s."""
+        (begin, end), _ = constant_velocity_windows(self.duration)
+        return end - begin
 
     @property
     def middle(self) -> float:
@@ -188,7 +193,7 @@ def unsettled(cycles: Sequence[Cycle], bandwidth: Callable[[float], float]) -> l
     `bandwidth` returns the controller's at a speed in rad/s, rad/s.
     """
     return [cycle.speed for cycle in cycles
-            if 0.3 * cycle.duration < _SETTLED / bandwidth(cycle.speed)]
+            if cycle.phase < _SETTLED / bandwidth(cycle.speed)]
 
 
 def say_unsettled(speeds: Sequence[float]) -> list[str]:
@@ -213,7 +218,7 @@ def _error(cycle: Cycle) -> float:
 def _over_position(cycle: Cycle) -> tuple[np.ndarray, np.ndarray]:
     """Return friction and load in A over ranges of position; NaN where too little is known."""
     sides = []
-    reach = 0.3 * cycle.speed * cycle.duration      # of a phase
+    reach = cycle.speed * cycle.phase
     for _, position, current in (phase.T for phase in cycle.phases()):
         index = np.floor(((position - cycle.middle) / reach + 0.5) * _RANGES).astype(int)
         inside = (index >= 0) & (index < _RANGES)

@@ -88,12 +88,14 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
     fit = select_named(fit)
     report_progress(0.9, 'writing')
     raw, rows = problem.raw, fit.rows
-    new = model_of(fit, problem)
-    rest = friction_at_rest(
-        raw, new, max(drive.position_resolution or 0.0, rows.coverage.resolution))
+    new, unknown = model_of(fit, problem), ''
     # Ramps of identification show it better.
-    new = replace(new, presliding=new.presliding or rest.presliding,
-                  breakaway=new.breakaway or rest.breakaway)
+    if not (new.presliding and new.breakaway):
+        rest = friction_at_rest(
+            raw, new, max(drive.position_resolution or 0.0, rows.coverage.resolution))
+        unknown = '' if new.presliding else rest.why
+        new = replace(new, presliding=new.presliding or rest.presliding,
+                      breakaway=new.breakaway or rest.breakaway)
     if model:
         residual = model.measured(raw) - model.predict(raw, same_recording=True)
         start = Predicted(replace(model, drive=drive), residual, residual)
@@ -104,7 +106,7 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
         start = Predicted(first, rows.samples.current - first.current(rows.samples),
                           plain.residual())
     refined = Predicted(new, raw.current - new.predict(raw, same_recording=True), fit.residual(),
-                        '' if new.presliding else rest.why)
+                        unknown)
     # A model that is no better on parts that were not fitted is not used.
     if rms(refined.held_out[rows.usable]) >= rms(start.held_out[rows.usable]):
         refined = start

@@ -15,8 +15,6 @@ NAMES = {'coulomb': ('Coulomb', 'A'), 'viscous': ('viscous', 'A·s/rad'), 'offse
          'viscous_asymmetry': ('viscous, half of + minus −', 'A·s/rad'),
          'stribeck': ('Stribeck, at standstill', 'A'),
          'stribeck_speed': ('Stribeck speed', 'rad/s'), 'inertia': ('inertia', 'A·s²/rad')}
-
-
 _UNKNOWN = 'not known: slow reversals show it, and identification measures it'
 
 
