@@ -40,7 +40,8 @@ _MEASURED = {'actual', 'act', 'measured', 'meas', 'present', 'feedback', 'fb', '
              'observation', 'observations', 'obs', 'mean', 'avg', 'average', 'real', 'applied',
              'estimated', 'est', 'estimate', 'ist', 'istwert', 'gemessen'}
 _TARGET = {'target', 'tgt', 'reference', 'ref', 'desired', 'des', 'goal', 'command', 'commanded',
-           'cmd', 'setpoint', 'set', 'sp', 'computed', 'action', 'soll', 'sollwert'}
+           'cmd', 'cmptd', 'setpoint', 'set', 'sp', 'computed', 'planned', 'requested', 'demand',
+           'demanded', 'action', 'soll', 'sollwert'}
 # A torque with one of these words is applied to the joint from outside, or behind the gear.
 _OUTSIDE = {'external', 'ext', 'interaction', 'sensor', 'person', 'human', 'hand', 'backdriving',
             'contact', 'load', 'driving', 'back'}

@@ -16,16 +16,16 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement import Origin, refine
 from friction_comp.refinement.dependence import remaining_dependences
-from friction_comp.refinement.judge import (
+from friction_comp.refinement.findings import (
     AGAIN,
     experiment,
     Finding,
     IN_PART,
     in_unit,
-    noise_floor,
     TRUST,
     verdict_of,
 )
+from friction_comp.refinement.judge import noise_floor
 from friction_comp.refinement.prepare import prepare
 from friction_comp.samples import JointStates
 from friction_comp.statistics import rms

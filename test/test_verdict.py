@@ -19,7 +19,7 @@ from friction_comp.recordings import write_samples
 from friction_comp.refinement import refine, thresholds
 from friction_comp.refinement.dependence import remaining_dependences
 from friction_comp.refinement.judge import findings_on_numbers
-from friction_comp.refinement.prepare import clipped
+from friction_comp.refinement.prepare import clipped, passed_again
 from friction_comp.refinement.recorded_motion import load_coefficient
 from friction_comp.refinement.stability import Intervals
 from friction_comp.samples import JointStates, Samples
@@ -261,3 +261,32 @@ def test_small_sums_take_one_thread_and_leave_the_others_as_they_were():
     printed = printed_by(code, OMP_NUM_THREADS='2', OPENBLAS_NUM_THREADS='2')
     assert printed.split() == ['2', '1', '2']
     assert one_thread(len)([1, 2]) == 2
+
+
+def one_way(ways):
+    """Return a joint under gravity that goes one way, or to and fro, ever faster."""
+    time = np.arange(0.0, 5.0 * ways, 2e-3)
+    phase = np.pi * np.minimum((time / time[-1]) ** 1.3, 1.0) * ways
+    position = 0.8 * (1.0 - np.cos(phase))
+    velocity = np.gradient(position, time)
+    current = 0.5 * np.tanh(velocity / 0.02) + 0.2 * velocity + 1.5 * np.sin(position)
+    samples = Samples(time=time, position=position, current=current)
+    return samples.with_(current=current + noise(samples))
+
+
+@pytest.mark.parametrize('ways, grade', [(1, {'passed_once'}), (6, set())])
+def test_a_recording_of_one_way_says_nothing_of_others_however_well_it_is_predicted(ways, grade):
+    report = refine([one_way(ways)], drive=DRIVE).report
+    assert codes(report) & {'passed_once'} == grade
+    assert (report.verdict == 'record again') == bool(grade)
+
+
+@pytest.mark.parametrize('position, share', [
+    (np.linspace(0.0, 1.0, 500), 0.0),
+    (np.r_[np.linspace(0.0, 1.0, 500), np.linspace(1.0, 0.0, 500)], 0.9),
+    (np.linspace(0.0, 40.0, 5000), 1.0),                 # the same places, turn after turn
+    (np.linspace(0.0, 1.0, 500) + 1e-3 * (np.arange(500) % 2), 0.0),     # a count that flickers
+    (np.r_[np.linspace(0.0, 1.0, 500), np.linspace(0.0, 1.0, 500)], 1.0)])
+def test_a_place_is_passed_again_once_the_joint_has_been_elsewhere(position, share):
+    recording = (np.arange(len(position)) >= 500) * (len(position) == 1000)
+    assert passed_again(position, recording) == pytest.approx(share, abs=0.11)

@@ -34,6 +34,7 @@ _SLOWEST_RATE = 100.0
 _MORE_OFTEN = 3.0
 # Most rows that are searched, in multiples of `ROWS`, and how many are kept or left out together.
 _MOST, _PIECE = 4.0, 100
+_PLACES = 20
 
 
 @dataclass(frozen=True)
@@ -246,12 +247,44 @@ def coverage_of(samples: Samples, usable: np.ndarray, slowest: float, raw: Sampl
         transition=0.05 * float(speed), speed=float(speed), slowest=slowest, lowest=float(lowest),
         highest=float(highest), duration=duration, temperature=temperature,
         resolution=raw.position_step,
-        both_directions=0.02 < float(np.mean(velocity > 0)) < 0.98, slow=float(slow),
+        both_directions=0.02 < float(np.mean(velocity > 0)) < 0.98,
+        passed_again=passed_again(moving.position, moving.recording), slow=float(slow),
         reversals=float(np.count_nonzero(np.diff(np.sign(velocity)))),
         rest_duration=float(np.sum(resting)) * samples.sample_time,
         distinct_positions=count_positions(raw.position[usable]),
         median_speed=float(np.median(moves)), temperature_span=temperature_span,
         speed_spread=float(np.std(moves) / np.mean(moves)))
+
+
+def passed_again(position: np.ndarray, recording: np.ndarray) -> float:
+    """Return the share of samples at places that the joint passed twice or more.
+
+    Places are twentieths of the range of position, of a turn at most. A passage ends where the
+    joint has left the neighbouring places, too, or another recording begins.
+
+    Parameters
+    ----------
+    position : ndarray
+        rad, shape (N,), of samples in motion.
+    recording : ndarray of int
+        Shape (N,).
+    """
+    width = min(float(np.ptp(position)), 2.0 * math.pi) / _PLACES
+    if width <= 0.0:
+        return 0.0
+    place = np.floor((position - position.min()) / width).astype(int)
+    turning = place.max() > _PLACES
+    again = 0
+    for here in range(_PLACES + 1):
+        away = np.abs(place - here)
+        if turning:
+            away = np.minimum(away % _PLACES, -away % _PLACES)
+        near = away <= 1
+        begins = near & np.r_[True, ~near[:-1] | (np.diff(recording) != 0)]
+        visits = np.cumsum(begins)[away == 0]
+        if len(visits) and visits[0] != visits[-1]:
+            again += len(visits)
+    return again / len(place)
 
 
 def count_positions(position: np.ndarray) -> float:

@@ -19,6 +19,7 @@ from friction_comp.refinement import judge, thresholds
 from friction_comp.refinement.best_fit import Fit, Problem
 from friction_comp.refinement.dependence import Dependence, remaining_dependences, share_of_means
 from friction_comp.refinement.effect_columns import Term
+from friction_comp.refinement.findings import finding, in_unit, verdict_of
 from friction_comp.refinement.prepare import Rows
 from friction_comp.refinement.result import (
     Correlation,
@@ -61,9 +62,9 @@ def report_of(problem: Problem, fit: Fit, start: Predicted, refined: Predicted, 
     errors = judge.errors_of(rows, refined, name, max(1.0, *tested.values()))
     friction = friction_of(model, unit, rows.coverage.both_directions)
     what = 'Presliding is' if model.breakaway else 'Breakaway and presliding are'
-    notes = ([judge.finding('no_presliding', what=what, why=refined.no_presliding)]
+    notes = ([finding('no_presliding', what=what, why=refined.no_presliding)]
              if refined.no_presliding else [])
-    verdict = judge.verdict_of([*judge.findings_on_numbers(friction), *judge.findings(
+    verdict = verdict_of([*judge.findings_on_numbers(friction), *judge.findings(
         fit, raw, errors, tested, noise, dependences, open_questions), *notes], unit)
     return RefinementReport(
         unit=unit, joint=model.joint, samples=len(raw), samples_in_motion=int(rows.usable.sum()),
@@ -74,7 +75,7 @@ def report_of(problem: Problem, fit: Fit, start: Predicted, refined: Predicted, 
         friction=friction,
         assumed=list(origin.assumed),
         correlations=[] if kept else correlations_of(fit),
-        unexplained=[replace(dependence, note=judge.in_unit(dependence.note, unit))
+        unexplained=[replace(dependence, note=in_unit(dependence.note, unit))
                      for dependence in dependences],
         ambiguous=open_questions, thirds=growth,
         differentiation=dict(model.differentiation or DEFAULT_SETTINGS if kept else fit.settings),
@@ -229,4 +230,4 @@ def _found_effect(fit: Fit, terms: Sequence[Term], error: float, unit: str) -> F
     return FoundEffect(
         kind.name, kind.variable, error, chosen, effect.parameters,
         {'coefficients': bounds, **constants}, effect.holds_on_another_day,
-        judge.in_unit(said, unit), effect.formula(), rivals)
+        in_unit(said, unit), effect.formula(), rivals)

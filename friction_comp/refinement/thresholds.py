@@ -64,6 +64,9 @@ SHORTLIST = Threshold(
     6, 'effects', 'compared by held-out blocks: those that explain most of the fitted ones')
 MOST_EFFECTS = Threshold(
     14, 'effects', 'more than any drive was seen to need')
+PASSED_AGAIN = Threshold(
+    0.5, 'of the motion', 'must be at places that were passed twice: only there can predictions of '
+    'what was not fitted be wrong about position')
 # Names.
 SEARCHES = Threshold(
     40, 'searches', 'on resampled blocks: the standard error of a share of one half is 8 %')

@@ -16,7 +16,7 @@ from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.friction_numbers import FrictionNumbers, quantity_in
 from friction_comp.model.sliding_friction import line_of
-from friction_comp.refinement.judge import in_unit
+from friction_comp.refinement.findings import in_unit
 from friction_comp.refinement.result import RefinementReport, RefineResult
 from friction_comp.refinement.thresholds import LEAST_SHARE
 from friction_comp.reports import refinement_figures as figures

@@ -46,6 +46,7 @@ class Coverage:
     temperature: float = 25.0         # median, degrees Celsius
     resolution: float = 0.0           # smallest step of the recorded position, rad
     both_directions: bool = True      # whether there is motion in both
+    passed_again: float = 1.0         # share of the motion at places that were passed twice or more
     slow: float = 0.0                 # 5th percentile of the speed while moving, rad/s
     reversals: float = math.inf       # of the direction of motion
     rest_duration: float = math.inf          # how long the joint stood still, s
