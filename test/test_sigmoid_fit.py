@@ -151,3 +151,15 @@ def test_a_long_table_is_condensed_and_fitted_as_well_as_by_the_true_curve(monke
     error = fit_sigmoid(speeds, currents)[1]
     assert error < 1.01 * sigmoid_error(truth, speeds, currents)
     assert max(sizes) < 100
+
+
+@pytest.mark.parametrize('speeds', [[15, 60], [10, 40, 100], [4, 8, 15, 25, 40, 60, 80, 100]])
+@pytest.mark.parametrize('noise', [0.001, 0.01])
+def test_noise_does_not_make_friction_push_below_the_lowest_speed(speeds, noise):
+    truth = Sigmoid.from_coefficients(NOTE, 'deg/s')
+    table = np.radians(np.concatenate([-np.array(speeds)[::-1], speeds]))
+    for seed in range(6):
+        scatter = noise * np.random.default_rng(seed).standard_normal(len(table))
+        found, _ = fit_sigmoid(table, truth(table) + scatter * truth(table).max())
+        slow = 0.3 * table[[len(speeds) - 1, len(speeds)]]
+        assert (found(slow) * slow > 0.0).all()

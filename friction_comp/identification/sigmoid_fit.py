@@ -8,7 +8,8 @@ pattern search from the best of each steepness. No initial guess is needed. Many
 fitted at once by reweighted least squares, the final one exactly by linear programming.
 
 If the transition is steeper than the table resolves, all transitions within a gap fit equally well.
-The one returned is centred as near to zero as the error allows, and as gentle.
+The one returned is centred as near to zero as the error allows, and as gentle. Friction reverses at
+rest: a centre beyond a quarter of the lowest speed needs more evidence than noise of the currents.
 """
 
 from __future__ import annotations
@@ -25,6 +26,11 @@ from friction_comp.model.sigmoid import Sigmoid
 
 TOLERANCE = 3e-4
 """Share by which the error may increase for a transition that is centred and gentle."""
+CENTRED = 0.03
+"""Share of the largest current by which the error may increase for a transition that is centred
+within a quarter of the lowest speed. Means at constant velocity scatter by a third of it; where a
+table shows another centre, it has a point between, which is off by friction.
+"""
 
 # Rounds of reweighting: enough to rank transitions and to agree with linear programming.
 _RANK, _CLOSE = 12, 45
@@ -202,12 +208,22 @@ def _well_behaved(x: np.ndarray, y: np.ndarray, steepness: float, shift: float
     A falling viscous term must not make up for a gentler one: it has a lower bound.
     """
     (error,), (best,) = _fit(x, y, np.array([steepness]), np.array([shift]), _CLOSE)
-    bound = error * (1.0 + TOLERANCE) + 1e-9 * x.size
-    shifts = shift * np.concatenate(([0.0], np.geomspace(1e-3, 1.0, 24)))
+    limit = 0.25 * float(np.min(np.abs(x[x != 0.0])))
     gentler = np.geomspace(0.5, 4.0 * steepness, 120)
-    for candidate in dict.fromkeys(shifts.tolist()):
-        errors, coefficients = _fit(x, y, gentler, np.full(len(gentler), candidate), _CLOSE)
-        alike = np.nonzero((errors <= bound) & (coefficients[:, 2] >= min(best[2], 0.0) - 1e-9))[0]
-        if len(alike):
-            return float(gentler[alike[0]]), candidate
+
+    def errors_at(centre: float) -> np.ndarray:
+        errors, coefficients = _fit(x, y, gentler, np.full(len(gentler), centre), _CLOSE)
+        return np.where(coefficients[:, 2] >= min(best[2], 0.0) - 1e-9, errors, math.inf)
+    if abs(shift) > limit:
+        for centre in np.linspace(0.0, math.copysign(limit, shift), 6).tolist():
+            least = float(errors_at(centre).min())
+            if least <= error + CENTRED:
+                error, shift = least, centre
+                break
+    bound = error * (1.0 + TOLERANCE) + 1e-9 * x.size
+    for centre in dict.fromkeys((shift * np.concatenate(([0.0], np.geomspace(1e-3, 1.0, 24)))
+                                 ).tolist()):
+        alike = errors_at(centre) <= bound
+        if alike.any():
+            return float(gentler[np.argmax(alike)]), centre
     return steepness, shift
