@@ -141,7 +141,8 @@ def to_samples(scan: Scan, joint: str | None,
     info.rows = order
     time = info.stamps[order]
     time_base.note_gaps(time, info.notes)
-    base = time_base.TimeBase(stamp[order], track.receive[order], bool(track.stamp.any()), shifts)
+    base = time_base.TimeBase(stamp[order], track.receive[order], bool(track.stamp.any()), shifts,
+                              info.notes)
     info.activity = [(base.to_state_time(activity.time) - info.start, activity.of(joint))
                      for activity in scan.activity]
     unwrapped = _unwrap(time, position[order], info.notes)
