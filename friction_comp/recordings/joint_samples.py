@@ -88,12 +88,15 @@ def to_samples(scan: Scan, joint: str | None,
     """
     if scan.effort_is_current:
         torque_per_current = 1.0
-    track, joint, joints, values = _select_joint(scan, joint)
+    track, joint, joints, own = _select_joint(scan, joint)
     info = RecordingInfo(scan.path, joint, scan.topics, notes=list(scan.notes),
                          model=scan.model, effort_is_current=scan.effort_is_current,
                          effort_unit=scan.effort_unit, assumed=scan.assumed, linear=scan.linear)
+    rows = time_base.mostly_in_order(track, info.notes)
+    track, values = track.take(rows), own[rows]
     stamp = time_base.message_times(track, info.notes)
     stamp = row_times.spread_rounded(stamp, values[:, 0], info.notes)
+    row_times.check_resolution(stamp, str(scan.path))
     outlier = time_base.outliers(stamp)
     shifts = time_base.clock_shifts(stamp[~outlier], track.order[~outlier], track.receive[~outlier],
                                     info.notes)
@@ -153,7 +156,7 @@ def to_samples(scan: Scan, joint: str | None,
         velocity=None if velocity is None else velocity[order], joint=joint)
     samples = samples.with_(**time_base.other_signals(
         scan, joint, joints, base, torque_per_current, info.notes))
-    check_plausible(samples, str(scan.path), alone=not _others_moved(scan, values))
+    check_plausible(samples, str(scan.path), alone=not _others_moved(scan, own))
     return samples, info
 
 

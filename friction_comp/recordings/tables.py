@@ -155,8 +155,7 @@ class TableScanner:
                 raise InputError(f'{said} holds values such as {finite[0]:.4g}, which are no times '
                                  f'in {column.unit}: give their unit, for instance --unit time=ns')
             elif not column.stated and (fault := time_fault(values)):
-                raise InputError(f'{said} {fault}: give its unit, for instance --unit time=ms, or '
-                                 'time=s, or the rows per second with --rate')
+                raise InputError(f'{said} {fault}, or the rows per second with --rate')
 
     def _leave_out_raw(self, columns: Columns) -> None:
         """Deal with whole numbers without a unit, such as a register's: they are no SI values.
