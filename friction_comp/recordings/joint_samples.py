@@ -92,8 +92,11 @@ def to_samples(scan: Scan, joint: str | None,
     info = RecordingInfo(scan.path, joint, scan.topics, notes=list(scan.notes),
                          model=scan.model, effort_is_current=scan.effort_is_current,
                          effort_unit=scan.effort_unit, assumed=scan.assumed, linear=scan.linear)
-    rows = time_base.mostly_in_order(track, info.notes)
-    track, values = track.take(rows), own[rows]
+    values = own
+    if row_times.in_no_order(track.stamp):
+        info.notes.append('rows are in no order of time: sorted')
+        rows = np.argsort(track.stamp, kind='stable')
+        track, values = track.take(rows), own[rows]
     stamp = time_base.message_times(track, info.notes)
     stamp = row_times.spread_rounded(stamp, values[:, 0], info.notes)
     row_times.check_resolution(stamp, str(scan.path))

@@ -15,6 +15,8 @@ from friction_comp.statistics import smallest_step
 
 # Changes of position above which steps are compared with the resolution: fewer say nothing.
 _FEWEST_CHANGES = 50
+# Share of earlier times than the one before above which rows are in no order.
+_SHUFFLED = 0.1
 
 
 def spread_rounded(stamp: np.ndarray, position: np.ndarray, notes: list[str]) -> np.ndarray:
@@ -53,6 +55,11 @@ def spread_rounded(stamp: np.ndarray, position: np.ndarray, notes: list[str]) ->
     notes.append(f'times are rounded to {1e-9 * rounding:.3g} s: rows are spread evenly between '
                  'them')
     return origin + np.round(np.maximum.accumulate(spread)).astype(np.int64)
+
+
+def in_no_order(times: np.ndarray) -> bool:
+    """Return whether times, shape (N,), are in no order: no clock is set back as often."""
+    return len(times) > 1 and bool(np.mean(np.diff(times) < 0) > _SHUFFLED)
 
 
 def check_resolution(stamp: np.ndarray, where: str) -> None:

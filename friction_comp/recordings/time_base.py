@@ -23,8 +23,6 @@ _FAR_OFF = NANO
 # A gap is longer than both: a number of median time steps, and a time in s.
 _GAP_STEPS, _GAP = 5.0, 0.02
 GAPS = ' gaps in the joint states'
-# With a larger share of earlier stamps, rows are in no order of time: no clock is set back as often.
-_SHUFFLED = 0.1
 # Stamps that are so many s older or newer than those of joint states received at the same time are
 # noted; beyond the second number they are of another clock, since no message is as late.
 _NOTED, _OTHER_CLOCK = 0.1, 1.0
@@ -76,14 +74,6 @@ def message_times(track: Track, notes: list[str]) -> np.ndarray:
     repaired = stamp.copy()
     repaired[empty] = receive[empty] + offset[nearest]
     return repaired
-
-
-def mostly_in_order(track: Track, notes: list[str]) -> slice | np.ndarray:
-    """Return the messages of a track, sorted by their stamps if they are in no order of time."""
-    if len(track) < 2 or np.mean(np.diff(track.stamp) < 0) <= _SHUFFLED:
-        return slice(None)
-    notes.append('rows are in no order of time: sorted')
-    return np.argsort(track.stamp, kind='stable')
 
 
 def outliers(times: np.ndarray) -> np.ndarray:
