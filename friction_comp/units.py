@@ -162,8 +162,9 @@ def _product(text: str) -> Unit | None:
     if whole is not None:
         return whole
     apart = [part for part in re.split(r'[·*.\- ]', text) if part]
-    for pair in [apart] if len(apart) > 1 else [(text[:k], text[k:]) for k in range(1, len(text))]:
-        first, second = (_symbol(part) for part in pair) if len(pair) == 2 else (None, None)
+    together = [[text[:k], text[k:]] for k in range(1, len(text))]
+    for pair in [apart] if len(apart) > 1 else together:
+        first, second = map(_symbol, pair) if len(pair) == 2 else (None, None)
         if first and second and (first.dimension, second.dimension) in _PRODUCTS:
             return Unit(first.factor * second.factor,
                         _PRODUCTS[first.dimension, second.dimension])

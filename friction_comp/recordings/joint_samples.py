@@ -92,14 +92,7 @@ def to_samples(scan: Scan, joint: str | None,
     info = RecordingInfo(scan.path, joint, scan.topics, notes=list(scan.notes),
                          model=scan.model, effort_is_current=scan.effort_is_current,
                          effort_unit=scan.effort_unit, assumed=scan.assumed, linear=scan.linear)
-    values = own
-    if row_times.in_no_order(track.stamp):
-        info.notes.append('rows are in no order of time: sorted')
-        rows = np.argsort(track.stamp, kind='stable')
-        track, values = track.take(rows), own[rows]
-    stamp = time_base.message_times(track, info.notes)
-    stamp = row_times.spread_rounded(stamp, values[:, 0], info.notes)
-    row_times.check_resolution(stamp, str(scan.path))
+    track, values, stamp = _dated(track, own, info)
     outlier = time_base.outliers(stamp)
     shifts = time_base.clock_shifts(stamp[~outlier], track.order[~outlier], track.receive[~outlier],
                                     info.notes)
@@ -161,6 +154,19 @@ def to_samples(scan: Scan, joint: str | None,
         scan, joint, joints, base, torque_per_current, info.notes))
     check_plausible(samples, str(scan.path), alone=not _others_moved(scan, own))
     return samples, info
+
+
+def _dated(track: Track, values: np.ndarray, info: RecordingInfo
+           ) -> tuple[Track, np.ndarray, np.ndarray]:
+    """Return a track and a joint's values of it, mostly in order of time, and its times in ns."""
+    if row_times.in_no_order(track.stamp):
+        info.notes.append('rows are in no order of time: sorted')
+        rows = np.argsort(track.stamp, kind='stable')
+        track, values = track.take(rows), values[rows]
+    stamp = time_base.message_times(track, info.notes)
+    stamp = row_times.spread_rounded(stamp, values[:, 0], info.notes)
+    row_times.check_resolution(stamp, str(info.path))
+    return track, values, stamp
 
 
 def usable_joints(scan: Scan, torque_per_current: Callable[[str], float],

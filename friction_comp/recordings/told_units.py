@@ -110,6 +110,7 @@ def time_fault(time: np.ndarray) -> str:
     usual = float(np.median(steps)) if steps.size else 0.0
     if usual < _ROWS[1]:
         return ''
-    unit = next((unit for unit, factor in _UNITS_OF_TIME.items() if factor * usual < _ROWS[1]), 'ns')
-    return (f'has rows {usual:.3g} apart, which show no motion if these are seconds: give its unit, '
-            f'for instance --unit time={unit}, or time=s')
+    unit = next((unit for unit, factor in _UNITS_OF_TIME.items() if factor * usual < _ROWS[1]),
+                'ns')
+    return (f'has rows {usual:.3g} apart, which show no motion if these are seconds: give its '
+            f'unit, for instance --unit time={unit}, or time=s')
