@@ -14,7 +14,10 @@ _DATE = re.compile(r'(\d{4}-\d\d-\d\d)[T ]?(\d\d:\d\d(?::\d\d(?:[.,]\d+)?)?)?'
                    r'\s*(?:Z|([+-])(\d\d):?(\d\d))?')
 # Only with points is the order of day and month certain.
 _DAY = re.compile(r'(\d\d?)\.(\d\d?)\.(\d{4})(?:,? +(\d.*))?')
-_CLOCK = re.compile(r'(\d\d?):(\d\d):(\d\d(?:[.,]\d+)?)')
+# As a duration of pandas is written, with days before it.
+_CLOCK = re.compile(r'(?:(\d+) days? )?(\d\d?):(\d\d):(\d\d(?:[.,]\d+)?)')
+# What to do about a column of no signal that is called like one.
+NOT_A_SIGNAL = 'give it numbers (a direction is -1, 0 or 1), or a name that is not one of a signal'
 
 
 def to_numbers(values: np.ndarray, name: str, where: object) -> np.ndarray:
@@ -22,6 +25,10 @@ def to_numbers(values: np.ndarray, name: str, where: object) -> np.ndarray:
     if np.issubdtype(values.dtype, np.datetime64):
         dates = values.astype('datetime64[ns]')
         return np.where(np.isnat(dates), np.nan, dates.astype(np.int64) * 1e-9)
+    if np.issubdtype(values.dtype, np.timedelta64):
+        return values / np.timedelta64(1, 's')
+    if values.dtype == bool:
+        raise InputError(f'{where}: column {name!r} holds true and false: {NOT_A_SIGNAL}')
     try:
         return values.astype(float)
     except (TypeError, ValueError):
@@ -39,8 +46,9 @@ def date_in_seconds(text: str) -> float:
     """
     clock_time = _CLOCK.fullmatch(text.strip())
     if clock_time:
-        hour, minute, second = (float(part.replace(',', '.')) for part in clock_time.groups())
-        return 3600.0 * hour + 60.0 * minute + second
+        days, hours, minutes, seconds = (float((part or '0').replace(',', '.'))
+                                         for part in clock_time.groups())
+        return 3600.0 * (24.0 * days + hours) + 60.0 * minutes + seconds
     written = _DAY.fullmatch(text.strip())
     if written:
         day, month, year, clock = written.groups()
@@ -49,9 +57,9 @@ def date_in_seconds(text: str) -> float:
     match = _DATE.fullmatch(text.strip())
     if not match:
         raise ValueError(text)
-    day, clock, sign, hours, minutes = match.groups()
+    day, clock, sign, *zone = match.groups()
     date = np.datetime64(f'{day}T{(clock or "00:00").replace(",", ".")}', 'ns')
-    ahead = 60.0 * (60.0 * int(hours) + int(minutes)) if sign else 0.0
+    ahead = 60.0 * (60.0 * int(zone[0]) + int(zone[1])) if sign else 0.0
     return float(date.astype(np.int64) * 1e-9) - (ahead if sign == '+' else -ahead)
 
 

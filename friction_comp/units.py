@@ -35,7 +35,7 @@ _WORDS = {
     'lbf': (_POUND * _STANDARD, 'force'), 'lb': (_POUND * _STANDARD, 'force'),
     'oz': (_POUND * _STANDARD / 16.0, 'force'), 'ozf': (_POUND * _STANDARD / 16.0, 'force'),
     'kip': (1e3 * _POUND * _STANDARD, 'force'), 'kgf': (_STANDARD, 'force'),
-    'gf': (1e-3 * _STANDARD, 'force'),
+    'gf': (1e-3 * _STANDARD, 'force'), 'kg': (_STANDARD, 'force'),
     'C': (1.0, 'temperature'), '°C': (1.0, 'temperature'), 'degC': (1.0, 'temperature')}
 _PER_MINUTE = {'1/min', 'U/min', 'min-1', 'min^-1', 'min⁻¹'}
 _WITH_PREFIX = {'rad': 'angle', 'm': 'length', 's': 'time', 'N': 'force', 'Nm': 'torque',
@@ -157,14 +157,18 @@ def in_own_units(content: T, linear: bool) -> T:
 
 
 def _product(text: str) -> Unit | None:
-    """Return one symbol, or the product of two, such as N·m."""
+    """Return one symbol, or the product of two, such as N·m, N m or Ncm."""
     whole = _symbol(text)
-    parts = [unit for part in re.split(r'[·*.\- ]', text) if (unit := _symbol(part)) is not None]
-    if whole is not None or len(parts) != 2:
+    if whole is not None:
         return whole
-    first, second = parts
-    dimension = _PRODUCTS.get((first.dimension, second.dimension))
-    return None if dimension is None else Unit(first.factor * second.factor, dimension)
+    apart = [part for part in re.split(r'[·*.\- ]', text) if part]
+    together = [[text[:k], text[k:]] for k in range(1, len(text))]
+    for pair in [apart] if len(apart) > 1 else together:
+        first, second = map(_symbol, pair) if len(pair) == 2 else (None, None)
+        if first and second and (first.dimension, second.dimension) in _PRODUCTS:
+            return Unit(first.factor * second.factor,
+                        _PRODUCTS[first.dimension, second.dimension])
+    return None
 
 
 def _symbol(text: str) -> Unit | None:

@@ -142,6 +142,11 @@ def changed(**changes):
      'current_command', 'may command'),
     (lambda seen: seen.topics['/joint_states'].publishers.append(
         Endpoint('/driver', reliable=False)), 'QoS', 'best effort'),
+    (lambda seen: seen.topics.update({'/direction': TopicSeen(
+        ['std_msgs/msg/String', TOPICS['direction']],
+        [Endpoint('/planner', kind='std_msgs/msg/String')],
+        [Endpoint('/compensator', kind=TOPICS['direction'])])}), 'types',
+     '/planner publishes std_msgs/msg/String: nothing arrives'),
     (other_name, 'joint_states', '/robot/joint_states'),
     (held_up, 'rate', 'longest gap'),
     (changed(received=healthy().states.received + 3.0), 'clocks', 'old'),

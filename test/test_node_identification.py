@@ -19,6 +19,7 @@ from std_msgs.msg import Float64MultiArray
 from friction_comp.control.joint_states import AGAIN, JointStateInput, NEW, STALE
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.nodes.goals import RunningGoal
 from friction_comp.nodes.identification import IdentificationNode
 
 JOINT = 'elbow'
@@ -201,6 +202,22 @@ def test_a_silence_ends_a_goal_whatever_comes_next(verdict, wrong, simulated, re
     goal = SimpleNamespace(silent=True, joint=JOINT)
     IdentificationNode._answer(node, goal, verdict, 0, 0)
     assert ended == ([('aborted', reason)] if reason else [])
+
+
+def test_states_that_waited_are_read_before_a_silence_is_called_one():
+    """After a pause of this process the check of connections comes first, and knew only silence."""
+    ended = []
+    node = SimpleNamespace(
+        _states=SimpleNamespace(wrong='', missing=[], publishers=[]), _simulated=False,
+        _port=SimpleNamespace(others=lambda: []), _end=lambda *how: ended.append(how),
+        resolve_service_name=str, resolve_topic_name=str,
+        count_clients=lambda _: 1, count_publishers=lambda _: 1)
+    goal = RunningGoal(SimpleNamespace(name='identify_friction'), None, 0, JOINT, None)
+    node._goal, goal.silent = goal, True
+    IdentificationNode._check_connections(node)
+    assert not ended
+    IdentificationNode._check_connections(node)
+    assert ended == [('aborted', 'joint_states fell silent')]
 
 
 def test_a_goal_for_a_joint_that_is_not_published_is_refused_for_that_reason():

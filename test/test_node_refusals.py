@@ -27,6 +27,7 @@ from friction_comp.nodes.identification import IdentificationNode
 from friction_comp.nodes.plant import PlantNode
 from friction_comp.nodes.recorder import RecorderNode
 from friction_comp.nodes.refinement import RefinementNode
+from friction_comp.ros.remappings import unknown_remappings
 
 ONE = {'joints': ['elbow'], 'model_files': MODELS[:1]}
 BROKEN_MODEL = 'format: friction_comp_model\nversion: 1\njoint: [\n'
@@ -47,6 +48,8 @@ ODD_EFFECT = 'format: friction_comp_undeclared\nversion: 1\neffects: [{name: gho
     ('compensator', {'joints': ['a', 'a'], 'model_files': MODELS[:2]}, (), 'joints'),
     ('compensator', {**ONE, 'model_files': MODELS[:2]}, (), 'model_files'),
     ('compensator', ONE, ('--ros-args', '--params-file', 'none.yaml', '--'), 'none.yaml'),
+    ('compensator', {**ONE, 'joints': []}, (), 'joints: names must be given'),
+    ('compensator', {**ONE, 'model_files': []}, (), 'model_files: not given'),
     ('compensator', {**ONE, 'law': 'magic'}, (), 'law'),
     ('compensator', {**ONE, 'breakaway_gain': 3.0}, (), 'breakaway_gain'),
     ('compensator', {**ONE, 'breakaway_gain': 1}, (), 'it is a number with a point, such as 1.0'),
@@ -57,6 +60,7 @@ ODD_EFFECT = 'format: friction_comp_undeclared\nversion: 1\neffects: [{name: gho
      'command_interface: must be current or effort'),
     ('identification', {**ONE, 'model_files': ['broken.yaml']}, (), 'broken.yaml'),
     ('identification', {**ONE, 'default_speeds': [1]}, (), 'default_speeds'),
+    ('identification', {**ONE, 'default_speeds': []}, (), 'default_speeds: has no value'),
     ('exercise', {'announcement': 3.0, 'standstill': 1.0}, (), 'announcement'),
     ('exercise', {'amplitude': 0.01}, (), 'amplitude'),
     ('exercise', {'when_done': 'dance'}, (), 'when_done'),
@@ -132,10 +136,11 @@ def test_nodes_that_end_leave_the_middleware(tmp_path):
 
 
 @contextmanager
-def in_this_process(kind):
+def in_this_process(kind, *arguments):
     """Yield a node of one joint."""
     with own_domain():
-        rclpy.init(args=['x', *ros_arguments(ONE)], signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=['x', *ros_arguments(ONE), *arguments],
+                   signal_handler_options=SignalHandlerOptions.NO)
         try:
             node = kind()
             yield node
@@ -145,6 +150,19 @@ def in_this_process(kind):
             node.destroy_node()
         finally:
             rclpy.shutdown()
+
+
+@pytest.mark.parametrize(('rules', 'told'), [
+    (['dirction:=foo', 'joint_states:=/arm/joint_states', '__ns:=/left', 'lidar:=scan'],
+     ['remapping dirction has no effect: is it direction?']),
+    (['~/reset_falts:=reset', 'rosservice://~/reset_faults:=again', 'other:current_comand:=foo'],
+     ['remapping ~/reset_falts has no effect: is it reset_faults?']),
+    (['compensator:current_comand:=foo', 'current_command:=/controller/commands'],
+     ['remapping current_comand has no effect: is it current_command?'])])
+def test_a_misspelt_remapping_is_told(rules, told):
+    arguments = ['--ros-args', *(part for rule in rules for part in ('-r', rule))]
+    with in_this_process(CompensatorNode, *arguments) as node:
+        assert unknown_remappings(node, arguments) == told
 
 
 @pytest.mark.parametrize('kind', [CompensatorNode, DirectionNode, ExerciseNode, IdentificationNode,

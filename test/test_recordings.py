@@ -109,6 +109,25 @@ def test_one_joint_of_several(tmp_path):
         read_recording(tmp_path / 'r', 'hip')
 
 
+@pytest.mark.parametrize(('ahead', 'text', 'delay'), [
+    (7.0, 'another clock', 0.0), (-7.0, 'another clock', 0.0), (-0.2, 'a late driver', 0.2),
+    (0.01, None, -0.01)])
+def test_a_topic_stamped_by_another_clock(tmp_path, ahead, text, delay):
+    """A sensor's computer whose clock is wrong must not shift the load against the motion."""
+    messages = list(states(2000))
+    for k in range(2000):
+        stamp = 1_000_000_000 + k * 1_000_000
+        messages.append(('/interaction_wrench', stamp + 4_000_000_000, wrench(
+            stamp + round(1e9 * ahead), 'elbow', float(k))))
+    (samples, info), = read_recording_with_info(record(tmp_path / 'r', messages))
+    inner = slice(300, 1700)
+    np.testing.assert_allclose(
+        (samples.load - samples.position)[inner], 1e3 * delay, atol=1e-6)
+    notes = [note for note in info.notes if 'its stamps are' in note]
+    assert len(notes) == bool(text)
+    assert all(f'{abs(ahead):.2g} s' in note and text in note for note in notes)
+
+
 def test_arrays_follow_the_joints_of_the_reference_where_they_are_fewer(tmp_path):
     messages = list(states(names=('shoulder', 'elbow')))
     for k in range(50):

@@ -208,6 +208,30 @@ def test_the_text_of_qos_may_be_anything(tmp_path):
     assert len(read_recording(folder)[0]) == 50
 
 
+@pytest.mark.parametrize('killed', [False, True])
+def test_a_database_with_a_log_is_read_where_nothing_can_be_written(tmp_path, monkeypatch, killed):
+    """As on a stick or in an archive: SQLite itself needs files beside a database with a log."""
+    folder = record(tmp_path / 'r', states(), StoragePlugin.SQLITE3)
+    database = sqlite3.connect(folder / 'r.db3')
+    database.execute('PRAGMA journal_mode=WAL')
+    database.execute('PRAGMA wal_autocheckpoint=0')
+    database.execute('INSERT INTO messages SELECT id + 50, topic_id, timestamp, data FROM messages '
+                     'WHERE id <= 20')
+    database.commit()
+    copy = tmp_path / 'copy'
+    if killed:
+        shutil.copytree(folder, copy, ignore=shutil.ignore_patterns('*-shm'))
+    database.close()
+    if not killed:
+        shutil.copytree(folder, copy)
+    before = sorted(copy.iterdir())
+    assert ((copy / 'r.db3-wal') in before) == killed
+    monkeypatch.setattr(os, 'access', lambda *_: False)
+    samples, = read_recording(copy)
+    assert sorted(copy.iterdir()) == before
+    assert len(samples) == 70
+
+
 def test_a_damaged_database_gives_what_is_whole(tmp_path):
     folder = record(tmp_path / 'r', states(4000), StoragePlugin.SQLITE3)
     content = bytearray((folder / 'r.db3').read_bytes())

@@ -271,8 +271,44 @@ def test_times_that_are_dates_tell_their_unit(tmp_path, unit):
     np.testing.assert_allclose(samples.time - samples.time[0], time, atol=1e-5)
 
 
-def test_times_that_cannot_be_seconds_are_asked(tmp_path, refuses):
+@pytest.mark.parametrize('order', [[*range(299, -1, -1)], [113 * k % 300 for k in range(300)]])
+def test_rows_in_no_order_of_time_are_sorted(tmp_path, order):
+    """No clock is set back that often: most rows were left out as far off."""
+    time, position, velocity = swing(300, 0.04)
+    path = write(tmp_path / 'log.csv', t=time[order], q=position[order], tau=velocity[order],
+                 load=position[order])
+    (samples, info), = read_recording_with_info(path)
+    assert any('in no order of time' in note for note in info.notes)
+    assert not any('zero' in note or 'left out' in note for note in info.notes)
+    for read, true in ((samples.time, time), (samples.position, position),
+                       (samples.current, velocity), (samples.load, position)):
+        np.testing.assert_allclose(read, true, atol=1e-9)
+
+
+def test_durations_are_times_and_coarse_dates_are_refused(tmp_path, refuses):
+    pandas = pytest.importorskip('pandas')
     time, position, velocity = swing(300, 0.004)
+    frame = pandas.DataFrame({'time': pandas.to_timedelta(time, unit='s'), 'q': position,
+                              'tau': velocity})
+    frame.to_parquet(tmp_path / 'log.parquet')
+    frame.to_csv(tmp_path / 'log.csv', index=False)
+    for name in ('log.parquet', 'log.csv'):
+        samples, = read_recording(tmp_path / name)
+        np.testing.assert_allclose(samples.time, time, atol=1e-9)
+    frame['time'] = (1.7e9 + time).astype('float32')
+    frame.to_parquet(tmp_path / 'coarse.parquet')
+    refuses('300 rows have 1 different time', 'refine', tmp_path / 'coarse.parquet')
+    frame.assign(time=time, direction=velocity > 0).to_parquet(tmp_path / 'signs.parquet')
+    refuses("'direction' holds true and false", 'refine', tmp_path / 'signs.parquet')
+    frame.assign(time=time, direction=velocity > 0).to_csv(tmp_path / 'signs.csv', index=False)
+    refuses("'True' is not a number: give it numbers", 'refine', tmp_path / 'signs.csv')
+
+
+@pytest.mark.parametrize(('per_second', 'unit'), [(1e3, 'ms'), (1e6, 'µs'), (1e9, 'ns')])
+def test_times_that_cannot_be_seconds_are_asked(tmp_path, refuses, per_second, unit):
+    time, position, velocity = swing(300, 0.004)
+    path = write(tmp_path / 'log.csv', t=np.round(per_second * time), q=position, tau=velocity)
+    refuses(f'for instance --unit time={unit}, or time=s', 'refine', path)
     path = write(tmp_path / 'log.csv', t=1e3 * time, q=position, tau=velocity)
     refuses('has rows 4 apart, which show no motion if these are seconds', 'refine', path)
     for layout in (Layout(units={'time': 'ms'}), Layout(rate=250.0)):

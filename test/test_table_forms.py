@@ -89,6 +89,8 @@ def test_a_name_tells_signal_joint_and_unit(name, signal, joint, unit):
     ('2.69mA', 'current', 2.69e-3), ('0.229rpm', 'velocity', 0.229 * math.pi / 30.0),
     ('inch', 'position', 0.0254), ('inch/min', 'velocity', 0.0254 / 60.0),
     ('kip', 'effort', 4448.2216), ('kN·m', 'effort', 1e3), ('lbf·in', 'effort', 0.1129848),
+    ('Ncm', 'effort', 1e-2), ('Nmm', 'effort', 1e-3), ('mNm', 'effort', 1e-3),
+    ('lbft', 'load', 1.3558179), ('ozin', 'effort', 7.0615518e-3), ('kg*cm', 'effort', 0.0980665),
     ('U/min', 'velocity', math.pi / 30.0), ('1/min', 'velocity', math.pi / 30.0),
     ('deg', 'velocity', math.pi / 180.0), ('counts/4096', 'position', 2.0 * math.pi / 4096.0),
     ('counts/100', 'time', 0.01), ('-1Nm', 'link_torque', -1.0), ('0.01mm', 'position', 1e-5)])

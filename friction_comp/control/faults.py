@@ -75,7 +75,10 @@ class Faults:
             ended = [cause for cause, fault in self._faults.items() if now - fault.seen > _HOLD]
             faults = [self._faults.pop(cause) for cause in ended]
         for fault in faults:
-            self._logger.info(f'ended after {fault.seen - fault.begun:.3g} s: {fault.text}')
+            lasted = fault.seen - fault.begun
+            # A fault that was reported once has no duration.
+            self._logger.info(('ended at once' if lasted < 1e-3 else f'ended after {lasted:.3g} s')
+                              + f': {fault.text}')
 
     def clear(self) -> None:
         """Forget everything, as when the node starts over."""

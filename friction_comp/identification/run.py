@@ -43,6 +43,7 @@ from friction_comp.identification.kinetic import (
     cycle_velocity,
     KineticPoint,
     Sample,
+    sample_rows,
 )
 from friction_comp.identification.ramp_evaluation import evaluate_ramps, Ramp
 from friction_comp.identification.sigmoid_fit import fit_sigmoid
@@ -195,9 +196,8 @@ class IdentificationRun(SupervisedRun):
         def reference(t: float) -> tuple[float, float]:
             return start + cycle_position(t, speed, duration), cycle_velocity(t, speed, duration)
 
-        begin, samples, commands = yield from self._follow(
+        begin, driven, commands = yield from self._follow(
             reference, duration, max(0.05 * self.goal.motion_range, 0.25 * width), speed, factor)
-        driven = np.array(samples)
         time, position, measured = driven.T
         good = np.isfinite(measured)
         if np.mean(good) < 0.95:
@@ -253,7 +253,7 @@ class IdentificationRun(SupervisedRun):
         before, self._slid = self._slid, sign
         if held is None:
             return None, stair
-        return Ramp(sign, before, np.array(watch.samples), held), level
+        return Ramp(sign, before, sample_rows(watch.samples), held), level
 
     def _pause(self, command: float, watch: _Slide) -> Generator[float, Sample, stairs.Held | None]:
         """Keep a current until it is clear whether it holds the joint; return the rest, if so."""
@@ -262,7 +262,7 @@ class IdentificationRun(SupervisedRun):
             watch.take((yield from self._step(command)))
             if self.sample.time - begin < 0.999 * duration:
                 continue
-            time, position, _ = np.array(watch.samples[first:]).T
+            time, position, _ = sample_rows(watch.samples[first:]).T
             if stairs.rests(time, position, watch.sign, self._resolution):
                 watch.rest()
                 return stairs.Held(begin, self.sample.time, self.sample.position)

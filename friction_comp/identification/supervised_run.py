@@ -16,6 +16,8 @@ from functools import partial
 import math
 from typing import NoReturn
 
+import numpy as np
+
 from friction_comp.drive import Drive
 from friction_comp.identification import velocity_control as control
 from friction_comp.identification.goal import IdentificationError, MotionGoal
@@ -23,6 +25,7 @@ from friction_comp.identification.kinetic import (
     acceleration_of_push,
     KineticPoint,
     Sample,
+    sample_rows,
     travel_state,
 )
 from friction_comp.identification.supervision import Arrivals, LEAST_SHARE, LONGEST_GAP, Supervision
@@ -342,8 +345,8 @@ class SupervisedRun(ABC):
     def _follow(self, reference: Callable[[float], tuple[float, float]], duration: float,
                 allowance: float, speed: float,
                 factor: float = 1.0
-                ) -> Generator[float, Sample, tuple[float, list[Sample], list[float]]]:
-        """Follow reference(t) -> (position, velocity); return start, samples, and commands."""
+                ) -> Generator[float, Sample, tuple[float, np.ndarray, list[float]]]:
+        """Follow reference(t) -> (position, velocity); return start, sample rows, and commands."""
         parameters = self._controller(factor, speed)
         self.supervision.control(parameters.bandwidth)
         state = control.velocity_controller_state()
@@ -362,7 +365,7 @@ class SupervisedRun(ABC):
             sample = yield from self._step(command)
             samples.append(sample)
             commands.append(command)
-        return begin, samples, commands
+        return begin, sample_rows(samples), commands
 
     def _travel(self, target: float) -> Generator[float, Sample, None]:
         start = self.sample.position

@@ -67,7 +67,12 @@ def _quality(seen: Observation) -> Iterator[Finding]:
             (name, publisher, subscriber) for name, topic in seen.topics.items()
             for subscriber in topic.subscribers for publisher in topic.publishers):
         what = ''
-        if subscriber.reliable and not publisher.reliable:
+        if publisher.kind and subscriber.kind and publisher.kind != subscriber.kind:
+            yield Finding(
+                PROBLEM, 'types', f'{subscriber.node} reads {name} as {subscriber.kind}, but '
+                f'{publisher.node} publishes {publisher.kind}: nothing arrives',
+                'publish the type that is read')
+        elif subscriber.reliable and not publisher.reliable:
             what = 'reliable, but it is published best effort'
         elif subscriber.lasting and not publisher.lasting:
             what = 'transient local, but it is published volatile'

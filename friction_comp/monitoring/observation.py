@@ -24,11 +24,12 @@ class Finding:
 
 @dataclass(frozen=True)
 class Endpoint:
-    """A publisher or subscription with its quality of service."""
+    """A publisher or subscription with its quality of service and message type, '' if unknown."""
 
     node: str
     reliable: bool = True
     lasting: bool = False
+    kind: str = ''
 
 
 @dataclass

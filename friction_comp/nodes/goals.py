@@ -53,9 +53,11 @@ class RunningGoal:
     started: int | None = None
     # Real time, s.
     last_feedback: float = -math.inf
-    # Whether a client has waited for the result, and whether joint states are silent.
+    # Whether a client has waited for the result, whether joint states are silent, and whether that
+    # was so at the last check: until then, a state that waited to be read tells why.
     had_client: bool = False
     silent: bool = False
+    was_silent: bool = False
 
 
 def declare_defaults(node: Any) -> dict[str, Any]:

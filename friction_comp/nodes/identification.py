@@ -263,7 +263,7 @@ class IdentificationNode(Node):
         others, clients = self._port.others(), self.count_clients(client)
         goal.had_client = goal.had_client or clients > 0
         # Simulated time may stop: its last state then stays valid.
-        if goal.silent and not self._simulated:
+        if goal.was_silent and goal.silent and not self._simulated:
             self._end('aborted', _why_old(self._states, goal.joint, _SILENT))
         elif not self.count_publishers(self.resolve_topic_name('joint_states')):
             self._end('aborted', 'joint_states have no publisher any more')
@@ -271,6 +271,7 @@ class IdentificationNode(Node):
             self._end('aborted', 'the client of the goal is gone')
         elif others:
             self._end('aborted', f'{", ".join(others)} may command the motor too')
+        goal.was_silent = goal.silent
 
     def _report(self) -> Any:
         values = {'joint_states per second of real time': self._rate.per_second(),

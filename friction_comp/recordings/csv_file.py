@@ -20,7 +20,7 @@ from typing import Any, IO
 import numpy as np
 
 from friction_comp.column_names import read_name
-from friction_comp.column_values import date_in_seconds
+from friction_comp.column_values import date_in_seconds, NOT_A_SIGNAL
 from friction_comp.errors import InputError
 from friction_comp.recordings.joint_rows import Labels
 from friction_comp.units import parse_unit
@@ -139,9 +139,10 @@ class Csv:
             return date_in_seconds(cell)
         except ValueError:
             name = next(name for name, place in self._index.items() if place == index)
-            date = ', nor a date such as 2026-03-04T09:59:50.5 or 4.3.2026 09:59:50.5'
+            hint = {'time': ', nor a date such as 2026-03-04T09:59:50.5 or 4.3.2026 09:59:50.5',
+                    'direction': f': {NOT_A_SIGNAL}'}.get(read_name(name).signal, '')
             raise InputError(f'{self._path}: line {line}, column {name!r}: {cell!r} is not a number'
-                             f'{date * (read_name(name).signal == "time")}') from None
+                             f'{hint}') from None
 
 
 def _separator(line: str) -> str | None:

@@ -88,12 +88,11 @@ def to_samples(scan: Scan, joint: str | None,
     """
     if scan.effort_is_current:
         torque_per_current = 1.0
-    track, joint, joints, values = _select_joint(scan, joint)
+    track, joint, joints, own = _select_joint(scan, joint)
     info = RecordingInfo(scan.path, joint, scan.topics, notes=list(scan.notes),
                          model=scan.model, effort_is_current=scan.effort_is_current,
                          effort_unit=scan.effort_unit, assumed=scan.assumed, linear=scan.linear)
-    stamp = time_base.message_times(track, info.notes)
-    stamp = row_times.spread_rounded(stamp, values[:, 0], info.notes)
+    track, values, stamp = _dated(track, own, info)
     outlier = time_base.outliers(stamp)
     shifts = time_base.clock_shifts(stamp[~outlier], track.order[~outlier], track.receive[~outlier],
                                     info.notes)
@@ -141,7 +140,8 @@ def to_samples(scan: Scan, joint: str | None,
     info.rows = order
     time = info.stamps[order]
     time_base.note_gaps(time, info.notes)
-    base = time_base.TimeBase(stamp[order], track.receive[order], bool(track.stamp.any()), shifts)
+    base = time_base.TimeBase(stamp[order], track.receive[order], bool(track.stamp.any()), shifts,
+                              info.notes)
     info.activity = [(base.to_state_time(activity.time) - info.start, activity.of(joint))
                      for activity in scan.activity]
     unwrapped = _unwrap(time, position[order], info.notes)
@@ -152,8 +152,21 @@ def to_samples(scan: Scan, joint: str | None,
         velocity=None if velocity is None else velocity[order], joint=joint)
     samples = samples.with_(**time_base.other_signals(
         scan, joint, joints, base, torque_per_current, info.notes))
-    check_plausible(samples, str(scan.path), alone=not _others_moved(scan, values))
+    check_plausible(samples, str(scan.path), alone=not _others_moved(scan, own))
     return samples, info
+
+
+def _dated(track: Track, values: np.ndarray, info: RecordingInfo
+           ) -> tuple[Track, np.ndarray, np.ndarray]:
+    """Return a track and a joint's values of it, mostly in order of time, and its times in ns."""
+    if row_times.in_no_order(track.stamp):
+        info.notes.append('rows are in no order of time: sorted')
+        rows = np.argsort(track.stamp, kind='stable')
+        track, values = track.take(rows), values[rows]
+    stamp = time_base.message_times(track, info.notes)
+    stamp = row_times.spread_rounded(stamp, values[:, 0], info.notes)
+    row_times.check_resolution(stamp, str(info.path))
+    return track, values, stamp
 
 
 def usable_joints(scan: Scan, torque_per_current: Callable[[str], float],

@@ -10,10 +10,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from friction_comp.errors import InputError
 from friction_comp.statistics import smallest_step
 
 # Changes of position above which steps are compared with the resolution: fewer say nothing.
 _FEWEST_CHANGES = 50
+# Share of earlier times than the one before above which rows are in no order.
+_SHUFFLED = 0.1
 
 
 def spread_rounded(stamp: np.ndarray, position: np.ndarray, notes: list[str]) -> np.ndarray:
@@ -52,6 +55,20 @@ def spread_rounded(stamp: np.ndarray, position: np.ndarray, notes: list[str]) ->
     notes.append(f'times are rounded to {1e-9 * rounding:.3g} s: rows are spread evenly between '
                  'them')
     return origin + np.round(np.maximum.accumulate(spread)).astype(np.int64)
+
+
+def in_no_order(times: np.ndarray) -> bool:
+    """Return whether times, shape (N,), are in no order: no clock is set back as often."""
+    return len(times) > 1 and bool(np.mean(np.diff(times) < 0) > _SHUFFLED)
+
+
+def check_resolution(stamp: np.ndarray, where: str) -> None:
+    """Raise InputError if stamps, ns, shape (N,), do not tell rows apart."""
+    different = len(np.unique(stamp))
+    if len(stamp) >= _FEWEST_CHANGES and different < max(3, len(stamp) / 1000):
+        raise InputError(
+            f'{where}: {len(stamp)} rows have {different} different time{"s" * (different > 1)} '
+            '(a date in 32 bits is as coarse): give the rows per second with --rate')
 
 
 def fresh_rows(time: np.ndarray, position: np.ndarray, notes: list[str]) -> np.ndarray:

@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import closing, contextmanager, suppress
 from functools import partial
+import os
 from os import PathLike
 from pathlib import Path, PurePath
 import re
@@ -171,15 +172,32 @@ def _open(file: Path, folder: Path) -> MessageFile:
         from friction_comp.recordings.ros1_bag import Ros1Bag
 
         return Ros1Bag(file)
-    return McapFile(file) if file.suffix == '.mcap' else SqliteFile(file)
+    return McapFile(file) if file.suffix == '.mcap' else SqliteFile(file, folder)
+
+
+def _database_uri(path: Path, folder: Path) -> str:
+    """Return how to open a database without writing beside it; `folder` is for a copy, if needed.
+
+    A database with a write-ahead log (rosbag2's preset ``resilient``) else needs a writable folder.
+    """
+    log, options = path.with_name(f'{path.name}-wal'), 'mode=ro'
+    if not log.exists():
+        with path.open('rb') as file:
+            if file.read(20)[18:] == b'\x02\x02':
+                options = 'mode=ro&immutable=1'     # all is in the file, and nobody writes
+    elif not os.access(path.parent, os.W_OK):
+        for part in (path, log):
+            shutil.copyfile(part, folder / part.name)
+        path = folder / path.name
+    return f'file:{quote(str(path))}?{options}'
 
 
 class SqliteFile(MessageFile):
     """One .db3 file; raises DamagedError if it is not a database with rosbag2's tables."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, folder: Path) -> None:
         super().__init__()
-        self._database = sqlite3.connect(f'file:{quote(str(path))}?mode=ro', uri=True)
+        self._database = sqlite3.connect(_database_uri(path, folder), uri=True)
         try:
             rows = self._database.execute(
                 'SELECT id, name, type, serialization_format FROM topics ORDER BY id').fetchall()

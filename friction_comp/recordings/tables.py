@@ -20,6 +20,7 @@ from friction_comp.layout import Layout
 from friction_comp.recordings.csv_file import Columns
 from friction_comp.recordings.episodes import column_of_episodes, Episodes
 from friction_comp.recordings.joint_rows import column_of_joints
+from friction_comp.recordings.row_times import in_no_order
 from friction_comp.recordings.scan import Scan, Track
 from friction_comp.recordings.storage import unreadable_on_error
 from friction_comp.recordings.table_files import open_table, pyarrow_of
@@ -141,6 +142,8 @@ class TableScanner:
                 raise InputError(f'{said} {fault}: give its unit, --unit position=turn, deg or rad')
             if column.signal != 'time' or self._layout.rate:
                 continue
+            if in_no_order(values):
+                values = np.sort(values)
             unit = '' if column.stated else unit_of_dates(values)
             finite = values[np.isfinite(values)]
             if len(values) and not finite.size:
@@ -155,8 +158,7 @@ class TableScanner:
                 raise InputError(f'{said} holds values such as {finite[0]:.4g}, which are no times '
                                  f'in {column.unit}: give their unit, for instance --unit time=ns')
             elif not column.stated and (fault := time_fault(values)):
-                raise InputError(f'{said} {fault}: give its unit, for instance --unit time=ms, or '
-                                 'time=s, or the rows per second with --rate')
+                raise InputError(f'{said} {fault}, or the rows per second with --rate')
 
     def _leave_out_raw(self, columns: Columns) -> None:
         """Deal with whole numbers without a unit, such as a register's: they are no SI values.

@@ -23,6 +23,9 @@ _FAR_OFF = NANO
 # A gap is longer than both: a number of median time steps, and a time in s.
 _GAP_STEPS, _GAP = 5.0, 0.02
 GAPS = ' gaps in the joint states'
+# Stamps that are so many s older or newer than those of joint states received at the same time are
+# noted; beyond the second number they are of another clock, since no message is as late.
+_NOTED, _OTHER_CLOCK = 0.1, 1.0
 # Topics that are interpolated, and the signals in their columns.
 _INTERPOLATED = {
     'reference': ('reference_position', 'reference_velocity'),
@@ -50,13 +53,14 @@ class Shifts:
 def message_times(track: Track, notes: list[str]) -> np.ndarray:
     """Return the time of each message in ns: its stamp, or the receive time where that is zero."""
     stamp, receive = track.stamp, track.receive
+    if np.array_equal(stamp, receive):
+        return stamp    # a table, whose times may be zero
     empty = stamp == 0
     if empty.all():
         notes.append('stamps are zero: receive times are used')
         return receive
     if not empty.any():
-        if (len(stamp) > 20 and len(np.unique(stamp)) < len(stamp) // 10
-                and not np.array_equal(stamp, receive)):
+        if len(stamp) > 20 and len(np.unique(stamp)) < len(stamp) // 10:
             notes.append('stamps hardly change: receive times are used')
             return receive
         return stamp
@@ -137,12 +141,35 @@ class TimeBase:
     receive: np.ndarray
     stamped: bool  # whether the joint states have stamps
     shifts: Shifts
+    notes: list[str]
 
     def pair(self, track: Track) -> tuple[np.ndarray, np.ndarray]:
         """Return times of the joint states and of another topic, ns: stamps if both have them."""
-        if self.stamped and track.stamp.any():
-            return self.stamp, self.shifts.apply(track.stamp, track.order)
-        return self.receive, track.receive
+        if not self.stamped or not track.stamp.any():
+            return self.receive, track.receive
+        times = self.shifts.apply(track.stamp, track.order)
+        return self.stamp, times - self._other_clock(track, times)
+
+    def _other_clock(self, track: Track, times: np.ndarray) -> int:
+        """Return how far the clock of a topic's stamps is ahead of the joint states', ns."""
+        receive = track.receive
+        together = (receive >= self.receive[0]) & (receive <= self.receive[-1])
+        if not together.any():
+            return 0
+        ahead = times - receive - np.interp(receive, self.receive, self.stamp - self.receive)
+        low, middle, high = np.quantile(ahead[together], (0.1, 0.5, 0.9)) / NANO
+        # Without times of receipt, this varies as much as the times.
+        if high - low > _OTHER_CLOCK or abs(middle) < _NOTED:
+            return 0
+        other = abs(middle) > _OTHER_CLOCK
+        note = (f'{track.topic}: its stamps are {abs(middle):.2g} s '
+                f'{"ahead of" if middle > 0.0 else "behind"} those of the joint states that were '
+                'received with them: ' + (
+                    'another clock, set to theirs' if other else
+                    'a late driver, or clocks that differ'))
+        if note not in self.notes:
+            self.notes.append(note)
+        return round(NANO * middle) if other else 0
 
     def _finite_values(self, track: Track, values: np.ndarray
                        ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

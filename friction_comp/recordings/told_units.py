@@ -108,5 +108,9 @@ def time_fault(time: np.ndarray) -> str:
     steps = np.diff(time[np.isfinite(time)])
     # Half of the rows or more share their time with others if times are rounded to seconds.
     usual = float(np.median(steps)) if steps.size else 0.0
-    return (f'has rows {usual:.3g} apart, which show no motion if these are seconds'
-            if usual >= _ROWS[1] else '')
+    if usual < _ROWS[1]:
+        return ''
+    unit = next((unit for unit, factor in _UNITS_OF_TIME.items() if factor * usual < _ROWS[1]),
+                'ns')
+    return (f'has rows {usual:.3g} apart, which show no motion if these are seconds: give its '
+            f'unit, for instance --unit time={unit}, or time=s')

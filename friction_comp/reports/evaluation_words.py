@@ -35,8 +35,18 @@ def _peaks(evaluation: Evaluation) -> _Peaks | None:
                  and (c.first, c.second) == pair), None)
     before, after = (peak_text(torque, evaluation.stuck(condition))
                      for torque, condition in zip(torques, pair))
-    return _Peaks(pair, (before, after), f'{"at least " if evaluation.is_bound else ""}'
-                  f'**{abs(100 * change):.0f} % {"less" if change >= 0 else "more"}**', test)
+    return _Peaks(pair, (before, after), _change_in_words(change, *(
+        bool(evaluation.stuck(condition)) for condition in pair)), test)
+
+
+def _change_in_words(change: float, first_is_bound: bool, second_is_bound: bool) -> str:
+    """Return by how much less the second torque is, each of which may be a lower bound."""
+    words = f'**{abs(100 * change):.0f} % {"less" if change >= 0 else "more"}**'
+    if first_is_bound and second_is_bound:
+        return f'{words}, of torques that did not always suffice'
+    if first_is_bound or second_is_bound:
+        return f'at {"least" if first_is_bound == (change >= 0) else "most"} {words}'
+    return words
 
 
 def compared_peaks(evaluation: Evaluation) -> tuple[str, str] | None:

@@ -26,6 +26,7 @@ from friction_comp.errors import InputError
 from friction_comp.monitoring.network import alone
 from friction_comp.ros.executor import StreamExecutor
 from friction_comp.ros.parameters import unknown_parameters
+from friction_comp.ros.remappings import unknown_remappings
 from friction_comp.ros.ros_start import start_ros, steady_timer, without_source_locations
 
 _FINAL_SPINS = 10
@@ -78,7 +79,7 @@ def run(name: str, make_node: Callable[[], Any], argv: Sequence[str]) -> int:
             raise InputError(without_source_locations(error)) from None
         stop_motor = getattr(node, 'stop_motor', _do_nothing)
         signals.set_callback(stop_motor)
-        for text in unknown_parameters(node):
+        for text in [*unknown_parameters(node), *unknown_remappings(node, argv)]:
             node.get_logger().warning(text)
         _look_for_peers(node)
         executor = StreamExecutor(node)

@@ -36,10 +36,15 @@ def declare(node: Any, name: str, default: Any, description: str, low: float | N
     elif low is not None:
         descriptor.floating_point_range = [FloatingPointRange(
             from_value=float(low), to_value=float(high or LARGE))]
-    if default == []:
+    # An empty list has no type, and ROS takes it for no value.
+    given = getattr(node, '_parameter_overrides', {}).get(name)
+    empty = given is not None and given.value is None
+    if default == [] or (empty and isinstance(default, list) and isinstance(default[0], str)):
         default = ['']
+    elif empty:
+        raise InputError(f'parameter {name}: has no value (it is {_form(default)})')
     try:
-        return node.declare_parameter(name, default, descriptor).value
+        return node.declare_parameter(name, default, descriptor, ignore_override=empty).value
     except InvalidParameterTypeException as error:
         raise InputError(f'parameter {name}: {error} (it is {_form(default)})') from None
     except Exception as error:

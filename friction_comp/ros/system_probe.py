@@ -98,7 +98,7 @@ def _endpoints(infos: Any) -> list[Endpoint]:
     return [Endpoint(
         f'{info.node_namespace.rstrip("/")}/{info.node_name}',
         info.qos_profile.reliability == ReliabilityPolicy.RELIABLE,
-        info.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL)
+        info.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL, info.topic_type)
         for info in infos if info.node_name != NAME]
 
 

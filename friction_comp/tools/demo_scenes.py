@@ -169,8 +169,8 @@ def play_wear(system: DemoSystem) -> None:
         'warning': warning, 'afterwards': afterwards, 'message': result.message,
         'verdict': result.verdict, 'error_before': result.error_before,
         'error_after': result.error_after, 'report': result.report,
-        'found': [f'{effect.name.replace("_", " ")} ({effect.variable})'
-                  for effect in FrictionModel.load(result.model_file).effects]}
+        'found': [f'{name.replace("_", " ")} ({variable})'
+                  for name, variable in zip(result.effects, result.variables)]}
     with (system.output / 'repetitions.csv').open('w', newline='', encoding='utf-8') as stream:
         csv.writer(stream, lineterminator='\n').writerows(evaluation.table())
     system.finish(
