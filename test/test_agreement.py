@@ -8,11 +8,7 @@ import pytest
 
 from friction_comp.identification import agreement
 from friction_comp.identification.goal import IdentificationGoal
-from friction_comp.identification.kinetic import (
-    constant_velocity_currents,
-    cycle_position,
-    cycle_velocity,
-)
+from friction_comp.identification.kinetic import cycle_position, cycle_velocity
 from friction_comp.identification.run import IdentificationRun
 from friction_comp.identification.sigmoid_fit import fit_sigmoid
 from friction_comp.simulation.joint import Plant
@@ -33,10 +29,8 @@ def cycles(friction, load=lambda x: 0.0, speeds=SPEEDS, begin=0.0, noise=0.002, 
         v = np.array([cycle_velocity(t, speed, duration) for t in time])
         command = np.sign(v) * friction(np.abs(v), x, begin + time) + load(x)
         measured = (sensor or (lambda i: i))(command) + noise * random.standard_normal(len(x))
-        points, commanded = (constant_velocity_currents(time, x, i, speed, duration)
-                             for i in (measured, command))
-        driven.append(agreement.Cycle(begin, duration, points, commanded, np.column_stack(
-            [begin + time, x, measured])))
+        driven.append(agreement.Cycle.measured(
+            begin, duration, speed, np.column_stack([begin + time, x, measured]), command, np.inf))
         begin += duration + 2.0
     return driven
 
@@ -121,12 +115,22 @@ def test_a_current_sensor_that_is_off_is_named(sensor, words):
     assert words in said
 
 
-def test_a_controller_without_time_to_settle_is_named():
-    driven = cycles(plain)
-    assert agreement.unsettled(driven, lambda speed: 100.0) == []
-    assert agreement.unsettled(driven, lambda speed: 18.0) == [1.6]
-    [words] = agreement.say_unsettled([1.6])
-    assert 'from 1.6 rad/s on' in words
+def test_a_lag_of_current_or_position_is_named():
+    assert agreement.say_lag(0.004) == []
+    assert 'the measured current is 0.02 s later than the position' in agreement.say_lag(0.02)[0]
+    assert 'the measured position is 0.01 s later than the current' in agreement.say_lag(-0.01)[0]
+
+
+def test_friction_that_varies_over_position_averages_out_without_whole_periods():
+    for phase in (0.0, 2.0, 4.0):
+        driven = cycles(
+            lambda v, x, t, p=phase: plain(v, x, t) * (1.0 + 0.4 * np.sin(50.0 * x + p)))
+        for cycle in driven:
+            truth = plain(cycle.speed, 0.0, 0.0)
+            np.testing.assert_allclose([abs(p.current) for p in cycle.points], truth, rtol=0.02)
+        # Plain means of the fastest are off by more, of which viscous friction is a small part.
+        assert max(abs(abs(np.mean(phase[:, 2])) / truth - 1.0)
+                   for phase in driven[-1].phases()) > 0.025
 
 
 @pytest.mark.parametrize('share', [0.0, 0.3])

@@ -10,19 +10,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 import math
 
 import numpy as np
 
-from friction_comp.identification.kinetic import constant_velocity_windows, KineticPoint, SETTLING
+from friction_comp.identification.inertia import without_lag
+from friction_comp.identification.kinetic import (
+    constant_velocity_currents,
+    constant_velocity_windows,
+    KineticPoint,
+    SETTLING,
+)
 
 # Shares of friction above which two measurements differ: of a speed driven again, of measured and
 # commanded currents, and the amplitude of what depends on position.
 _DRIFT, _CURRENTS, _POSITION = 0.03, 0.04, 0.1
-# A velocity controller has settled after this over its bandwidth.
-_SETTLED = 8.0
+# A lag between current and position that is worth a word, s.
+_LAG = 0.005
 # Standard errors of the difference of two means by which it must be larger.
 _ERRORS = 3.0
 # Ranges of position that are compared, and fewest samples in each.
@@ -38,6 +44,28 @@ class Cycle:
     points: tuple[KineticPoint, ...]        # of the measured current
     commanded: tuple[KineticPoint, ...]     # of the commanded current
     samples: np.ndarray                     # s, rad and A, shape (N, 3)
+    commands: np.ndarray                    # A, shape (N,)
+
+    @classmethod
+    def measured(cls, begin: float, duration: float, speed: float, samples: np.ndarray,
+                 commands: np.ndarray, acceleration: float, lag: float = 0.0) -> Cycle:
+        """Return the cycle that begins at a time in s, from samples and commands as above.
+
+        `acceleration` is per current, rad/s² per A, `lag` that of the current in s. InputError if a
+        phase has too few samples.
+        """
+        level = without_lag(samples, lag)
+        time, position, current = level[np.isfinite(level[:, 2])].T
+        points = constant_velocity_currents(
+            time - begin, position, current, speed, duration, acceleration)
+        commanded = constant_velocity_currents(
+            samples[:, 0] - begin, samples[:, 1], commands, speed, duration, acceleration)
+        return cls(begin, duration, points, commanded, samples, commands)
+
+    def again(self, acceleration: float, lag: float) -> Cycle:
+        """Return this cycle, measured with what is known of inertia and lag at the end."""
+        return self.measured(self.begin, self.duration, self.speed, self.samples, self.commands,
+                             acceleration, lag)
 
     @property
     def speed(self) -> float:
@@ -187,22 +215,13 @@ def check_currents(cycles: Sequence[Cycle]) -> list[str]:
     return said
 
 
-def unsettled(cycles: Sequence[Cycle], bandwidth: Callable[[float], float]) -> list[float]:
-    """Return speeds in rad/s at which phases are too short for the velocity controller to settle.
-
-    `bandwidth` returns the controller's at a speed in rad/s, rad/s.
-    """
-    return [cycle.speed for cycle in cycles
-            if cycle.phase < _SETTLED / bandwidth(cycle.speed)]
-
-
-def say_unsettled(speeds: Sequence[float]) -> list[str]:
-    """Return a warning on the speeds of `unsettled`."""
-    if not speeds:
+def say_lag(lag: float) -> list[str]:
+    """Return a warning on the lag of the current, s, or, below zero, of the position."""
+    if abs(lag) < _LAG:
         return []
-    return [f'from {min(speeds):.3g} rad/s on, the velocity controller had no time to settle, '
-            'since the measured current is late, or the encoder coarse: currents there, viscous '
-            'friction and inertia may be far off. Widen motion_range, or request lower speeds']
+    late, early = ('current', 'position') if lag > 0.0 else ('position', 'current')
+    return [f'the measured {late} is {abs(lag):.2g} s later than the {early}, as behind a low '
+            'pass in the drive; friction and inertia are without this lag']
 
 
 def _friction(points: Sequence[KineticPoint]) -> float:
@@ -211,8 +230,9 @@ def _friction(points: Sequence[KineticPoint]) -> float:
 
 def _error(cycle: Cycle) -> float:
     """Return the standard error of the current at constant velocity, a share of friction."""
-    return max(point.standard_deviation / math.sqrt(max(len(phase), 1)) for point, phase in zip(
-        cycle.points, cycle.phases())) / _friction(cycle.points)
+    # 0.7 of the samples would have this error if all counted alike.
+    return max(point.standard_deviation / math.sqrt(max(0.7 * len(phase), 1.0))
+               for point, phase in zip(cycle.points, cycle.phases())) / _friction(cycle.points)
 
 
 def _over_position(cycle: Cycle) -> tuple[np.ndarray, np.ndarray]:

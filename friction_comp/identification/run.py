@@ -27,8 +27,7 @@ from friction_comp.identification.agreement import (
     levelled,
     position_slopes,
     say_drift,
-    say_unsettled,
-    unsettled,
+    say_lag,
     without_drift,
 )
 from friction_comp.identification.goal import (
@@ -36,9 +35,8 @@ from friction_comp.identification.goal import (
     IdentificationGoal,
     IdentificationResult,
 )
+from friction_comp.identification.inertia import CYCLES, Inertia, inertia_of_cycles, without_lag
 from friction_comp.identification.kinetic import (
-    acceleration_of_cycle,
-    constant_velocity_currents,
     cycle_position,
     cycle_velocity,
     KineticPoint,
@@ -198,20 +196,17 @@ class IdentificationRun(SupervisedRun):
         begin, samples, commands = yield from self._follow(
             reference, duration, max(0.05 * self.goal.motion_range, 0.25 * width), speed, factor)
         driven = np.array(samples)
-        time, position, measured = driven.T
-        good = np.isfinite(measured)
-        if np.mean(good) < 0.95:
+        if np.mean(np.isfinite(driven[:, 2])) < 0.95:
             raise IdentificationError('the measured current is not finite')
         try:
-            points, held = (constant_velocity_currents(
-                time[good] - begin, position[good], current[good], speed, duration,
-                self.acceleration) for current in (measured, np.array(commands)))
+            cycle = Cycle.measured(
+                begin, duration, speed, driven, np.array(commands), self.acceleration)
         except InputError as error:
             raise IdentificationError(str(error)) from None
         if any(abs(point.actual_speed / point.speed - 1.0) > 0.1 or point.unsteadiness > 0.1
-               for point in points):
+               for point in cycle.points):
             return None
-        return Cycle(begin, duration, points, held, driven)
+        return cycle
 
     def _breakaway(self, sign: int) -> Generator[float, Sample, None]:
         """Find the largest current that holds, on one ramp; repeat it if no stair held."""
@@ -290,14 +285,20 @@ class IdentificationRun(SupervisedRun):
 
     def _evaluate(self) -> IdentificationResult:
         slopes = position_slopes(self.cycles)
-        cycles, repeated = (levelled(driven, slopes) for driven in (self.cycles, self.repeated))
-        fast = unsettled(cycles, self._bandwidth)
-        points, drift = without_drift(
-            cycles, [cycle for cycle in repeated if cycle.speed not in fast])
-        points.sort(key=lambda point: point.speed)
-        sigmoid, error = fit_sigmoid([p.speed for p in points], [p.current for p in points])
-        acceleration = self._acceleration(cycles)
-        ramps = evaluate_ramps(self.ramps, self._finest_step(), acceleration, sigmoid.viscous)
+        inertia = self._inertia(levelled(self.cycles, slopes))
+        acceleration, lag = inertia
+        cycles, repeated = (
+            levelled([cycle.again(acceleration, lag) for cycle in driven], slopes)
+            for driven in (self.cycles, self.repeated))
+        points, drift = without_drift(cycles, repeated)
+        sigmoid, error = fit_sigmoid([p.actual_speed for p in points], [p.current for p in points])
+        # The table is that of the speeds that were requested.
+        points = sorted((replace(point, current=point.current + float(
+            sigmoid(point.speed) - sigmoid(point.actual_speed))) for point in points),
+            key=lambda point: point.speed)
+        ramps = evaluate_ramps(
+            [ramp._replace(samples=without_lag(ramp.samples, lag)) for ramp in self.ramps],
+            self._finest_step(), acceleration, sigmoid.viscous)
         breakaway = ramps.records.statistics()
         wrong, doubtful = check_load(
             points, (breakaway.positive_mean, breakaway.negative_mean),
@@ -308,8 +309,8 @@ class IdentificationRun(SupervisedRun):
             points=points, sigmoid=sigmoid, sigmoid_error=error, breakaway=breakaway,
             records=ramps.records, acceleration_per_current=acceleration,
             goal=replace(self.goal, ramp_slope=self.ramp_slope),
-            warnings=[*self.warnings, *check_currents(cycles), *say_drift(drift),
-                      *say_unsettled(fast),
+            warnings=[*self.warnings, *check_currents(cycles), *say_lag(lag),
+                      *say_drift(drift),
                       *ramps.warnings, *([doubtful] if doubtful else []),
                       *check_positions(self.cycles, self.repeated),
                       *check_curve(points, sigmoid, MAX_SCATTER, self.say)],
@@ -320,13 +321,12 @@ class IdentificationRun(SupervisedRun):
         seen = [smallest_step(ramp.samples[:, 1]) for ramp in self.ramps]
         return max(self.drive.position_resolution or 1e-6, min(filter(None, seen), default=0.0))
 
-    def _acceleration(self, cycles: Sequence[Cycle]) -> float:
-        """Return k_t·n/J in rad/s² per A from the cycles of Eq. 3, or else from the push."""
+    def _inertia(self, cycles: Sequence[Cycle]) -> Inertia:
+        """Return k_t·n/J and the lag of the current from the cycles, or else from the push."""
         push = self.acceleration
-        rates = [acceleration_of_cycle(cycle.samples) for cycle in cycles]
-        plausible = [rate for rate in rates if push / 5.0 < rate < 5.0 * push]
-        # The fastest cycle has the largest accelerations.
-        return plausible[-1] if plausible else push
+        found = inertia_of_cycles([cycle.samples for cycle in cycles[-CYCLES:]])
+        plausible = found and push / 5.0 < found.acceleration_per_current < 5.0 * push
+        return found if found and plausible else Inertia(push, 0.0)
 
 
 class _Slide:

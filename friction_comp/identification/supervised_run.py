@@ -19,12 +19,8 @@ from typing import NoReturn
 from friction_comp.drive import Drive
 from friction_comp.identification import velocity_control as control
 from friction_comp.identification.goal import IdentificationError, MotionGoal
-from friction_comp.identification.kinetic import (
-    acceleration_of_push,
-    KineticPoint,
-    Sample,
-    travel_state,
-)
+from friction_comp.identification.inertia import acceleration_of_push
+from friction_comp.identification.kinetic import KineticPoint, Sample, travel_state
 from friction_comp.identification.supervision import Arrivals, LEAST_SHARE, LONGEST_GAP, Supervision
 from friction_comp.signal_checks import LATEST
 
@@ -306,10 +302,6 @@ class SupervisedRun(ABC):
             self.acceleration, float(self._plausible_current(speed)),
             self._expected_current(1, speed), self._expected_current(-1, speed),
             max(min(bandwidth, quiet), 0.5 * control.LEAST_BANDWIDTH))
-
-    def _bandwidth(self, speed: float) -> float:
-        """Return the bandwidth of the velocity controller at a speed in rad/s, rad/s."""
-        return self._controller(1.0, speed).bandwidth
 
     def _plausible_current(self, speed: float) -> float:
         """Return the largest plausible current in A at a speed.
