@@ -26,7 +26,7 @@ from friction_comp.identification.kinetic import (
 
 # Shares of friction above which two measurements differ: of a speed driven again, of measured and
 # commanded currents, and the amplitude of what depends on position.
-_DRIFT, _CURRENTS, _POSITION = 0.03, 0.04, 0.1
+_DRIFT, _CURRENTS, _POSITION = 0.03, 0.04, 0.05
 # A lag between current and position that is worth a word, s.
 _LAG = 0.005
 # Standard errors of the difference of two means by which it must be larger.
@@ -82,6 +82,11 @@ class Cycle:
         """Duration of a phase at constant velocity, s."""
         (begin, end), _ = constant_velocity_windows(self.duration)
         return end - begin
+
+    @property
+    def reach(self) -> float:
+        """Distance driven at constant velocity, rad."""
+        return self.speed * self.phase
 
     @property
     def middle(self) -> float:
@@ -180,17 +185,23 @@ def check_positions(first: Sequence[Cycle], again: Sequence[Cycle]) -> list[str]
         return []
     profiles = [_over_position(cycle) for cycle in both[0]]
     friction = _friction(both[0][0].points)
+    width = max(float(np.ptp(cycle.samples[:, 1])) for cycle in first)
     said = []
     for part, (what, then) in enumerate((
-            ('friction', 'the look-up table has means over the range driven, which makes viscous '
-             'friction less exact; breakaway is that of the middle of the range'),
+            ('friction', 'the look-up table has means over the range driven, breakaway is nearer '
+             'to the peaks in its middle; in other places, either may differ by more'),
             ('the load', 'gravity, a spring or cogging, which are no part of the model'))):
         one, other = (profile[part] for profile in profiles)
         known = np.isfinite(one) & np.isfinite(other)
         if np.sum(known) < _RANGES // 2:
             continue
         common = float(np.cov(one[known], other[known])[0, 1])
-        amplitude = math.sqrt(2.0 * max(common, 0.0)) / friction
+        # A slow cycle is short: what rises over it, rises over all that the fastest drive.
+        places = np.flatnonzero(known) * both[0][0].reach / _RANGES
+        rise, other_rise = (
+            float(np.polyfit(places, profile[known], 1)[0]) for profile in (one, other))
+        trend = 0.5 * width * min(abs(rise), abs(other_rise)) * (rise * other_rise > 0.0)
+        amplitude = max(math.sqrt(2.0 * max(common, 0.0)), trend) / friction
         if amplitude > _POSITION:
             said.append(f'{what} varies over position, by about ±{amplitude:.0%} of friction: '
                         f'{then}')
@@ -238,7 +249,7 @@ def _error(cycle: Cycle) -> float:
 def _over_position(cycle: Cycle) -> tuple[np.ndarray, np.ndarray]:
     """Return friction and load in A over ranges of position; NaN where too little is known."""
     sides = []
-    reach = cycle.speed * cycle.phase
+    reach = cycle.reach
     for _, position, current in (phase.T for phase in cycle.phases()):
         index = np.floor(((position - cycle.middle) / reach + 0.5) * _RANGES).astype(int)
         inside = (index >= 0) & (index < _RANGES)

@@ -31,8 +31,9 @@ _SMOOTHING, _PASSES = 0.008, 3
 _FAST = 0.5
 # Time constants that are compared first, s: of the current, and of the position below zero.
 _LAGS = (-0.04, -0.02, -0.01, -0.005, 0.0, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
-# A lag must leave so much less unexplained than none; inertia must explain this share.
-_LESS, _EXPLAINED = 0.7, 0.8
+# A lag must leave so much less unexplained than none, and so much less to be sure of it; inertia
+# must explain this share.
+_LESS, _SURE, _EXPLAINED = 0.7, 0.4, 0.8
 
 
 class Inertia(NamedTuple):
@@ -44,6 +45,7 @@ class Inertia(NamedTuple):
 
     acceleration_per_current: float     # k_t·n/J, rad/s² per A
     lag: float
+    sure: bool                          # whether there certainly is such a lag
 
 
 def acceleration_of_push(pushed: Sequence[Sample], coasted: Sequence[Sample], strength: float,
@@ -99,12 +101,13 @@ def inertia_of_cycles(cycles: Sequence[np.ndarray]) -> Inertia | None:
     low, high = _LAGS[max(k - 1, 0)], _LAGS[min(k + 1, len(_LAGS) - 1)]
     lag = float(minimize_scalar(left, bounds=(low, high), method='bounded',
                                 options={'xatol': 2e-4}).x)
-    if left(lag) > _LESS * left(0.0):
+    share = left(lag) / max(left(0.0), 1e-12)
+    if share > _LESS:
         lag = 0.0
     per_acceleration, unexplained = _explain(prepared, lag)
     if not per_acceleration > 0.0 or unexplained > 1.0 - _EXPLAINED:
         return None
-    return Inertia(1.0 / per_acceleration, lag)
+    return Inertia(1.0 / per_acceleration, lag, share < _SURE)
 
 
 def without_lag(samples: np.ndarray, lag: float) -> np.ndarray:

@@ -44,7 +44,14 @@ from friction_comp.identification.kinetic import (
 )
 from friction_comp.identification.ramp_evaluation import evaluate_ramps, Ramp
 from friction_comp.identification.sigmoid_fit import fit_sigmoid
-from friction_comp.identification.supervised_run import speed_over, STILL_TIME, SupervisedRun
+from friction_comp.identification.supervised_run import (
+    INERTIA_ASSUMED,
+    OscillationError,
+    speed_over,
+    STILL_TIME,
+    SupervisedRun,
+    TooSlowError,
+)
 from friction_comp.identification.supervision import check_curve, check_load
 from friction_comp.statistics import evenly_spread, smallest_step
 
@@ -56,6 +63,8 @@ CUT_SPEED, CUT_WINDOW, CUT_COUNTS, CUT_DISTANCE = 0.05, 0.02, 8.0, 5e-3
 GAIN_LADDER = (1.0, 1.7, 0.3, 0.1)
 # Above this standard deviation, a share of its mean, a current does not measure friction.
 MAX_SCATTER = 0.15
+# Share of a current by which the curve of Eq. 6 may be off it without a warning.
+CURVE_SHARE = 0.1
 REST_SHARE = 0.1        # of the ramp period at zero current after each ramp, as in Eq. 8
 # Ramps start up to this share of the motion range off its centre, to average out cogging.
 PLACES_SHARE = 0.015
@@ -156,7 +165,8 @@ class IdentificationRun(SupervisedRun):
             speed = speeds.pop(0)
             if best is None:
                 self.warnings.append(
-                    f'{speed:g} rad/s left out: stick-slip, or the joint oscillates')
+                    f'{speed:g} rad/s left out: stick-slip, or the joint oscillates'
+                    + self._why_slow())
                 continue
             driven.append(best)
             if driven is self.cycles:
@@ -193,8 +203,16 @@ class IdentificationRun(SupervisedRun):
         def reference(t: float) -> tuple[float, float]:
             return start + cycle_position(t, speed, duration), cycle_velocity(t, speed, duration)
 
-        begin, samples, commands = yield from self._follow(
-            reference, duration, max(0.05 * self.goal.motion_range, 0.25 * width), speed, factor)
+        allowance = max(0.05 * self.goal.motion_range, 0.25 * width)
+        try:
+            begin, samples, commands = yield from self._follow(
+                reference, duration, allowance, speed, factor)
+        except OscillationError as error:
+            yield from self._calm(error)
+            return (yield from self._one_cycle(speed, factor))
+        except TooSlowError:
+            yield from self._standstill(STILL_TIME)
+            return None
         driven = np.array(samples)
         if np.mean(np.isfinite(driven[:, 2])) < 0.95:
             raise IdentificationError('the measured current is not finite')
@@ -286,7 +304,7 @@ class IdentificationRun(SupervisedRun):
     def _evaluate(self) -> IdentificationResult:
         slopes = position_slopes(self.cycles)
         inertia = self._inertia(levelled(self.cycles, slopes))
-        acceleration, lag = inertia
+        acceleration, lag, _ = inertia or (self.acceleration, 0.0, False)
         cycles, repeated = (
             levelled([cycle.again(acceleration, lag) for cycle in driven], slopes)
             for driven in (self.cycles, self.repeated))
@@ -309,11 +327,12 @@ class IdentificationRun(SupervisedRun):
             points=points, sigmoid=sigmoid, sigmoid_error=error, breakaway=breakaway,
             records=ramps.records, acceleration_per_current=acceleration,
             goal=replace(self.goal, ramp_slope=self.ramp_slope),
-            warnings=[*self.warnings, *check_currents(cycles), *say_lag(lag),
+            warnings=[*(word for word in self.warnings if not inertia or word != INERTIA_ASSUMED),
+                      *check_currents(cycles), *say_lag(lag if inertia and inertia.sure else 0.0),
                       *say_drift(drift),
                       *ramps.warnings, *([doubtful] if doubtful else []),
                       *check_positions(self.cycles, self.repeated),
-                      *check_curve(points, sigmoid, MAX_SCATTER, self.say)],
+                      *check_curve(points, sigmoid, CURVE_SHARE, self.say)],
             drift=drift, presliding=ramps.presliding, backlash=ramps.backlash)
 
     def _finest_step(self) -> float:
@@ -321,12 +340,12 @@ class IdentificationRun(SupervisedRun):
         seen = [smallest_step(ramp.samples[:, 1]) for ramp in self.ramps]
         return max(self.drive.position_resolution or 1e-6, min(filter(None, seen), default=0.0))
 
-    def _inertia(self, cycles: Sequence[Cycle]) -> Inertia:
-        """Return k_t·n/J and the lag of the current from the cycles, or else from the push."""
+    def _inertia(self, cycles: Sequence[Cycle]) -> Inertia | None:
+        """Return k_t·n/J and the lag of the current from the cycles, if they show it."""
         push = self.acceleration
         found = inertia_of_cycles([cycle.samples for cycle in cycles[-CYCLES:]])
-        plausible = found and push / 5.0 < found.acceleration_per_current < 5.0 * push
-        return found if found and plausible else Inertia(push, 0.0)
+        # The push is less exact, the more so on a coarse encoder.
+        return found if found and push / 5.0 < found.acceleration_per_current < 5.0 * push else None
 
 
 class _Slide:
