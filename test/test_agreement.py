@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What identification measures twice must agree; else it says what changed, and by how much."""
 
+import math
+
 from helpers import follow, note_model
 import numpy as np
 import pytest
@@ -125,6 +127,20 @@ def test_a_lag_of_current_or_position_is_named():
     assert agreement.say_lag(0.004) == []
     assert 'the measured current is 0.02 s later than the position' in agreement.say_lag(0.02)[0]
     assert 'the measured position is 0.01 s later than the current' in agreement.say_lag(-0.01)[0]
+
+
+def test_a_joint_that_still_accelerates_with_unknown_inertia_is_named():
+    driven = cycles(plain)
+    fast = driven[-1]
+    late = [*driven[:-1], fast.again(math.inf, 0.0)]
+    assert agreement.say_unsettled(driven, late) == []
+    bent = fast.samples + np.outer((fast.samples[:, 0] - fast.begin) ** 2, (0.0, 0.5, 0.0))
+    unsettled = agreement.Cycle.measured(
+        fast.begin, fast.duration, fast.speed, bent, fast.commands, 10.0)
+    [words] = agreement.say_unsettled(
+        [*driven[:-1], unsettled], [*driven[:-1], unsettled.again(math.inf, 0.0)])
+    assert 'from 1.6 rad/s on' in words
+    assert f'off by {1.0 / 10.0 / plain(1.6, 0.0, 0.0):.0%}' in words
 
 
 def test_friction_that_varies_over_position_averages_out_without_whole_periods():

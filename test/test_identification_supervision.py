@@ -310,7 +310,8 @@ def commanded(currents, response):
 
 
 def test_a_drive_that_limits_its_current_is_no_wrong_unit():
-    for rise, words in ((2000, 'stays at 0.4.* limits its current'), (1, 'late.* Or .* limits its')):
+    for rise, words in (
+            (2000, 'stays at 0.4.* limits its current'), (1, 'late.* Or .* limits its')):
         currents = np.concatenate(
             (np.linspace(0.0, 0.3, 1000), np.linspace(0.3, 1.5, rise), np.full(2000, 1.5)))
         with pytest.raises(IdentificationError, match=words) as caught:

@@ -27,6 +27,8 @@ from friction_comp.identification.kinetic import (
 # Shares of friction above which two measurements differ: of a speed driven again, of measured and
 # commanded currents, and the amplitude of what depends on position.
 _DRIFT, _CURRENTS, _POSITION = 0.03, 0.04, 0.05
+# Share of friction that may accelerate a joint of unknown inertia without a word.
+_UNSETTLED = 0.03
 # A lag between current and position that is worth a word, s.
 _LAG = 0.005
 # Standard errors of the difference of two means by which it must be larger.
@@ -233,6 +235,22 @@ def say_lag(lag: float) -> list[str]:
     late, early = ('current', 'position') if lag > 0.0 else ('position', 'current')
     return [f'the measured {late} is {abs(lag):.2g} s later than the {early}, as behind a low '
             'pass in the drive; friction and inertia are without this lag']
+
+
+def say_unsettled(accelerated: Sequence[Cycle], plain: Sequence[Cycle]) -> list[str]:
+    """Return a warning where acceleration matters, on a joint whose inertia is not known.
+
+    Both are the same cycles: currents without what accelerates the joint, as far as it is known,
+    and with it.
+    """
+    shares = {one.speed: max(abs(a.current - b.current) for a, b in zip(one.points, other.points))
+              / _friction(other.points) for one, other in zip(accelerated, plain)}
+    far = [speed for speed, share in shares.items() if share > _UNSETTLED]
+    if not far:
+        return []
+    return [f'from {min(far):.3g} rad/s on, the velocity controller had no time to settle, and the '
+            f'inertia is not known: currents there may be off by {max(shares.values()):.0%} of '
+            'friction. Widen motion_range, or request lower speeds']
 
 
 def _friction(points: Sequence[KineticPoint]) -> float:

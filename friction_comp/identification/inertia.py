@@ -29,8 +29,9 @@ _TRANSIENT = 2.5e-3  # s that the current controller takes after a step of curre
 _SMOOTHING, _PASSES = 0.008, 3
 # Share of the top speed from which on samples are used: nearer to a reversal, presliding ends.
 _FAST = 0.5
-# Time constants that are compared first, s: of the current, and of the position below zero.
-_LAGS = (-0.04, -0.02, -0.01, -0.005, 0.0, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
+# Time constants that are compared first, s: of the current, and of the position below zero. No
+# joint is moved with later ones; one at the end only makes up for something else.
+_LAGS = (-0.06, -0.04, -0.02, -0.01, -0.005, 0.0, 0.005, 0.01, 0.02, 0.04, 0.06)
 # A lag must leave so much less unexplained than none, and so much less to be sure of it; inertia
 # must explain this share.
 _LESS, _SURE, _EXPLAINED = 0.7, 0.4, 0.8
@@ -102,8 +103,8 @@ def inertia_of_cycles(cycles: Sequence[np.ndarray]) -> Inertia | None:
     lag = float(minimize_scalar(left, bounds=(low, high), method='bounded',
                                 options={'xatol': 2e-4}).x)
     share = left(lag) / max(left(0.0), 1e-12)
-    if share > _LESS:
-        lag = 0.0
+    if share > _LESS or not 0.95 * _LAGS[0] < lag < 0.95 * _LAGS[-1]:
+        lag, share = 0.0, 1.0
     per_acceleration, unexplained = _explain(prepared, lag)
     if not per_acceleration > 0.0 or unexplained > 1.0 - _EXPLAINED:
         return None

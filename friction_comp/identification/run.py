@@ -28,6 +28,7 @@ from friction_comp.identification.agreement import (
     position_slopes,
     say_drift,
     say_lag,
+    say_unsettled,
     without_drift,
 )
 from friction_comp.identification.goal import (
@@ -305,9 +306,10 @@ class IdentificationRun(SupervisedRun):
         slopes = position_slopes(self.cycles)
         inertia = self._inertia(levelled(self.cycles, slopes))
         acceleration, lag, _ = inertia or (self.acceleration, 0.0, False)
+        # An inertia that is not known must not correct anything.
         cycles, repeated = (
-            levelled([cycle.again(acceleration, lag) for cycle in driven], slopes)
-            for driven in (self.cycles, self.repeated))
+            levelled([cycle.again(acceleration if inertia else math.inf, lag) for cycle in driven],
+                     slopes) for driven in (self.cycles, self.repeated))
         points, drift = without_drift(cycles, repeated)
         sigmoid, error = fit_sigmoid([p.actual_speed for p in points], [p.current for p in points])
         # The table is that of the speeds that were requested.
@@ -329,6 +331,7 @@ class IdentificationRun(SupervisedRun):
             goal=replace(self.goal, ramp_slope=self.ramp_slope),
             warnings=[*(word for word in self.warnings if not inertia or word != INERTIA_ASSUMED),
                       *check_currents(cycles), *say_lag(lag if inertia and inertia.sure else 0.0),
+                      *([] if inertia else say_unsettled(self.cycles, cycles)),
                       *say_drift(drift),
                       *ramps.warnings, *([doubtful] if doubtful else []),
                       *check_positions(self.cycles, self.repeated),
@@ -342,10 +345,11 @@ class IdentificationRun(SupervisedRun):
 
     def _inertia(self, cycles: Sequence[Cycle]) -> Inertia | None:
         """Return k_t·n/J and the lag of the current from the cycles, if they show it."""
-        push = self.acceleration
         found = inertia_of_cycles([cycle.samples for cycle in cycles[-CYCLES:]])
-        # The push is less exact, the more so on a coarse encoder.
-        return found if found and push / 5.0 < found.acceleration_per_current < 5.0 * push else None
+        # A push that moved the joint is right within tens of percent, unless a sensor is late.
+        wide = 50.0 if INERTIA_ASSUMED in self.warnings else 5.0
+        ratio = found.acceleration_per_current / self.acceleration if found else 0.0
+        return found if 1.0 / wide < ratio < wide else None
 
 
 class _Slide:
