@@ -257,11 +257,11 @@ class CurrentCheck:
     """Compares the measured current with the commanded one, sample by sample.
 
     Both are smoothed with the same filter. The mean measured current while the command is zero is
-    the sensor's offset. `commanded` is the smoothed commanded current in A.
+    the sensor's offset. `commanded` and `measured` are the smoothed currents in A.
     """
 
     def __init__(self) -> None:
-        self.commanded = self._measured = 0.0
+        self.commanded = self.measured = 0.0
         # The sensor's offset, and the number of samples in this mean.
         self._offset, self._offset_count = 0.0, 0
         # Integrals over time, with exponential forgetting and in total: of the squared commanded
@@ -279,14 +279,14 @@ class CurrentCheck:
             self._offset += (measured - self._offset) / self._offset_count
         share = -math.expm1(-step / _SMOOTHING)
         self.commanded += share * (command - self.commanded)
-        self._measured += share * (measured - self._offset - self._measured)
+        self.measured += share * (measured - self._offset - self.measured)
         past = self._past
-        past.append((time, self.commanded, self._measured))
+        past.append((time, self.commanded, self.measured))
         while time - past[0][0] > _MEMORY + LATEST:
             past.popleft()
         fading = math.exp(-step / _MEMORY)
         self._removed = fading * self._removed + step * (command - self.commanded) ** 2
-        power, product = step * self.commanded ** 2, step * self.commanded * self._measured
+        power, product = step * self.commanded ** 2, step * self.commanded * self.measured
         recent, whole = self._recent, self._all
         self._recent = (
             fading * recent[0] + power, fading * recent[1] + product, fading * recent[2] + step)

@@ -343,7 +343,7 @@ def test_ramps_above_the_current_limit_are_refused():
 @pytest.mark.parametrize('counts', [None, 4000])
 def test_presliding_of_an_encoder_coarser_than_stated_is_not_made_up(counts):
     model = note_model(1)
-    coarse = 2.0 * math.pi / (400 * model.drive.gear_ratio)
+    coarse = 2.0 * math.pi / (200 * model.drive.gear_ratio)
 
     def measured(run, sample):
         sample[1] = round(sample[1] / coarse) * coarse

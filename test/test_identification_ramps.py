@@ -7,12 +7,13 @@ import math
 from hypothesis import given, strategies as st
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from friction_comp.drive import Drive
 from friction_comp.identification.breakaway import rests
 from friction_comp.identification.goal import IdentificationError, IdentificationGoal
+from friction_comp.identification.inertia import inertia_of_cycles
 from friction_comp.identification.kinetic import (
-    acceleration_of_cycle,
     constant_velocity_windows,
     cycle_position,
     cycle_velocity,
@@ -110,6 +111,15 @@ def test_a_joint_rests_if_it_slows_down_and_slides_if_it_does_not():
     trembling = 5.0 * COUNT * np.random.default_rng(1).normal(size=time.size)
     assert moved(3e-4 + trembling)
     assert not moved(5e-3 * time + trembling)
+
+
+@pytest.mark.parametrize(('weight', 'given'), [(0.1, True), (0.5, False)])
+def test_a_contact_that_a_weight_has_bent_before_a_ramp_has_no_stiffness(weight, given):
+    ramps = [ramp(dahl(1.5e-3), sign=sign, before=before, level=LEVEL * (1.0 + sign * weight))
+             for sign in (1, -1) for before in (1, -1)]
+    found = evaluated(ramps).presliding
+    assert found.distance == pytest.approx(1.5e-3, rel=0.15)
+    assert (found.stiffness is not None) is given
 
 
 def test_stiffness_is_the_slope_of_the_first_third():
@@ -230,8 +240,36 @@ def test_the_inertia_is_what_getting_faster_takes_more_than_getting_slower(frict
     current = friction(velocity) + np.gradient(velocity, time) / RATE
     current += 2e-3 * np.random.default_rng(3).normal(size=time.size)
     counted = np.floor(position / COUNT) * COUNT
-    assert acceleration_of_cycle(np.column_stack([time, counted, current])) == pytest.approx(
-        RATE, rel=0.05)
+    found = inertia_of_cycles([np.column_stack([time, counted, current])])
+    assert found.acceleration_per_current == pytest.approx(RATE, rel=0.03)
+    assert found.lag == pytest.approx(0.0, abs=2e-3)
+
+
+@pytest.mark.parametrize('lag', [-0.015, 0.01, 0.03, 0.05])
+def test_a_low_pass_in_a_sensor_is_found_and_inertia_is_what_it_is(lag):
+    duration, speed = 2.0, 1.2
+    time = np.arange(0.0, duration, 1e-3)
+    position = np.array([cycle_position(t, speed, duration) for t in time])
+    velocity = np.gradient(position, time)
+    current = 0.1 * np.sign(velocity) + 0.05 * velocity + np.gradient(velocity, time) / RATE
+    share = 1.0 - np.exp(-1e-3 / abs(lag))
+
+    def late(values):
+        return lfilter([share], [1.0, share - 1.0], values)
+    position, current = (position, late(current)) if lag > 0.0 else (late(position), current)
+    current = current + 2e-3 * np.random.default_rng(3).normal(size=time.size)
+    found = inertia_of_cycles([np.column_stack([time, position, current])])
+    assert found.lag == pytest.approx(lag, rel=0.1)
+    assert found.acceleration_per_current == pytest.approx(RATE, rel=0.04)
+
+
+def test_inertia_that_hardly_takes_current_is_not_given():
+    duration = 2.0
+    time = np.arange(0.0, duration, 1e-3)
+    position = np.array([cycle_position(t, 1.2, duration) for t in time])
+    current = 0.1 * np.sign(np.gradient(position, time)) + 0.02 * np.random.default_rng(3).normal(
+        size=time.size)
+    assert inertia_of_cycles([np.column_stack([time, position, current])]) is None
 
 
 velocity_reference, position_reference, current_ramp = (

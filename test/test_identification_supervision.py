@@ -297,6 +297,72 @@ def test_a_controller_that_rattles_is_no_wrong_unit():
         look_at_rattle(0.2)
 
 
+def commanded(currents, response):
+    """Check currents in A that a drive answers by `response`, on a joint that is not looked at."""
+    supervision = supervised()
+    supervision.least = 0.002
+    random = np.random.default_rng(8)
+    for k, current in enumerate(currents):
+        supervision.check(1e-3 * k, 0.0, None, response(current) + 1e-3 * random.normal(), current,
+                          None, math.nan)
+        if k == 900:
+            supervision.is_current_confirmed()
+
+
+def test_a_drive_that_limits_its_current_is_no_wrong_unit():
+    for rise, words in (
+            (2000, 'stays at 0.4.* limits its current'), (1, 'late.* Or .* limits its')):
+        currents = np.concatenate(
+            (np.linspace(0.0, 0.3, 1000), np.linspace(0.3, 1.5, rise), np.full(2000, 1.5)))
+        with pytest.raises(IdentificationError, match=words) as caught:
+            commanded(currents, lambda current: min(current, 0.4))
+        assert 'unit' not in str(caught.value)
+
+
+@pytest.mark.parametrize('band', [0.3, 0.02])
+def test_a_dead_band_is_a_cause_where_small_currents_have_no_answer(band):
+    with pytest.raises(IdentificationError, match='dead band') as caught:
+        commanded(np.linspace(0.0, 0.2, 2000), lambda current: max(current - band, 0.0))
+    assert 'sign' not in str(caught.value)
+
+
+def test_a_joint_that_swings_is_not_blocked_but_oscillates():
+    supervision = supervised()
+    for k in range(400):
+        position = 0.002 * math.sin(2.0 * math.pi * 10.0 * 1e-3 * k)
+        command = -2.0 * math.copysign(1.0, math.sin(2.0 * math.pi * 10.0 * 1e-3 * k - 1.2))
+        supervision.check(1e-3 * k, position, None, math.nan, command, (0.5, -0.5), 4.0)
+    assert supervision.oscillates()
+    supervision.forget_oscillation()
+    assert not supervision.oscillates()
+
+
+def test_a_position_behind_a_low_pass_slows_the_controller_and_is_said():
+    state = [0.0]
+
+    def alter(run, sample):
+        state[0] += (1.0 - math.exp(-2e-3 / 0.025)) * (sample[1] - state[0])
+        return [sample[0], state[0], math.nan, sample[3]]
+    result = Bench(alter, step=2e-3).finish()
+    truth = note_model().sigmoid(result.speeds)
+    np.testing.assert_allclose(result.currents, truth, rtol=0.03)
+    assert any('position is 0.02' in word for word in result.warnings)
+
+
+def test_a_coarse_encoder_shows_no_speed_in_a_single_count():
+    step = math.radians(0.2)
+    model = note_model()
+    drive = Drive(model.drive.torque_constant * model.drive.gear_ratio, 1.0,
+                  round(2.0 * math.pi / step), model.drive.current_limit)
+
+    def alter(run, sample):
+        return [sample[0], math.floor(sample[1] / step) * step, math.nan, sample[3]]
+    bench = Bench(alter, step=2e-3)
+    bench.run = IdentificationRun(IdentificationGoal(**GOAL), drive)
+    result = bench.finish()
+    np.testing.assert_allclose(result.currents, model.sigmoid(result.speeds), rtol=0.03)
+
+
 @pytest.mark.parametrize('samples', [2, 6])
 def test_a_drive_that_is_slow_but_in_time_is_identified_with_lower_gains(samples):
     """At 250 Hz the current comes 8 to 24 ms after the command."""

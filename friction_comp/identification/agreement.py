@@ -10,19 +10,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 import math
 
 import numpy as np
 
-from friction_comp.identification.kinetic import constant_velocity_windows, KineticPoint, SETTLING
+from friction_comp.identification.inertia import without_lag
+from friction_comp.identification.kinetic import (
+    constant_velocity_currents,
+    constant_velocity_windows,
+    KineticPoint,
+    SETTLING,
+)
 
 # Shares of friction above which two measurements differ: of a speed driven again, of measured and
 # commanded currents, and the amplitude of what depends on position.
-_DRIFT, _CURRENTS, _POSITION = 0.03, 0.04, 0.1
-# A velocity controller has settled after this over its bandwidth.
-_SETTLED = 8.0
+_DRIFT, _CURRENTS, _POSITION = 0.03, 0.04, 0.05
+# Share of friction that may accelerate a joint of unknown inertia without a word.
+_UNSETTLED = 0.03
+# A lag between current and position that is worth a word, s.
+_LAG = 0.005
 # Standard errors of the difference of two means by which it must be larger.
 _ERRORS = 3.0
 # Ranges of position that are compared, and fewest samples in each.
@@ -38,6 +46,28 @@ class Cycle:
     points: tuple[KineticPoint, ...]        # of the measured current
     commanded: tuple[KineticPoint, ...]     # of the commanded current
     samples: np.ndarray                     # s, rad and A, shape (N, 3)
+    commands: np.ndarray                    # A, shape (N,)
+
+    @classmethod
+    def measured(cls, begin: float, duration: float, speed: float, samples: np.ndarray,
+                 commands: np.ndarray, acceleration: float, lag: float = 0.0) -> Cycle:
+        """Return the cycle that begins at a time in s, from samples and commands as above.
+
+        `acceleration` is per current, rad/s² per A, `lag` that of the current in s. InputError if a
+        phase has too few samples.
+        """
+        level = without_lag(samples, lag)
+        time, position, current = level[np.isfinite(level[:, 2])].T
+        points = constant_velocity_currents(
+            time - begin, position, current, speed, duration, acceleration)
+        commanded = constant_velocity_currents(
+            samples[:, 0] - begin, samples[:, 1], commands, speed, duration, acceleration)
+        return cls(begin, duration, points, commanded, samples, commands)
+
+    def again(self, acceleration: float, lag: float) -> Cycle:
+        """Return this cycle, measured with what is known of inertia and lag at the end."""
+        return self.measured(self.begin, self.duration, self.speed, self.samples, self.commands,
+                             acceleration, lag)
 
     @property
     def speed(self) -> float:
@@ -54,6 +84,11 @@ class Cycle:
         """Duration of a phase at constant velocity, s."""
         (begin, end), _ = constant_velocity_windows(self.duration)
         return end - begin
+
+    @property
+    def reach(self) -> float:
+        """Distance driven at constant velocity, rad."""
+        return self.speed * self.phase
 
     @property
     def middle(self) -> float:
@@ -152,17 +187,23 @@ def check_positions(first: Sequence[Cycle], again: Sequence[Cycle]) -> list[str]
         return []
     profiles = [_over_position(cycle) for cycle in both[0]]
     friction = _friction(both[0][0].points)
+    width = max(float(np.ptp(cycle.samples[:, 1])) for cycle in first)
     said = []
     for part, (what, then) in enumerate((
-            ('friction', 'the look-up table has means over the range driven, which makes viscous '
-             'friction less exact; breakaway is that of the middle of the range'),
+            ('friction', 'the look-up table has means over the range driven, breakaway is nearer '
+             'to the peaks in its middle; in other places, either may differ by more'),
             ('the load', 'gravity, a spring or cogging, which are no part of the model'))):
         one, other = (profile[part] for profile in profiles)
         known = np.isfinite(one) & np.isfinite(other)
         if np.sum(known) < _RANGES // 2:
             continue
         common = float(np.cov(one[known], other[known])[0, 1])
-        amplitude = math.sqrt(2.0 * max(common, 0.0)) / friction
+        # A slow cycle is short: what rises over it, rises over all that the fastest drive.
+        places = np.flatnonzero(known) * both[0][0].reach / _RANGES
+        rise, other_rise = (
+            float(np.polyfit(places, profile[known], 1)[0]) for profile in (one, other))
+        trend = 0.5 * width * min(abs(rise), abs(other_rise)) * (rise * other_rise > 0.0)
+        amplitude = max(math.sqrt(2.0 * max(common, 0.0)), trend) / friction
         if amplitude > _POSITION:
             said.append(f'{what} varies over position, by about ±{amplitude:.0%} of friction: '
                         f'{then}')
@@ -187,22 +228,29 @@ def check_currents(cycles: Sequence[Cycle]) -> list[str]:
     return said
 
 
-def unsettled(cycles: Sequence[Cycle], bandwidth: Callable[[float], float]) -> list[float]:
-    """Return speeds in rad/s at which phases are too short for the velocity controller to settle.
-
-    `bandwidth` returns the controller's at a speed in rad/s, rad/s.
-    """
-    return [cycle.speed for cycle in cycles
-            if cycle.phase < _SETTLED / bandwidth(cycle.speed)]
-
-
-def say_unsettled(speeds: Sequence[float]) -> list[str]:
-    """Return a warning on the speeds of `unsettled`."""
-    if not speeds:
+def say_lag(lag: float) -> list[str]:
+    """Return a warning on the lag of the current, s, or, below zero, of the position."""
+    if abs(lag) < _LAG:
         return []
-    return [f'from {min(speeds):.3g} rad/s on, the velocity controller had no time to settle, '
-            'since the measured current is late, or the encoder coarse: currents there, viscous '
-            'friction and inertia may be far off. Widen motion_range, or request lower speeds']
+    late, early = ('current', 'position') if lag > 0.0 else ('position', 'current')
+    return [f'the measured {late} is {abs(lag):.2g} s later than the {early}, as behind a low '
+            'pass in the drive; friction and inertia are without this lag']
+
+
+def say_unsettled(accelerated: Sequence[Cycle], plain: Sequence[Cycle]) -> list[str]:
+    """Return a warning where acceleration matters, on a joint whose inertia is not known.
+
+    Both are the same cycles: currents without what accelerates the joint, as far as it is known,
+    and with it.
+    """
+    shares = {one.speed: max(abs(a.current - b.current) for a, b in zip(one.points, other.points))
+              / _friction(other.points) for one, other in zip(accelerated, plain)}
+    far = [speed for speed, share in shares.items() if share > _UNSETTLED]
+    if not far:
+        return []
+    return [f'from {min(far):.3g} rad/s on, the velocity controller had no time to settle, and the '
+            f'inertia is not known: currents there may be off by {max(shares.values()):.0%} of '
+            'friction. Widen motion_range, or request lower speeds']
 
 
 def _friction(points: Sequence[KineticPoint]) -> float:
@@ -211,14 +259,15 @@ def _friction(points: Sequence[KineticPoint]) -> float:
 
 def _error(cycle: Cycle) -> float:
     """Return the standard error of the current at constant velocity, a share of friction."""
-    return max(point.standard_deviation / math.sqrt(max(len(phase), 1)) for point, phase in zip(
-        cycle.points, cycle.phases())) / _friction(cycle.points)
+    # 0.7 of the samples would have this error if all counted alike.
+    return max(point.standard_deviation / math.sqrt(max(0.7 * len(phase), 1.0))
+               for point, phase in zip(cycle.points, cycle.phases())) / _friction(cycle.points)
 
 
 def _over_position(cycle: Cycle) -> tuple[np.ndarray, np.ndarray]:
     """Return friction and load in A over ranges of position; NaN where too little is known."""
     sides = []
-    reach = cycle.speed * cycle.phase
+    reach = cycle.reach
     for _, position, current in (phase.T for phase in cycle.phases()):
         index = np.floor(((position - cycle.middle) / reach + 0.5) * _RANGES).astype(int)
         inside = (index >= 0) & (index < _RANGES)

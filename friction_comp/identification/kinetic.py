@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Movements and currents of identification (note, Eq. 3-5 and 8), and what they measure.
 
-The look-up table of section 2.3 has mean currents at constant velocity; also inertia.
+The look-up table of section 2.3 has mean currents at constant velocity.
 """
 
 from __future__ import annotations
@@ -24,9 +24,6 @@ LARGEST_SPEED = math.radians(100.0)
 """Bound on |ω_c| in Eq. 5, rad/s."""
 SETTLING = 0.25
 """Time in s at the beginning of a constant-velocity phase that is not used."""
-
-_TRANSIENT = 2.5e-3  # s that the current controller takes after a step of current
-_CYCLE_SMOOTHING = 0.02  # share of a cycle over which acceleration is computed
 
 
 def cycle_velocity(time: float, speed: float, cycle_time: float) -> float:
@@ -120,7 +117,7 @@ class KineticPoint:
     """One entry of the look-up table."""
 
     speed: float                 # ω_c as requested, rad/s, signed
-    current: float               # mean without the part that accelerates the joint, A
+    current: float               # weighted mean without the part that accelerates the joint, A
     standard_deviation: float    # of the measured current over the phase, A
     actual_speed: float          # mean velocity over the phase, rad/s
     unsteadiness: float          # largest deviation from a straight line, as a share of its length
@@ -136,6 +133,11 @@ def constant_velocity_currents(time: ArrayLike, position: ArrayLike, current: Ar
     Time in s since the beginning of the cycle, position in rad and measured current in A, each
     (N,). With `acceleration_per_current` (k_t·n/J, rad/s² per A), the small current that still
     accelerates the joint is subtracted from the mean.
+
+    Currents, speeds and positions are averaged with weights that vanish at both ends of a phase,
+    s²·(1 - s)² of its share s. The second derivative of a fitted parabola is the mean acceleration
+    with just these weights, so that a controller that still settles does not matter; and friction
+    that varies over position averages out without a whole number of its periods.
     """
     time, position, current = (
         np.asarray(values, dtype=float) for values in (time, position, current))
@@ -149,80 +151,21 @@ def constant_velocity_currents(time: ArrayLike, position: ArrayLike, current: Ar
                 'too few to average')
         t = time[chosen] - np.mean(time[chosen])
         x, i = position[chosen], current[chosen]
+        share = (t - t[0]) / (t[-1] - t[0])
+        # Samples may come unevenly: each stands for the time around it.
+        weight = (share * (1.0 - share)) ** 2 * np.gradient(t)
+        weight /= np.sum(weight)
         bend, slope, _ = np.polyfit(t, x, 2)
-        mean = float(np.mean(i))
+        mean = float(weight @ i)
         if acceleration_per_current is not None:
             mean -= 2.0 * float(bend) / acceleration_per_current
         straight = x - np.polyval(np.polyfit(t, x, 1), t)
         distance = max(abs(slope) * (t[-1] - t[0]), 1e-12)
         points.append(KineticPoint(
             speed=sign * speed, current=mean, standard_deviation=float(np.std(i)),
-            actual_speed=float(slope), unsteadiness=float(np.max(np.abs(straight)) / distance),
-            position=float(np.mean(x))))
+            actual_speed=float(weight @ np.gradient(x, t)),
+            unsteadiness=float(np.max(np.abs(straight)) / distance), position=float(weight @ x)))
     return points[0], points[1]
-
-
-def acceleration_of_push(pushed: Sequence[Sample], coasted: Sequence[Sample], strength: float,
-                         sign: int) -> float:
-    """Estimate k_t·n/J in rad/s² per A from a push at constant current and the coasting after it.
-
-    Friction is about the same in both, so the difference of accelerations is k_t·n/J times the
-    current `strength`, A. The controller tolerates errors of tens of percent. NaN if it cannot be
-    estimated.
-    """
-    faster, top = _acceleration(pushed, sign)
-    if not math.isfinite(faster) or top <= 0.0:
-        return math.nan
-    moving = []
-    for sample in coasted:
-        moving.append(sample)
-        if len(moving) > 3 and sign * (moving[-1].position - moving[-4].position) <= 0.0:
-            break
-    slower, _ = _acceleration(moving[:max(4, int(0.8 * len(moving)))], sign)
-    # If the joint stops within a few samples, use its top speed and the time to rest.
-    stopping = -top / max(moving[-1].time - coasted[0].time, 1e-4)
-    if not math.isfinite(slower) or slower >= 0.0:
-        slower = stopping
-    rate = (faster - slower) / strength
-    return rate if math.isfinite(rate) and rate > 0.0 else math.nan
-
-
-def _acceleration(samples: Sequence[Sample], sign: int) -> tuple[float, float]:
-    """Return acceleration and final speed of a fitted parabola, in the push's direction."""
-    time = np.array([sample.time for sample in samples])
-    position = sign * np.array([sample.position for sample in samples])
-    chosen = time >= time[0] + _TRANSIENT
-    if np.sum(chosen) < 5:
-        if time.size < 3:
-            return math.nan, math.nan
-        chosen[:] = True
-    t, x = time[chosen] - time[-1], position[chosen]
-    bend, slope, _ = np.polyfit(t, x, 2)
-    return 2.0 * float(bend), float(slope)
-
-
-def acceleration_of_cycle(cycle: np.ndarray) -> float:
-    """Estimate k_t·n/J in rad/s² per A from a cycle of Eq. 3: rows of s, rad and A, shape (N, 3).
-
-    At a given speed and direction, friction is the same whether the joint accelerates or
-    decelerates: the difference is due to inertia. NaN if it is small compared with other
-    variations.
-    """
-    time, position, current = cycle.T
-    duration = time[-1] - time[0]
-    even = np.linspace(time[0], time[-1], max(int(duration / np.median(np.diff(time))), 50))
-    step = even[1] - even[0]
-    count = max(int(_CYCLE_SMOOTHING * duration / step), 5) | 1
-    _, speed, acceleration = local_parabolas(np.interp(even, time, position), count, step)
-    smooth = np.convolve(np.interp(even, time, current), np.full(count, 1.0 / count), 'valid')
-    chosen = np.abs(speed) > 0.2 * float(np.max(np.abs(speed)))
-    design = np.column_stack([speed > 0.0, speed < 0.0, speed, acceleration])[chosen].astype(float)
-    coefficients, *_ = np.linalg.lstsq(design, smooth[chosen], rcond=None)
-    left = smooth[chosen] - design @ coefficients
-    taken = coefficients[3] * acceleration[chosen]
-    if not coefficients[3] > 0.0 or np.std(taken) < 2.0 * np.std(left):
-        return math.nan
-    return 1.0 / float(coefficients[3])
 
 
 def local_parabolas(values: np.ndarray, count: int,

@@ -53,6 +53,8 @@ _SURE = 3.0          # standard deviations of noise that a dip must exceed
 _SEEN_COUNTS = 3.0   # smallest backlash that the encoder resolves
 _BINS = 60           # of displacement, at most
 _NEAR = 0.75         # share of the backlash from which on the tangent at the touch is computed
+# A load of this share of friction has bent the contact before a ramp begins: no stiffness then.
+_LOADED = 0.3
 # Share of a pause at its beginning whose current is not used: the current controller settles.
 _SETTLING = 0.3
 # Accepted two standard errors of breakaway, as a share of it, for a gear with backlash.
@@ -300,7 +302,9 @@ def _backlash_message(backlash: float, records: BreakawayRecords) -> str:
 def _presliding(ramps: Sequence[Ramp], peaks: Sequence[RampFriction],
                 records: BreakawayRecords, upturns: Sequence[int], resolution: float,
                 backlash: float | None) -> Presliding | None:
-    levels = np.abs(records.current)
+    levels, directions = np.abs(records.current), records.direction.tolist()
+    sides = [np.mean(levels[records.direction == sign]) for sign in set(directions)]
+    loaded = max(sides) - min(sides) > _LOADED * (max(sides) + min(sides))
     onward = [ramp.before == ramp.direction for ramp in ramps]
     measured = [(same, peak.presliding(level, upturn))
                 for same, peak, level, upturn in zip(onward, peaks, levels, upturns)]
@@ -311,5 +315,5 @@ def _presliding(ramps: Sequence[Ramp], peaks: Sequence[RampFriction],
     return Presliding(
         distance,
         common_stiffness([peak for same, peak in zip(onward, peaks) if same],
-                         float(np.mean(levels)), resolution),
+                         float(np.mean(levels)), resolution) if not loaded else None,
         presliding_std(measured, distance, resolution), backlash)

@@ -27,8 +27,8 @@ from friction_comp.identification.agreement import (
     levelled,
     position_slopes,
     say_drift,
+    say_lag,
     say_unsettled,
-    unsettled,
     without_drift,
 )
 from friction_comp.identification.goal import (
@@ -36,9 +36,8 @@ from friction_comp.identification.goal import (
     IdentificationGoal,
     IdentificationResult,
 )
+from friction_comp.identification.inertia import CYCLES, Inertia, inertia_of_cycles, without_lag
 from friction_comp.identification.kinetic import (
-    acceleration_of_cycle,
-    constant_velocity_currents,
     cycle_position,
     cycle_velocity,
     KineticPoint,
@@ -47,7 +46,14 @@ from friction_comp.identification.kinetic import (
 )
 from friction_comp.identification.ramp_evaluation import evaluate_ramps, Ramp
 from friction_comp.identification.sigmoid_fit import fit_sigmoid
-from friction_comp.identification.supervised_run import speed_over, STILL_TIME, SupervisedRun
+from friction_comp.identification.supervised_run import (
+    INERTIA_ASSUMED,
+    OscillationError,
+    speed_over,
+    STILL_TIME,
+    SupervisedRun,
+    TooSlowError,
+)
 from friction_comp.identification.supervision import check_curve, check_load
 from friction_comp.statistics import evenly_spread, smallest_step
 
@@ -59,6 +65,8 @@ CUT_SPEED, CUT_WINDOW, CUT_COUNTS, CUT_DISTANCE = 0.05, 0.02, 8.0, 5e-3
 GAIN_LADDER = (1.0, 1.7, 0.3, 0.1)
 # Above this standard deviation, a share of its mean, a current does not measure friction.
 MAX_SCATTER = 0.15
+# Share of a current by which the curve of Eq. 6 may be off it without a warning.
+CURVE_SHARE = 0.1
 REST_SHARE = 0.1        # of the ramp period at zero current after each ramp, as in Eq. 8
 # Ramps start up to this share of the motion range off its centre, to average out cogging.
 PLACES_SHARE = 0.015
@@ -159,7 +167,8 @@ class IdentificationRun(SupervisedRun):
             speed = speeds.pop(0)
             if best is None:
                 self.warnings.append(
-                    f'{speed:g} rad/s left out: stick-slip, or the joint oscillates')
+                    f'{speed:g} rad/s left out: stick-slip, or the joint oscillates'
+                    + self._why_slow())
                 continue
             driven.append(best)
             if driven is self.cycles:
@@ -196,22 +205,27 @@ class IdentificationRun(SupervisedRun):
         def reference(t: float) -> tuple[float, float]:
             return start + cycle_position(t, speed, duration), cycle_velocity(t, speed, duration)
 
-        begin, driven, commands = yield from self._follow(
-            reference, duration, max(0.05 * self.goal.motion_range, 0.25 * width), speed, factor)
-        time, position, measured = driven.T
-        good = np.isfinite(measured)
-        if np.mean(good) < 0.95:
+        allowance = max(0.05 * self.goal.motion_range, 0.25 * width)
+        try:
+            begin, driven, commands = yield from self._follow(
+                reference, duration, allowance, speed, factor)
+        except OscillationError as error:
+            yield from self._calm(error)
+            return (yield from self._one_cycle(speed, factor))
+        except TooSlowError:
+            yield from self._standstill(STILL_TIME)
+            return None
+        if np.mean(np.isfinite(driven[:, 2])) < 0.95:
             raise IdentificationError('the measured current is not finite')
         try:
-            points, held = (constant_velocity_currents(
-                time[good] - begin, position[good], current[good], speed, duration,
-                self.acceleration) for current in (measured, np.array(commands)))
+            cycle = Cycle.measured(
+                begin, duration, speed, driven, np.array(commands), self.acceleration)
         except InputError as error:
             raise IdentificationError(str(error)) from None
         if any(abs(point.actual_speed / point.speed - 1.0) > 0.1 or point.unsteadiness > 0.1
-               for point in points):
+               for point in cycle.points):
             return None
-        return Cycle(begin, duration, points, held, driven)
+        return cycle
 
     def _breakaway(self, sign: int) -> Generator[float, Sample, None]:
         """Find the largest current that holds, on one ramp; repeat it if no stair held."""
@@ -290,14 +304,21 @@ class IdentificationRun(SupervisedRun):
 
     def _evaluate(self) -> IdentificationResult:
         slopes = position_slopes(self.cycles)
-        cycles, repeated = (levelled(driven, slopes) for driven in (self.cycles, self.repeated))
-        fast = unsettled(cycles, self._bandwidth)
-        points, drift = without_drift(
-            cycles, [cycle for cycle in repeated if cycle.speed not in fast])
-        points.sort(key=lambda point: point.speed)
-        sigmoid, error = fit_sigmoid([p.speed for p in points], [p.current for p in points])
-        acceleration = self._acceleration(cycles)
-        ramps = evaluate_ramps(self.ramps, self._finest_step(), acceleration, sigmoid.viscous)
+        inertia = self._inertia(levelled(self.cycles, slopes))
+        acceleration, lag, _ = inertia or (self.acceleration, 0.0, False)
+        # An inertia that is not known must not correct anything.
+        cycles, repeated = (
+            levelled([cycle.again(acceleration if inertia else math.inf, lag) for cycle in driven],
+                     slopes) for driven in (self.cycles, self.repeated))
+        points, drift = without_drift(cycles, repeated)
+        sigmoid, error = fit_sigmoid([p.actual_speed for p in points], [p.current for p in points])
+        # The table is that of the speeds that were requested.
+        points = sorted((replace(point, current=point.current + float(
+            sigmoid(point.speed) - sigmoid(point.actual_speed))) for point in points),
+            key=lambda point: point.speed)
+        ramps = evaluate_ramps(
+            [ramp._replace(samples=without_lag(ramp.samples, lag)) for ramp in self.ramps],
+            self._finest_step(), acceleration, sigmoid.viscous)
         breakaway = ramps.records.statistics()
         wrong, doubtful = check_load(
             points, (breakaway.positive_mean, breakaway.negative_mean),
@@ -308,11 +329,13 @@ class IdentificationRun(SupervisedRun):
             points=points, sigmoid=sigmoid, sigmoid_error=error, breakaway=breakaway,
             records=ramps.records, acceleration_per_current=acceleration,
             goal=replace(self.goal, ramp_slope=self.ramp_slope),
-            warnings=[*self.warnings, *check_currents(cycles), *say_drift(drift),
-                      *say_unsettled(fast),
+            warnings=[*(word for word in self.warnings if not inertia or word != INERTIA_ASSUMED),
+                      *check_currents(cycles), *say_lag(lag if inertia and inertia.sure else 0.0),
+                      *([] if inertia else say_unsettled(self.cycles, cycles)),
+                      *say_drift(drift),
                       *ramps.warnings, *([doubtful] if doubtful else []),
                       *check_positions(self.cycles, self.repeated),
-                      *check_curve(points, sigmoid, MAX_SCATTER, self.say)],
+                      *check_curve(points, sigmoid, CURVE_SHARE, self.say)],
             drift=drift, presliding=ramps.presliding, backlash=ramps.backlash)
 
     def _finest_step(self) -> float:
@@ -320,13 +343,13 @@ class IdentificationRun(SupervisedRun):
         seen = [smallest_step(ramp.samples[:, 1]) for ramp in self.ramps]
         return max(self.drive.position_resolution or 1e-6, min(filter(None, seen), default=0.0))
 
-    def _acceleration(self, cycles: Sequence[Cycle]) -> float:
-        """Return k_t·n/J in rad/s² per A from the cycles of Eq. 3, or else from the push."""
-        push = self.acceleration
-        rates = [acceleration_of_cycle(cycle.samples) for cycle in cycles]
-        plausible = [rate for rate in rates if push / 5.0 < rate < 5.0 * push]
-        # The fastest cycle has the largest accelerations.
-        return plausible[-1] if plausible else push
+    def _inertia(self, cycles: Sequence[Cycle]) -> Inertia | None:
+        """Return k_t·n/J and the lag of the current from the cycles, if they show it."""
+        found = inertia_of_cycles([cycle.samples for cycle in cycles[-CYCLES:]])
+        # A push that moved the joint is right within tens of percent, unless a sensor is late.
+        wide = 50.0 if INERTIA_ASSUMED in self.warnings else 5.0
+        ratio = found.acceleration_per_current / self.acceleration if found else 0.0
+        return found if 1.0 / wide < ratio < wide else None
 
 
 class _Slide:

@@ -20,14 +20,10 @@ import numpy as np
 
 from friction_comp.drive import Drive
 from friction_comp.identification import velocity_control as control
+from friction_comp.identification.controller_tuning import ControllerTuning
 from friction_comp.identification.goal import IdentificationError, MotionGoal
-from friction_comp.identification.kinetic import (
-    acceleration_of_push,
-    KineticPoint,
-    Sample,
-    sample_rows,
-    travel_state,
-)
+from friction_comp.identification.inertia import acceleration_of_push
+from friction_comp.identification.kinetic import KineticPoint, Sample, sample_rows, travel_state
 from friction_comp.identification.supervision import Arrivals, LEAST_SHARE, LONGEST_GAP, Supervision
 from friction_comp.signal_checks import LATEST
 
@@ -36,6 +32,8 @@ _PATIENCE = 10.0        # longest time to come to rest, s
 # A joint is at rest if it moves by at most this many counts or this angle in rad.
 _STILL_COUNTS, _STILL_ANGLE = 2.5, 1e-5
 _PUSH_SPEED = 0.3       # speed at which the short push ends, rad/s
+# Fewest counts from which that speed, and the inertia, are computed.
+_SPEED_COUNTS, _PUSH_COUNTS = 4.0, 20.0
 # Without a slope, the first current grows by a factor of e in so many s, from this share of the
 # drive's limit; ramps reach what broke the joint free within so many s, and at most so many times
 # that.
@@ -43,6 +41,22 @@ _GROWTH, _FIRST_SHARE, _RISE_TIME, _BEYOND = 0.7, 1.0 / 300.0, 1.2, 2.0
 # Share of the drive's limit beyond which the first current grows only if the encoder has counted:
 # a joint winds up before it breaks free, a dead encoder never counts.
 _BLIND_SHARE = 0.1
+
+
+# After an oscillation, the bandwidth falls by this factor, unless it is below that share.
+_CALMER, _LEAST_CALMNESS = 0.4, 0.1
+
+
+INERTIA_ASSUMED = 'the inertia could not be estimated; a typical one was assumed'
+"""Warning, until cycles show the inertia."""
+
+
+class TooSlowError(IdentificationError):
+    """The velocity controller is too slow for what it has to follow."""
+
+
+class OscillationError(IdentificationError):
+    """The joint oscillates under its velocity controller."""
 
 
 def speed_over(samples: Sequence[Sample], sign: int, window: float) -> float:
@@ -55,7 +69,7 @@ def speed_over(samples: Sequence[Sample], sign: int, window: float) -> float:
     return 0.0
 
 
-class SupervisedRun(ABC):
+class SupervisedRun(ControllerTuning, ABC):
     """One run of a motion, from standstill to zero current.
 
     Call `update` with every sample and apply the current that it returns, until `finished`. The
@@ -82,14 +96,13 @@ class SupervisedRun(ABC):
         self.acceleration = math.nan        # k_t·n/J, rad/s² per A; NaN before it is known
         self.sample = Sample(math.nan, math.nan, math.nan)  # the latest one
         self.start = math.nan               # position at the start, rad
-        # Look-up table of commanded currents so far, for the controller's feedforward and limit:
-        # measurements in a wrong unit must not drive the joint.
         self.commanded_points: list[KineticPoint] = []
         self.warnings: list[str] = []
         self._resolution = drive.position_resolution or 1e-6
         self._push = {1: 0.0, -1: 0.0}     # current that broke the joint free, magnitude in A
         self._slid = 0                     # direction of the latest slide
         self._counted = False              # whether the encoder has ever changed
+        self._calmness = 1.0               # factor of the controller's bandwidth, after oscillation
         self._run = self._motion()
         next(self._run)
         self._begin: float | None = None
@@ -167,7 +180,8 @@ class SupervisedRun(ABC):
                 f'{what} {abs(time - self._last):.2g} s; the limit is {LONGEST_GAP} s')
         low, high = self._bounds()
         if not low <= position <= high:
-            raise IdentificationError(f'the joint left its motion range of {high - low:.4g} rad')
+            raise IdentificationError(
+                f'the joint left its motion range of {high - low:.4g} rad' + self._why_slow())
 
     def _estimate(self, now: float) -> None:
         """Update `remaining` and `progress` ten times per second of the joint's time."""
@@ -223,7 +237,7 @@ class SupervisedRun(ABC):
         typical = 10.0 / push
         rates = [rate for rate in rates if math.isfinite(rate) and rate > typical / 100.0]
         if not rates:
-            self.warnings.append('the inertia could not be estimated; a typical one was assumed')
+            self.warnings.append(INERTIA_ASSUMED)
         self.acceleration = max(rates, default=typical)
 
     def _short_push(self, sign: int) -> Generator[float, Sample, float]:
@@ -232,15 +246,15 @@ class SupervisedRun(ABC):
         yield from self._standstill(STILL_TIME)
         sample = self.sample
         begin, home = sample.time, sample.position
-        window = deque([sample], maxlen=200)
+        recent = deque([sample], maxlen=200)
         while True:
             current = self._first_current(sample.time - begin)
             if current > peak:
                 self._refuse_blocked(sign, peak)
             sample = yield from self._step(sign * current)
-            window.append(sample)
+            recent.append(sample)
             self._counted = self._counted or sample.position != home
-            if speed_over(window, sign, 0.01) > _PUSH_SPEED / 10.0 and (
+            if speed_over(recent, sign, 0.01) > _PUSH_SPEED / 10.0 and (
                     sign * (sample.position - home) > 8.0 * self._resolution):
                 break
         if not self.supervision.is_current_confirmed():
@@ -255,8 +269,10 @@ class SupervisedRun(ABC):
         strong = min(1.3 * current, self.drive.current_limit)
         room = sample.position + sign * 0.04 * self.goal.motion_range
         pushed, begin = [sample], sample.time
+        # A single count is no speed.
+        window = max(0.004, _SPEED_COUNTS * self._resolution / _PUSH_SPEED)
         while (sign * (sample.position - room) < 0.0 and sample.time - begin < 1.0
-               and speed_over(pushed, sign, 0.004) < _PUSH_SPEED):
+               and speed_over(pushed, sign, window) < _PUSH_SPEED):
             sample = yield from self._step(sign * strong)
             pushed.append(sample)
         coasted = [sample]
@@ -267,7 +283,9 @@ class SupervisedRun(ABC):
                 break
         yield from self._standstill(STILL_TIME)
         self.supervision.measure_delay()
-        return acceleration_of_push(pushed, coasted, strong, sign)
+        way = sign * (sample.position - pushed[0].position)
+        return (acceleration_of_push(pushed, coasted, strong, sign)
+                if way >= _PUSH_COUNTS * self._resolution else math.nan)
 
     def _first_current(self, elapsed: float) -> float:
         """Return the current in A that breaks the joint free, a time in s after its beginning."""
@@ -301,47 +319,6 @@ class SupervisedRun(ABC):
 
     # Following a reference.
 
-    def _controller(self, factor: float, speed: float) -> control.Controller:
-        bandwidth = factor * control.stable_bandwidth(self.supervision.step, self.supervision.delay)
-        # A single encoder count must not change the current by more than friction.
-        quiet = math.sqrt(0.06 * min(self._push.values()) * self.acceleration / self._resolution)
-        return control.Controller(
-            self.acceleration, float(self._plausible_current(speed)),
-            self._expected_current(1, speed), self._expected_current(-1, speed),
-            max(min(bandwidth, quiet), 0.5 * control.LEAST_BANDWIDTH))
-
-    def _bandwidth(self, speed: float) -> float:
-        """Return the bandwidth of the velocity controller at a speed in rad/s, rad/s."""
-        return self._controller(1.0, speed).bandwidth
-
-    def _plausible_current(self, speed: float) -> float:
-        """Return the largest plausible current in A at a speed.
-
-        Beyond measured speeds, friction grows at most in proportion to speed. Twice that, plus
-        twice the profile's acceleration, leaves room for gravity and control; a blocked joint or a
-        stuck encoder exceeds it.
-        """
-        push = max(self._push.values())
-        known = max([push] + [
-            abs(point.current) * max(1.0, speed / abs(point.speed))
-            for point in self.commanded_points[-2:]])
-        return min(self.drive.current_limit,
-                   max(3.0 * push, 2.0 * known) + 2.0 * self._accelerating_current(speed))
-
-    def _accelerating_current(self, speed: float) -> float:
-        return 10.0 * speed / self.goal.cycle(speed)[0] / self.acceleration
-
-    def _expected_current(self, sign: int, speed: float) -> float:
-        """Return the current expected at a speed, from the look-up table so far."""
-        known = [point for point in self.commanded_points if point.speed * sign > 0.0][-2:]
-        if not known:
-            return sign * self._push[sign]
-        current, last = known[-1].current, known[-1]
-        if last.speed != known[0].speed:
-            rise = (last.current - known[0].current) / (last.speed - known[0].speed)
-            current += max(rise, 0.0) * (sign * speed - last.speed)
-        return current if current * sign > 0.0 else sign * self._push[sign]
-
     def _follow(self, reference: Callable[[float], tuple[float, float]], duration: float,
                 allowance: float, speed: float,
                 factor: float = 1.0
@@ -356,11 +333,19 @@ class SupervisedRun(ABC):
             position, velocity = reference(sample.time - begin)
             command = control.velocity_controller_step(
                 parameters, state, position, velocity, sample.position, sample.time - last)
+            if self.supervision.oscillates():
+                raise OscillationError(
+                    'the joint oscillates under its velocity controller: current or position come '
+                    'late, or its link is elastic')
             if abs(position - sample.position) > allowance:
+                why = self._why_slow() if abs(command) < 0.9 * parameters.limit else ''
+                lag = (f'the joint lags {abs(position - sample.position):.3g} rad behind its '
+                       f'reference at {self.say(abs(command))}')
+                if why:
+                    raise TooSlowError(lag + why)
                 raise IdentificationError(
-                    f'the joint lags {abs(position - sample.position):.3g} rad behind its '
-                    f'reference at {self.say(abs(command))}: blocked, encoder stuck, or current '
-                    f'limit ({self.say(parameters.limit)}, or what was plausible so far) too low')
+                    f'{lag}: blocked, encoder stuck, or current limit '
+                    f'({self.say(parameters.limit)}, or what was plausible so far) too low')
             last = sample.time
             sample = yield from self._step(command)
             samples.append(sample)
@@ -378,11 +363,26 @@ class SupervisedRun(ABC):
                 position, velocity = travel_state(t, distance, duration)
                 return start + position, velocity
 
-            yield from self._follow(
-                reference, duration, max(0.5 * abs(distance), 0.05 * self.goal.motion_range),
-                speed=0.5 * self.goal.speeds[0])
+            try:
+                yield from self._follow(
+                    reference, duration, max(0.5 * abs(distance), 0.05 * self.goal.motion_range),
+                    speed=0.5 * self.goal.speeds[0])
+            except OscillationError as error:
+                yield from self._calm(error)
+                yield from self._travel(target)
+                return
             self._slid = 1 if distance > 0.0 else -1
         yield from self._standstill(STILL_TIME)
+
+    def _calm(self, error: OscillationError) -> Generator[float, Sample, None]:
+        """Come to rest after an oscillation, and lower the controller's gains from now on."""
+        if self._calmness < _LEAST_CALMNESS:
+            raise error
+        if self._calmness == 1.0:
+            self.warnings.append(f'{error}; it was slowed')
+        self._calmness *= _CALMER
+        yield from self._standstill(STILL_TIME)
+        self.supervision.forget_oscillation()
 
     def _travel_time(self, distance: float) -> float:
         return max(1.875 * abs(distance) / min(0.5, self.goal.speeds[-1]), 0.5)

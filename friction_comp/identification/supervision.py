@@ -39,6 +39,11 @@ _LATELY = 1.0
 _STEP = 0.02
 # A current of this multiple of breakaway must accelerate the joint visibly.
 _SURPLUS = 1.5
+# A joint oscillates if such currents change their sign so often within so many s; a joint is not
+# said to be blocked while they do.
+_SWINGS, _SWING_TIME = 4, 0.5
+# Ratio of measured to commanded current that is no answer at all.
+_NO_ANSWER = 0.05
 # The response is checked when this many counts of movement are expected, of which the joint must
 # have moved this share; but not before this time in s, since delay, current loop and filter take
 # time, nor while a moving joint would hardly be slowed down.
@@ -83,6 +88,9 @@ class Supervision:
         self._currents = CurrentCheck()
         self._velocities = VelocityCheck(_FACTOR, resolution=self._resolution, zeros=True)
         self._window: deque[tuple[float, float]] = deque(maxlen=10)
+        self._confirmed = False     # whether the measured current has been the commanded one
+        self._swings: deque[float] = deque(maxlen=_SWINGS)  # when that sign changed, s
+        self._pushed = 0.0          # sign of the latest current well above friction
         self._begin_answer(0.0, 0.0, 0.0)
 
     def check(self, time: float, position: float, velocity: float | None, current: float,
@@ -107,7 +115,7 @@ class Supervision:
         elif fault := self._velocities.take(time, position, velocity):
             raise IdentificationError(fault)
         if friction is not None and math.isfinite(acceleration):
-            self._expect_motion(step, time, position, command, friction, acceleration)
+            self._expect_motion(step, time, position, (command, current), friction, acceleration)
 
     # The measured current must be the commanded one.
 
@@ -124,8 +132,9 @@ class Supervision:
     def is_current_confirmed(self) -> bool:
         """Return whether the measured current is confirmed to be the commanded one."""
         answer = self._currents.answer()
-        return (1.0 / _FACTOR <= answer.gain <= _FACTOR
-                and answer.error <= _CONFIRMED * answer.gain)
+        self._confirmed = (1.0 / _FACTOR <= answer.gain <= _FACTOR
+                           and answer.error <= _CONFIRMED * answer.gain)
+        return self._confirmed
 
     def require_confirmed_current(self) -> None:
         """Raise unless the measured current is confirmed; call it after the drive had time."""
@@ -142,9 +151,21 @@ class Supervision:
         gain, error = answer.gain, _ERRORS * answer.error
         if 1.0 / _FACTOR - error <= gain <= _FACTOR + error:
             return
+        commanded = self._say(self._currents.commanded)
+        if self._confirmed and abs(gain) < 1.0:
+            # A unit or a sign that is wrong would have been so before.
+            raise IdentificationError(
+                f'the measured current stays at {self._say(self._currents.measured)} while '
+                f'{commanded} are commanded, although it followed smaller ones: the drive limits '
+                'its current, which current_limit must say, or it was switched off')
+        cause = ('effort is not measured, the drive is not enabled, or it ignores small currents '
+                 '(a dead band)')
+        if abs(gain) > max(error, _NO_ANSWER):
+            cause = current_fault(gain, self._drive)
+            if 0.0 < gain < 1.0:
+                cause += '; or the drive ignores small currents (a dead band)'
         raise IdentificationError(
-            f'the measured current is {gain:.2g} times the commanded one of '
-            f'{self._say(self._currents.commanded)}: {current_fault(gain, self._drive)}')
+            f'the measured current is {gain:.2g} times the commanded one of {commanded}: {cause}')
 
     # The drive must answer in time.
 
@@ -184,12 +205,27 @@ class Supervision:
                      'the filters and cycles of its driver and bus')
         else:
             cause = 'Machine or network are overloaded, or the driver delays currents or states'
+        # While a current grows, a dead band or a limit looks like a delay.
+        if not self._confirmed:
+            cause += '. Or the drive ignores small currents (a dead band)'
+        elif abs(self._currents.measured) < 0.8 * abs(self._currents.commanded):
+            cause += f'. Or the drive limits its current, to {self._say(self._currents.measured)}'
         raise IdentificationError(
             f'the measured current follows the commanded one {answer.delay:.2g} s late, with the '
             f'right size (ratio {answer.gain:.2g}): too late to control a joint, the limit is '
             f'{self._late:.2g} s at {1.0 / self.step:.3g} Hz. {cause}')
 
     # A current well above friction must accelerate the joint.
+
+    def oscillates(self) -> bool:
+        """Return whether large currents of both signs alternate quickly."""
+        return (len(self._swings) == _SWINGS and self._last is not None
+                and self._last[0] - self._swings[0] < _SWING_TIME)
+
+    def forget_oscillation(self) -> None:
+        """Count from now on."""
+        self._swings.clear()
+        self._pushed = 0.0
 
     def _begin_answer(self, time: float, position: float, sign: float) -> None:
         self._sign, self._since, self._from = sign, time, position
@@ -198,15 +234,23 @@ class Supervision:
             self._drift = (position - self._window[0][1]) / (time - self._window[0][0])
         self._speed = self._expected = 0.0
 
-    def _expect_motion(self, step: float, time: float, position: float, command: float,
-                       friction: Sequence[float], acceleration: float) -> None:
+    def _expect_motion(self, step: float, time: float, position: float,
+                       currents: tuple[float, float], friction: Sequence[float],
+                       acceleration: float) -> None:
         self._window.append((time, position))
+        command, measured = currents
         sign = math.copysign(1.0, command)
-        surplus = sign * command - _SURPLUS * abs(friction[0] if sign > 0.0 else friction[1])
+        enough = _SURPLUS * abs(friction[0] if sign > 0.0 else friction[1])
+        surplus = sign * command - enough
+        if surplus > 0.0 and sign != self._pushed:
+            self._swings.append(time)
+            self._pushed = sign
         if surplus <= 0.0 or sign != self._sign or step > _STEP:
             self._begin_answer(time, position, sign)
             return
-        self._speed += surplus * acceleration * step
+        # A drive may be slow to give what is commanded.
+        given = surplus if math.isnan(measured) else min(surplus, sign * measured - enough)
+        self._speed += max(given, 0.0) * acceleration * step
         self._expected += self._speed * step
         duration = time - self._since
         least = max(_EXPECTED_COUNTS * self._resolution, _ANSWERED * abs(self._drift) * duration)
@@ -215,7 +259,8 @@ class Supervision:
         # Accept a joint that keeps moving, and one whose motion changes, for instance brakes.
         moved = position - self._from
         gained = moved - self._drift * duration
-        if max(sign * moved, sign * gained) < _ANSWERED * self._expected:
+        if max(sign * moved, sign * gained) < _ANSWERED * self._expected and not (
+                len(self._swings) > 2 and time - self._swings[-2] < _SWING_TIME):
             self._refuse_late(self._currents.answer())
             raise IdentificationError(
                 f'the joint does not move at {self._say(command)}, although less current broke it '
