@@ -163,3 +163,14 @@ def test_noise_does_not_make_friction_push_below_the_lowest_speed(speeds, noise)
         found, _ = fit_sigmoid(table, truth(table) + scatter * truth(table).max())
         slow = 0.3 * table[[len(speeds) - 1, len(speeds)]]
         assert (found(slow) * slow > 0.0).all()
+
+
+@pytest.mark.parametrize('speeds', [[5, 50], [80, 100], [10, 40, 100]])
+def test_two_or_three_speeds_tell_coulomb_and_viscous_friction(speeds):
+    truth = Sigmoid.from_coefficients(NOTE, 'deg/s')
+    table = np.radians(np.concatenate([-np.array(speeds)[::-1], speeds]))
+    far = np.radians([-100.0, -20.0, -5.0, 5.0, 20.0, 100.0])
+    for seed in range(4):
+        scatter = 1e-3 * np.random.default_rng(seed).standard_normal(len(table))
+        found, _ = fit_sigmoid(table, truth(table) * (1.0 + scatter))
+        np.testing.assert_allclose(found(far), truth(far), rtol=0.07)

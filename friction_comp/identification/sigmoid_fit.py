@@ -8,8 +8,9 @@ pattern search from the best of each steepness. No initial guess is needed. Many
 fitted at once by reweighted least squares, the final one exactly by linear programming.
 
 If the transition is steeper than the table resolves, all transitions within a gap fit equally well.
-The one returned is centred as near to zero as the error allows, and as gentle. Friction reverses at
-rest: a centre beyond a quarter of the lowest speed needs more evidence than noise of the currents.
+The one returned is centred as near to zero as the error allows, and as gentle, but ends at the
+lowest speed, or at 5 deg/s: friction below the table is that at its lowest speeds. Friction
+reverses at rest: a centre beyond a quarter of the lowest speed needs more evidence than noise.
 """
 
 from __future__ import annotations
@@ -26,11 +27,18 @@ from friction_comp.model.sigmoid import Sigmoid
 
 TOLERANCE = 3e-4
 """Share by which the error may increase for a transition that is centred and gentle."""
-CENTRED = 0.03
+CENTRED = 0.1
 """Share of the largest current by which the error may increase for a transition that is centred
-within a quarter of the lowest speed. Means at constant velocity scatter by a third of it; where a
+within a quarter of the lowest speed. Means at constant velocity scatter by a tenth of it; where a
 table shows another centre, it has a point between, which is off by friction.
 """
+
+_ENDS = math.radians(5.0)
+"""rad/s at which a transition that no speed resolves has ended; in drives it ends at 1 to 5 deg/s.
+"""
+_ENDED = 2.0 * math.atanh(0.98)
+# So few points leave the five parameters of Eq. 6 open: the transition is the usual one.
+_FEW = 6
 
 # Rounds of reweighting: enough to rank transitions and to agree with linear programming.
 _RANK, _CLOSE = 12, 45
@@ -61,7 +69,7 @@ def fit_sigmoid(speeds: ArrayLike, currents: ArrayLike) -> tuple[Sigmoid, float]
     height = float(np.max(np.abs(currents))) or 1.0
     x, y = speeds / unit, currents / height
     few_x, few_y = _condense(x, y)
-    transition = _well_behaved(few_x, few_y, *_search(few_x, few_y, np.unique(few_x)))
+    transition = _well_behaved(few_x, few_y, *_search(few_x, few_y, np.unique(few_x)), _ENDS / unit)
     middle, half, viscous = _exact(x, y, *transition) * height
     sigmoid = Sigmoid(upper=float(middle + half), lower=float(middle - half),
                       steepness=transition[0] / unit, shift=transition[1] * unit,
@@ -201,22 +209,26 @@ def _search(x: np.ndarray, y: np.ndarray, values: np.ndarray) -> tuple[float, fl
     return float(now[0, 0]), float(now[0, 1])
 
 
-def _well_behaved(x: np.ndarray, y: np.ndarray, steepness: float, shift: float
+def _well_behaved(x: np.ndarray, y: np.ndarray, steepness: float, shift: float, ends: float
                   ) -> tuple[float, float]:
     """Return a centred and gentle transition among those that fit equally well.
 
-    A falling viscous term must not make up for a gentler one: it has a lower bound.
+    One that has ended at the lowest speed, or at `ends`, comes first. A falling viscous term must
+    not make up for a gentler one: it has a lower bound.
     """
     (error,), (best,) = _fit(x, y, np.array([steepness]), np.array([shift]), _CLOSE)
-    limit = 0.25 * float(np.min(np.abs(x[x != 0.0])))
-    gentler = np.geomspace(0.5, 4.0 * steepness, 120)
+    lowest = float(np.min(np.abs(x[x != 0.0])))
+    limit, ended = 0.25 * lowest, _ENDED / min(lowest, ends)
+    gentler = np.geomspace(0.5, max(4.0 * steepness, 2.0 * ended), 120)
+    first = np.argsort(gentler < ended, kind='stable')
 
     def errors_at(centre: float) -> np.ndarray:
         errors, coefficients = _fit(x, y, gentler, np.full(len(gentler), centre), _CLOSE)
         return np.where(coefficients[:, 2] >= min(best[2], 0.0) - 1e-9, errors, math.inf)
-    if abs(shift) > limit:
+    if abs(shift) > limit or x.size <= _FEW:
         for centre in np.linspace(0.0, math.copysign(limit, shift), 6).tolist():
-            least = float(errors_at(centre).min())
+            errors = errors_at(centre)
+            least = float(errors[gentler >= ended].min() if x.size <= _FEW else errors.min())
             if least <= error + CENTRED:
                 error, shift = least, centre
                 break
@@ -225,5 +237,5 @@ def _well_behaved(x: np.ndarray, y: np.ndarray, steepness: float, shift: float
                                  ).tolist()):
         alike = errors_at(centre) <= bound
         if alike.any():
-            return float(gentler[np.argmax(alike)]), centre
+            return float(gentler[first[np.argmax(alike[first])]]), centre
     return steepness, shift
