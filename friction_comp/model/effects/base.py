@@ -245,11 +245,12 @@ class Effect(ABC):
         return sum(gain * column for gain, column in zip(
             self.coefficients, self.columns(x, c), strict=True))
 
-    def check_signals(self, samples: Samples) -> None:
+    @classmethod
+    def check_signals(cls, samples: Samples) -> None:
         """Raise InputError if the effect needs a signal that the samples lack."""
-        for signal in self.needs:
+        for signal in cls.needs:
             if getattr(samples, signal) is None:
-                raise InputError(f"effect '{self.name}' needs {signal}, which is not recorded")
+                raise InputError(f"effect '{cls.name}' needs {signal}, which is not recorded")
 
     def current(self, samples: Samples) -> np.ndarray:
         """Return the effect's current in A, shape (N,)."""
