@@ -117,14 +117,14 @@ class Effect(ABC):
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        """Return the constants to try on recordings with this coverage."""
+        """Return the constants to try on recordings with this coverage, without `transition`."""
         return [{}]
 
     @classmethod
     def propose(cls, view: ResidualView) -> list[dict[str, float]]:
         """Return the constants to try for a residual; by default those of `grid`."""
         return [cls.with_loads(constants, view.load_shares)
-                for constants in cls.grid(view.coverage)]
+                for constants in cls.points(view.coverage)]
 
     @classmethod
     def limited(cls, name: str, value: float, constants: dict[str, float],
@@ -211,6 +211,12 @@ class Effect(ABC):
         return self.equation.format(**self._symbols()) or self.name
 
     # Not to be overridden.
+
+    @classmethod
+    def points(cls, coverage: Coverage) -> list[dict[str, float]]:
+        """Return the points of `grid`, with the transition that all effects of a fit share."""
+        common = {'transition': coverage.transition} if 'transition' in cls.constants else {}
+        return [{**point, **common} for point in cls.grid(coverage)]
 
     def _symbols(self) -> dict[str, float]:
         return {**self.values, **dict(zip('ABCDEFGH', self.coefficients))}

@@ -100,8 +100,7 @@ class Cogging(Effect):
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        return [{'growth': growth, 'speed': coverage.speed, 'transition': coverage.transition}
-                for growth in (0.0, 1.0)]
+        return [{'growth': growth, 'speed': coverage.speed} for growth in (0.0, 1.0)]
 
     @classmethod
     def propose(cls, view: ResidualView) -> list[dict[str, float]]:
@@ -109,7 +108,7 @@ class Cogging(Effect):
         coverage, proposed = view.coverage, []
         highest = highest_frequency(view.velocity, view.row_time, coverage.resolution)
         separation = 2.0 * math.pi / max(coverage.span, 1e-9)
-        for constants in cls.grid(coverage):
+        for constants in cls.points(coverage):
             c = cls.Constants(frequency=0.0, **constants)
             signals = Signals(position=view.position, velocity=view.velocity, sign=view.sign)
             # At frequency zero the first column is the amplitude itself.
@@ -192,7 +191,7 @@ class Bump(Effect):
         for width in np.geomspace(0.008 * coverage.span, 0.12 * coverage.span, 5).tolist():
             places = np.arange(coverage.lowest, coverage.highest + 0.5 * width, width)
             points += [{'position': float(position), 'width': width, 'exponent': 2.0,
-                        'directional': directional, 'transition': coverage.transition}
+                        'directional': directional}
                        for position in places for directional in (1.0, 0.0)]
         return points
 
@@ -203,7 +202,7 @@ class Bump(Effect):
         position = view.position[order]
         proposed = []
         shapes: dict[Any, list[dict[str, float]]] = {}
-        for constants in cls.grid(view.coverage):
+        for constants in cls.points(view.coverage):
             shapes.setdefault((constants['width'], constants['directional']), []).append(constants)
         for (width, directional), points in shapes.items():
             places = np.array([point['position'] for point in points])
