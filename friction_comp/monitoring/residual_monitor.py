@@ -77,7 +77,7 @@ class ModelFit:
 class ResidualMonitor:
     """Monitors the residual of one joint; `tolerance` is the largest error per friction."""
 
-    def __init__(self, tolerance: float = 0.25):
+    def __init__(self, tolerance: float) -> None:
         self.tolerance = check_number(tolerance, 'tolerance', above=0.0)
         self._blocks = np.empty((0, 8))
         self._speed = 0.0
