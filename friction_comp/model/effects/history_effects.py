@@ -90,8 +90,6 @@ class Hysteresis(Effect):
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
         span = coverage.span
-        if not span > 0:
-            return []
         lowest = max(3e-4 * span, 3.0 * coverage.resolution)
         return [{'distance': value, 'exponent': 1.0}
                 for value in np.geomspace(min(lowest, 0.02 * span), 0.15 * span, 12).tolist()]
@@ -170,8 +168,6 @@ class Backlash(Effect):
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
         span = coverage.span
-        if not span > 0:
-            return []
         shortest = _shortest_reversal(coverage)
         return [{'gap': gap, 'distance': max(share * gap, shortest)}
                 for gap in np.geomspace(min(10.0 * shortest, 0.02 * span), 0.25 * span, 6).tolist()
@@ -245,8 +241,6 @@ class RestTime(Effect):
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
         span = coverage.span
-        if not span > 0:
-            return []
         return [{'time_constant': constant, 'distance': distance,
                  'velocity': share * coverage.slowest}
                 for share in (1.0, 0.25, 0.06)

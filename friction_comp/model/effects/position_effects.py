@@ -90,9 +90,8 @@ class Cogging(Effect):
     # With fewer periods over the range it is not a ripple.
     constants: dict[str, SearchRange | None] = {
         'frequency': SearchRange(
-            1.0, unit=lambda coverage, _: math.pi / max(coverage.span, 1e-12),
-            limits=lambda coverage, _: (2.0 * math.pi * FEWEST_PERIODS / max(coverage.span, 1e-9),
-                                        math.inf)),
+            1.0, unit=lambda coverage, _: math.pi / coverage.span,
+            limits=lambda coverage, _: (2.0 * math.pi * FEWEST_PERIODS / coverage.span, math.inf)),
         'growth': None, 'speed': None, 'transition': None}
     # The amplitude holds at recorded speeds; over position the ripple repeats.
     range_margins = {'velocity': 0.25}
@@ -107,7 +106,7 @@ class Cogging(Effect):
         """Return the largest peaks in the residual's spectrum; harmonics if it turned often."""
         coverage, proposed = view.coverage, []
         highest = highest_frequency(view.velocity, view.row_time, coverage.resolution)
-        separation = 2.0 * math.pi / max(coverage.span, 1e-9)
+        separation = 2.0 * math.pi / coverage.span
         for constants in cls.points(coverage):
             c = cls.Constants(frequency=0.0, **constants)
             signals = Signals(position=view.position, velocity=view.velocity, sign=view.sign)
@@ -185,8 +184,6 @@ class Bump(Effect):
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        if not coverage.span > 0:
-            return []
         points = []
         for width in np.geomspace(0.008 * coverage.span, 0.12 * coverage.span, 5).tolist():
             places = np.arange(coverage.lowest, coverage.highest + 0.5 * width, width)
