@@ -124,8 +124,7 @@ RULES = {
     'load by mechanics': lambda: everywhere(
         'load_coefficient', lambda samples, unusable, drive: 0.0),
     'fast samples choose motion': lambda: everywhere('_FAST', 0.0),
-    'six of a kind compared': lambda: everywhere('SHORTLIST', 1.0),
-    'at most 14': lambda: everywhere('MOST_EFFECTS', 99.0)}
+    'six of a kind compared': lambda: everywhere('SHORTLIST', 1.0)}
 
 
 def off(rule):

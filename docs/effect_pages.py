@@ -98,7 +98,7 @@ def page_of(name, kind, folder):
 
 def draw(name, kind, path):
     """Draw the first column over its variable and tell whether there was anything to draw."""
-    grid = kind.grid(COVERAGE)
+    grid = kind.points(COVERAGE)
     if not grid:
         return False
     axis = _AXIS_OF.get(kind.variable, kind.variable)

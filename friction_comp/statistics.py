@@ -10,6 +10,16 @@ from typing import Any
 
 import numpy as np
 
+CONFIDENCE = 0.95
+"""Degree of confidence of all intervals."""
+
+
+def student_quantile(freedom: Any) -> Any:
+    """Return half the width of an interval in standard errors, by its degrees of freedom."""
+    from scipy import stats  # imported late: it takes longer than all else here
+
+    return stats.t.ppf(0.5 + 0.5 * CONFIDENCE, freedom)
+
 
 def holm(p_values: Sequence[float]) -> np.ndarray:
     """Return p-values, shape (N,), adjusted for their number by the method of Holm (1979)."""

@@ -68,10 +68,10 @@ def random_link(rng, name):
 PLANE = ('turn', 'lift', 'bend')
 
 
-def small_arm(masses=(4.0, 3.0, 2.0), lengths=(0.2, 0.4, 0.3)):
+def small_arm(masses=(4.0, 3.0, 2.0)):
     """Return the URDF text of an arm of three joints: one vertical, two horizontal axes."""
     parts = [link('base', 1.0, np.zeros(3), np.eye(3).tolist())]
-    places = ((0, 0, 0.1), (0, 0, lengths[0]), (lengths[1], 0, 0))
+    lengths, places = (0.2, 0.4, 0.3), ((0, 0, 0.1), (0, 0, 0.2), (0.4, 0, 0))
     axes = ((0, 0, 1), (0, 1, 0), (0, 1, 0))
     before = 'base'
     for name, mass, length, place, axis in zip(PLANE, masses, lengths, places, axes):

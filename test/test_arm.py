@@ -197,27 +197,15 @@ def test_an_arm_mounted_on_a_wall_is_recognised(pinocchio, tmp_path):
     assert (found.held_out < 0.05).all()
 
 
-def test_efforts_of_the_wrong_sign_are_reported(pinocchio, tmp_path):
+@pytest.mark.parametrize('spoil, words', [
+    (lambda one: one.with_(current=-one.current), 'sign'),
+    (lambda one: one.take(slice(0, 400)) if one.joint == 'lift' else one, 'one time base'),
+    (lambda one: one.with_(current=np.where(one.time == one.time[10], np.nan, one.current))
+     if one.joint == 'lift' else one, "'lift'.* must be finite")])
+def test_recordings_that_cannot_be_those_of_the_arm_are_refused(pinocchio, tmp_path, spoil, words):
     joints, _ = simulated(6, 600)
-    joints = [one.with_(current=-one.current) for one in joints]
-    with pytest.raises(InputError, match='sign'):
-        fit_arm(chain_of(tmp_path, small_arm(), PLANE), joints)
-
-
-def test_joints_on_different_time_bases_are_refused(pinocchio, tmp_path):
-    joints, _ = simulated(6, 500)
-    joints[1] = joints[1].take(slice(0, 400))
-    with pytest.raises(InputError, match='one time base'):
-        fit_arm(chain_of(tmp_path, small_arm(), PLANE), joints)
-
-
-def test_currents_that_are_not_finite_are_refused(pinocchio, tmp_path):
-    joints, _ = simulated(6, 500)
-    current = joints[1].current.copy()
-    current[10] = np.nan
-    joints[1] = joints[1].with_(current=current)
-    with pytest.raises(InputError, match=f"'{joints[1].joint}'.* must be finite"):
-        fit_arm(chain_of(tmp_path, small_arm(), PLANE), joints)
+    with pytest.raises(InputError, match=words):
+        fit_arm(chain_of(tmp_path, small_arm(), PLANE), [spoil(one) for one in joints])
 
 
 @pytest.mark.parametrize('recorded_name, described', [

@@ -17,13 +17,13 @@ from friction_comp.samples import JointStates, Samples
 from friction_comp.statistics import rms
 
 
-def planar(rng, size, noise=0.02):
+def planar(rng, size):
     """Return currents and motion of two parallel joints with weight, and one that has neither."""
     motion = q, v, a = waves(rng, size, 3, 0.01)
     shoulder = 2.0 * np.cos(q[:, 0]) + 0.8 * np.cos(q[:, 0] + q[:, 1])
     elbow = 0.8 * np.cos(q[:, 0] + q[:, 1])
     currents = [part + 0.3 * np.tanh(v[:, k] / 0.01) + 0.2 * v[:, k] + 0.05 * a[:, k]
-                + noise * rng.standard_normal(size)
+                + 0.02 * rng.standard_normal(size)
                 for k, part in enumerate((shoulder, elbow, 0.0))]
     return currents, motion
 

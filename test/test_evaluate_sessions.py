@@ -34,8 +34,8 @@ STEP = 2e-2
 trial = partial(made_trial, step=STEP)
 
 
-def info_of(path='trial', activity=(), model=None, start=1.0):
-    return RecordingInfo(path, 'elbow', start=start, model=model, activity=[
+def info_of(activity=()):
+    return RecordingInfo('trial', 'elbow', start=1.0, activity=[
         (since, Activity(0, 'active', law, name)) for since, law, name in activity])
 
 
@@ -206,13 +206,13 @@ def test_smoothness_falls_with_hesitation():
     assert spectral_arc_length(-7.0 * bell, 2e-3) == pytest.approx(smooth)
 
 
-def weeks(folder, days=6, slope=0.02):
-    """Write a session a day whose peaks with d = ±1 rise by `slope` N·m a day."""
-    for k in range(days):
+def weeks(folder):
+    """Write six sessions, one a day, whose peaks with d = ±1 rise by 0.02 N·m a day."""
+    for k in range(6):
         day = date(2026, 3, 2) + timedelta(days=k)
         noon = (day.toordinal() - 719_163) * 86_400 + 43_200
         for name, heights, directions in (
-                ('plain', [1.0] * 4, None), ('helped', [0.3 + slope * k] * 4, [1, -1] * 2)):
+                ('plain', [1.0] * 4, None), ('helped', [0.3 + 0.02 * k] * 4, [1, -1] * 2)):
             random = np.random.default_rng(k)
             peaks = [h + 0.01 * random.normal() for h in heights]
             samples = trial(peaks, directions=directions)

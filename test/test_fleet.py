@@ -57,11 +57,10 @@ def model():
                          'bandwidth': 10.0})
 
 
-def fleet(model, units, odd, days=1):
+def fleet(model, units, odd):
     common = CommonModel.of([model] * 3)
-    sums = [(f'unit_{unit:02d}', common.sums([recorded(unit, day=day, **odd.get(unit, {}))],
-                                             model, False))
-            for unit in range(units) for day in range(days)]
+    sums = [(f'unit_{unit:02d}', common.sums([recorded(unit, **odd.get(unit, {}))], model, False))
+            for unit in range(units)]
     return population_of(sums, common, model, 'A')
 
 

@@ -60,9 +60,9 @@ def one_sine(time, seed):
     return size * np.sin(rate * time), size * rate * np.cos(rate * time)
 
 
-def missed(friction, names=('coulomb', 'viscous', 'inertia')):
+def missed(friction):
     """Return the intervals that do not hold the truth, by name."""
-    return {name: friction.intervals[name] for name in names
+    return {name: friction.intervals[name] for name in ('coulomb', 'viscous', 'inertia')
             if not friction.intervals[name][0] <= TRUTH[name] <= friction.intervals[name][1]}
 
 

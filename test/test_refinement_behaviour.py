@@ -77,11 +77,11 @@ def identified(declared, name, parameters):
         both, positive_mean=both.positive_mean + more, negative_mean=both.negative_mean - more))
 
 
-def plant_of(declared, name, parameters, seed=3):
+def plant_of(declared, name, parameters):
     """Return the simulated joint with the effect that its model file does not declare."""
     warm = dict(THERMAL, initial=50.0) if name == 'temperature' else None
     hidden = Undeclared.from_effects([{'name': name, 'parameters': parameters}], warm)
-    return Plant([declared], seed=seed, undeclared=[hidden], sample_time=SAMPLE_TIME)
+    return Plant([declared], seed=3, undeclared=[hidden], sample_time=SAMPLE_TIME)
 
 
 def moved_by_hand(declared, model, name, parameters, compensated=True, **changes):

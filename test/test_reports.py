@@ -52,9 +52,9 @@ class Page(HTMLParser):
         return [attributes for name, attributes in self.tags if name == tag]
 
 
-def drawing(points=50):
+def drawing():
     figure, axes = new_figure(1, 2, sharey=True)
-    x = np.linspace(0.0, 1.0, points)
+    x = np.linspace(0.0, 1.0, 50)
     band(axes[0], x, np.sin(x), 0.1 * x, 'blue', 'mean')
     scatter(axes[1], x, np.cos(x), 'orange', 'dots')
     axes[0].legend()

@@ -22,12 +22,11 @@ DISTANCE = 6e-4 * (0.585 - 0.5) / 0.1
 SLIDING = Sigmoid(0.6, -0.6, 50.0, viscous=0.2)
 
 
-def turning(frequencies=(0.1, 0.2, 0.15), periods=3, amplitude=0.2, offset=0.0):
+def turning(frequencies=(0.1, 0.2, 0.15), amplitude=0.2, offset=0.0):
     """Return samples of sines under friction of Maxwell elements, viscous friction and inertia."""
-    parts = [amplitude * np.cos(2.0 * np.pi * frequency * np.arange(0.0, periods / frequency,
-                                                                   1.0 / RATE))
-             for frequency in frequencies]
-    position = np.concatenate(parts)
+    position = np.concatenate([
+        amplitude * np.cos(2.0 * np.pi * frequency * np.arange(0.0, 3.0 / frequency, 1.0 / RATE))
+        for frequency in frequencies])
     time = np.arange(len(position)) / RATE
     velocity = np.gradient(position, time)
     stretched, friction = -YIELDS, []

@@ -33,14 +33,25 @@ def codes(report):
     return {finding.code for finding in report.findings if finding.grade != 'trust'}
 
 
-def noise(samples, size=0.02, seed=0):
-    return size * np.random.default_rng(seed).standard_normal(len(samples))
+def noise(samples, size=0.02):
+    return size * np.random.default_rng(0).standard_normal(len(samples))
+
+
+def refined(motion, current, **more):
+    """Refine a motion of which position and velocity were recorded, with another current."""
+    return refine([motion.with_(current=current, acceleration=None, **more)], drive=DRIVE)
+
+
+def unrelated(motion, seed, step=0.5):
+    """Return a signal that is no function of the motion, so that no other effect stands for it."""
+    knots = np.arange(0.0, motion.time[-1] + 2.0 * step, step)
+    return np.interp(motion.time, knots, np.random.default_rng(seed).normal(size=len(knots)))
 
 
 def test_a_torque_behind_the_gear_holds_no_friction_and_says_so():
     motion = swings(1)
     torque = 6.0 * np.sin(motion.position) + 0.3 * motion.acceleration + noise(motion)
-    result = refine([motion.with_(current=torque, acceleration=None)], drive=DRIVE)
+    result = refined(motion, torque)
     report = result.report
     assert report.verdict == 'record again'
     assert codes(report) == {'no_friction'}
@@ -59,28 +70,22 @@ def test_a_friction_below_zero_is_no_friction(ends, found):
 def test_a_load_of_the_other_sign_does_not_double_the_weight():
     """The link's torque, as the sensor shows it, is what the motor carries, and no push."""
     motion = swings(2, 60.0)
-    rng = np.random.default_rng(2)
-    # Not a function of the motion, so that no other effect stands for it.
-    pulled = np.interp(motion.time, np.arange(0.0, 61.0, 0.5), rng.normal(size=122))
-    link = 3.0 * np.sin(motion.position) + pulled
-    result = refine([motion.with_(
-        current=motion.current + link, load=link, acceleration=None)], drive=DRIVE)
+    link = 3.0 * np.sin(motion.position) + unrelated(motion, 2)
+    result = refined(motion, motion.current + link, load=link)
     assert 'load_reversed' in codes(result.report)
     assert result.report.verdict == 'record again'
-    assert 0.5 * (result.model.sigmoid.upper - result.model.sigmoid.lower) == pytest.approx(
-        0.5, rel=0.1)
+    assert result.model.sigmoid.line[1] == pytest.approx(0.5, rel=0.1)
 
 
 @pytest.mark.parametrize('share', [0.1, 0.3])
 def test_the_load_that_the_motor_carries_is_fitted_however_small_its_coefficient(share):
     """Gears, or a sensor's filter, may leave a fraction of -1/(k_t·n) of it."""
     motion = swings(3)
-    rng = np.random.default_rng(3)
-    load = np.interp(motion.time, np.arange(0.0, 41.0, 0.25), rng.normal(size=164))
+    load = unrelated(motion, 3, 0.25)
     samples = motion.with_(current=motion.current - share * load, load=load)
     assert load_coefficient(samples, clipped(samples.current), DRIVE) == 0.0
-    effect, = (one for one in refine([samples.with_(acceleration=None)],
-                                     drive=DRIVE).report.effects if one.name == 'load_torque')
+    effect, = (one for one in refined(samples, samples.current).report.effects
+               if one.name == 'load_torque')
     assert effect.parameters['coefficients'][0] == pytest.approx(-share, rel=0.1)
 
 
@@ -89,7 +94,7 @@ def test_one_joint_of_an_arm_without_the_others_is_not_trusted():
     motion, other = swings(4), swings(5)
     current = (motion.current - 1.4 * motion.position + 0.4 * np.cos(other.position)
                * np.sin(other.position + motion.position))
-    report = refine([motion.with_(current=current, acceleration=None)], drive=DRIVE).report
+    report = refined(motion, current).report
     assert report.verdict != 'trust'
     assert codes(report) & {'doubtful', 'above_noise'}
 
@@ -97,8 +102,7 @@ def test_one_joint_of_an_arm_without_the_others_is_not_trusted():
 def test_an_error_far_above_the_noise_is_not_trusted():
     motion, other = swings(6), swings(7)
     quiet = 0.5 * np.tanh(motion.velocity / 0.01) + 0.2 * motion.velocity
-    current = quiet + 0.3 * other.position + noise(motion, 0.002)
-    report = refine([motion.with_(current=current, acceleration=None)], drive=DRIVE).report
+    report = refined(motion, quiet + 0.3 * other.position + noise(motion, 0.002)).report
     assert report.after.held_out_rmse > thresholds.ABOVE_NOISE * report.noise_floor
     assert codes(report) & {'above_noise', 'explains_part', 'unexplained'}
     assert report.verdict != 'trust'
@@ -155,9 +159,7 @@ def test_an_error_that_changes_as_slowly_as_the_recording_is_long_is_said(size):
 
 def test_a_model_that_is_no_better_than_a_constant_is_worthless():
     motion = swings(8)
-    rng = np.random.default_rng(8)
-    slow = np.interp(motion.time, np.arange(0.0, 41.0, 0.5), rng.normal(size=82))
-    report = refine([motion.with_(current=5.0 + slow, acceleration=None)], drive=DRIVE).report
+    report = refined(motion, 5.0 + unrelated(motion, 8)).report
     assert report.after.held_out_rmse < 0.4 * report.signal_rms
     assert 'explains_nothing' in codes(report)
     assert report.verdict == 'record again'
@@ -167,9 +169,8 @@ def test_joints_that_move_as_one_are_said_also_where_the_links_are_known():
     motion = swings(9)
     both = np.column_stack((motion.position, 0.5 * motion.position))
     weight = 2.0 * np.sin(motion.position)
-    report = refine([motion.with_(
-        current=motion.current + weight, rigid_body=weight, acceleration=None,
-        arm=JointStates(('lift', 'bend'), both), joint='lift')], drive=DRIVE).report
+    report = refined(motion, motion.current + weight, rigid_body=weight,
+                     arm=JointStates(('lift', 'bend'), both), joint='lift').report
     assert 'moves_as_one' in codes(report)
     assert report.verdict == 'record again'
 
@@ -207,11 +208,9 @@ def test_the_error_elsewhere_of_a_staircase_is_that_of_another_motion(count):
 
 def test_thirds_of_load_and_temperature_are_left_out_where_they_were_recorded():
     motion = swings(10)
-    rng = np.random.default_rng(10)
-    load = np.interp(motion.time, np.arange(0.0, 41.0, 0.5), rng.normal(size=82))
-    report = refine([motion.with_(
-        current=motion.current - load, load=load, acceleration=None,
-        temperature=30.0 + motion.time / 4.0)], drive=DRIVE).report
+    load = unrelated(motion, 10)
+    report = refined(motion, motion.current - load, load=load,
+                     temperature=30.0 + motion.time / 4.0).report
     assert set(report.thirds) == {
         'speed', 'position', 'time', 'acceleration', 'load', 'temperature'}
 
@@ -247,7 +246,7 @@ def test_predict_reads_what_refine_reads(tmp_path):
     current = -0.5 * np.tanh(motion.velocity / 0.01) + noise(motion)
     write_samples(tmp_path / 'arm', [motion.with_(joint='lift', current=current, acceleration=None),
                                      swings(13).with_(joint='bend', acceleration=None)])
-    model = refine([motion.with_(acceleration=None)], drive=DRIVE).model
+    model = refined(motion, motion.current).model
     model.save(tmp_path / 'model.yaml')
     assert predict.main([
         str(tmp_path / 'arm'), '--joint', 'lift', '--model', str(tmp_path / 'model.yaml'),

@@ -16,7 +16,6 @@ import functools
 from typing import Any
 
 import numpy as np
-from scipy import stats
 from scipy.linalg import block_diag
 
 from friction_comp.arm.link_inertia import Bodies
@@ -24,6 +23,7 @@ from friction_comp.arm.urdf import Chain
 from friction_comp.model.arm.arm import moving_states
 from friction_comp.model.arm.tree import PARAMETERS
 from friction_comp.samples import Samples
+from friction_comp.statistics import student_quantile
 
 # Columns of a joint's friction and rotor: constant, Coulomb, viscous and acceleration; and which of
 # their coefficients must not be negative.
@@ -35,7 +35,6 @@ _TRANSITION, _STILL = 0.03, 0.01
 # Most steps of the solver; it stops after one that gains less than this, in squared standard
 # deviations of one sample, or if the damping exceeds its limit.
 _STEPS, _CONVERGED, _LEAST_CHANGE, _MOST_DAMPING = 60, 0.05, 0.2, 1e12
-_LEVEL = 0.95  # of the intervals
 # Share by which the recording must reduce the variance of a parameter for it to have an interval.
 _LEAST_REDUCTION = 0.5
 
@@ -306,7 +305,7 @@ def confidence_intervals(stretches: np.ndarray, prior: Prior, x: np.ndarray) -> 
     scatter = gradients[:, free].T @ gradients[:, free] * count / max(count - 1, 1)
     covariance = np.zeros_like(hessian)
     covariance[np.ix_(free, free)] = inverse @ (scatter + np.diag(prior.precision[free])) @ inverse
-    quantile = float(stats.t.ppf(0.5 + 0.5 * _LEVEL, max(count - 1, 2)))
+    quantile = float(student_quantile(max(count - 1, 2)))
 
     parameters, slopes = prior.bodies.parameters(x[prior.links])
     _, before = prior.bodies.parameters(np.zeros_like(x[prior.links]))

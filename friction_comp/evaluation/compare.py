@@ -15,9 +15,8 @@ import numpy as np
 from scipy import stats
 
 from friction_comp.evaluation.repetitions import Compensation, FIGURES, Repetition
-from friction_comp.statistics import holm
+from friction_comp.statistics import CONFIDENCE, holm, student_quantile
 
-CONFIDENCE = 0.95
 # Compared where they are known, the trend is of the first; the first two need a torque sensor.
 COMPARED = ('peak_torque', 'rms_torque', 'residual_current', 'announcement_to_motion', 'onset',
             'smoothness')
@@ -55,11 +54,6 @@ def mean_interval(values: Sequence[float]) -> Interval:
         return Interval(mean, None, None, count)
     half = student_quantile(count - 1) * np.std(values, ddof=1) / np.sqrt(count)
     return Interval.around(mean, float(half), count)
-
-
-def student_quantile(freedom: int) -> float:
-    """Return Student's t for half the width of the interval in standard errors."""
-    return float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, freedom))
 
 
 def share_interval(hits: int, count: int) -> Interval:

@@ -130,8 +130,7 @@ def spectral_arc_length(velocity: np.ndarray, sample_time: float) -> float:
         return float('nan')
     in_band = frequency <= _HIGHEST
     amplitude, frequency = amplitude[in_band] / amplitude.max(), frequency[in_band]
+    # Padded with zeros, the spectrum begins with several values near its largest.
     last = int(np.nonzero(amplitude >= _FAINTEST)[0][-1]) + 1
-    if last < 2:
-        return float('nan')
     steps = np.diff(frequency[:last]) / (frequency[last - 1] - frequency[0])
     return float(-np.sum(np.hypot(steps, np.diff(amplitude[:last]))))

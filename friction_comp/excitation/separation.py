@@ -110,7 +110,7 @@ def coverage_within(limits: JointLimits, seconds: float) -> Coverage:
 def terms_of(name: str, coverage: Coverage) -> list[Term]:
     """Return an effect with a few sets of constants, spread over its grid."""
     kind: type[Effect] = EFFECTS[name]
-    grid = kind.grid(coverage)
+    grid = kind.points(coverage)
     if not grid:
         raise InputError(f'effect {name!r} cannot be seen in {coverage.duration:g} s within these '
                          'limits')

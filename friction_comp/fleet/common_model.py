@@ -84,19 +84,11 @@ class CommonModel:
         raw, drive = join(recorded), like.drive if declared else Drive(1.0, 1.0)
         rows, _ = prepare(raw, drive, like.differentiation or None, declared)
         for term in self.terms:
-            for signal in term.kind.needs:
-                if getattr(rows.samples, signal) is None:
-                    raise InputError(
-                        f"effect '{term.kind.name}' needs {signal}, which is not recorded")
+            term.kind.check_signals(rows.samples)
         table = Table(rows, *self.transition)
         if len(table.add(self.terms)) < len(self.terms):
             raise InputError('an effect is not finite in the recordings')
-        columns = table.indices(self.terms)
-        inner = np.append(columns, table.sums.gram.shape[1] - 1)
-        gram = np.zeros((rows.blocks, len(inner), len(inner)))
-        np.add.at(gram, table.block, table.sums.gram[:, inner[:, None], inner])
-        count = np.bincount(table.block, table.sums.rows, rows.blocks).astype(int)
-        return BlockSums(gram, count, table.sums.signs[columns])
+        return table.sums.part(table.indices(self.terms)).merged(table.block)
 
     @property
     def columns(self) -> list[int]:

@@ -19,11 +19,10 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.fleet.common_model import CommonModel
 from friction_comp.fleet.population import Population
-from friction_comp.fleet.spread import LEVEL
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement.block_sums import BlockSums
 from friction_comp.samples import Samples
-from friction_comp.statistics import holm
+from friction_comp.statistics import CONFIDENCE, holm
 
 
 @dataclass(frozen=True)
@@ -43,9 +42,14 @@ class NewUnit:
     error: float
 
     @property
+    def intervals(self) -> np.ndarray:
+        """The ends of each value's 95 % interval, (P, 2)."""
+        return self.values[:, None] + np.multiply.outer(1.96 * self.errors, (-1.0, 1.0))
+
+    @property
     def out(self) -> list[str]:
         """The coefficients in which the unit is out of the population."""
-        return [name for name, p in zip(self.names, self.p) if p < 1.0 - LEVEL]
+        return [name for name, p in zip(self.names, self.p) if p < 1.0 - CONFIDENCE]
 
 
 def fit_new_unit(recorded: Sequence[Samples], population: Population,
@@ -69,7 +73,7 @@ def fit_new_unit(recorded: Sequence[Samples], population: Population,
     spread = np.sqrt(np.diag(alone[1]) + deviation ** 2)
     p = holm(2.0 * stats.t.sf(np.abs(alone[0] - mean) / np.maximum(spread, 1e-300),
                               max(len(population.units) - 2, 1)))
-    if (p < 1.0 - LEVEL).any():
+    if (p < 1.0 - CONFIDENCE).any():
         deviation = np.full(len(mean), np.inf)
     values, covariance = _fitted(sums, common.columns, mean, deviation, noise)
     errors = np.sqrt(np.diag(covariance))
@@ -97,9 +101,8 @@ def _fitted(sums: BlockSums, columns: Sequence[int], mean: np.ndarray, deviation
 
     `noise` is the variance of a row that counts as independent.
     """
-    inner = np.append(columns, sums.gram.shape[1] - 1)
     total = np.tensordot(np.ones(len(sums.rows)) if weights is None else weights,
-                         sums.gram[:, inner[:, None], inner], 1) / noise
+                         sums.part(columns).gram, 1) / noise
     scale = np.where(deviation > 0.0, 1.0, 0.0)
     # Certain coefficients stay; where nothing is known in advance, a little keeps it solvable.
     least = 1e-7 * np.diag(total)[:-1]

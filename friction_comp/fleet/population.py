@@ -16,17 +16,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
 from friction_comp.checks import check_document
 from friction_comp.errors import errors_name, InputError
 from friction_comp.files import plain
 from friction_comp.fleet.common_model import CommonModel, Compared
-from friction_comp.fleet.spread import FEWEST_UNITS, LEVEL, spread_of, units_from_recordings
+from friction_comp.fleet.spread import FEWEST_UNITS, spread_of, units_from_recordings
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.block_sums import BlockSums
-from friction_comp.statistics import holm
+from friction_comp.statistics import CONFIDENCE, holm, student_quantile
 
 FORMAT, VERSION = 'friction_comp_fleet', 1
 # The error of the common model, compared like a parameter: a unit with an effect that no other has
@@ -167,12 +166,12 @@ def _estimate(common: CommonModel, sums: BlockSums) -> _Estimate:
     """Return a recording's coefficients with the covariance of the jackknife."""
     chosen, count = common.columns, len(sums.rows)
     with_derivatives = range(len(sums.signs))
-    values = sums.fits(with_derivatives, np.ones((1, count)))[0]
+    values = sums.fit(with_derivatives)
     left_out = sums.fits(with_derivatives, 1.0 - np.eye(count))
     deviations = (left_out - left_out.mean(axis=0))[:, chosen]
     covariance = (count - 1) / count * deviations.T @ deviations
     # Of the fit to all: one block may hold the only slow motion, which others cannot predict.
-    squares = sums.squared_errors(with_derivatives, values[None]) / np.maximum(sums.rows, 1)
+    squares = sums.errors_of_fit(with_derivatives) / np.maximum(sums.rows, 1)
     mean = float(np.average(squares, weights=sums.rows))
     spread = float(np.std(squares, ddof=1)) / math.sqrt(count) / max(mean, 1e-300)
     total = sums.gram.sum(axis=0)[:-1, :-1]
@@ -208,7 +207,7 @@ def population_of(recordings: Sequence[tuple[str, BlockSums]], common: CommonMod
     parameters[-1] = replace(parameters[-1], units=[
         replace(value, out=value.out and value.value > most) for value in parameters[-1].units])
     adjusted = holm([parameter.p_same for parameter in parameters])
-    parameters = [replace(parameter, p_same=float(p), varies=bool(p < 1.0 - LEVEL))
+    parameters = [replace(parameter, p_same=float(p), varies=bool(p < 1.0 - CONFIDENCE))
                   for parameter, p in zip(parameters, adjusted)]
     out = [any(parameter.units[k].out for parameter in parameters) for k in range(len(names))]
     prior = _prior(fits, index, np.array(out))
@@ -257,10 +256,10 @@ def _parameter(one: Compared, unit: str, values: np.ndarray, errors: np.ndarray,
         return float(back(middle - half)), float(back(middle + half))
     units = units_from_recordings(values, errors, index, freedom)
     spread = spread_of(units, tests)
-    half = stats.t.ppf(0.5 + 0.5 * LEVEL, units.freedom) * units.error
+    half = student_quantile(units.freedom) * units.error
     counts = np.bincount(index)
     inside = int((~spread.out).sum())
-    mean_half = float(stats.t.ppf(0.5 + 0.5 * LEVEL, inside - 1)) * spread.mean_error
+    mean_half = float(student_quantile(inside - 1)) * spread.mean_error
     return ParameterSpread(
         one.name, one.unit.replace('A', unit, 1), 'logarithmic' if logarithmic else 'linear',
         float(back(spread.mean)), ends(spread.mean, mean_half), spread.deviation, spread.interval,

@@ -16,8 +16,8 @@ import math
 import numpy as np
 from scipy import optimize, stats
 
-# Degree of confidence of all intervals.
-LEVEL = 0.95
+from friction_comp.statistics import CONFIDENCE, student_quantile
+
 # Fewest units that tell something about their spread, and the largest share of them that may be
 # out: with more, they are no exceptions.
 FEWEST_UNITS, _LARGEST_SHARE = 4, 0.25
@@ -49,7 +49,7 @@ class Spread:
 
     def half_range(self, count: int) -> float:
         """Return half the range of a further unit's value, from a population of `count` units."""
-        return float(stats.t.ppf(0.5 + 0.5 * LEVEL, max(count - 2, 1))) * math.hypot(
+        return float(student_quantile(max(count - 2, 1))) * math.hypot(
             self.deviation, self.mean_error)
 
 
@@ -103,7 +103,7 @@ def spread_of(units: Values, tests: int = 1) -> Spread:
             inside, (units.value - mean) ** 2 / (_variances(units) + variance + 1e-300), -1.0)))
         inside[index] = False
         removed.append(index)
-        if _p_outside(units, inside, index) * (size - k) < (1.0 - LEVEL) / tests:
+        if _p_outside(units, inside, index) * (size - k) < (1.0 - CONFIDENCE) / tests:
             significant = k + 1
     out = np.zeros(size, dtype=bool)
     out[removed[:significant]] = True
@@ -149,7 +149,7 @@ def _profile(units: Values, chosen: np.ndarray) -> tuple[float, float]:
         limit = float(stats.chi2.ppf(share, len(value) - 1))
         return math.sqrt(_root(
             lambda variance: _weighted_squares(value, own + variance) - limit, value))
-    return end(0.5 + 0.5 * LEVEL), end(0.5 - 0.5 * LEVEL)
+    return end(0.5 + 0.5 * CONFIDENCE), end(0.5 - 0.5 * CONFIDENCE)
 
 
 def _p_outside(units: Values, chosen: np.ndarray, index: int) -> float:

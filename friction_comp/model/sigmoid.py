@@ -59,6 +59,11 @@ class Sigmoid:
             return kinetic_current(np.asarray(velocity, dtype=float), self.upper, self.lower,
                                    self.steepness, self.shift, self.viscous)
 
+    @property
+    def line(self) -> tuple[float, float, float]:
+        """Offset (A), Coulomb (A) and viscous friction (A·s/rad), with a sudden sign change."""
+        return 0.5 * (self.upper + self.lower), 0.5 * (self.upper - self.lower), self.viscous
+
     @classmethod
     def from_coefficients(cls, coefficients: Sequence[float],
                           velocity_unit: str = 'rad/s') -> Sigmoid:

@@ -128,9 +128,7 @@ def _ranges(model: FrictionModel, numbers: dict[str, float]
         found = {name: (own[0], own[1]) for name, own in ends.items() if own}
         return found, '95 % intervals of the fit' if found else ''
     # Effects that bend the straight line do not vary with it.
-    base = model.sigmoid
-    own = {'offset': 0.5 * (base.upper + base.lower), 'coulomb': 0.5 * (base.upper - base.lower),
-           'viscous': base.viscous, 'inertia': numbers.get('inertia', 0.0)}
+    own = {**dict(zip(LINE, model.sigmoid.line)), 'inertia': numbers.get('inertia', 0.0)}
     return {name: (value + units[name][0] - own[name], value + units[name][1] - own[name])
             for name, value in numbers.items() if name in units}, (
         f'where 95 % of further units lie, from {model.notes["units"]} units of a fleet')

@@ -103,9 +103,7 @@ def sudden(effect: Effect) -> Effect:
 
 def line_of(model: FrictionModel, top_speed: float | None = None) -> dict[str, float]:
     """Return offset (A), Coulomb (A) and viscous friction (A·s/rad) of a sliding joint."""
-    base = model.sigmoid
-    line = np.array([0.5 * (base.upper + base.lower), 0.5 * (base.upper - base.lower),
-                     base.viscous])
+    line = np.array(model.sigmoid.line)
     for effect, own in zip(model.effects, Sliding.of(model, top_speed).lines(model.effects)):
         line += own @ np.asarray(effect.coefficients)
     return dict(zip(LINE, line.tolist()))

@@ -16,7 +16,7 @@ import numpy as np
 from friction_comp.checks import check_number
 from friction_comp.samples import Samples
 from friction_comp.signal_checks import STANDSTILL
-from friction_comp.statistics import quantile_edges
+from friction_comp.statistics import quantile_edges, rms
 
 # Length of a block and of the shortest one that is used, s.
 _BLOCK, _SHORTEST = 0.4, 0.1
@@ -77,7 +77,7 @@ class ModelFit:
 class ResidualMonitor:
     """Monitors the residual of one joint; `tolerance` is the largest error per friction."""
 
-    def __init__(self, tolerance: float = 0.25):
+    def __init__(self, tolerance: float) -> None:
         self.tolerance = check_number(tolerance, 'tolerance', above=0.0)
         self._blocks = np.empty((0, 8))
         self._speed = 0.0
@@ -108,7 +108,7 @@ class ResidualMonitor:
 
     def error(self, blocks: int) -> float:
         """Return the RMS error of the last `blocks` blocks in A, without inertia."""
-        return float(np.sqrt(np.mean(_without_inertia(self._blocks[-blocks:]) ** 2)))
+        return rms(_without_inertia(self._blocks[-blocks:]))
 
     def verdict(self) -> ModelFit:
         """Return the verdict on the blocks so far."""
@@ -116,8 +116,7 @@ class ResidualMonitor:
             return ModelFit()
         last = self._blocks[-_RECENT:]
         error = self.error(_RECENT)
-        friction = float(np.sqrt(np.mean(last[:, _PREDICTED] ** 2)))
-        share = error / max(friction, 1e-12)
+        share = error / max(rms(last[:, _PREDICTED]), 1e-12)
         limit = self.tolerance * (_HYSTERESIS if self._warned else 1.0)
         self._warned = share > limit
         if not self._warned:

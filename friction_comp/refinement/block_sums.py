@@ -51,17 +51,21 @@ class BlockSums:
         inner = np.array([*columns, -1])
         return BlockSums(self.gram[:, inner[:, None], inner], self.rows, self.signs[inner[:-1]])
 
+    def merged(self, fold: np.ndarray) -> BlockSums:
+        """Return the sums over all blocks of each fold, whose index each block has, shape (K,)."""
+        gram = np.zeros((int(fold.max()) + 1, *self.gram.shape[1:]))
+        np.add.at(gram, fold, self.gram)
+        return BlockSums(gram, np.bincount(fold, self.rows).astype(int), self.signs)
+
     def held_out_errors(self, columns: Sequence[int], fold: np.ndarray | None = None) -> np.ndarray:
         """Return the squared error of each block by the fit to all blocks of other folds.
 
         Blocks of the same `fold`, shape (K,), are left out together; each by itself when omitted.
         """
         own, every = self.part(columns), np.arange(len(self.rows))
-        fold, left_out = every if fold is None else fold, own.gram
-        if not np.array_equal(fold, every):
-            left_out = np.zeros((int(fold.max()) + 1, *own.gram.shape[1:]))
-            np.add.at(left_out, fold, own.gram)
-        fits = solve(own.gram.sum(axis=0) - left_out, own.gram, own.signs)
+        fold = every if fold is None else fold
+        left_out = own if np.array_equal(fold, every) else own.merged(fold)
+        fits = solve(own.gram.sum(axis=0) - left_out.gram, own.gram, own.signs)
         return _squared_errors(own.gram, fits[fold])
 
     def fits_without(self, columns: Sequence[int], train: np.ndarray) -> np.ndarray:

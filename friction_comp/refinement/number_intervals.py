@@ -64,7 +64,7 @@ def recorded_of(fit: Fit, model: FrictionModel) -> Recorded:
             intervals[name] = value - below, value + above
     row = np.zeros(weights.shape[1])
     row[_STEEPNESS] = 1.0
-    coulomb = abs(0.5 * (model.sigmoid.upper - model.sigmoid.lower))
+    coulomb = abs(model.sigmoid.line[1])
     spread = fit.intervals.half_width(row) / coulomb if coulomb else math.inf
     if 0.0 < spread <= _MOST_LOG:
         transition = 2.0 / model.sigmoid.steepness

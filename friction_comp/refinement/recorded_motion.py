@@ -38,13 +38,15 @@ TRANSITIONS = (0.3, 0.1, 0.03, 0.01, 0.003)
 _FAST = 0.1
 
 
-def plain_columns(samples: Samples, transitions: Sequence[float],
+def plain_columns(samples: Samples, transitions: Sequence[float] = (),
                   motion: tuple[np.ndarray, ...] | None = None, index: int = 0) -> np.ndarray:
     """Return the columns of a plain drive: friction, inertia, weight and load.
 
-    For an arm, `motion` is that of all joints, as of `moving_states`, and `index` the joint.
+    Friction changes its sign over `transitions`, rad/s, by default `TRANSITIONS` of the usual top
+    speed. For an arm, `motion` is that of all joints, as of `moving_states`, and `index` the joint.
     """
     v, q = np.asarray(samples.velocity), samples.position
+    transitions = transitions or np.percentile(np.abs(v), 95) * np.array(TRANSITIONS)
     columns = [np.ones_like(v), *(np.tanh(v / width) for width in transitions), v,
                samples.acceleration, np.cos(q), np.sin(q)]
     if np.ptp(q) < 2.0:
@@ -236,8 +238,7 @@ def load_coefficient(samples: Samples, unusable: np.ndarray, drive: Drive) -> fl
     moved, start = smooth_motion(*excerpt(samples, unusable))
     part, block = moved.take(start), blocks_of(moved, start)
     velocity, load = np.asarray(part.velocity), np.asarray(part.load)
-    top = float(np.percentile(np.abs(velocity), 95))
-    columns = plain_columns(part.with_(load=None), [share * top for share in TRANSITIONS])
+    columns = plain_columns(part.with_(load=None))
     plain = range(columns.shape[1])
     sums = sums_of(np.column_stack((columns, load)), part.current, block)
     without, fitted = (float(sums.held_out_errors(some).sum())
@@ -263,8 +264,7 @@ def delay_errors(moved: Samples, start: np.ndarray) -> Callable[[float], float]:
     The delay is rounded to whole samples, so that the noise of the current stays the same.
     """
     part, block = moved.take(start), blocks_of(moved, start)
-    top = float(np.percentile(np.abs(np.asarray(part.velocity)), 95))
-    columns = plain_columns(part, [share * top for share in TRANSITIONS])
+    columns = plain_columns(part)
     return lambda delay: held_out_error(columns, moved.current[np.clip(
         start - round(delay / moved.sample_time), 0, len(moved) - 1)], block)
 
@@ -285,15 +285,13 @@ def choose_differentiation(samples: Samples, unusable: np.ndarray, joints: Seque
     errors: list[tuple[float, dict[str, Any]]] = []
 
     def error_with(moved: Samples, settings: dict[str, Any]) -> float:
-        top = float(np.percentile(np.abs(np.asarray(moved.velocity)[start]), 95))
-        if not top > 0.0:
+        part = moved.take(start)
+        if not np.percentile(np.abs(np.asarray(part.velocity)), 95) > 0.0:
             # Without a filter, a coarse encoder stands still in nearly all samples.
             return math.inf
-        part, motion = moved.take(start), arm_motion(samples, joints, settings)
-        columns = plain_columns(
-            part, [share * top for share in TRANSITIONS],
-            motion and tuple(signal[start] for signal in motion),
-            joints.index(samples.joint) if joints else 0)
+        motion = arm_motion(samples, joints, settings)
+        columns = plain_columns(part, (), motion and tuple(signal[start] for signal in motion),
+                                joints.index(samples.joint) if joints else 0)
         return held_out_error(columns, part.current, block)
     # The load first, since noise in motion may make up for its noise.
     signals = choose_signals(samples, {}, lambda changed: error_with(

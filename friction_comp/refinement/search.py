@@ -181,22 +181,21 @@ class Search:
         """Add terms while one is an improvement, and remove those that became superfluous."""
         terms = list(terms)
         before = self.errors(terms)
-        while len(terms) < thresholds.MOST_EFFECTS:
+        while True:
             trials = [(self.errors(self.with_own_terms([*terms, term])), term)
                       for term in self.shortlist(terms)]
             trials.sort(key=lambda trial: total(trial[0]))
             best = next((term for after, term in trials if self.is_improvement(before, after)
                          and self.is_independent(term, terms)), None)
             if best is None:
-                break
+                return terms
             transition = self.table.transition
             grown = self.backward(self.after_addition(self.with_own_terms([*terms, best])))
             now = self.errors(grown)
             if not total(now) < total(before):
                 self.table.set_transition(*transition)
-                break
+                return terms
             terms, before = grown, now
-        return terms
 
     def backward(self, terms: Sequence[Term]) -> list[Term]:
         """Remove terms that are no improvement, the least useful first."""

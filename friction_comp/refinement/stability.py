@@ -39,11 +39,10 @@ from friction_comp.refinement.search import (
     Search,
     step_size,
 )
-from friction_comp.statistics import robust_std
+from friction_comp.statistics import CONFIDENCE, robust_std, student_quantile
 
 # A column of the table, or a constant of a term.
 Parameter = int | tuple[Term, str]
-_LEVEL = 0.95
 _DRAWS = 200
 # Of how far a fit moves with the derivatives of what is unsettled: these do not go all the way.
 _BEYOND = 1.25
@@ -152,7 +151,8 @@ class Intervals:
         weights = np.zeros(len(table.columns))
         weights[columns] = table.sums.beside(columns, others) @ middle
         size = len(columns)
-        wider = math.sqrt(size * stats.f.ppf(_LEVEL, size, table.rows.blocks - 1)) / self.quantile
+        wider = math.sqrt(
+            size * stats.f.ppf(CONFIDENCE, size, table.rows.blocks - 1)) / self.quantile
         return bool(middle @ weights[columns] > wider * self.half_width(weights))
 
     def correlations(self) -> list[tuple[float, Parameter, Parameter]]:
@@ -203,7 +203,7 @@ def intervals(table: Table, terms: Sequence[Term], others: Sequence[np.ndarray] 
     rng = np.random.default_rng(1)
     weights = np.array([table.draw_blocks(rng) for _ in range(_DRAWS)], dtype=float)
     draws = sums.fits(both, weights)
-    quantile = float(stats.t.ppf(0.5 + 0.5 * _LEVEL, table.rows.blocks - 1))
+    quantile = float(student_quantile(table.rows.blocks - 1))
     # By the median: samples that lack a direction of motion give outlying fits.
     half_widths = quantile * robust_std(draws - np.median(draws, axis=0), axis=0)
     # About the fit of the terms alone; the derivatives of Eq. 6 have no part in that.

@@ -62,8 +62,6 @@ OWN_SHARE = Threshold(
     0.01, 'of its size', 'that no other term repeats: with less, coefficients cancel')
 SHORTLIST = Threshold(
     6, 'effects', 'compared by held-out blocks: those that explain most of the fitted ones')
-MOST_EFFECTS = Threshold(
-    14, 'effects', 'more than any drive was seen to need')
 PASSED_AGAIN = Threshold(
     0.5, 'of the motion', 'must be at places that were passed twice: only there can predictions of '
     'what was not fitted be wrong about position')

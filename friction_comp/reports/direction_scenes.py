@@ -10,12 +10,13 @@ from matplotlib.figure import Figure
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
-from friction_comp.reports.figures import COLOURS, new_figure, styled, thin
+from friction_comp.reports.figures import COLOURS, INK, new_figure, styled, thin
 from friction_comp.reports.html import number, Report
 from friction_comp.reports.moving_joint import moving_joint, MovingScene
 from friction_comp.samples import Samples
+from friction_comp.statistics import rms
 
-_LINE, _FAINT = '#1a2b3d', '#9aa5b1'
+_FAINT = '#9aa5b1'
 _SHOWN = 0.01  # rad/s of the reference in the picture
 _BAND = 20.0  # Hz: of the torque whose peak is compared; steps of the reference are above
 _HAND_COLOURS = ('grey', 'violet', 'blue', 'green')
@@ -52,12 +53,12 @@ class HandTrial:
     @property
     def rms(self) -> float:
         """RMS torque of a movement to and fro, N·m, without its beginning and its end."""
-        return float(np.sqrt(np.mean(self.torque[self._steady]**2)))
+        return rms(self.torque[self._steady])
 
     def inertial_rms(self, inertia: float) -> float:
         """Return the RMS torque that a joint of an inertia in kg·m² takes without friction, N·m."""
         time, velocity = (values[self._steady] for values in self._reference)
-        return float(inertia * np.sqrt(np.mean(np.gradient(velocity, time)**2)))
+        return inertia * rms(np.gradient(velocity, time))
 
     def removed(self, bare: HandTrial, inertia: float) -> float:
         """Return the share of friction's part in the RMS torque that is removed."""
@@ -180,6 +181,6 @@ def _follow_figure(runs: dict[str, dict[float, dict[str, Any]]]) -> Figure:
     for axis, (way, own) in zip(np.ravel(axes), runs.items()):
         one = own[_SHOWN]
         axis.plot(*thin(one['time'], np.degrees(one['desired'])), color=_FAINT, linewidth=4.0)
-        axis.plot(*thin(one['time'], np.degrees(one['position'])), color=_LINE)
+        axis.plot(*thin(one['time'], np.degrees(one['position'])), color=INK)
         axis.set_title(way, fontsize=9)
     return figure

@@ -103,10 +103,10 @@ def new_unit_report(new: NewUnit, population: Population) -> Report:
     page.table(
         ['coefficient', 'this unit', '95 % interval', 'population', 'told by the recording',
          'probability by chance'],
-        [[name, value, interval_text((value - 1.96 * error, value + 1.96 * error)), mean,
-          f'{100.0 * told:.0f} %', number(p, 2)] for name, value, error, mean, told, p in zip(
-              new.names, new.values.tolist(), new.errors, population.prior.mean, new.told,
-              new.p.tolist())],
+        [[name, value, interval_text(ends), mean, f'{100.0 * told:.0f} %', number(p, 2)]
+         for name, value, ends, mean, told, p in zip(
+             new.names, new.values.tolist(), new.intervals.tolist(), population.prior.mean,
+             new.told, new.p.tolist())],
         f'Coefficients of Eq. 6 and of the effects of the population, {population.unit} and '
         f'{population.unit} per rad/s or rad/s². What the recording does not tell is that of the '
         'population. The probability is that of such a deviation of a unit of the population, all '

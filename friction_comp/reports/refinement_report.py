@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
 from itertools import count
 
 import numpy as np
@@ -15,7 +14,7 @@ from friction_comp.compensation.feed_forward import feed_forward
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.friction_numbers import FrictionNumbers, quantity_in
-from friction_comp.model.sliding_friction import line_of
+from friction_comp.model.measured import LINE
 from friction_comp.refinement.findings import in_unit
 from friction_comp.refinement.result import RefinementReport, RefineResult
 from friction_comp.refinement.thresholds import LEAST_SHARE
@@ -187,7 +186,7 @@ def summary(report: RefinementReport) -> str:
 def _parameter_rows(result: RefineResult) -> list[list[str]]:
     """Return a row for each fitted parameter: effect, name, before, after, unit, interval."""
     unit, friction = result.report.unit, result.report.friction
-    before, after = (line_of(replace(model, effects=[])) for model in (result.start, result.model))
+    before, after = (dict(zip(LINE, model.sigmoid.line)) for model in (result.start, result.model))
     # The numbers of sliding friction may contain effects: then Eq. 6 has no interval of its own.
     rows = [['Eq. 6', name, number(before[key]), number(after[key]),
              own_unit.replace('A', unit, 1), 'unchanged' if before[key] == after[key] else

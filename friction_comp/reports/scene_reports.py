@@ -25,6 +25,7 @@ from friction_comp.reports.figures import COLOURS, new_figure, styled, thin
 from friction_comp.reports.html import number, Report
 from friction_comp.reports.refinement_report import effect_names
 from friction_comp.samples import Samples
+from friction_comp.statistics import rms
 
 # Lengths of upper arm and forearm in the drawing, m; number of poses drawn.
 _LENGTHS = np.array([0.28, 0.25])
@@ -161,7 +162,7 @@ def peaks_of(alone: Mapping[str, Samples], helped: Mapping[str, Samples]
              ) -> dict[str, dict[str, dict[str, float]]]:
     """Return the person's RMS and peak torque by joint and recording, N·m."""
     return {joint: {
-        name: {'rms': float(np.sqrt(np.mean(load ** 2))), 'peak': float(np.abs(load).max())}
+        name: {'rms': rms(load), 'peak': float(np.abs(load).max())}
         for name, load in (('alone', np.asarray(alone[joint].load)),
                            ('helped', np.asarray(helped[joint].load)))} for joint in alone}
 

@@ -35,13 +35,12 @@ def _log(row: np.ndarray, columns: np.ndarray, out: Record, s: Record, command: 
 
 @njit(cache=True, parallel=True)
 def _run_all(parameters: np.ndarray, random: np.ndarray, laws: np.ndarray, own: np.ndarray,
-             reference: np.ndarray, which: np.ndarray, disturbance: np.ndarray, speed: float,
-             released: int, sample_time: float, every: int, columns: np.ndarray,
+             reference: np.ndarray, which: np.ndarray, speed: float, released: int,
+             sample_time: float, every: int, columns: np.ndarray,
              log: np.ndarray, extremes: np.ndarray, states: np.ndarray, outs: np.ndarray,
              known: bool) -> None:
     for r in prange(len(parameters)):
         p, law, s, out, shown = parameters[r], laws[r], states[r], outs[r], reference[which[r]]
-        added = disturbance[r % disturbance.shape[0]]
         table, nothing = np.zeros((0, COLUMNS)), np.zeros(1)
         start_joint(p, s, random[r])
         s.rotor_speed = s.link_speed = speed
@@ -49,7 +48,7 @@ def _run_all(parameters: np.ndarray, random: np.ndarray, laws: np.ndarray, own: 
         lowest = highest = s.rotor
         for k in range(shown.shape[1]):
             command = 0.0
-            if observe(law, own[r], k * sample_time, out.position + added[k], out.velocity, known):
+            if observe(law, own[r], k * sample_time, out.position, out.velocity, known):
                 command = decide(law, own[r], shown[2, k], math.nan, False, 0.0, 0.0, 0.0)
             else:
                 own[r].current = 0.0
@@ -66,8 +65,7 @@ def closed_loops(
         parameters: np.ndarray, random: np.ndarray, laws: np.ndarray,
         reference: Sequence[np.ndarray], which: Sequence[int] | np.ndarray | None = None,
         sample_time: float = 1e-3, every: int = 1,
-        *, released: int | None = None, speed: float = 0.0,
-        disturbance: np.ndarray | None = None, logged: Sequence[str] = LOGGED
+        *, released: int | None = None, speed: float = 0.0, logged: Sequence[str] = LOGGED
         ) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
     """Simulate R joints with their laws, which use Eq. 6 without further effects.
 
@@ -83,9 +81,8 @@ def closed_loops(
         Log every n-th sample; 0 logs nothing.
     released : int, optional
         Sample at which the person lets go; never when omitted.
-    speed, disturbance, logged
-        Initial velocity, rad/s; added to the position that the law receives, rad, (L,) or (D, L),
-        run r has row r modulo D; and some of `SIGNALS`.
+    speed, logged
+        Initial velocity, rad/s; and some of `SIGNALS`.
 
     Returns
     -------
@@ -97,14 +94,12 @@ def closed_loops(
         [np.atleast_2d(np.asarray(a, dtype=float)) for a in reference], axis=1))
     runs, length = len(parameters), movements.shape[2]
     chosen = np.zeros(runs, dtype=np.int64) if which is None else np.asarray(which, np.int64)
-    added = np.zeros((1, length)) if disturbance is None else np.atleast_2d(
-        np.asarray(disturbance, dtype=float))
     columns = np.array([SIGNALS.index(name) for name in logged], dtype=np.int64)
     log = np.zeros((runs, -(-length // every) if every else 0, len(columns)))
     extremes, own = np.zeros((runs, 2)), np.zeros(runs, STATE)
     release = length if released is None else int(released)
     # The velocity is known. As a constant in compiled code, it would compile `observe` once more.
     _run_all(np.ascontiguousarray(parameters), random.copy(), laws.copy(), own, movements, chosen,
-             added, float(speed), release, float(sample_time), int(every), columns, log, extremes,
+             float(speed), release, float(sample_time), int(every), columns, log, extremes,
              np.zeros(runs, JOINT_STATE), np.zeros(runs, MEASURED), True)
     return {name: log[:, :, c] for c, name in enumerate(logged)}, extremes, own

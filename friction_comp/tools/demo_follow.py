@@ -20,6 +20,7 @@ from friction_comp.reports.direction_scenes import follow_report
 from friction_comp.results import write_report
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.mit_drive import MitDrive, PERIOD
+from friction_comp.statistics import rms
 from friction_comp.tools.common import progress
 
 STEP = 1e-3
@@ -65,7 +66,7 @@ def _follow(way: str, speed: float, seed: int) -> dict[str, Any]:
     ramps = ((time_ > 1.0) & (time_ < 6.0)) | ((time_ > 7.0) & (time_ < 12.0))
     late = [(time_ > begin) & (time_ < begin + 2.5) for begin in (3.5, 9.5)]
     return {'time': time_, 'desired': desired, 'position': angle,
-            'rms': float(np.sqrt(np.mean(error[ramps]**2))),
+            'rms': rms(error[ramps]),
             'stairs': max(float(np.ptp(error[part])) for part in late)}
 
 

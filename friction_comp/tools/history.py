@@ -42,7 +42,7 @@ def main(argv: list[str] | None = None) -> int:
     recorded = recorded_friction(history, model)
     if not recorded:
         raise InputError(f'{arguments.model}: in none of the recordings kept does the joint slide')
-    unit = str(model.notes.get('unit', 'A'))
+    unit = model.unit
     content = {'model': str(arguments.model), 'unit': unit,
                'recordings': [vars(one) for one in recorded],
                'notes': [{'day': day, 'text': text} for day, text in history.notes]}

@@ -74,7 +74,7 @@ def main(argv: list[str] | None = None) -> int:
               '(--with-time-effects applies it)')
     if measured is not samples.current:
         print('a load was recorded: the current that it replaces is added to the measured current')
-    residual, unit = measured - predicted, model.notes.get('unit', 'A')
+    residual, unit = measured - predicted, model.unit
     errors = [f'{rms(residual):.4g} {unit}']
     # At standstill friction balances any torque up to breakaway: an error there says little.
     with suppress(InputError):

@@ -50,11 +50,11 @@ def refine_new_unit(arguments: Namespace) -> int:
     content = {
         'joint': population.joint, 'unit': unit, 'units': len(population.units), 'out': new.out,
         'coefficients': [
-            {'name': name, 'value': float(value), 'interval': [
-                float(value - 1.96 * error), float(value + 1.96 * error)],
+            {'name': name, 'value': float(value), 'interval': ends,
              'population': mean, 'told_by_recording': float(told), 'p': float(p)}
-            for name, value, error, mean, told, p in zip(
-                new.names, new.values, new.errors, population.prior.mean, new.told, new.p)],
+            for name, value, ends, mean, told, p in zip(
+                new.names, new.values, new.intervals.tolist(), population.prior.mean, new.told,
+                new.p)],
         'held_out_rmse': {'population': new.population_error, 'recording_alone': new.alone_error,
                           'with_population': new.error}}
     write_results(arguments, content, new_unit_report(new, population), model)

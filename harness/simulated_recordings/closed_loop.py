@@ -11,8 +11,6 @@ import numpy as np
 from friction_comp.simulation.person import ReferenceHold
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
     from friction_comp.compensation.law import CompensationLaw
     from friction_comp.exercise.reference_movement import ReferenceMovement
     from friction_comp.simulation.joint import Plant
@@ -21,16 +19,14 @@ SIGNALS = ('position', 'velocity', 'current', 'interaction_torque', 'temperature
 
 
 def closed_loop(plant: Plant, law: CompensationLaw, movement: ReferenceMovement, duration: float,
-                reference_period: float = 0.01, human_active: ArrayLike | None = None
-                ) -> dict[str, np.ndarray]:
+                reference_period: float = 0.01) -> dict[str, np.ndarray]:
     """Run a plant under a compensation law for `duration` s while a person follows a movement.
 
     Per sample, in this order: the law turns the plant's latest state into a command, then the plant
     holds that command over the sample. The nodes in lockstep do the same and give the same numbers.
     The movement is shown to the person in samples `reference_period` apart; all joints follow it.
-    `human_active`: bool of shape (J,), optional; False where nobody holds the joint. Returns arrays
-    by name: ``time`` (N,) and, of shape (N, J), `SIGNALS`, ``command``, ``direction`` and the
-    reference: the state at each time and the command that it led to.
+    Returns arrays by name: ``time`` (N,) and, of shape (N, J), `SIGNALS`, ``command``,
+    ``direction`` and the reference: the state at each time and the command that it led to.
     """
     count = round(duration / plant.sample_time)
     every = max(1, round(reference_period / plant.sample_time))
@@ -59,5 +55,5 @@ def closed_loop(plant: Plant, law: CompensationLaw, movement: ReferenceMovement,
         log['direction'][k] = direction
         log['reference_position'][k] = position
         log['reference_velocity'][k] = velocity
-        plant.step(command, position, velocity, human_active)
+        plant.step(command, position, velocity)
     return log

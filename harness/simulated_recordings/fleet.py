@@ -57,23 +57,15 @@ def fleet_drive(seed, unit, fault=None):
     return replace(base, model=replace(base.model, sigmoid=own), effects=effects)
 
 
-def write_unit(folder, seed, unit, fault=None, recordings=1, excitation=None):
-    """Write a unit's recordings into a folder of its own; return the folder."""
-    drive = fleet_drive(seed, unit, fault)
-    excitation = excitation or Excitation(duration=20.0, rate=125.0)
-    for k in range(recordings):
-        samples = record(drive, 100_000 * seed + 100 * unit + k, excitation)[0].samples
-        write_samples(folder / f'unit_{unit:04d}' / f'day_{k}', samples)
-    return folder / f'unit_{unit:04d}'
-
-
-def write_fleet(folder, seed, units, faults=(), recordings=1, excitation=None):
-    """Write a fleet into a folder; return the names of the odd units and their faults.
+def write_fleet(folder, seed, units, faults):
+    """Write a recording of each unit; return the names of the odd units and their faults.
 
     The faults are spread over the units at random.
     """
     rng = np.random.default_rng([seed, 8])
     odd = dict(zip(rng.permutation(units)[:len(faults)].tolist(), faults))
     for unit in range(units):
-        write_unit(folder, seed, unit, odd.get(unit), recordings, excitation)
+        samples = record(fleet_drive(seed, unit, odd.get(unit)), 100_000 * seed + 100 * unit,
+                         Excitation(duration=20.0, rate=125.0))[0].samples
+        write_samples(folder / f'unit_{unit:04d}' / 'day_0', samples)
     return {f'unit_{unit:04d}': fault for unit, fault in sorted(odd.items())}

@@ -18,8 +18,8 @@ SAMPLE_TIME = 1e-3
 
 
 def run_gears(parameters: Sequence[np.void], laws: Sequence[np.ndarray], reference: np.ndarray,
-              seed: int | Sequence[int] = 0, released: int = 0, speed: float = 0.0,
-              disturbance: np.ndarray | None = None) -> tuple[dict[str, np.ndarray], np.ndarray]:
+              seed: int | Sequence[int] = 0, released: int = 0, speed: float = 0.0
+              ) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """Run geared joints under their laws at 1 kHz.
 
     Parameters
@@ -33,8 +33,6 @@ def run_gears(parameters: Sequence[np.void], laws: Sequence[np.ndarray], referen
         Sample at which the person lets go; 0: nobody ever holds the joint.
     speed : float
         rad/s at the beginning.
-    disturbance : array_like, shape (N,), optional
-        rad, added to what the encoder shows.
 
     Returns
     -------
@@ -49,7 +47,7 @@ def run_gears(parameters: Sequence[np.void], laws: Sequence[np.ndarray], referen
     log, _, guards = closed_loops(
         np.array(list(parameters)), random_states(seed, size), np.concatenate(list(laws)),
         tuple(shown.transpose(1, 0, 2)), np.arange(size) % len(shown), sample_time=SAMPLE_TIME,
-        released=released, speed=speed, disturbance=disturbance, logged=LOGGED)
+        released=released, speed=speed, logged=LOGGED)
     return log, guards
 
 

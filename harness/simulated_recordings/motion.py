@@ -27,16 +27,16 @@ def stroke(start, goal, speed, step, ramp_time):
     return start + math.copysign(1.0, goal - start) * np.cumsum(velocity) * step
 
 
-def multisine(start, duration, amplitude, step, rng, tones=4, lowest=0.08, highest=0.9):
-    """Return positions of a sum of sines, faded in and out at the start position.
+def multisine(start, duration, amplitude, step, rng):
+    """Return positions of a sum of four sines, faded in and out at the start position.
 
-    `amplitude`: largest distance from the start in rad. `lowest`, `highest`: range of the
-    frequencies in Hz, drawn on a logarithmic scale.
+    `amplitude`: largest distance from the start in rad. The frequencies, 0.08 to 0.9 Hz, are drawn
+    on a logarithmic scale.
     """
     t = np.arange(1, round(duration / step) + 1) * step
     total = np.zeros_like(t)
-    for _ in range(tones):
-        frequency = math.exp(rng.uniform(math.log(lowest), math.log(highest)))
+    for _ in range(4):
+        frequency = math.exp(rng.uniform(math.log(0.08), math.log(0.9)))
         phase = rng.uniform(0.0, 2.0 * math.pi)
         # Equal speed in each tone: slow tones go further.
         total += np.sin(2.0 * math.pi * frequency * t + phase) / frequency

@@ -9,8 +9,8 @@ from friction_comp.model.sigmoid import Sigmoid
 LEVEL = 0.1
 
 
-def small_model(presliding=3e-4, factor=1.0):
+def small_model(factor=1.0):
     """A drive of 0.1 A, sliding and breaking away."""
     return FrictionModel(
         drive=Drive(0.1, 100.0, 4000), sigmoid=Sigmoid(factor * LEVEL, -factor * LEVEL, 200.0),
-        breakaway=Breakaway(factor * LEVEL, -factor * LEVEL), presliding=Presliding(presliding))
+        breakaway=Breakaway(factor * LEVEL, -factor * LEVEL), presliding=Presliding(3e-4))

@@ -117,14 +117,14 @@ class Effect(ABC):
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        """Return the constants to try on recordings with this coverage."""
+        """Return the constants to try on recordings with this coverage, without `transition`."""
         return [{}]
 
     @classmethod
     def propose(cls, view: ResidualView) -> list[dict[str, float]]:
         """Return the constants to try for a residual; by default those of `grid`."""
         return [cls.with_loads(constants, view.load_shares)
-                for constants in cls.grid(view.coverage)]
+                for constants in cls.points(view.coverage)]
 
     @classmethod
     def limited(cls, name: str, value: float, constants: dict[str, float],
@@ -212,6 +212,12 @@ class Effect(ABC):
 
     # Not to be overridden.
 
+    @classmethod
+    def points(cls, coverage: Coverage) -> list[dict[str, float]]:
+        """Return the points of `grid`, with the transition that all effects of a fit share."""
+        common = {'transition': coverage.transition} if 'transition' in cls.constants else {}
+        return [{**point, **common} for point in cls.grid(coverage)]
+
     def _symbols(self) -> dict[str, float]:
         return {**self.values, **dict(zip('ABCDEFGH', self.coefficients))}
 
@@ -245,11 +251,12 @@ class Effect(ABC):
         return sum(gain * column for gain, column in zip(
             self.coefficients, self.columns(x, c), strict=True))
 
-    def check_signals(self, samples: Samples) -> None:
+    @classmethod
+    def check_signals(cls, samples: Samples) -> None:
         """Raise InputError if the effect needs a signal that the samples lack."""
-        for signal in self.needs:
+        for signal in cls.needs:
             if getattr(samples, signal) is None:
-                raise InputError(f"effect '{self.name}' needs {signal}, which is not recorded")
+                raise InputError(f"effect '{cls.name}' needs {signal}, which is not recorded")
 
     def current(self, samples: Samples) -> np.ndarray:
         """Return the effect's current in A, shape (N,)."""

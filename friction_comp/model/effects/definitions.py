@@ -57,8 +57,8 @@ class Coverage:
 
     @property
     def span(self) -> float:
-        """Width of the range of position in rad."""
-        return self.highest - self.lowest
+        """Width of the range of position in rad, never zero: constants are shares of it."""
+        return max(self.highest - self.lowest, 1e-9)
 
 
 @dataclass(frozen=True)

@@ -90,10 +90,8 @@ class Hysteresis(Effect):
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
         span = coverage.span
-        if not span > 0:
-            return []
         lowest = max(3e-4 * span, 3.0 * coverage.resolution)
-        return [{'distance': value, 'exponent': 1.0, 'transition': coverage.transition}
+        return [{'distance': value, 'exponent': 1.0}
                 for value in np.geomspace(min(lowest, 0.02 * span), 0.15 * span, 12).tolist()]
 
     step = staticmethod(dahl_step)
@@ -170,11 +168,8 @@ class Backlash(Effect):
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
         span = coverage.span
-        if not span > 0:
-            return []
         shortest = _shortest_reversal(coverage)
-        return [{'gap': gap, 'distance': max(share * gap, shortest),
-                 'transition': coverage.transition}
+        return [{'gap': gap, 'distance': max(share * gap, shortest)}
                 for gap in np.geomspace(min(10.0 * shortest, 0.02 * span), 0.25 * span, 6).tolist()
                 for share in (0.1, 0.7)]
 
@@ -246,10 +241,8 @@ class RestTime(Effect):
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
         span = coverage.span
-        if not span > 0:
-            return []
         return [{'time_constant': constant, 'distance': distance,
-                 'velocity': share * coverage.slowest, 'transition': coverage.transition}
+                 'velocity': share * coverage.slowest}
                 for share in (1.0, 0.25, 0.06)
                 for constant in np.geomspace(0.3, 30.0, 5).tolist()
                 for distance in np.geomspace(2e-3 * span, 0.2 * span, 5).tolist()]
@@ -299,7 +292,7 @@ class Temperature(Effect):
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        return [{'reference_temperature': coverage.temperature, 'transition': coverage.transition}]
+        return [{'reference_temperature': coverage.temperature}]
 
     @classmethod
     def insufficient_data(cls, coverage: Coverage) -> str:
@@ -365,11 +358,6 @@ class WarmUp(OffsetDrift):
                'start, fading with {time_constant:.3g} s')
     equation = ('({A:+.4g}·s {B:+.4g}·v {C:+.4g}·s²)·exp(-t/{time_constant:.4g}), '
                 's = tanh(v/{transition:.3g})')
-
-    @classmethod
-    def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        return [{**constants, 'transition': coverage.transition}
-                for constants in super().grid(coverage)]
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:

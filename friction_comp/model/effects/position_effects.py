@@ -90,9 +90,8 @@ class Cogging(Effect):
     # With fewer periods over the range it is not a ripple.
     constants: dict[str, SearchRange | None] = {
         'frequency': SearchRange(
-            1.0, unit=lambda coverage, _: math.pi / max(coverage.span, 1e-12),
-            limits=lambda coverage, _: (2.0 * math.pi * FEWEST_PERIODS / max(coverage.span, 1e-9),
-                                        math.inf)),
+            1.0, unit=lambda coverage, _: math.pi / coverage.span,
+            limits=lambda coverage, _: (2.0 * math.pi * FEWEST_PERIODS / coverage.span, math.inf)),
         'growth': None, 'speed': None, 'transition': None}
     # The amplitude holds at recorded speeds; over position the ripple repeats.
     range_margins = {'velocity': 0.25}
@@ -100,16 +99,15 @@ class Cogging(Effect):
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        return [{'growth': growth, 'speed': coverage.speed, 'transition': coverage.transition}
-                for growth in (0.0, 1.0)]
+        return [{'growth': growth, 'speed': coverage.speed} for growth in (0.0, 1.0)]
 
     @classmethod
     def propose(cls, view: ResidualView) -> list[dict[str, float]]:
         """Return the largest peaks in the residual's spectrum; harmonics if it turned often."""
         coverage, proposed = view.coverage, []
         highest = highest_frequency(view.velocity, view.row_time, coverage.resolution)
-        separation = 2.0 * math.pi / max(coverage.span, 1e-9)
-        for constants in cls.grid(coverage):
+        separation = 2.0 * math.pi / coverage.span
+        for constants in cls.points(coverage):
             c = cls.Constants(frequency=0.0, **constants)
             signals = Signals(position=view.position, velocity=view.velocity, sign=view.sign)
             # At frequency zero the first column is the amplitude itself.
@@ -186,13 +184,11 @@ class Bump(Effect):
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        if not coverage.span > 0:
-            return []
         points = []
         for width in np.geomspace(0.008 * coverage.span, 0.12 * coverage.span, 5).tolist():
             places = np.arange(coverage.lowest, coverage.highest + 0.5 * width, width)
             points += [{'position': float(position), 'width': width, 'exponent': 2.0,
-                        'directional': directional, 'transition': coverage.transition}
+                        'directional': directional}
                        for position in places for directional in (1.0, 0.0)]
         return points
 
@@ -203,7 +199,7 @@ class Bump(Effect):
         position = view.position[order]
         proposed = []
         shapes: dict[Any, list[dict[str, float]]] = {}
-        for constants in cls.grid(view.coverage):
+        for constants in cls.points(view.coverage):
             shapes.setdefault((constants['width'], constants['directional']), []).append(constants)
         for (width, directional), points in shapes.items():
             places = np.array([point['position'] for point in points])

@@ -216,8 +216,7 @@ class LoadFriction(Effect):
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        return [{'exponent': exponent, 'transition': coverage.transition}
-                for exponent in (1.0, 2.0)]
+        return [{'exponent': exponent} for exponent in (1.0, 2.0)]
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
@@ -273,7 +272,7 @@ class InnerLoadFriction(Effect):
         shapes += [(1.0, 1.0, value)
                    for value in np.geomspace(0.05 * coverage.speed, coverage.speed, 4).tolist()]
         return [{**still, 'with_inertia': with_inertia, 'exponent': exponent, 'fading': fading,
-                 'velocity': velocity, 'transition': coverage.transition}
+                 'velocity': velocity}
                 for exponent, fading, velocity in shapes for with_inertia in (0.0, 1.0)]
 
     @classmethod

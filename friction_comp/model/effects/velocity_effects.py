@@ -34,7 +34,7 @@ class Stribeck(Effect):
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
         lowest = max(1.5 * coverage.transition, 1.5 * coverage.slowest, 0.003 * coverage.speed)
-        return [{'velocity': velocity, 'exponent': exponent, 'transition': coverage.transition}
+        return [{'velocity': velocity, 'exponent': exponent}
                 for velocity in np.geomspace(
                     min(lowest, 0.3 * coverage.speed), 0.7 * coverage.speed, 9).tolist()
                 for exponent in (1.0, 2.0)]
@@ -74,8 +74,7 @@ class ViscousShape(Effect):
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        return [{'exponent': exponent, 'reference': coverage.speed,
-                 'transition': coverage.transition}
+        return [{'exponent': exponent, 'reference': coverage.speed}
                 for exponent in (0.3, 0.45, 0.6, 0.75, 1.4, 1.7, 2.0, 2.5, 3.0)]
 
     @staticmethod
@@ -126,7 +125,7 @@ class DirectionAsymmetry(Effect):
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        return [{'offset': 1.0, 'transition': coverage.transition}]
+        return [{'offset': 1.0}]
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
