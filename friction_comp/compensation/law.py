@@ -12,7 +12,7 @@ import numpy as np
 
 from friction_comp.compensation import law_kernel as kernel
 from friction_comp.compensation.effect_currents import EffectCurrents
-from friction_comp.compensation.law_fields import CONTINUOUS, NONE, PARAMETERS, STATE, zeros
+from friction_comp.compensation.law_fields import CONTINUOUS, FREE, NONE, PARAMETERS, STATE, zeros
 from friction_comp.compensation.law_parameters import law_parameters, LAWS, set_breakaway
 from friction_comp.errors import InputError
 from friction_comp.model.effects.base import Effect
@@ -226,7 +226,8 @@ class CompensationLaw:
         """Exchange a joint's model while the law runs.
 
         The current changes continuously to that of the new model, within a few hundredths of a
-        second.
+        second. What the drive did with the old model tells nothing of the new one, which is trusted
+        anew; a joint at rest is led again, so that it shows whether it holds.
 
         Parameters
         ----------
@@ -236,6 +237,13 @@ class CompensationLaw:
         if not 0 <= joint < self.joints:
             raise InputError(f'there is no joint number {joint!r}')
         law_parameters(model, **self._options[joint])
+        state = self._states[joint]
+        state['trust'] = state['trusted'] = 1.0
+        if state['mode'] != FREE:
+            state['mode'], state['z'] = FREE, 0.0
+        self._exchange(joint, model)
+
+    def _exchange(self, joint: int, model: FrictionModel) -> None:
         self.models[joint] = model
         self._effects[joint] = EffectCurrents(model, self._why_left_out)
         self._take_parameters(joint)
@@ -258,7 +266,7 @@ class CompensationLaw:
             law_parameters(model, **new)
         self._options = options
         for joint, model in enumerate(self.models):
-            self.set_model(joint, model)
+            self._exchange(joint, model)
 
     def _options_of(self, law: str, breakaway_gain: float, current_limit: ArrayLike | None
                     ) -> list[dict[str, Any]]:
