@@ -103,6 +103,9 @@ def test_inertia_need_not_be_known(number, inertia):
     np.testing.assert_allclose(result.currents[[0, -1]], truth, rtol=0.02)
     for point in result.points:
         assert point.actual_speed == pytest.approx(point.speed, rel=0.05)
+    # One ramp does not show how much the next may differ.
+    assert result.breakaway.positive_std == 0.0
+    assert any('measured once in each direction' in word for word in result.warnings)
 
 
 def test_lag_gravity_and_noise_are_tolerated():

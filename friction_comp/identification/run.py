@@ -67,6 +67,8 @@ GAIN_LADDER = (1.0, 1.7, 0.3, 0.1)
 MAX_SCATTER = 0.15
 # Share of a current by which the curve of Eq. 6 may be off it without a warning.
 CURVE_SHARE = 0.1
+ONE_RAMP = ('breakaway was measured once in each direction: how much it scatters is not known, and '
+            'its standard deviation of 0 means nothing. Request four breakaway_cycles or more')
 REST_SHARE = 0.1        # of the ramp period at zero current after each ramp, as in Eq. 8
 # Ramps start up to this share of the motion range off its centre, to average out cogging.
 PLACES_SHARE = 0.015
@@ -333,6 +335,7 @@ class IdentificationRun(SupervisedRun):
                       *check_currents(cycles), *say_lag(lag if inertia and inertia.sure else 0.0),
                       *([] if inertia else say_unsettled(self.cycles, cycles)),
                       *say_drift(drift),
+                      *([ONE_RAMP] if self.goal.breakaway_cycles == 1 else []),
                       *ramps.warnings, *([doubtful] if doubtful else []),
                       *check_positions(self.cycles, self.repeated),
                       *check_curve(points, sigmoid, CURVE_SHARE, self.say)],
