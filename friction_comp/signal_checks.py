@@ -264,9 +264,9 @@ class CurrentCheck:
         self.commanded = self.measured = 0.0
         # The sensor's offset, and the number of samples in this mean.
         self._offset, self._offset_count = 0.0, 0
-        # Integrals over time, with exponential forgetting and in total: of the squared commanded
-        # current, of its product with the measured current, and of 1.
-        self._recent = self._all = (0.0, 0.0, 0.0)
+        # Integrals over time, with exponential forgetting: of the squared commanded current, of its
+        # product with the measured current, and of 1.
+        self._recent = (0.0, 0.0, 0.0)
         # Integral, with forgetting, of the squared part that smoothing removes from the command.
         self._removed = 0.0
         # Time and smoothed currents, as far back as `answer` needs them.
@@ -287,22 +287,21 @@ class CurrentCheck:
         fading = math.exp(-step / _MEMORY)
         self._removed = fading * self._removed + step * (command - self.commanded) ** 2
         power, product = step * self.commanded ** 2, step * self.commanded * self.measured
-        recent, whole = self._recent, self._all
+        recent = self._recent
         self._recent = (
             fading * recent[0] + power, fading * recent[1] + product, fading * recent[2] + step)
-        self._all = whole[0] + power, whole[1] + product, whole[2] + step
 
-    def gain(self, least: float, lately: bool = True) -> float:
-        """Return the ratio of measured to commanded current, `lately` or of all samples.
+    def gain(self, least: float) -> float:
+        """Return the ratio of measured to commanded current of late.
 
         It is NaN if there is too little data, or the commanded current is below `least`, RMS in A.
         """
-        power, product, duration = self._recent if lately else self._all
+        power, product, duration = self._recent
         if duration < 0.3 * _MEMORY or power <= duration * least ** 2:
             return math.nan
         # An amplifier follows fast oscillations late and incompletely: no result if smoothing
         # removes most of the command.
-        if lately and power < _LEAST_REMAINING ** 2 * self._removed:
+        if power < _LEAST_REMAINING ** 2 * self._removed:
             return math.nan
         return product / power
 

@@ -47,7 +47,6 @@ from friction_comp.identification.kinetic import (
 from friction_comp.identification.ramp_evaluation import evaluate_ramps, Ramp
 from friction_comp.identification.sigmoid_fit import fit_sigmoid
 from friction_comp.identification.supervised_run import (
-    INERTIA_ASSUMED,
     OscillationError,
     speed_over,
     STILL_TIME,
@@ -67,8 +66,9 @@ GAIN_LADDER = (1.0, 1.7, 0.3, 0.1)
 MAX_SCATTER = 0.15
 # Share of a current by which the curve of Eq. 6 may be off it without a warning.
 CURVE_SHARE = 0.1
-ONE_RAMP = ('breakaway was measured once in each direction: how much it scatters is not known, and '
-            'its standard deviation of 0 means nothing. Request four breakaway_cycles or more')
+_TYPICAL = 'the inertia could not be estimated; a typical one was assumed'
+_ONE_RAMP = ('breakaway was measured once in each direction: how much it scatters is not known, '
+             'and its standard deviation of 0 means nothing. Request four breakaway_cycles or more')
 REST_SHARE = 0.1        # of the ramp period at zero current after each ramp, as in Eq. 8
 # Ramps start up to this share of the motion range off its centre, to average out cogging.
 PLACES_SHARE = 0.015
@@ -331,11 +331,12 @@ class IdentificationRun(SupervisedRun):
             points=points, sigmoid=sigmoid, sigmoid_error=error, breakaway=breakaway,
             records=ramps.records, acceleration_per_current=acceleration,
             goal=replace(self.goal, ramp_slope=self.ramp_slope),
-            warnings=[*(word for word in self.warnings if not inertia or word != INERTIA_ASSUMED),
+            warnings=[*self.warnings,
+                      *([_TYPICAL] if self._inertia_is_typical and not inertia else []),
                       *check_currents(cycles), *say_lag(lag if inertia and inertia.sure else 0.0),
                       *([] if inertia else say_unsettled(self.cycles, cycles)),
                       *say_drift(drift),
-                      *([ONE_RAMP] if self.goal.breakaway_cycles == 1 else []),
+                      *([_ONE_RAMP] if self.goal.breakaway_cycles == 1 else []),
                       *ramps.warnings, *([doubtful] if doubtful else []),
                       *check_positions(self.cycles, self.repeated),
                       *check_curve(points, sigmoid, CURVE_SHARE, self.say)],
@@ -350,7 +351,7 @@ class IdentificationRun(SupervisedRun):
         """Return k_t·n/J and the lag of the current from the cycles, if they show it."""
         found = inertia_of_cycles([cycle.samples for cycle in cycles[-CYCLES:]])
         # A push that moved the joint is right within tens of percent, unless a sensor is late.
-        wide = 50.0 if INERTIA_ASSUMED in self.warnings else 5.0
+        wide = 50.0 if self._inertia_is_typical else 5.0
         ratio = found.acceleration_per_current / self.acceleration if found else 0.0
         return found if 1.0 / wide < ratio < wide else None
 

@@ -41,14 +41,8 @@ _GROWTH, _FIRST_SHARE, _RISE_TIME, _BEYOND = 0.7, 1.0 / 300.0, 1.2, 2.0
 # Share of the drive's limit beyond which the first current grows only if the encoder has counted:
 # a joint winds up before it breaks free, a dead encoder never counts.
 _BLIND_SHARE = 0.1
-
-
 # After an oscillation, the bandwidth falls by this factor, unless it is below that share.
 _CALMER, _LEAST_CALMNESS = 0.4, 0.1
-
-
-INERTIA_ASSUMED = 'the inertia could not be estimated; a typical one was assumed'
-"""Warning, until cycles show the inertia."""
 
 
 class TooSlowError(IdentificationError):
@@ -102,6 +96,7 @@ class SupervisedRun(ControllerTuning, ABC):
         self._push = {1: 0.0, -1: 0.0}     # current that broke the joint free, magnitude in A
         self._slid = 0                     # direction of the latest slide
         self._counted = False              # whether the encoder has ever changed
+        self._inertia_is_typical = False    # whether the push did not show it
         self._calmness = 1.0               # factor of the controller's bandwidth, after oscillation
         self._run = self._motion()
         next(self._run)
@@ -237,7 +232,7 @@ class SupervisedRun(ControllerTuning, ABC):
         typical = 10.0 / push
         rates = [rate for rate in rates if math.isfinite(rate) and rate > typical / 100.0]
         if not rates:
-            self.warnings.append(INERTIA_ASSUMED)
+            self._inertia_is_typical = True
         self.acceleration = max(rates, default=typical)
 
     def _short_push(self, sign: int) -> Generator[float, Sample, float]:

@@ -34,6 +34,7 @@ _SLOWEST_RATE = 100.0
 _MORE_OFTEN = 3.0
 # Most rows that are searched, in multiples of `ROWS`, and how many are kept or left out together.
 _MOST, _PIECE = 4.0, 100
+# Parts of the range of position that tell whether a joint has come back.
 _PLACES = 20
 
 
@@ -273,9 +274,13 @@ def passed_again(position: np.ndarray, recording: np.ndarray) -> float:
     if width <= 0.0:
         return 0.0
     place = np.floor((position - position.min()) / width).astype(int)
+    # A stay at a place counts with all its samples.
+    enters = np.flatnonzero(np.r_[True, (np.diff(place) != 0) | (np.diff(recording) != 0)])
+    samples, place, recording = (
+        np.diff(np.append(enters, len(place))), place[enters], recording[enters])
     turning = place.max() > _PLACES
     again = 0
-    for here in range(_PLACES + 1):
+    for here in range(_PLACES if turning else _PLACES + 1):
         away = np.abs(place - here)
         if turning:
             away = np.minimum(away % _PLACES, -away % _PLACES)
@@ -283,8 +288,8 @@ def passed_again(position: np.ndarray, recording: np.ndarray) -> float:
         begins = near & np.r_[True, ~near[:-1] | (np.diff(recording) != 0)]
         visits = np.cumsum(begins)[away == 0]
         if len(visits) and visits[0] != visits[-1]:
-            again += len(visits)
-    return again / len(place)
+            again += int(samples[away == 0].sum())
+    return again / len(position)
 
 
 def count_positions(position: np.ndarray) -> float:
