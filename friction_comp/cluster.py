@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from functools import partial
 import threading
 from typing import Any
+from urllib.parse import urlsplit
 
 from friction_comp.errors import InputError, one_line
 from friction_comp.parallel import attempt, Failure, Outcomes, Runner
@@ -31,6 +32,7 @@ def runner_on_cluster(address: str) -> Iterator[Runner]:
         from distributed import Client
     except ImportError:
         raise InputError("--scheduler needs Dask: pip install 'friction_comp[fleet]'") from None
+    _check_address(address)
     try:
         client = Client(address, timeout=_PATIENCE, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
@@ -41,6 +43,18 @@ def runner_on_cluster(address: str) -> Iterator[Runner]:
             raise InputError(f'--scheduler {address}: has no workers: start some with '
                              f'dask worker {address} --nthreads 1')
         yield partial(_run, client)
+
+
+def _check_address(address: str) -> None:
+    # Dask's client of an address without a port tries to end for 20 s, and prints a traceback.
+    try:
+        parts = urlsplit(address if '://' in address else f'tcp://{address}')
+        complete = parts.scheme != 'tcp' or bool(parts.hostname and parts.port)
+    except ValueError:
+        complete = False
+    if not complete:
+        raise InputError(f'--scheduler {address}: an address has a host and a port, for instance '
+                         'tcp://host:8786')
 
 
 def _run(client: Any, work: Callable[[Any], Any], items: Sequence[Any]) -> Outcomes[Any]:

@@ -63,5 +63,8 @@ def test_a_scheduler_that_does_not_answer_is_named(tmp_path, refuses, monkeypatc
     write_recording(tmp_path / 'day')
     refuses('no Dask scheduler answers', 'refine', tmp_path / 'day', '--each',
             '--scheduler', 'tcp://127.0.0.1:1')
+    for incomplete in ('nonsense', 'tcp://host', 'host:eight'):
+        refuses('an address has a host and a port', 'refine', tmp_path / 'day', '--each',
+                '--scheduler', incomplete)
     refuses('--scheduler goes with --each', 'refine', tmp_path / 'day',
             '--scheduler', 'tcp://127.0.0.1:1')

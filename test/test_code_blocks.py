@@ -79,6 +79,7 @@ def workplace(tmp_path_factory):
         for name in ('examples', 'config'):
             (folder / name).symlink_to(ROOT / name)
         model = trial('trial', 1)
+        trial('identification_recording', 0)
         for day, direction in (('monday', 0), ('tuesday', 1)):
             trial(f'sessions/{day}', direction)
         model.save('elbow.yaml')

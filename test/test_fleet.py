@@ -96,6 +96,13 @@ def test_mean_spread_and_range_are_those_of_the_population(population):
     assert not by_name['offset'].varies
 
 
+def test_a_population_has_the_file_that_its_page_names(population):
+    assert population.file_name == 'population_elbow'
+    assert replace(population, joint='left/knee').file_name == 'population_left_knee'
+    # A table has a joint without a name.
+    assert replace(population, joint='').file_name == 'population'
+
+
 def test_the_exported_ranges_are_those_of_further_units(population, tmp_path):
     model = population.model
     model.save(tmp_path / 'population.yaml')

@@ -50,8 +50,9 @@ def test_folders_that_are_no_recordings(tmp_path):
         read_recording(tmp_path)
     (tmp_path / 'week').mkdir()
     (tmp_path / 'week' / 'log.csv').write_text('t,q,tau\n')
-    with pytest.raises(InputError, match='no recording in this folder; tables must be named'):
+    with pytest.raises(InputError, match='no recording in this folder; tables must be named') as no:
         read_recording(tmp_path)
+    assert str(no.value).endswith(f'for instance with {tmp_path}/*/*.csv')
     for text in ('', 'rosbag2_bagfile_information: 3', '[', 'rosbag2_bagfile_information: {}'):
         (tmp_path / 'metadata.yaml').write_text(text)
         with pytest.raises(InputError, match='not a readable recording') as error:

@@ -13,6 +13,7 @@ from test_prepare import swings
 from friction_comp.drive import Drive
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.measured import Breakaway
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement import Origin, refine
 from friction_comp.refinement.dependence import remaining_dependences
@@ -63,6 +64,21 @@ def test_the_model_written_is_the_model_judged(case, tmp_path):
     assert after.fit_rmse < 0.025
     assert after.fit_rmse == pytest.approx(after.held_out_rmse, rel=0.1)
     assert (written.differentiation.get('lag') is not None) == (case == 'late')
+
+
+@pytest.mark.parametrize('level, factor', [(0.4, 1.25), (0.625, 0.8), (0.49, 1.0)])
+def test_breakaway_of_another_day_changes_with_friction(level, factor):
+    """Friction is 0.5 A today: what was 0.4 A then has grown by a quarter, at rest too."""
+    then = FrictionModel(Drive(0.1, 100.0), Sigmoid(level, -level, 150.0, 0.0, 0.2),
+                         breakaway=Breakaway(0.6, -0.56, 0.03, 0.03))
+    result = refine([swings(1)], then)
+    both = result.model.breakaway
+    assert both.positive_mean == pytest.approx(0.6 * factor, rel=0.02)
+    assert both.negative_mean == pytest.approx(-0.56 * factor, rel=0.02)
+    assert both.positive_std == pytest.approx(0.03 * factor, rel=0.02)
+    said = [one.text for one in result.report.findings if one.code == 'breakaway_taken_along']
+    assert len(said) == (factor != 1.0)
+    assert result.report.friction.breakaway['positive']['mean'] == both.positive_mean
 
 
 @pytest.mark.slow

@@ -13,6 +13,7 @@ from dataclasses import asdict, dataclass, field, replace
 import json
 import math
 from pathlib import Path
+import re
 from typing import Any
 
 import numpy as np
@@ -88,6 +89,11 @@ class Population:
     parameters: list[ParameterSpread]
     prior: Prior
     model: FrictionModel  # with the mean coefficients of the population
+
+    @property
+    def file_name(self) -> str:
+        """The name of the model file with the mean, without its ending."""
+        return re.sub(r'[^\w.-]', '_', f'population_{self.joint}'.rstrip('_'))
 
     @property
     def out(self) -> dict[str, list[str]]:

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 import math
 from typing import Any
 
@@ -32,6 +32,16 @@ class Breakaway:
             raise InputError(
                 'breakaway currents must have the sign of their direction, not '
                 f'{self.positive_mean} and {self.negative_mean}')
+
+    def times(self, factor: float) -> Breakaway:
+        """Return them `factor` times as large; the same if their scatter is larger than that."""
+        scatter = max(self.positive_std / max(self.positive_mean, 1e-9),
+                      self.negative_std / max(-self.negative_mean, 1e-9))
+        if abs(factor - 1.0) <= scatter:
+            return self
+        return replace(self, **{
+            f'{side}_{what}': factor * getattr(self, f'{side}_{what}')
+            for side in ('positive', 'negative') for what in ('mean', 'std')})
 
 
 @dataclass(frozen=True)

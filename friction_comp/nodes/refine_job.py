@@ -87,8 +87,6 @@ def refusal(refined: Refined, old: FrictionModel) -> str:
         return 'it is not better than the initial model'
     if model.drive != old.drive:
         return "it has another drive's torque constant, gear ratio or current limit"
-    if old.breakaway is not None and model.breakaway != old.breakaway:
-        return 'its breakaway currents differ from the measured ones'
     return ''
 
 

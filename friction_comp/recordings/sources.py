@@ -51,11 +51,7 @@ def find_recordings(paths: AnyPath | Sequence[AnyPath]) -> list[Path]:
             kind = 'not a recording (a rosbag2 folder, an .mcap file or a table is needed: ' \
                 f'{", ".join(TABLES)})'
             if path.is_dir():
-                tables = (file.relative_to(path) for file in sorted(path.rglob('*'))
-                          if is_table(file) and file.is_file())
-                named = next((str(file.parent / f'*{file.suffix}') for file in tables), None)
-                kind = 'no recording in this folder' + (
-                    f'; tables must be named, for instance with {named}' if named else '')
+                kind = 'no recording in this folder' + _tables_in(path)
             elif path.suffix.lower() in _WORKBOOKS:
                 kind = 'a workbook: save its sheet as CSV, and give that file'
             raise InputError(f'{path}: {kind}')
@@ -78,6 +74,16 @@ def size_of(path: Path) -> int:
     """Return the size of a recording, a file or a folder, in bytes."""
     files = path.rglob('*') if path.is_dir() else parts_of(path) or [path]
     return sum(file.stat().st_size for file in files if file.is_file())
+
+
+def _tables_in(folder: Path) -> str:
+    table = next((file for file in sorted(folder.rglob('*'))
+                  if is_table(file) and file.is_file()), None)
+    if table is None:
+        return ''
+    depth = len(table.relative_to(folder).parts) - 1
+    pattern = folder.joinpath(*['*'] * depth, f'*{table.suffix}')
+    return f'; tables must be named, for instance with {pattern}'
 
 
 def _expand(path: Path) -> Iterator[Path]:

@@ -17,6 +17,7 @@ from friction_comp.model.effects import Effect, EFFECTS
 from friction_comp.model.effects.base import with_range
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.model.sliding_friction import line_of
 from friction_comp.parallel import one_thread
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.best_fit import find_best_fit, Fit, fit_eq6_alone, Problem
@@ -205,7 +206,8 @@ def _fit_transition_to_all_samples(table: Table, terms: Sequence[Term]) -> None:
 def model_of(fit: Fit, problem: Problem) -> FrictionModel:
     """Return the model of a fit with the intervals of its numbers.
 
-    The parts that refinement does not fit are the initial model's.
+    The parts that refinement does not fit are the initial model's. Breakaway friction changes as
+    sliding friction does at the lowest speed of the recordings.
     """
     table, rows, settings = fit.table, fit.rows, fit.settings
     coefficients = table.coefficients(fit.terms)
@@ -236,4 +238,25 @@ def model_of(fit: Fit, problem: Problem) -> FrictionModel:
         'joint': problem.raw.joint or (initial.joint if initial else '')}
     model = (replace(initial, drive=problem.drive, arm=arm or initial.arm, **fitted) if initial
              else FrictionModel(problem.drive, arm=arm, **fitted))
-    return replace(model, recorded=recorded_of(fit, model))
+    model = replace(model, recorded=recorded_of(fit, model))
+    if initial and initial.breakaway and model.recorded and model.recorded.speeds:
+        return replace(model, breakaway=initial.breakaway.times(
+            _change_of_friction(initial, model, model.recorded.speeds)))
+    return model
+
+
+def _change_of_friction(initial: FrictionModel, model: FrictionModel, speeds: Sequence[float]
+                        ) -> float:
+    """Return friction of a sliding joint over that of the initial model, at the lowest speed.
+
+    A hysteresis may be friction that the initial model knows as Coulomb friction, or more of it:
+    the change is that which is nearer to none.
+    """
+    changes = [1.0]
+    for skipped in ((), ('hysteresis',)):
+        lines = [line_of(replace(one, effects=[effect for effect in one.effects
+                                               if effect.name not in skipped]), max(speeds))
+                 for one in (initial, model)]
+        before, now = (line['coulomb'] + line['viscous'] * min(speeds) for line in lines)
+        changes.append(now / before if before > 0.0 < now else 1.0)
+    return sorted(changes)[1]

@@ -78,9 +78,9 @@ def add_fleet(page: Report, population: Population) -> None:
             [[unit, *(_cell(one.units[k]) for one in population.parameters)]
              for k, unit in enumerate(population.units)],
             'Values with 95 % intervals; what is out is bold.')
-    name = f'population_{population.joint}'.rstrip('_')
     page.text('`fleet.json` holds all of this. `refine NEW --fleet fleet.json` fits a further unit '
-              f'with this population as its start and prior; `{name}.yaml` is its mean as a model.')
+              'with this population as its start and prior; '
+              f'`{population.file_name}.yaml` is its mean as a model.')
 
 
 def new_unit_verdict(new: NewUnit, population: Population) -> str:

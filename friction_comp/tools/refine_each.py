@@ -204,7 +204,7 @@ def _write_results(arguments: Namespace, content: dict[str, Any], page: Page,
                    populations: Sequence[Population]) -> None:
     files: dict[str, str] = {}
     if populations:
-        names = folder_names(f'population_{one.joint}' for one in populations)
+        names = folder_names(one.file_name for one in populations)
         files = {'fleet.json': fleet_json(populations), **{
             f'{name}.yaml': to_yaml(one.model.to_dict())
             for name, one in zip(names, populations)}}
