@@ -64,9 +64,10 @@ def report_of(problem: Problem, fit: Fit, start: Predicted, refined: Predicted, 
     what = 'Presliding is' if model.breakaway else 'Breakaway and presliding are'
     notes = ([finding('no_presliding', what=what, why=refined.no_presliding)]
              if refined.no_presliding else [])
-    if problem.model and (old := problem.model.breakaway) and model.breakaway != old:
+    old, now = problem.model and problem.model.breakaway, model.breakaway
+    if old and now and now != old:
         notes.append(finding('breakaway_taken_along',
-                             factor=model.breakaway.positive_mean / old.positive_mean))
+                             factor=now.negative_mean / old.negative_mean))
     verdict = verdict_of([*judge.findings_on_numbers(friction), *judge.findings(
         fit, raw, errors, tested, noise, dependences, open_questions), *notes], unit)
     return RefinementReport(
