@@ -236,7 +236,7 @@ def test_a_shaft_that_turns_many_times_has_only_effects_that_repeat_every_turn()
 @pytest.mark.parametrize('value', [0.0, 1e-308, -1e-311])
 def test_an_uninitialised_effort_is_zero(value):
     samples = swings(11)
-    with pytest.raises(InputError, match='^the current is zero throughout the motion'):
+    with pytest.raises(InputError, match='^the current is zero throughout the motion.*the motor has to move'):
         refine([samples.with_(current=np.full(len(samples), value), acceleration=None)])
 
 
@@ -291,3 +291,10 @@ def test_a_place_is_passed_again_once_the_joint_has_been_elsewhere(position, sha
     again = passed_again(position, recording)
     assert again == pytest.approx(share, abs=0.11)
     assert again <= 1.0
+
+
+def test_a_hand_that_moves_an_idle_motor_shows_no_friction():
+    motion = swings(2)
+    report = refined(motion, noise(motion)).report
+    assert report.verdict == 'record again'
+    assert any('moved by hand' in one.text for one in report.findings)

@@ -33,9 +33,10 @@ _FINDINGS = {
         'something acts on the joint that was not recorded, or that no effect describes.',
         'record what acts on the joint (load, temperature, other joints; a URDF)'),
     'no_friction': (
-        AGAIN, 'No friction shows in this current: it is the torque behind the gear, or a '
-        "controller's request.",
-        'the current of the motor, or its torque before the gear'),
+        AGAIN, 'No friction shows in this current: it is the torque behind the gear, a '
+        "controller's request, or that of a motor whose joint is moved by hand.",
+        'the current of the motor that moves the joint, or its torque before the gear; of a joint '
+        "moved by hand, the hand's torque as the load"),
     'load_reversed': (
         AGAIN, 'The current grows with the load, {coefficient:.3g} A per N·m: one of them has the '
         'wrong sign. The load is the torque that moves the joint from outside.',

@@ -201,11 +201,11 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
         load * np.asarray(moved.load), moved, slow) if load else moved.current
     # Of smaller numbers, as an uninitialised effort has them, squares vanish.
     if not np.abs(target[usable]).max() > math.sqrt(np.finfo(float).tiny):
-        constants = '' if samples.load is None or declared else (
+        why = '; the motor has to move the joint' if samples.load is None or declared else (
             ' without torque constant and gear ratio, which say how much of the recorded load it '
             'is; 1 for both gives friction in N·m')
         raise InputError('the current is zero throughout the motion: there is no friction to fit'
-                         + constants)
+                         + why)
     coverage = coverage_of(moved, usable, slowest, samples)
     # Rigid bodies are the same in all postures.
     unknown = motion if samples.rigid_body is None else None
