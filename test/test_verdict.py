@@ -236,7 +236,7 @@ def test_a_shaft_that_turns_many_times_has_only_effects_that_repeat_every_turn()
 @pytest.mark.parametrize('value', [0.0, 1e-308, -1e-311])
 def test_an_uninitialised_effort_is_zero(value):
     samples = swings(11)
-    with pytest.raises(InputError, match='^the current is zero throughout the motion.*the motor has to move'):
+    with pytest.raises(InputError, match='^the current is zero throughout.*the motor has to'):
         refine([samples.with_(current=np.full(len(samples), value), acceleration=None)])
 
 
@@ -298,3 +298,20 @@ def test_a_hand_that_moves_an_idle_motor_shows_no_friction():
     report = refined(motion, noise(motion)).report
     assert report.verdict == 'record again'
     assert any('moved by hand' in one.text for one in report.findings)
+
+
+def test_friction_is_not_read_from_the_help_that_a_person_had():
+    """The motor gives 0.75 of friction as commanded, a hand the rest."""
+    motion = swings(4)
+    given = 0.75 * motion.current
+    helped = motion.with_(current=given + noise(motion), command=given, acceleration=None,
+                          direction=np.sign(motion.velocity))
+    report = refine([helped]).report
+    assert report.verdict == 'record again'
+    assert 'helped_person' in codes(report)
+    measured = helped.with_(load=0.25 * motion.current)
+    assert 'helped_person' not in codes(refine([measured], drive=Drive(1.0, 1.0)).report)
+    # A controller that follows a reference gives the rest itself.
+    follower = helped.with_(current=motion.current, command=0.2 * np.roll(given, 60))
+    assert 'helped_person' not in codes(refine([follower]).report)
+    assert 'helped_person' not in codes(refine([helped.with_(direction=0.0 * given)]).report)

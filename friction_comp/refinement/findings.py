@@ -82,9 +82,13 @@ _FINDINGS = {
     'no_temperature': (
         TRUST, 'Motor temperature was not recorded: its effect can only show as drift over time.',
         ''),
+    'helped_person': (
+        AGAIN, 'A compensator helped a person, whose torque was not recorded: the current is what '
+        'the motor gave, which is a part of friction.',
+        "the person's torque (interaction_wrench), or a motion by the motor alone"),
     'no_load': (
         TRUST, 'No load was recorded: effects of load, and an error of the torque constant, cannot '
-        'be seen.', ''),
+        'be seen, and what a hand gives to the motion is missing from friction.', ''),
     'not_seen': (TRUST, '{reason}', ''),
     'negative_friction': (
         IN_PART, 'The straight line through friction has {name} below zero, {value:.3g}, '

@@ -213,6 +213,21 @@ def findings_on_numbers(friction: FrictionNumbers) -> Iterator[Finding]:
         yield finding('not_told_apart', names=' and '.join(wide))
 
 
+def is_helped_person(samples: Samples) -> bool:
+    """Return whether a compensator helped a person, whose own torque was not recorded.
+
+    It acts on announced directions, and the motor does what it commands and nothing else. (Under
+    another controller, which moves the joint, the motor does more.)
+    """
+    if samples.load is not None or samples.command is None or not np.any(samples.direction):
+        return False
+    both = np.isfinite(samples.command) & np.isfinite(samples.current)
+    command, current = samples.command[both], samples.current[both]
+    if len(command) < 2 or not np.ptp(command) > 0.0 or not np.ptp(current) > 0.0:
+        return False
+    return bool(np.corrcoef(command, current)[0, 1] > thresholds.DOES_AS_COMMANDED)
+
+
 def findings_on_recording(rows: Rows, raw: Samples) -> Iterator[Finding]:
     """Yield the findings on the recordings themselves."""
     coverage = rows.coverage
@@ -225,6 +240,8 @@ def findings_on_recording(rows: Rows, raw: Samples) -> Iterator[Finding]:
         raw.time, raw.position, raw.velocity, coverage.resolution), thresholds.VELOCITY_RATIO)
     if fault:
         yield finding('velocity', fault=fault[0].upper() + fault[1:])
+    if is_helped_person(raw):
+        yield finding('helped_person')
     coarse = too_coarse(coverage)
     if coarse:
         yield finding('coarse', reason=coarse)

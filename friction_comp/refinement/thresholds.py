@@ -107,6 +107,8 @@ FOLLOWED_VARIANCE = Threshold(
     0.99, 'of the variance', "of a joint's position follows from the others': they move as one")
 PUSHING_ERROR = Threshold(
     0.5, 'of the squared error', 'with less if friction may push, the current is a response')
+DOES_AS_COMMANDED = Threshold(
+    0.95, 'correlation', 'of measured and commanded current: above it no other controller acts')
 WARMED_WITH_TIME = Threshold(
     0.95, 'rank correlation', 'of time and temperature: above it they cannot be distinguished')
 SPED_WITH_TIME = Threshold(
