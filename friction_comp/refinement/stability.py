@@ -102,6 +102,8 @@ def rivals_of(table: Table, terms: Sequence[Term], initial_count: int) -> dict[T
             other for other in proposals(trial, rest) if other.choice != term.choice])
         rivals[term] = []
         for other in search.shortlist(rest):
+            if other.kind.name in (term.kind.name, *rivals[term]):
+                continue    # other terms of the same effect are no other effect
             errors = trial.block_errors([*rest, other], False)
             close = errors.sum() < most
             if close and search.is_improvement([errors], [own]):
