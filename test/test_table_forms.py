@@ -19,7 +19,7 @@ from friction_comp.column_names import read_name
 from friction_comp.column_values import date_in_seconds
 from friction_comp.columns import assign
 from friction_comp.recordings import read_recording_with_info, recorded_joints
-from friction_comp.recordings.row_times import fresh_rows, fresh_velocity, spread_rounded
+from friction_comp.recordings.row_times import fresh_rows, spread_rounded
 from friction_comp.recordings.sources import find_recordings
 from friction_comp.units import in_own_units, parse_unit, unit_of
 
@@ -345,23 +345,6 @@ def test_values_that_are_held_are_found_but_not_slow_motion():
     assert 'position is held over 8 rows: 1000 of 8000 rows are used, 125 Hz' in notes[0]
     coarse = np.round(200.0 * np.sin(time)) / 200.0
     assert len(fresh_rows(time, coarse, [])) == 8000
-
-
-def test_a_velocity_of_rows_that_hold_their_position_is_that_of_the_motion(tmp_path):
-    time = 0.002 * np.arange(9000)
-    position = np.sin(0.006 * (np.arange(9000) // 3))
-    notes = []
-    fresh = fresh_rows(time, position, notes)
-    velocity = fresh_velocity(np.diff(position, prepend=0.0) / 0.002, fresh, notes)
-    assert velocity[50:-50] == pytest.approx(np.cos(time[fresh])[50:-50], abs=0.01)
-    assert 'computed from row to row' in notes[1]
-    measured = np.cos(time)
-    np.testing.assert_array_equal(fresh_velocity(measured, fresh, notes), measured[fresh])
-    # A recording with the true rate is read, and its velocity used.
-    path = write(tmp_path / 'log.csv', q=position, dq=np.diff(position, prepend=0.0) / 0.002,
-                 tau=measured)
-    samples, = read_recording(path, layout=Layout(rate=500.0))
-    assert np.std(samples.velocity) == pytest.approx(np.std(measured), rel=0.01)
 
 
 def test_a_linear_axis_is_reported_in_metres_and_newtons():

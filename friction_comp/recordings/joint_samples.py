@@ -126,10 +126,7 @@ def to_samples(scan: Scan, joint: str | None,
         if count:
             info.notes.append(f'{count} joint states left out: {reason}')
     fresh = row_times.fresh_rows(1e-9 * stamp[order], position[order], info.notes)
-    if velocity is not None:
-        velocity = velocity.copy()
-        velocity[order[fresh]] = row_times.fresh_velocity(velocity[order], fresh, info.notes)
-    order = order[fresh]
+    velocity, order = (row_times.fresh_velocity(velocity, order, fresh, info.notes), order[fresh])
     odd = _glitches(position[order])
     if odd.any():
         info.notes.append(f'{np.count_nonzero(odd)} joint states left out: position jumps away and '

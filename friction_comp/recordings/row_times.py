@@ -17,7 +17,7 @@ from friction_comp.statistics import smallest_step
 _FEWEST_CHANGES = 50
 # Share of earlier times than the one before above which rows are in no order.
 _SHUFFLED = 0.1
-# Share of velocities that may differ from zero where the position is held, of those where it is new.
+# Share of velocities that may differ from zero where positions are held, of those where one is new.
 _FEW = 0.1
 
 
@@ -99,16 +99,23 @@ def fresh_rows(time: np.ndarray, position: np.ndarray, notes: list[str]) -> np.n
     return rows
 
 
-def fresh_velocity(velocity: np.ndarray, fresh: np.ndarray, notes: list[str]) -> np.ndarray:
-    """Return the velocity at `fresh` rows, of velocities of all rows, shape (N,).
+def fresh_velocity(velocity: np.ndarray | None, order: np.ndarray, fresh: np.ndarray,
+                   notes: list[str]) -> np.ndarray | None:
+    """Return the velocity, shape (N,), right at the `fresh` of the rows in `order`; None if it is.
 
     One that was computed from each row to the next is zero where the position is held, and too
     large at fresh rows: all of the motion since the last one, divided by the time of one row. That
     is undone.
     """
-    held = np.count_nonzero(np.delete(velocity, fresh))
-    if len(fresh) == len(velocity) or held >= _FEW * np.count_nonzero(velocity[fresh]):
-        return velocity[fresh]
+    if velocity is None or len(fresh) == len(order):
+        return velocity
+    ordered = velocity[order]
+    held = np.count_nonzero(np.delete(ordered, fresh))
+    if held >= _FEW * np.count_nonzero(ordered[fresh]):
+        return velocity
     notes.append('velocity was computed from row to row, and is zero where the position is held: '
                  'its mean over these rows is used')
-    return np.diff(np.cumsum(velocity)[fresh], prepend=0.0) / np.diff(fresh, prepend=-1)
+    result = velocity.copy()
+    result[order[fresh]] = np.diff(np.cumsum(ordered)[fresh], prepend=0.0) / np.diff(
+        fresh, prepend=-1)
+    return result
