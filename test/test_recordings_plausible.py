@@ -79,6 +79,8 @@ def test_no_tool_succeeds_with_impossible_values(tmp_path, refuses, tool):
     {'current': -strokes().current, 'load': 2.0 * strokes().current},
     {'current': -strokes().current, 'command': -strokes().current},
     {'current': np.zeros(10_000)},
+    # Velocities that were logged at other times than the positions: too large and too small.
+    {'velocity': strokes().velocity * np.repeat(np.resize([5.0, 0.1, 5.0, 0.1, 1.0], 200), 50)},
     # A weight so heavy that the motor holds back on the way down.
     {'current': strokes().current + 5.0 * np.cos(strokes().position)},
     {'position': strokes().position + 1e3},

@@ -86,8 +86,9 @@ def _fault_of_velocity(samples: Samples) -> str:
     ratios = ratios[np.isfinite(ratios)]
     contradict = (ratios <= 1.0 / _LARGEST_RATIO) | (ratios >= _LARGEST_RATIO)
     if len(ratios) >= _FEWEST_BLOCKS and contradict.mean() > _CONTRADICTING:
-        fault = signal_checks.velocity_fault(ratios, _LARGEST_RATIO)
-        return fault + ' (in a table, --unit says it, for instance --unit velocity=deg/s)'
+        # Where ratios scatter to both sides, no factor is wrong.
+        if fault := signal_checks.velocity_fault(ratios, _LARGEST_RATIO):
+            return fault + ' (in a table, --unit says it, for instance --unit velocity=deg/s)'
     return ''
 
 
