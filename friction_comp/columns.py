@@ -117,7 +117,8 @@ def assign(names: Sequence[str], layout: Layout | None, where: str, of_plan: boo
     if len(in_ampere) > 1:
         raise InputError(f'{where}: some joints have a current, others an effort: name the columns '
                          'of one joint with --columns')
-    return Assignment(used, in_ampere == {True}, _notes(used, layout),
+    return Assignment(used, in_ampere == {True},
+                      [*_notes(used, layout), *_nameless(used, names)],
                       labels.get(own) if named and len(keys) > 1 else None)
 
 
@@ -165,6 +166,15 @@ def _notes(used: Sequence[Column], layout: Layout) -> list[str]:
         + (f' in {first.unit}' if first.unit else '')
         + (f' and {len(others)} alike' if others else '')
         for first, *others in alike.values()) + ' (override with --columns and --unit)']
+
+
+def _nameless(used: Sequence[Column], names: Sequence[str]) -> list[str]:
+    """Return a note if other columns, enough for another joint, have numbers instead of names."""
+    left = set(names) - {column.name for column in used}
+    if len(left) < 2 or not all(name.isdigit() for name in names):
+        return []
+    return [f'{len(left)} other columns have no names: if other joints moved, their motion is not '
+            'taken into account; a first line of names, such as q_1,q_2,tau_1,tau_2, tells it']
 
 
 def _named(layout: Layout, where: str) -> list[Column]:

@@ -182,3 +182,11 @@ def test_a_table_on_its_side_is_not_listed_column_by_column():
     with pytest.raises(InputError, match="'200' and 800 more: .*transpose the table") as refused:
         assign([str(k + 1) for k in range(1000)], None, 'log')
     assert len(str(refused.value)) < 2000
+
+
+def test_other_joints_in_columns_without_names_are_asked_for():
+    layout = Layout({'position': '1', 'effort': '5'}, rate=100.0)
+    note, = assign([str(k + 1) for k in range(8)], layout, 'log').notes
+    assert '6 other columns have no names' in note
+    assert 'q_1,q_2,tau_1,tau_2' in note
+    assert not assign(['1', '5', '9'], layout, 'log').notes
