@@ -155,15 +155,18 @@ def test_a_velocity_of_rows_that_hold_their_position_is_that_of_the_motion(tmp_p
     notes = []
     order, measured = np.arange(9000), np.cos(time)
     fresh = fresh_rows(time, position, notes)
-    velocity = fresh_velocity(np.diff(position, prepend=0.0) / 0.002, order, fresh, notes)
+    velocity, kept = fresh_velocity(np.diff(position, prepend=0.0) / 0.002, order, fresh, notes)
     assert velocity[fresh][1:] == pytest.approx(np.cos(time[fresh])[1:], abs=0.01)
     assert 'computed from row to row' in notes[1]
-    assert fresh_velocity(measured, order, fresh, notes) is measured
-    # A recording with the true rate is read, and its velocity used.
+    assert not kept
+    assert fresh_velocity(measured, order, fresh, notes) == (pytest.approx(measured), True)
+    # The rate that the message names is the true one; a recording with it is read.
     path = write(tmp_path / 'log.csv', q=position, dq=np.diff(position, prepend=0.0) / 0.002,
                  tau=measured)
+    with pytest.raises(InputError, match='a rate that is really 5 times the one given'):
+        read_recording(path, layout=Layout(rate=100.0))
     samples, = read_recording(path, layout=Layout(rate=500.0))
-    assert np.std(samples.velocity) == pytest.approx(np.std(measured), rel=0.01)
+    assert samples.velocity is None
 
 
 def test_vectors_written_a_number_a_line_beside_their_times_are_one_table(tmp_path):

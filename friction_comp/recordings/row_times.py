@@ -100,22 +100,22 @@ def fresh_rows(time: np.ndarray, position: np.ndarray, notes: list[str]) -> np.n
 
 
 def fresh_velocity(velocity: np.ndarray | None, order: np.ndarray, fresh: np.ndarray,
-                   notes: list[str]) -> np.ndarray | None:
-    """Return the velocity, shape (N,), right at the `fresh` of the rows in `order`; None if it is.
+                   notes: list[str]) -> tuple[np.ndarray | None, bool]:
+    """Return the velocity, shape (N,), right at the `fresh` of the rows in `order`.
 
-    One that was computed from each row to the next is zero where the position is held, and too
-    large at fresh rows: all of the motion since the last one, divided by the time of one row. That
-    is undone.
+    Also return whether it was measured. One that was computed from each row to the next is zero
+    where the position is held, and too large at fresh rows: all of the motion since the last one,
+    divided by the time of one row. That is undone; it tells no more than the position.
     """
     if velocity is None or len(fresh) == len(order):
-        return velocity
+        return velocity, True
     ordered = velocity[order]
     held = np.count_nonzero(np.delete(ordered, fresh))
     if held >= _FEW * np.count_nonzero(ordered[fresh]):
-        return velocity
+        return velocity, True
     notes.append('velocity was computed from row to row, and is zero where the position is held: '
-                 'its mean over these rows is used')
+                 'only compared with the position')
     result = velocity.copy()
     result[order[fresh]] = np.diff(np.cumsum(ordered)[fresh], prepend=0.0) / np.diff(
         fresh, prepend=-1)
-    return result
+    return result, False
