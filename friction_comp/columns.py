@@ -23,6 +23,8 @@ from friction_comp.units import default_unit, parse_unit, unit_of
 # Whose unit a signal has if none is given for it: a target that of what it is the target of.
 _SAME_UNIT = {'current': ('effort',), 'command': ('current', 'effort'),
               'reference_position': ('position',), 'reference_velocity': ('velocity',)}
+# Names of columns that a message lists.
+_MOST_NAMES = 200
 
 
 @dataclass(frozen=True)
@@ -115,7 +117,8 @@ def assign(names: Sequence[str], layout: Layout | None, where: str, of_plan: boo
     if len(in_ampere) > 1:
         raise InputError(f'{where}: some joints have a current, others an effort: name the columns '
                          'of one joint with --columns')
-    return Assignment(used, in_ampere == {True}, _notes(used, layout),
+    return Assignment(used, in_ampere == {True},
+                      [*_notes(used, layout), *_nameless(used, names)],
                       labels.get(own) if named and len(keys) > 1 else None)
 
 
@@ -153,10 +156,25 @@ def _notes(used: Sequence[Column], layout: Layout) -> list[str]:
                and not (column.signal == 'effort' and column.name == 'current')]
     if not guessed:
         return []
+    # Columns of other joints that are named alike but for a number need no line of their own.
+    alike: dict[tuple[str, str, str], list[Column]] = {}
+    for column in guessed:
+        alike.setdefault((column.signal, column.unit, skeleton(column.name) or column.name),
+                         []).append(column)
     return ['columns guessed from their names: ' + ', '.join(
-        f'{column.joint}.{column.signal}'.lstrip('.') + f'={column.name}'
-        + (f' in {column.unit}' if column.unit else '')
-        for column in guessed) + ' (override with --columns and --unit)']
+        f'{first.joint}.{first.signal}'.lstrip('.') + f'={first.name}'
+        + (f' in {first.unit}' if first.unit else '')
+        + (f' and {len(others)} alike' if others else '')
+        for first, *others in alike.values()) + ' (override with --columns and --unit)']
+
+
+def _nameless(used: Sequence[Column], names: Sequence[str]) -> list[str]:
+    """Return a note if other columns, enough for another joint, have numbers instead of names."""
+    left = set(names) - {column.name for column in used}
+    if len(left) < 2 or not all(name.isdigit() for name in names):
+        return []
+    return [f'{len(left)} other columns have no names: if other joints moved, their motion is not '
+            'taken into account; a first line of names, such as q_1,q_2,tau_1,tau_2, tells it']
 
 
 def _named(layout: Layout, where: str) -> list[Column]:
@@ -302,4 +320,6 @@ def _check_complete(used: Iterable[Column], names: Sequence[str], layout: Layout
     raise InputError(f'{where}: which column{verb} the {said}? Name {them} with --columns '
                      f'{",".join(f"{one}=NAME" for one in missing)}'
                      f'{"".join(hints.get(one, "") for one in missing)}; there are '
-                     f'{", ".join(map(repr, names))}')
+                     f'{", ".join(map(repr, names[:_MOST_NAMES]))}' + (
+                         f' and {len(names) - _MOST_NAMES} more: where a row holds a signal and '
+                         'not a time, transpose the table' if len(names) > _MOST_NAMES else ''))

@@ -56,6 +56,18 @@ def test_the_weight_of_the_next_link_is_found_without_a_urdf():
         assert again.current(names, *motion) == pytest.approx(coupling.current(names, *motion))
 
 
+def test_other_terms_of_an_effect_are_no_other_effect():
+    currents, motion = planar(np.random.default_rng(0), 300)
+    report = refine([seen_by('shoulder', ('shoulder', 'elbow', 'wrist'), currents[0],
+                             motion)]).report
+    instead = {effect.name: effect.instead for effect in report.effects}
+    # Three seconds do not tell the motor's inertia from that of the links, in whichever terms.
+    assert instead['inertia'] == ['other_joints']
+    assert instead['other_joints'] == []
+    said = [question.why for question in report.ambiguous]
+    assert not any("'other_joints' in the place of 'other_joints'" in why for why in said)
+
+
 @pytest.mark.parametrize('own', 'abcd')
 def test_what_mechanics_rules_out_is_not_tried(own):
     for group in groups_for('abcd', own):

@@ -33,6 +33,12 @@ def spoiled(signal, value, at=4321):
     return strokes(**{signal: values})
 
 
+def register(current, step=0.01, bit=1024):
+    """Return a current as servos report it: amounts in single precision, their sign as a bit."""
+    amount = np.minimum(np.round(np.abs(current) / step), bit - 1)
+    return (step * (amount + bit * (current > 0.0))).astype(np.float32).astype(float)
+
+
 CASES = [
     (lambda: spoiled('position', 1e300), r'position of 1e\+300 rad at 8\.642 s is impossible'),
     (lambda: spoiled('current', -1e150),
@@ -43,6 +49,7 @@ CASES = [
     (lambda: strokes(current=-strokes().current, command=strokes().current),
      'wrong sign'),
     (lambda: strokes(current=np.abs(strokes().current)), 'an amount without a sign'),
+    (lambda: strokes(current=register(strokes().current)), 'From values of 10.24 or more subtract'),
     (lambda: strokes(velocity=-strokes().velocity),
      'velocity is -1 times the rate of position: one of the two has the wrong sign'),
     (lambda: strokes(velocity=np.degrees(strokes().velocity)),
@@ -72,6 +79,8 @@ def test_no_tool_succeeds_with_impossible_values(tmp_path, refuses, tool):
     {'current': -strokes().current, 'load': 2.0 * strokes().current},
     {'current': -strokes().current, 'command': -strokes().current},
     {'current': np.zeros(10_000)},
+    # Velocities that were logged at other times than the positions: too large and too small.
+    {'velocity': strokes().velocity * np.repeat(np.resize([5.0, 0.1, 5.0, 0.1, 1.0], 200), 50)},
     # A weight so heavy that the motor holds back on the way down.
     {'current': strokes().current + 5.0 * np.cos(strokes().position)},
     {'position': strokes().position + 1e3},

@@ -11,12 +11,13 @@ import pytest
 from scipy.io import savemat
 from table_maker import swing, write
 
-from friction_comp import InputError, read_recording
+from friction_comp import InputError, Layout, read_recording
 from friction_comp.column_names import read_name
 from friction_comp.column_values import date_in_seconds
 from friction_comp.columns import assign
 from friction_comp.recordings import read_recording_with_info
-from friction_comp.recordings.sources import recorded_joints
+from friction_comp.recordings.row_times import fresh_rows, fresh_velocity
+from friction_comp.recordings.sources import find_recordings, recorded_joints
 
 
 def rows(factor=1.0, offset=0.0):
@@ -146,3 +147,49 @@ def test_the_items_of_a_dataset_have_its_names(tmp_path, names):
 @pytest.mark.parametrize('names', [None, ['elbow'], ['elbow', 'elbow'], ['elbow', 3], 'elbow'])
 def test_without_names_for_all_items_they_are_numbered(tmp_path, names):
     assert recorded_joints(lerobot(tmp_path, names)) == ['0', '1']
+
+
+def test_a_velocity_of_rows_that_hold_their_position_is_that_of_the_motion(tmp_path):
+    time = 0.002 * np.arange(9000)
+    position = np.sin(0.006 * (np.arange(9000) // 3))
+    notes = []
+    order, measured = np.arange(9000), np.cos(time)
+    fresh = fresh_rows(time, position, notes)
+    velocity, kept = fresh_velocity(np.diff(position, prepend=0.0) / 0.002, order, fresh, notes)
+    assert velocity[fresh][1:] == pytest.approx(np.cos(time[fresh])[1:], abs=0.01)
+    assert 'computed from row to row' in notes[1]
+    assert not kept
+    assert fresh_velocity(measured, order, fresh, notes) == (pytest.approx(measured), True)
+    # The rate that the message names is the true one; a recording with it is read.
+    path = write(tmp_path / 'log.csv', q=position, dq=np.diff(position, prepend=0.0) / 0.002,
+                 tau=measured)
+    with pytest.raises(InputError, match='a rate that is really 5 times the one given'):
+        read_recording(path, layout=Layout(rate=100.0))
+    samples, = read_recording(path, layout=Layout(rate=500.0))
+    assert samples.velocity is None
+
+
+def test_vectors_written_a_number_a_line_beside_their_times_are_one_table(tmp_path):
+    time = 0.01 * np.arange(300)
+    position = np.column_stack([np.sin(time), np.cos(time)])
+    for name, values in (('time', time), ('positions', position), ('torques', 3.0 * position)):
+        np.savetxt(tmp_path / f'run_1_{name}.txt', values.ravel())
+    path, = find_recordings(sorted(tmp_path.glob('*.txt')))
+    samples, = read_recording(path, joint=recorded_joints(path)[1])
+    assert samples.position == pytest.approx(position[:, 1])
+    assert samples.current == pytest.approx(3.0 * position[:, 1])
+    np.testing.assert_allclose(samples.time, time)
+
+
+def test_a_table_on_its_side_is_not_listed_column_by_column():
+    with pytest.raises(InputError, match="'200' and 800 more: .*transpose the table") as refused:
+        assign([str(k + 1) for k in range(1000)], None, 'log')
+    assert len(str(refused.value)) < 2000
+
+
+def test_other_joints_in_columns_without_names_are_asked_for():
+    layout = Layout({'position': '1', 'effort': '5'}, rate=100.0)
+    note, = assign([str(k + 1) for k in range(8)], layout, 'log').notes
+    assert '6 other columns have no names' in note
+    assert 'q_1,q_2,tau_1,tau_2' in note
+    assert not assign(['1', '5', '9'], layout, 'log').notes

@@ -105,7 +105,8 @@ def assumed_in(given: Given, recordings: Iterable[tuple[Samples, RecordingInfo]]
     """Return the units of tables that are taken for granted, with what tells against them."""
     from friction_comp.recordings.told_units import unit_of_weight
 
-    spans: dict[tuple[str, str, str], float] = {}
+    spans: dict[tuple[str, str], float] = {}
+    steps: dict[tuple[str, str], list[float]] = {}
     for samples, info in recordings:
         columns = [one for one in info.assumed if not (given.figures and 'N·m' in one)]
         if not columns or len(samples) < 2:
@@ -113,15 +114,22 @@ def assumed_in(given: Given, recordings: Iterable[tuple[Samples, RecordingInfo]]
         span = float(samples.position.max() - samples.position.min())
         unit = unit_of_weight(samples.time, samples.position, samples.current) \
             if any(one.endswith(' in rad') for one in columns) else ''
-        key = ', '.join(columns), f'{1e3 * samples.sample_time:.3g}', unit
+        key = ', '.join(columns), unit
         spans[key] = max(span, spans.get(key, 0.0))
+        steps.setdefault(key, []).append(samples.sample_time)
     # A joint seldom turns that far, but by as many degrees.
     return [f'{columns} (position covers {span:.3g} rad, {span / 6.2832:.2g} turns'
             f'{f", or {span / 57.296:.3g} rad if these are degrees" * (span > 6.2832)}; '
-            f'rows are {step} ms apart); --unit gives others' + (
+            f'rows are {_between(steps[columns, unit])} ms apart); --unit gives others' + (
                 f'. A weight that repeats every turn explains the effort if position is in {unit}'
                 if unit else '')
-            for (columns, step, unit), span in spans.items()]
+            for (columns, unit), span in spans.items()]
+
+
+def _between(steps: list[float]) -> str:
+    """Return the least and the largest of times, s, in ms; one if they are about the same."""
+    least, largest = 1e3 * min(steps), 1e3 * max(steps)
+    return f'{least:.3g} to ' * (largest > 1.05 * least) + f'{largest:.3g}'
 
 
 def _idle(given: Given, recorded: Sequence[Samples]) -> bool:

@@ -125,7 +125,9 @@ def to_samples(scan: Scan, joint: str | None,
             ('stamp far off', np.count_nonzero(finite & outlier))):
         if count:
             info.notes.append(f'{count} joint states left out: {reason}')
-    order = order[row_times.fresh_rows(1e-9 * stamp[order], position[order], info.notes)]
+    fresh = row_times.fresh_rows(1e-9 * stamp[order], position[order], info.notes)
+    (velocity, measured), order = (
+        row_times.fresh_velocity(velocity, order, fresh, info.notes), order[fresh])
     odd = _glitches(position[order])
     if odd.any():
         info.notes.append(f'{np.count_nonzero(odd)} joint states left out: position jumps away and '
@@ -153,7 +155,7 @@ def to_samples(scan: Scan, joint: str | None,
     samples = samples.with_(**time_base.other_signals(
         scan, joint, joints, base, torque_per_current, info.notes))
     check_plausible(samples, str(scan.path), alone=not _others_moved(scan, own))
-    return samples, info
+    return samples if measured else samples.with_(velocity=None), info
 
 
 def _dated(track: Track, values: np.ndarray, info: RecordingInfo

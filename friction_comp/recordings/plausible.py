@@ -8,6 +8,8 @@ reject corrupt files, wrong units and wrong signs, but not unusual machines.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from friction_comp import signal_checks
@@ -30,6 +32,9 @@ _REVERSED_SHARE = 0.8
 _NO_DIFFERENCE, _UNSIGNED_SHARE = 0.02, 0.2
 # Fewest samples near zero with which an effort comes down to it.
 _FEWEST_LOW = 5
+# Fewest samples of each sign, as a share, where the sign is a bit of the number; the least bit, in
+# steps; steps above zero and above the bit within which amounts begin; and of the empty gap below.
+_OF_EACH_SIGN, _LEAST_BIT, _BEGINS, _GAP = 0.05, 64.0, 8.0, 10.0
 
 
 def check_plausible(samples: Samples, name: str, alone: bool = True) -> None:
@@ -41,7 +46,7 @@ def check_plausible(samples: Samples, name: str, alone: bool = True) -> None:
     if not len(samples):
         return
     for check in (_fault_of_limits, _fault_of_rate, _fault_of_velocity, _fault_of_command,
-                  _fault_of_sign, *([_fault_of_power] if alone else [])):
+                  _fault_of_sign_bit, _fault_of_sign, *([_fault_of_power] if alone else [])):
         fault = check(samples)
         if fault:
             joint = f'joint {samples.joint!r}: ' if samples.joint else ''
@@ -81,8 +86,9 @@ def _fault_of_velocity(samples: Samples) -> str:
     ratios = ratios[np.isfinite(ratios)]
     contradict = (ratios <= 1.0 / _LARGEST_RATIO) | (ratios >= _LARGEST_RATIO)
     if len(ratios) >= _FEWEST_BLOCKS and contradict.mean() > _CONTRADICTING:
-        fault = signal_checks.velocity_fault(ratios, _LARGEST_RATIO)
-        return fault + ' (in a table, --unit says it, for instance --unit velocity=deg/s)'
+        # Where ratios scatter to both sides, no factor is wrong.
+        if fault := signal_checks.velocity_fault(ratios, _LARGEST_RATIO):
+            return fault + ' (in a table, --unit says it, for instance --unit velocity=deg/s)'
     return ''
 
 
@@ -93,6 +99,29 @@ def _fault_of_command(samples: Samples) -> str:
         return ('effort and commanded current have opposite signs: one of them has the '
                 'wrong sign')
     return ''
+
+
+def _fault_of_sign_bit(samples: Samples) -> str:
+    """Return the fault of an effort whose sign is a bit of its number, as in registers of servos.
+
+    Amounts of one sign begin at zero, those of the other at a power of two, in steps of the
+    register, and nothing lies between.
+    """
+    levels = np.unique(samples.current)
+    if len(levels) < 3 or levels[0] < 0.0:
+        return ''
+    gaps = np.diff(levels)
+    # The median, since in single precision steps differ.
+    step = float(np.median(gaps[gaps < 1.5 * gaps.min()]))
+    low, high = levels[int(np.argmax(gaps)):][:2]
+    bit = 2.0 ** math.floor(math.log2(high / step + 0.5))
+    upper = float(np.mean(samples.current > low))
+    if (levels[0] > _BEGINS * step or high / step - bit > _BEGINS or high - low < _GAP * step
+            or not low / step < bit >= _LEAST_BIT or min(upper, 1.0 - upper) < _OF_EACH_SIGN):
+        return ''
+    return (f'effort is never negative, and jumps between 0 and {bit:g} of its steps: the sign is '
+            f'a bit of the number, as in registers of servos. From values of {bit * step:.4g} or '
+            'more subtract this, and give either these or the others a minus')
 
 
 def _fault_of_sign(samples: Samples) -> str:

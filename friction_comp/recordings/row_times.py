@@ -17,6 +17,8 @@ from friction_comp.statistics import smallest_step
 _FEWEST_CHANGES = 50
 # Share of earlier times than the one before above which rows are in no order.
 _SHUFFLED = 0.1
+# Share of velocities that may differ from zero where positions are held, of those where one is new.
+_FEW = 0.1
 
 
 def spread_rounded(stamp: np.ndarray, position: np.ndarray, notes: list[str]) -> np.ndarray:
@@ -95,3 +97,25 @@ def fresh_rows(time: np.ndarray, position: np.ndarray, notes: list[str]) -> np.n
                  f'used, {len(rows) / max(duration, 1e-9):.3g} Hz is the rate at which it is '
                  'measured')
     return rows
+
+
+def fresh_velocity(velocity: np.ndarray | None, order: np.ndarray, fresh: np.ndarray,
+                   notes: list[str]) -> tuple[np.ndarray | None, bool]:
+    """Return the velocity, shape (N,), right at the `fresh` of the rows in `order`.
+
+    Also return whether it was measured. One that was computed from each row to the next is zero
+    where the position is held, and too large at fresh rows: all of the motion since the last one,
+    divided by the time of one row. That is undone; it tells no more than the position.
+    """
+    if velocity is None or len(fresh) == len(order):
+        return velocity, True
+    ordered = velocity[order]
+    held = np.count_nonzero(np.delete(ordered, fresh))
+    if held >= _FEW * np.count_nonzero(ordered[fresh]):
+        return velocity, True
+    notes.append('velocity was computed from row to row, and is zero where the position is held: '
+                 'only compared with the position')
+    result = velocity.copy()
+    result[order[fresh]] = np.diff(np.cumsum(ordered)[fresh], prepend=0.0) / np.diff(
+        fresh, prepend=-1)
+    return result, False

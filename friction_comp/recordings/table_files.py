@@ -9,6 +9,7 @@ Several files with a signal each, such as ``q.txt`` and ``tau.txt``, are one tab
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import chain, takewhile
 import json
 from pathlib import Path
 import re
@@ -52,12 +53,16 @@ def with_parts(paths: Sequence[Path]) -> list[Path]:
     """Return paths with tables of one signal each as one, which `parts_of` takes apart."""
     groups: dict[Path, list[Path]] = {}
     for path in paths:
-        if path.is_file() and path.name.lower().endswith(TABLES) and read_name(_stem(path)).signal:
+        if path.is_file() and path.name.lower().endswith(TABLES):
             groups.setdefault(path.parent, []).append(path)
-    whole = [folder for folder, files in groups.items()
-             if len({read_name(_stem(file)).signal for file in files}) > 1
-             and len({read_name(_stem(file)) for file in files}) == len(files)
-             and all(_one_signal(file) for file in files)]
+    whole = []
+    for folder, files in groups.items():
+        names = _names(files)
+        groups[folder] = files = [file for file in files if read_name(names[file]).signal]
+        readings = [read_name(names[file]) for file in files]
+        if (len({reading.signal for reading in readings}) > 1
+                and len(set(readings)) == len(files) and all(map(_one_signal, files))):
+            whole.append(folder)
     result: dict[Path, None] = {}
     for path in paths:
         group = groups.get(path.parent, [])
@@ -77,6 +82,14 @@ def _stem(path: Path) -> str:
     return path.name.split('.')[0]
 
 
+def _names(files: Sequence[Path]) -> dict[Path, str]:
+    """Return the name of each file's signal: where its own is none, without what all begin with."""
+    words = [_stem(file).split('_') for file in files]
+    common = len(list(takewhile(lambda same: len(set(same)) == 1, zip(*words))))
+    return {file: _stem(file) if read_name(_stem(file)).signal or len(files) == 1
+            else '_'.join(own[common:]) for file, own in zip(files, words)}
+
+
 def _one_signal(path: Path) -> bool:
     """Return whether no two columns of a file name different signals."""
     return len({read_name(name).signal for name in open_table(path).names} - {''}) <= 1
@@ -84,13 +97,22 @@ def _one_signal(path: Path) -> bool:
 
 def _joined(path: Path, parts: Sequence[Path]) -> Columns:
     columns: Columns = {}
+    names = _names(parts)
     for part in parts:
         table = open_table(part)
         for k, (name, values) in enumerate(whole_columns(table, table.names).items()):
             own = read_name(name).signal
-            columns[name if own else _stem(part) if len(table.names) == 1
-                    else f'{_stem(part)}_{k + 1}'] = values
-    return columns
+            columns[name if own else names[part] if len(table.names) == 1
+                    else f'{names[part]}_{k + 1}'] = values
+    sizes = {len(values) for values in columns.values()}
+    times = min(sizes)
+    if len(sizes) != 2 or max(sizes) % times:
+        return columns
+    # Vectors that were written a number a line, beside one time for each.
+    return dict(chain.from_iterable(
+        [(name, values)] if len(values) == times else
+        [(f'{name}_{k + 1}', values[k::len(values) // times])
+         for k in range(len(values) // times)] for name, values in columns.items()))
 
 
 def whole_columns(table: Csv | Parquet | Hdf5 | Arrays, names: Sequence[str]) -> Columns:

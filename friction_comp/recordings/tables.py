@@ -12,7 +12,7 @@ import re
 
 import numpy as np
 
-from friction_comp.column_names import is_of_motor
+from friction_comp.column_names import is_of_motor, skeleton
 from friction_comp.columns import assign
 from friction_comp.errors import InputError
 from friction_comp.files import write_atomically
@@ -165,6 +165,7 @@ class TableScanner:
 
         A velocity of these is left out, an effort is in counts, and a position raises InputError.
         """
+        noted: dict[str, str] = {}      # once for columns that are named alike
         for column in list(self._use.columns):
             values = columns[column.name]
             values = values[np.isfinite(values)]
@@ -180,7 +181,9 @@ class TableScanner:
             # A sign has three values.
             if column.signal == 'effort' and len(np.unique(values)) > 3:
                 self._effort_unit = 'counts'
-                self._use.notes.append(f'{said}: figures are in counts (--unit current=2.69mA)')
+                noted.setdefault(skeleton(column.name) or column.name, f'{said}: figures are in '
+                                 'counts (--unit current=2.69mA)')
+        self._use.notes += noted.values()
 
     def _times(self, columns: Columns, first: int) -> np.ndarray:
         time, rate = self._use.time, self._layout.rate

@@ -89,28 +89,28 @@ def rivals_of(table: Table, terms: Sequence[Term], initial_count: int) -> dict[T
     The motion of the recording cannot tell the term from them. The first `initial_count` terms are
     those of the initial model, and stay.
     """
-    rivals: dict[Term, list[str]] = {}
+    rivals: dict[Term, list[str]] = {term: [] for term in terms[initial_count:]}
     trial = table.part(terms)
     trial.fit_transition(terms)
     search, now = Search(trial, []), trial.transition
     own = trial.block_errors(terms, derivatives=False)
-    for term in terms[initial_count:]:
+    for term, named in rivals.items():
         rest = [other for other in terms if other != term]
         # With constants on a grid, a rival predicts half as much better at least.
         most = own.sum() + thresholds.STAYS * (trial.block_errors(rest, False) - own).sum()
         search.candidates = trial.add([
             other for other in proposals(trial, rest) if other.choice != term.choice])
-        rivals[term] = []
         for other in search.shortlist(rest):
             errors = trial.block_errors([*rest, other], False)
-            close = errors.sum() < most
+            # Other terms of the same effect are no other effect.
+            close = errors.sum() < most and other.kind.name not in (term.kind.name, *named)
             if close and search.is_improvement([errors], [own]):
                 instead = adjust_constants(trial, [*rest, other], 3)
                 trial.fit_transition(instead)
                 errors = trial.block_errors(instead, False)
                 trial.set_transition(*now)
             if close and not search.is_improvement([errors], [own]):
-                rivals[term].append(other.kind.name)
+                named.append(other.kind.name)
     return rivals
 
 
