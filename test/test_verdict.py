@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the verdict says of recordings on which a small error hides that something is wrong."""
 
+import re
 from types import SimpleNamespace
 
 from helpers import printed_by
@@ -315,3 +316,36 @@ def test_friction_is_not_read_from_the_help_that_a_person_had():
     follower = helped.with_(current=motion.current, command=0.2 * np.roll(given, 60))
     assert 'helped_person' not in codes(refine([follower]).report)
     assert 'helped_person' not in codes(refine([helped.with_(direction=0.0 * given)]).report)
+
+
+def of_two_days(**changes):
+    """Return the report of two recordings of which the second has other columns."""
+    first, second = swings(1), swings(2)
+    v = second.velocity
+    more = (changes.get('coulomb', 0.0) * np.tanh(v / 0.01)
+            + changes.get('inertia', 0.0) * second.acceleration)
+    days = [part.with_(acceleration=None) for part in (
+        first.with_(current=first.current + 0.05 * first.acceleration),
+        second.with_(current=second.current + 0.05 * second.acceleration + more))]
+    return refine(days).report
+
+
+@pytest.mark.parametrize('changes, words', [
+    ({'coulomb': 0.15}, 'Coulomb friction, with 0.5 to 0.65'),
+    ({'inertia': 0.1}, 'inertia, with 0.05 to 0.15')])
+def test_recordings_that_differ_are_told_and_by_what(changes, words):
+    """Fitted together, they give a mean that neither has."""
+    report = of_two_days(**changes)
+    assert report.verdict == 'trust in part'
+    text, = (one.text for one in report.findings if one.code == 'recordings_differ')
+    name, least, most = re.search(r'Most differs (.*), with (\S+) to (\S+) alone', text).groups()
+    expected = re.fullmatch(r'(.*), with (\S+) to (\S+)', words).groups()
+    assert name == expected[0]
+    assert [float(least), float(most)] == pytest.approx(
+        [float(expected[1]), float(expected[2])], rel=0.05)
+
+
+def test_recordings_that_agree_are_not_told_apart():
+    report = of_two_days()
+    assert 'recordings_differ' not in codes(report)
+    assert report.thirds['recording'] == pytest.approx(1.0, abs=0.1)

@@ -46,6 +46,10 @@ _FINDINGS = {
         IN_PART, 'A third of the {variable} range that was not fitted is predicted with '
         '{growth:.2g} times the error: the model is only supported where it was fitted.',
         'record more values of {variable}, in another order'),
+    'recordings_differ': (
+        IN_PART, 'The recordings differ: fitted together, each is predicted with {ratio:.2g} times '
+        'the error of a fit to itself. Most differs {name}, with {least:.3g} to {most:.3g} alone.',
+        'refine each recording alone (--each), or record what differs (temperature, load, unit)'),
     'counted': (
         IN_PART, 'The steps of the velocity are coarse: motion at changing speed is predicted with '
         '{growth:.2g} times the error.', 'a velocity with finer steps'),

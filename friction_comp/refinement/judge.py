@@ -26,6 +26,7 @@ from friction_comp.refinement.findings import experiment, finding
 from friction_comp.refinement.prepare import Rows
 from friction_comp.refinement.result import Errors, Finding, Predicted, Question
 from friction_comp.refinement.search import Search
+from friction_comp.refinement.stability import disagreement, RECORDING
 from friction_comp.samples import Samples
 from friction_comp.signal_checks import velocity_fault, velocity_ratios
 from friction_comp.statistics import rms, robust_std
@@ -169,6 +170,10 @@ def findings(fit: Fit, raw: Samples, after: Errors, growth: dict[str, float],
     if friction_would_push(rows):
         yield finding('pushes')
     variable, largest = max(growth.items(), key=lambda entry: entry[1])
+    ratio, name, least, most = disagreement(fit.table, fit.terms)
+    differ = ratio > thresholds.GROWTH
+    if differ:
+        yield finding('recordings_differ', ratio=ratio, name=name, least=least, most=most)
     expected = max(largest, 1.0) * held_out
     if expected > thresholds.USELESS_ERROR * constant:
         yield finding('explains_nothing', error=expected, constant=constant)
@@ -178,7 +183,7 @@ def findings(fit: Fit, raw: Samples, after: Errors, growth: dict[str, float],
                         math.sqrt(thresholds.LEAST_SHARE) * constant):
         yield finding('above_noise', error=held_out, times=held_out / noise)
     yield from findings_on_model(fit)
-    if largest > thresholds.GROWTH:
+    if largest > thresholds.GROWTH and not (differ and variable == RECORDING):
         yield finding('counted' if variable == STEPS else 'extrapolates', variable=variable,
                       growth=largest)
     for entry in dependences:

@@ -32,6 +32,7 @@ from friction_comp.refinement.effect_columns import (
     Table,
     Term,
 )
+from friction_comp.refinement.prepare import Rows
 from friction_comp.refinement.search import (
     adjust_constants,
     constant_derivatives,
@@ -47,6 +48,8 @@ _DRAWS = 200
 # Of how far a fit moves with the derivatives of what is unsettled: these do not go all the way.
 _BEYOND = 1.25
 _PARTS = 'parts'
+RECORDING = 'recording'
+"""Stands among variables for which of several recordings it was."""
 
 
 def repeat_search(table: Table, terms: Sequence[Term], initial_count: int,
@@ -226,9 +229,10 @@ def intervals(table: Table, terms: Sequence[Term], others: Sequence[np.ndarray] 
 class LeftOutThirds:
     """Errors of terms on thirds of a variable that are left out of the fit, each in turn.
 
-    Where several joints moved, regions of posture are left out as well. A third counts as far as
-    twice the range of the others: a staircase of speeds has accelerations for milliseconds, a
-    hundred times those of the other samples, and who leaves these out knows nothing of inertia.
+    Where several joints moved, regions of posture are left out as well, and of several recordings
+    each. A third counts as far as twice the range of the others: a staircase of speeds has
+    accelerations for milliseconds, a hundred times those of the other samples, and who leaves these
+    out knows nothing of inertia.
     """
 
     def __init__(self, table: Table, terms: Sequence[Term]) -> None:
@@ -244,6 +248,9 @@ class LeftOutThirds:
         partitions = {name: part for name, values in variables.items()
                       if values is not None and np.ptp((part := _thirds(values)) // 2) > 0}
         partitions[_PARTS] = 2 * rows.block
+        number = _recording_of(rows)
+        if number.any():
+            partitions[RECORDING] = 2 * number
         if rows.region.any():
             partitions['posture'] = 2 * np.unique(rows.region, return_inverse=True)[1]
         full, signs = np.vstack((table.columns[columns], table.target)), table.sums.signs[columns]
@@ -283,12 +290,55 @@ class LeftOutThirds:
                 rest = [term for term in terms if term not in removed]
                 other = self.mean_errors(rest)
                 growth = sum(math.log(other[name] / errors[name]) for name in errors
-                             if name != _PARTS)
+                             if name not in (_PARTS, RECORDING))
                 if growth < 0.0 and other[_PARTS] <= errors[_PARTS]:
                     trials.append((growth, rest))
             if not trials:
                 return terms
             terms = min(trials, key=lambda trial: trial[0])[1]
+
+
+def disagreement(table: Table, terms: Sequence[Term]) -> tuple[float, str, float, float]:
+    """Return how far recordings that are fitted together differ from each other.
+
+    Quarters of each are predicted by a fit to all other quarters, and by one to those of the same
+    recording.
+
+    Returns
+    -------
+    ratio : float
+        Error of the first over that of the second; 1 for a single recording.
+    name : str
+        What differs most between fits to each recording: a number of Eq. 6, or an effect.
+    least, most : float
+        Its least and largest coefficient.
+    """
+    number = _recording_of(table.rows)
+    count = int(number.max()) + 1
+    if count == 1:
+        return 1.0, '', 0.0, 0.0
+    quarter = np.empty_like(number)
+    for k in range(count):
+        rows = np.flatnonzero(number == k)
+        quarter[rows] = 4 * k + 4 * np.arange(len(rows)) // len(rows)
+    columns = table.indices(terms, derivatives=False)
+    group = np.arange(4 * count)
+    sums = BlockSums.over(np.vstack((table.columns[columns], table.target)),
+                          [quarter == k for k in group], table.sums.signs[columns])
+    every, others, own = range(len(columns)), group != group[:, None], group // 4
+    together, alone = (float(sums.squared_errors(every, sums.fits_without(every, train)).sum())
+                       for train in (others, others & (own == own[:, None])))
+    fits = sums.fits_without(every, own == np.arange(count)[:, None])
+    most = int(np.argmax(np.ptp(fits, axis=0) * sums.norms))
+    names = ['the offset', 'Coulomb friction', 'viscous friction', *(
+        term.kind.name.replace('_', ' ') for term in terms for _ in table.columns_of[term])]
+    return (math.sqrt(together / max(alone, 1e-300)), names[most], float(fits[:, most].min()),
+            float(fits[:, most].max()))
+
+
+def _recording_of(rows: Rows) -> np.ndarray:
+    """Return the number of each row's recording, from 0."""
+    return np.asarray(np.unique(rows.samples.recording[rows.start], return_inverse=True)[1])
 
 
 def _thirds(values: np.ndarray) -> np.ndarray:
