@@ -24,8 +24,8 @@ STAIR, SLIDING_STAIR = 0.01, 0.03
 """Height of a stair as a share of its current, and of one above a current that did not hold."""
 
 FIRST_STAIR, NEAR_STAIR = 0.9, 0.95
-"""The first stair, as a share of the mean current that held so far, and of the least one: the higher
-counts. What a joint creeps under the stairs is no part of its presliding distance."""
+"""The first stair, as a share of the only current that held so far, and of the least of several: it
+is near breakaway, since what a joint creeps under stairs is no part of its presliding distance."""
 
 STAIR_TIME = 0.08
 """Time in s that a rise of current takes beyond that of its slope: one that is too quick shakes the
@@ -41,8 +41,8 @@ CREEP = 3e-4
 """Speed in rad/s below which a joint holds although it never comes to rest: a contact may creep at
 a steady rate from far below breakaway on. Low speeds are a hundred times as fast."""
 
-# The joint also rests if it moves in the last third of a pause by at most this share of its movement
-# in the second third, or by at most so much of a count, or by less than its noise shows.
+# The joint also rests if it moves in the last third of a pause by at most this share of its
+# movement in the second third, or by at most so much of a count, or by less than its noise shows.
 _SPEED_SHARE, _COUNTS, _ERRORS = 0.5, 0.5, 3.0
 
 
@@ -57,8 +57,7 @@ class Held(NamedTuple):
 def first_stair(held: Sequence[float]) -> float:
     """Return the current in A of a ramp's first stair, after those that held, A."""
     # A single one does not tell how much they differ.
-    least = min(held) if len(held) > 1 else 0.0
-    return max(FIRST_STAIR * sum(held) / len(held), NEAR_STAIR * least)
+    return NEAR_STAIR * min(held) if len(held) > 1 else FIRST_STAIR * held[0]
 
 
 def risen(share: float, from_rest: bool) -> float:

@@ -29,6 +29,7 @@ from friction_comp.identification.agreement import (
     say_drift,
     say_lag,
     say_unsettled,
+    why_unreliable,
     without_drift,
 )
 from friction_comp.identification.goal import (
@@ -64,8 +65,8 @@ CUT_SPEED, CUT_WINDOW, CUT_COUNTS, CUT_DISTANCE = 0.05, 0.02, 8.0, 5e-3
 GAIN_LADDER = (1.0, 1.7, 0.3, 0.1)
 # Above this standard deviation, a share of its mean, a current does not measure friction.
 MAX_SCATTER = 0.15
-# Share of a current by which the curve of Eq. 6 may be off it without a warning.
-CURVE_SHARE = 0.1
+# Share of friction by which the curve of Eq. 6 may be off it without a warning, RMS.
+CURVE_SHARE = 0.03
 _TYPICAL = 'the inertia could not be estimated; a typical one was assumed'
 _ONE_RAMP = ('breakaway was measured once in each direction: how much it scatters is not known, '
              'and its standard deviation of 0 means nothing. Request four breakaway_cycles or more')
@@ -243,7 +244,7 @@ class IdentificationRun(SupervisedRun):
             if self._lost > 2 + _MOST_LOST * 2 * self.goal.breakaway_cycles:
                 raise IdentificationError(
                     f'no current holds the joint reliably: it slid at {self.say(level)}, although '
-                    'more held it before; it is pushed, or its friction changes, as over position')
+                    f'more held it before; {why_unreliable(self.cycles[0])}')
         held.append(level)
         self.ramps.append(ramp)
         self._ramp_time += (self.sample.time - begin - self._ramp_time) / min(len(self.ramps), 8)
