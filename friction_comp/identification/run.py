@@ -253,14 +253,16 @@ class IdentificationRun(SupervisedRun):
         """Raise the current, A, from `stair` until the joint slides away; return ramp and level."""
         yield from self._standstill(max(STILL_TIME, REST_SHARE * self.goal.ramp_period))
         watch = _Slide(self.sample, sign, self._resolution, 0.2 * self.goal.motion_range)
-        current, held, level, pauses = 0.0, None, stair, []
+        current, held, level = 0.0, None, stair
+        pauses: list[float] = []
         while not watch.gone:
             if stair > self.ramp_peak:
                 if watch.slides and held is not None:
                     break
                 self._refuse_blocked(sign, self.ramp_peak)
             yield from self._rise(current, stair, watch)
-            current, pauses = stair, [*pauses, self.sample.time]
+            current = stair
+            pauses.append(self.sample.time)
             rested = yield from self._pause(sign * current, watch)
             if rested is not None:
                 held, level = rested, current

@@ -350,11 +350,13 @@ class SupervisedRun(ControllerTuning, ABC):
                 why = self._why_slow() if weak else ''
                 lag = (f'the joint lags {abs(position - sample.position):.3g} rad behind its '
                        f'reference at {self.say(abs(command))}')
-                if why or (weak and factor < 1.0):
+                if why:
                     raise TooSlowError(lag + why)
-                raise IdentificationError(
-                    f'{lag}: blocked, encoder stuck, or current limit '
-                    f'({self.say(parameters.limit)}, or what was plausible so far) too low')
+                raise IdentificationError(lag + (
+                    ', with gains that were lowered since its current varies: it sticks and slips, '
+                    'or its friction varies over position' if weak and factor < 1.0 else
+                    ': blocked, encoder stuck, or current limit '
+                    f'({self.say(parameters.limit)}, or what was plausible so far) too low'))
             last = sample.time
             sample = yield from self._step(command)
             samples.append(sample)
