@@ -39,9 +39,10 @@ BLOCK = 0.1
 _SHORT, _FEW_COUNTS = 2e-3, 50.0
 # A position that changes by at most so many counts while the velocity predicts more is stuck.
 _STILL_COUNTS = 2.5
-# Time by which a drive's filter may delay the velocity, s: the integral then differs by the change
-# of velocity times this delay.
-_VELOCITY_LAG = 0.02
+# Time by which a drive may delay the velocity, s: the integral then differs by the change of
+# velocity times this delay; and longest time constant of a low pass, s: behind it, the integral
+# differs by just the change of the filtered velocity times this time.
+_VELOCITY_LAG, _LOW_PASS = 0.02, 0.1
 # Time steps above this in s, and above this multiple of the usual one, are gaps, over which nothing
 # is integrated.
 _GAP, _GAP_STEPS = 0.02, 3.0
@@ -96,7 +97,7 @@ def velocity_ratios(time: np.ndarray, position: np.ndarray, velocity: np.ndarray
 
     Signals have shape (N,), in s, rad and rad/s; `resolution` is that of the encoder, rad. There is
     one ratio for each block of `BLOCK` s in which the joint moved: infinite if the position is
-    constant, 0 if the velocity is zero, and 1 if a delayed velocity explains the difference.
+    constant, 0 if the velocity is zero, and 1 if a delay, or a low pass, explains the difference.
     """
     good = np.isfinite(time) & np.isfinite(position) & np.isfinite(velocity)
     time, position, velocity = time[good], position[good], velocity[good]
@@ -117,12 +118,17 @@ def velocity_ratios(time: np.ndarray, position: np.ndarray, velocity: np.ndarray
     change = np.add.reduceat(np.diff(position)[:last] * followed, begins)
     integral = np.add.reduceat(middle * step * followed, begins)
     velocity_range = np.maximum.reduceat(middle, begins) - np.minimum.reduceat(middle, begins)
+    rise = velocity[edges[1:]] - velocity[begins]
     moved = np.maximum(np.abs(change), np.abs(integral)) >= max(_SHORT, _FEW_COUNTS * resolution)
-    change, integral = change[moved], integral[moved]
+    change, integral, rise = change[moved], integral[moved], rise[moved]
     stuck = np.abs(change) <= _STILL_COUNTS * resolution
     ratio = np.divide(integral, change, out=np.full(len(change), math.inf), where=~stuck)
-    # A delayed velocity explains a difference of up to its range times the delay.
-    return np.where(np.abs(change - integral) < _VELOCITY_LAG * velocity_range[moved], 1.0, ratio)
+    # A delayed velocity explains a difference of up to its range times the delay. A low pass lags
+    # while the joint becomes faster and leads while it becomes slower, which no unit does.
+    missing = change - integral
+    late = np.abs(missing) < _VELOCITY_LAG * velocity_range[moved]
+    filtered = (missing * rise > 0.0) & (np.abs(missing) < _LOW_PASS * np.abs(rise))
+    return np.where(late | filtered, 1.0, ratio)
 
 
 def velocity_fault(ratios: np.ndarray, factor: float) -> str:

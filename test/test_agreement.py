@@ -176,3 +176,10 @@ def test_a_whole_run_drives_three_speeds_again_and_tells_of_a_drive_that_warms_u
     np.testing.assert_allclose(result.currents, left * model.sigmoid(result.speeds), rtol=0.04)
     assert [entry['speed'] for entry in notes['drift']] == list(result.drift)
     assert all(entry['share'] < -0.05 for entry in notes['drift'])
+
+
+@pytest.mark.parametrize(('ripple', 'words'), [(0.0, 'pushed'), (0.2, '±20%')])
+def test_currents_that_do_not_hold_have_the_cause_that_the_slowest_cycle_shows(ripple, words):
+    """Friction that varies once a turn of the motor, behind a gear of 50."""
+    driven = cycles(lambda v, x, t: COULOMB * (1.0 + ripple * np.cos(50.0 * x)), noise=0.02)
+    assert words in agreement.why_unreliable(driven[0])

@@ -173,7 +173,7 @@ def trembling(way):
     return alter
 
 
-@pytest.mark.parametrize('alter', [filtered(0.01), late(1)])
+@pytest.mark.parametrize('alter', [filtered(0.01), filtered(0.06), late(1)])
 def test_a_filtered_velocity_and_a_delay_are_no_faults(alter):
     result = Bench(alter).finish()
     truth = note_model().sigmoid(result.speeds)
@@ -334,3 +334,11 @@ def test_a_joint_that_swings_is_not_blocked_but_oscillates():
     assert supervision.oscillates()
     supervision.forget_oscillation()
     assert not supervision.oscillates()
+
+
+def test_a_joint_that_swings_out_of_its_range_is_told_from_a_reference_that_leaves_it():
+    run = IdentificationRun(IdentificationGoal(**GOAL), note_model().drive)
+    half = 0.5 * run.goal.motion_range
+    run.start, run._last, run._aim = 0.0, 0.0, (0.9 * half, 1.6)
+    with pytest.raises(IdentificationError, match=r'at 1.6 rad/s.*elastic'):
+        run._check(0.01, 1.1 * half)

@@ -8,6 +8,7 @@ from helpers import printed_by
 from hypothesis import given, strategies as st
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from friction_comp.drive import Drive
 from friction_comp.signal_checks import (
@@ -58,6 +59,18 @@ def test_a_late_noisy_coarse_or_interrupted_velocity_contradicts_nothing(
     time = time + 0.3 * (time > 1.0) + 0.05 * (time > 2.0)
     velocity[random.integers(0, len(time), 5)] = np.nan
     assert told(time, position, velocity, factor=1.25, resolution=resolution) == ''
+
+
+@pytest.mark.parametrize('factor', [1.0, 0.4, 3.0, 57.3, -1.0])
+def test_a_low_pass_is_no_wrong_unit_and_hides_none(factor):
+    """Of 0.06 s, on a joint that is pushed and stopped within a tenth of a second, as at first."""
+    time = np.arange(0.0, 0.6, 1e-3)
+    speed = np.interp(time, (0.0, 0.15, 0.2, 0.4, 0.45), (0.0, 0.0, 0.4, 0.4, 0.0))
+    position = np.cumsum(speed) * 1e-3
+    velocity = factor * lfilter([1.0 / 61.0], [1.0, -60.0 / 61.0], speed)
+    faults = [velocity_fault(np.array([ratio]), 2.0)
+              for ratio in velocity_ratios(time, position, velocity)]
+    assert any(faults) == (factor != 1.0)
 
 
 def test_gaps_of_a_busy_machine_do_not_delay_the_verdict():

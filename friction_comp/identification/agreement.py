@@ -27,6 +27,8 @@ from friction_comp.identification.kinetic import (
 # Shares of friction above which two measurements differ: of a speed driven again, of measured and
 # commanded currents, and the amplitude of what depends on position.
 _DRIFT, _CURRENTS, _POSITION = 0.03, 0.04, 0.05
+# The same, if a single cycle shows it: noise is part of it.
+_UNEVEN = 0.1
 # Share of friction that may accelerate a joint of unknown inertia without a word.
 _UNSETTLED = 0.03
 # A lag between current and position that is worth a word, s.
@@ -208,6 +210,20 @@ def check_positions(first: Sequence[Cycle], again: Sequence[Cycle]) -> list[str]
             said.append(f'{what} varies over position, by about ±{amplitude:.0%} of friction: '
                         f'{then}')
     return said
+
+
+def why_unreliable(slowest: Cycle) -> str:
+    """Return why the currents that hold a joint differ, as far as its slowest cycle shows it."""
+    friction, _ = _over_position(slowest)
+    known = friction[np.isfinite(friction)]
+    amplitude = math.sqrt(2.0) * float(np.std(known)) / _friction(slowest.points) if len(
+        known) else 0.0
+    if amplitude < _UNEVEN:
+        return 'it is pushed, or its friction changes with time, or from place to place'
+    return (f'friction varies over position, by about ±{amplitude:.0%} at {slowest.speed:.3g} '
+            'rad/s, so that breakaway is another one at each place. Look for its cause, as an '
+            'eccentric shaft or a damaged tooth. Or refine a recording of slow motion: the effect '
+            'friction_ripple models it')
 
 
 def check_currents(cycles: Sequence[Cycle]) -> list[str]:

@@ -23,8 +23,13 @@ from friction_comp.statistics import noise_level
 STAIR, SLIDING_STAIR = 0.01, 0.03
 """Height of a stair as a share of its current, and of one above a current that did not hold."""
 
-FIRST_STAIR = 0.9
-"""The first stair, as a share of the current that held so far."""
+FIRST_STAIR, NEAR_STAIR = 0.9, 0.95
+"""The first stair, as a share of the only current that held so far, and of the least of several: it
+is near breakaway, since what a joint creeps under stairs is no part of its presliding distance."""
+
+STAIR_TIME = 0.08
+"""Time in s that a rise of current takes beyond that of its slope: one that is too quick shakes the
+joint, and a contact with little damping creeps while it is shaken."""
 
 SHORTEST_PAUSE, LONGEST_PAUSE = 0.15, 0.6
 """Times on a stair, s: doubled from the shortest on until the joint rests, or slides."""
@@ -32,8 +37,12 @@ SHORTEST_PAUSE, LONGEST_PAUSE = 0.15, 0.6
 SLIDE_SHARE = 0.5
 """A joint slides that moves during a pause by this share of all its movement on the ramp before."""
 
-# The joint rests if it moves in the last third of a pause by at most this share of its movement in
-# the second third, or by at most so much of a count, or by less than its noise shows.
+CREEP = 3e-4
+"""Speed in rad/s below which a joint holds although it never comes to rest: a contact may creep at
+a steady rate from far below breakaway on. Low speeds are a hundred times as fast."""
+
+# The joint also rests if it moves in the last third of a pause by at most this share of its
+# movement in the second third, or by at most so much of a count, or by less than its noise shows.
 _SPEED_SHARE, _COUNTS, _ERRORS = 0.5, 0.5, 3.0
 
 
@@ -43,6 +52,21 @@ class Held(NamedTuple):
     begin: float
     end: float
     position: float
+
+
+def first_stair(held: Sequence[float]) -> float:
+    """Return the current in A of a ramp's first stair, after those that held, A."""
+    # A single one does not tell how much they differ.
+    return NEAR_STAIR * min(held) if len(held) > 1 else FIRST_STAIR * held[0]
+
+
+def risen(share: float, from_rest: bool) -> float:
+    """Return the share by which a current has risen after a share of the time, level at the end.
+
+    From rest, it begins with its mean slope: what damps the contact would else seem to stiffen it.
+    """
+    slope = 1.0 if from_rest else 0.0
+    return share * (slope + share * (3.0 - 2.0 * slope - share * (2.0 - slope)))
 
 
 def rests(time: Sequence[float], position: Sequence[float], sign: int, resolution: float) -> bool:
@@ -59,7 +83,8 @@ def rests(time: Sequence[float], position: Sequence[float], sign: int, resolutio
     before, now = second - first, third - second
     noise = _ERRORS * noise_level(x - np.interp(share, (1 / 6, 0.5, 5 / 6), (
         first, second, third))) * math.sqrt(2.0 / len(thirds[-1]))
-    return now <= max(_COUNTS * resolution, noise, _SPEED_SHARE * before)
+    creep = CREEP * (time[-1] - time[0]) / 3.0
+    return now <= max(_COUNTS * resolution, noise, _SPEED_SHARE * before, creep)
 
 
 class SlideBegin(NamedTuple):

@@ -235,13 +235,14 @@ class Ramp(NamedTuple):
     """One current ramp on which the joint broke away: `samples` are rows of `Sample`.
 
     `before` is the direction of the last slide before it, 0 if not known; `held` is the last pause
-    at which the joint came to rest.
+    at which the joint came to rest, `pauses` are the times in s at which each began.
     """
 
     direction: int
     before: int
     samples: np.ndarray
     held: Held
+    pauses: Sequence[float] = ()
 
 
 @dataclass
@@ -299,6 +300,21 @@ def _backlash_message(backlash: float, records: BreakawayRecords) -> str:
     return f'backlash of {backlash:.2g} rad; presliding is given without it'
 
 
+def _hardly_crept(ramps: Sequence[Ramp], measured: Sequence[tuple[bool, float]]
+                  ) -> list[tuple[bool, float]]:
+    """Return the displacements with few pauses before them, during which a joint may creep.
+
+    Of the ramps after slides in either direction, those are left with at most the median number.
+    """
+    pauses = np.array([
+        np.sum(ramp.direction * (np.interp(ramp.pauses, *ramp.samples.T[:2])
+                                 - ramp.samples[0, 1]) < moved)
+        for ramp, (_, moved) in zip(ramps, measured)])
+    onward = np.array([same for same, _ in measured])
+    return [one for one, count in zip(measured, pauses)
+            if count <= np.median(pauses[onward == one[0]])]
+
+
 def _presliding(ramps: Sequence[Ramp], peaks: Sequence[RampFriction],
                 records: BreakawayRecords, upturns: Sequence[int], resolution: float,
                 backlash: float | None) -> Presliding | None:
@@ -306,8 +322,9 @@ def _presliding(ramps: Sequence[Ramp], peaks: Sequence[RampFriction],
     sides = [np.mean(levels[records.direction == sign]) for sign in set(directions)]
     loaded = max(sides) - min(sides) > _LOADED * (max(sides) + min(sides))
     onward = [ramp.before == ramp.direction for ramp in ramps]
-    measured = [(same, peak.presliding(level, upturn))
-                for same, peak, level, upturn in zip(onward, peaks, levels, upturns)]
+    measured = _hardly_crept(ramps, [
+        (same, peak.presliding(level, upturn))
+        for same, peak, level, upturn in zip(onward, peaks, levels, upturns)])
     distance = combined_presliding(measured)
     # Less than two counts cannot be resolved.
     if distance <= 2.0 * resolution:

@@ -29,6 +29,7 @@ from friction_comp.identification.agreement import (
     say_drift,
     say_lag,
     say_unsettled,
+    why_unreliable,
     without_drift,
 )
 from friction_comp.identification.goal import (
@@ -64,8 +65,8 @@ CUT_SPEED, CUT_WINDOW, CUT_COUNTS, CUT_DISTANCE = 0.05, 0.02, 8.0, 5e-3
 GAIN_LADDER = (1.0, 1.7, 0.3, 0.1)
 # Above this standard deviation, a share of its mean, a current does not measure friction.
 MAX_SCATTER = 0.15
-# Share of a current by which the curve of Eq. 6 may be off it without a warning.
-CURVE_SHARE = 0.1
+# Share of friction by which the curve of Eq. 6 may be off it without a warning, RMS.
+CURVE_SHARE = 0.03
 _TYPICAL = 'the inertia could not be estimated; a typical one was assumed'
 _ONE_RAMP = ('breakaway was measured once in each direction: how much it scatters is not known, '
              'and its standard deviation of 0 means nothing. Request four breakaway_cycles or more')
@@ -232,18 +233,18 @@ class IdentificationRun(SupervisedRun):
     def _breakaway(self, sign: int) -> Generator[float, Sample, None]:
         """Find the largest current that holds, on one ramp; repeat it if no stair held."""
         held = self._held[sign]
-        expected = sum(held) / len(held) if held else _PUSH_HOLDS * self._push[sign]
+        first = stairs.first_stair(held or [_PUSH_HOLDS * self._push[sign]])
         while True:
             begin = self.sample.time
-            ramp, level = yield from self._ramp(sign, stairs.FIRST_STAIR * expected)
+            ramp, level = yield from self._ramp(sign, first)
             if ramp is not None:
                 break
             self._lost += 1
-            expected *= stairs.FIRST_STAIR
+            first *= stairs.FIRST_STAIR
             if self._lost > 2 + _MOST_LOST * 2 * self.goal.breakaway_cycles:
                 raise IdentificationError(
                     f'no current holds the joint reliably: it slid at {self.say(level)}, although '
-                    'more held it before; it is pushed, or its friction changes, as over position')
+                    f'more held it before; {why_unreliable(self.cycles[0])}')
         held.append(level)
         self.ramps.append(ramp)
         self._ramp_time += (self.sample.time - begin - self._ramp_time) / min(len(self.ramps), 8)
@@ -253,15 +254,15 @@ class IdentificationRun(SupervisedRun):
         yield from self._standstill(max(STILL_TIME, REST_SHARE * self.goal.ramp_period))
         watch = _Slide(self.sample, sign, self._resolution, 0.2 * self.goal.motion_range)
         current, held, level = 0.0, None, stair
+        pauses: list[float] = []
         while not watch.gone:
             if stair > self.ramp_peak:
                 if watch.slides and held is not None:
                     break
                 self._refuse_blocked(sign, self.ramp_peak)
-            begin, low = self.sample.time, current
-            while current < stair and not watch.gone:
-                current = min(stair, low + self.ramp_slope * (self.sample.time - begin))
-                watch.take((yield from self._step(sign * current)))
+            yield from self._rise(current, stair, watch)
+            current = stair
+            pauses.append(self.sample.time)
             rested = yield from self._pause(sign * current, watch)
             if rested is not None:
                 held, level = rested, current
@@ -269,7 +270,16 @@ class IdentificationRun(SupervisedRun):
         before, self._slid = self._slid, sign
         if held is None:
             return None, stair
-        return Ramp(sign, before, sample_rows(watch.samples), held), level
+        return Ramp(sign, before, sample_rows(watch.samples), held, pauses), level
+
+    def _rise(self, low: float, high: float, watch: _Slide) -> Generator[float, Sample, None]:
+        """Raise the current from `low` to `high`, A, without shaking the joint."""
+        begin, duration = self.sample.time, (high - low) / self.ramp_slope + stairs.STAIR_TIME
+        share = 0.0
+        while share < 1.0 and not watch.gone:
+            share = min((self.sample.time - begin) / duration, 1.0)
+            level = low + (high - low) * stairs.risen(share, low == 0.0)
+            watch.take((yield from self._step(watch.sign * level)))
 
     def _pause(self, command: float, watch: _Slide) -> Generator[float, Sample, stairs.Held | None]:
         """Keep a current until it is clear whether it holds the joint; return the rest, if so."""

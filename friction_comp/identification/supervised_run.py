@@ -97,6 +97,7 @@ class SupervisedRun(ControllerTuning, ABC):
         self._slid = 0                     # direction of the latest slide
         self._counted = False              # whether the encoder has ever changed
         self._inertia_is_typical = False    # whether the push did not show it
+        self._aim = (math.nan, math.nan)    # followed at present: place, top speed
         self._calmness = 1.0               # factor of the controller's bandwidth, after oscillation
         self._run = self._motion()
         next(self._run)
@@ -176,7 +177,18 @@ class SupervisedRun(ControllerTuning, ABC):
         low, high = self._bounds()
         if not low <= position <= high:
             raise IdentificationError(
-                f'the joint left its motion range of {high - low:.4g} rad' + self._why_slow())
+                f'the joint left its motion range of {high - low:.4g} rad'
+                + (self._why_slow() or self._why_beyond(position)))
+
+    def _why_beyond(self, position: float) -> str:
+        """Return why the joint may have left its range, whose reference has not."""
+        low, high = self._bounds()
+        place, speed = self._aim
+        if not low <= place <= high:
+            return ''
+        return (f': at {speed:.3g} rad/s, it went {abs(position - place):.2g} rad beyond its '
+                'reference. If nobody pushed it, it swings, as one with an elastic or heavy link: '
+                'request lower speeds, or widen motion_range')
 
     def _estimate(self, now: float) -> None:
         """Update `remaining` and `progress` ten times per second of the joint's time."""
@@ -326,6 +338,7 @@ class SupervisedRun(ControllerTuning, ABC):
         samples, commands, sample = [], [], self.sample
         while sample.time - begin < duration:
             position, velocity = reference(sample.time - begin)
+            self._aim = position, speed
             command = control.velocity_controller_step(
                 parameters, state, position, velocity, sample.position, sample.time - last)
             if self.supervision.oscillates():
@@ -333,18 +346,22 @@ class SupervisedRun(ControllerTuning, ABC):
                     'the joint oscillates under its velocity controller: current or position come '
                     'late, or its link is elastic')
             if abs(position - sample.position) > allowance:
-                why = self._why_slow() if abs(command) < 0.9 * parameters.limit else ''
+                weak = abs(command) < 0.9 * parameters.limit
+                why = self._why_slow() if weak else ''
                 lag = (f'the joint lags {abs(position - sample.position):.3g} rad behind its '
                        f'reference at {self.say(abs(command))}')
                 if why:
                     raise TooSlowError(lag + why)
-                raise IdentificationError(
-                    f'{lag}: blocked, encoder stuck, or current limit '
-                    f'({self.say(parameters.limit)}, or what was plausible so far) too low')
+                raise IdentificationError(lag + (
+                    ', with gains that were lowered since its current varies: it sticks and slips, '
+                    'or its friction varies over position' if weak and factor < 1.0 else
+                    ': blocked, encoder stuck, or current limit '
+                    f'({self.say(parameters.limit)}, or what was plausible so far) too low'))
             last = sample.time
             sample = yield from self._step(command)
             samples.append(sample)
             commands.append(command)
+        self._aim = math.nan, math.nan
         return begin, sample_rows(samples), commands
 
     def _travel(self, target: float) -> Generator[float, Sample, None]:

@@ -270,17 +270,21 @@ class Supervision:
 
 def check_curve(points: Sequence[KineticPoint], sigmoid: Sigmoid, share: float,
                 say: Callable[[float], str]) -> list[str]:
-    """Return a warning if the curve of Eq. 6 is off a measured current by more than a share of it.
+    """Return a warning if the curve of Eq. 6 is off the measured currents by more than a share.
 
-    `say` returns a current as text.
+    The share is that of the RMS error in the mean current; the speed at which the curve is off most
+    is named. `say` returns a current as text.
     """
-    off, point = max(((abs(float(sigmoid(one.speed)) - one.current), one) for one in points),
-                     key=lambda entry: entry[0])
-    if off <= share * abs(point.current):
+    errors = [float(sigmoid(point.speed)) - point.current for point in points]
+    mean = sum(abs(point.current) for point in points) / len(points)
+    whole = math.sqrt(sum(error ** 2 for error in errors) / len(points)) / max(mean, 1e-9)
+    if whole <= share:
         return []
-    return [f'at {point.speed:g} rad/s the curve of Eq. 6 is off what was measured, '
-            f'{say(abs(point.current))}, by {say(off)}: its Coulomb and viscous friction may be '
-            'wrong as well. Refine a recording with this model, or request other speeds']
+    off, point = max(zip(map(abs, errors), points), key=lambda entry: entry[0])
+    return [f'the curve of Eq. 6 is off the look-up table by {whole:.0%} of friction (RMS), most '
+            f'at {point.speed:g} rad/s, where {say(abs(point.current))} were measured, by '
+            f'{say(off)}: its Coulomb and viscous friction may be wrong as well, and compensation '
+            'follows the curve. Refine a recording with this model, or request other speeds']
 
 
 def check_load(points: Sequence[KineticPoint], breakaway: tuple[float, float], spread: float,
