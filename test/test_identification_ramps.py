@@ -110,8 +110,11 @@ def test_breakaway_is_the_largest_current_that_holds_however_friction_goes_on(st
     """Whether friction rises from standstill, as in configuration 2 of the note, or falls."""
     recorded = [ramp(dahl(distance), sign=sign, strengthening=strengthening * LEVEL)
                 for distance in (1e-4, 3e-4) for sign in (1, -1)]
+    found = evaluated(recorded)
     np.testing.assert_allclose(
-        evaluated(recorded).records.current, LEVEL * np.array([1, -1, 1, -1]), rtol=0.035)
+        found.records.current, LEVEL * np.array([1, -1, 1, -1]), rtol=0.035)
+    # Between that and where it goes, it moves so slowly that a gear may also creep there.
+    assert ('gives way slowly' in ' '.join(found.warnings)) == (strengthening > 0.2)
 
 
 @pytest.mark.parametrize('damping', [0.05, 0.1, 1.0])
