@@ -338,7 +338,7 @@ def test_recordings_that_differ_are_told_and_by_what(changes, words):
     report = of_two_days(**changes)
     assert report.verdict == 'trust in part'
     text, = (one.text for one in report.findings if one.code == 'recordings_differ')
-    name, least, most = re.search(r'Most differs (.*), with (\S+) to (\S+) alone', text).groups()
+    name, least, most = re.search(r'differs most is (.*), (\S+) to (\S+) in fits', text).groups()
     expected = re.fullmatch(r'(.*), with (\S+) to (\S+)', words).groups()
     assert name == expected[0]
     assert [float(least), float(most)] == pytest.approx(

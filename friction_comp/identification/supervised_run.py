@@ -216,7 +216,7 @@ class SupervisedRun(ControllerTuning, ABC):
 
     def _standstill(self, duration: float) -> Generator[float, Sample, None]:
         """Wait at zero current until the joint has been at rest for a duration in s."""
-        sample = self.sample
+        sample, self._aim = self.sample, (math.nan, math.nan)
         begin, still_since, stood_at = sample.time, sample.time, sample.position
         while sample.time - still_since < duration:
             if sample.time - begin > _PATIENCE + duration:
@@ -361,7 +361,6 @@ class SupervisedRun(ControllerTuning, ABC):
             sample = yield from self._step(command)
             samples.append(sample)
             commands.append(command)
-        self._aim = math.nan, math.nan
         return begin, sample_rows(samples), commands
 
     def _travel(self, target: float) -> Generator[float, Sample, None]:

@@ -43,12 +43,12 @@ _FINDINGS = {
         'the same with the sign of the load reversed'),
     'doubtful': (IN_PART, '{doubt}', 'record the same over a wider range, and other joints'),
     'extrapolates': (
-        IN_PART, 'A third of the {variable} range that was not fitted is predicted with '
-        '{growth:.2g} times the error: the model is only supported where it was fitted.',
-        'record more values of {variable}, in another order'),
+        IN_PART, '{part} that was not fitted is predicted with {growth:.2g} times the error: the '
+        'model is only supported where it was fitted.', 'record more values of {variable}'),
     'recordings_differ': (
         IN_PART, 'The recordings differ: fitted together, each is predicted with {ratio:.2g} times '
-        'the error of a fit to itself. Most differs {name}, with {least:.3g} to {most:.3g} alone.',
+        'the error of a fit to itself. What differs most is {name}, {least:.3g} to {most:.3g} in '
+        'fits to each.',
         'refine each recording alone (--each), or record what differs (temperature, load, unit)'),
     'counted': (
         IN_PART, 'The steps of the velocity are coarse: motion at changing speed is predicted with '

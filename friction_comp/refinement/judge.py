@@ -26,7 +26,7 @@ from friction_comp.refinement.findings import experiment, finding
 from friction_comp.refinement.prepare import Rows
 from friction_comp.refinement.result import Errors, Finding, Predicted, Question
 from friction_comp.refinement.search import Search
-from friction_comp.refinement.stability import disagreement, RECORDING
+from friction_comp.refinement.stability import Disagreement, RECORDING
 from friction_comp.samples import Samples
 from friction_comp.signal_checks import velocity_fault, velocity_ratios
 from friction_comp.statistics import rms, robust_std
@@ -161,19 +161,32 @@ def findings_on_model(fit: Fit) -> Iterator[Finding]:
             yield finding('doubtful', doubt=doubt)
 
 
+def beyond_what_was_fitted(variable: str, growth: float) -> Finding:
+    """Return the finding that the error is `growth` times as large elsewhere."""
+    if variable == STEPS:
+        return finding('counted', growth=growth)
+    if variable == RECORDING:
+        return finding('extrapolates', part='A recording', growth=growth,
+                       variable='position and speed in each recording')
+    return finding('extrapolates', part=f'A third of the {variable} range', growth=growth,
+                   variable=f'{variable}, in another order')
+
+
 def findings(fit: Fit, raw: Samples, after: Errors, growth: dict[str, float],
-             noise: float, dependences: Sequence[Dependence],
-             open_questions: Sequence[Question]) -> Iterator[Finding]:
-    """Yield all findings on a model; `growth` is what `LeftOutThirds.error_growth` returns."""
+             noise: float, dependences: Sequence[Dependence], open_questions: Sequence[Question],
+             between: Disagreement | None) -> Iterator[Finding]:
+    """Yield all findings on a model.
+
+    `growth` is what `LeftOutThirds.error_growth` returns, `between` how recordings differ.
+    """
     rows, held_out = fit.rows, after.held_out_rmse
     constant = error_of_constant(rows)
     if friction_would_push(rows):
         yield finding('pushes')
     variable, largest = max(growth.items(), key=lambda entry: entry[1])
-    ratio, name, least, most = disagreement(fit.table, fit.terms)
-    differ = ratio > thresholds.GROWTH
-    if differ:
-        yield finding('recordings_differ', ratio=ratio, name=name, least=least, most=most)
+    differ = between is not None and between.ratio > thresholds.GROWTH
+    if between is not None and differ:
+        yield finding('recordings_differ', **between._asdict())
     expected = max(largest, 1.0) * held_out
     if expected > thresholds.USELESS_ERROR * constant:
         yield finding('explains_nothing', error=expected, constant=constant)
@@ -183,9 +196,8 @@ def findings(fit: Fit, raw: Samples, after: Errors, growth: dict[str, float],
                         math.sqrt(thresholds.LEAST_SHARE) * constant):
         yield finding('above_noise', error=held_out, times=held_out / noise)
     yield from findings_on_model(fit)
-    if largest > thresholds.GROWTH and not (differ and variable == RECORDING):
-        yield finding('counted' if variable == STEPS else 'extrapolates', variable=variable,
-                      growth=largest)
+    if largest > thresholds.GROWTH and not (variable == RECORDING and differ):
+        yield beyond_what_was_fitted(variable, largest)
     for entry in dependences:
         if entry.strength > thresholds.UNEXPLAINED:
             yield finding('unexplained', variable=entry.variable, note=entry.note)

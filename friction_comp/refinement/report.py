@@ -28,7 +28,7 @@ from friction_comp.refinement.result import (
     Predicted,
     RefinementReport,
 )
-from friction_comp.refinement.stability import LeftOutThirds, Parameter
+from friction_comp.refinement.stability import disagreement, LeftOutThirds, Parameter, RECORDING
 from friction_comp.samples import Samples
 from friction_comp.statistics import quantile_edges, rms, smallest_step
 
@@ -48,6 +48,9 @@ def report_of(problem: Problem, fit: Fit, start: Predicted, refined: Predicted, 
     dependences = [*clipping_dependence(rows), *unnamed_dependence(fit), *remaining_dependences(
         rows.at_rows, rows.averaged(refined.held_out), rows.coverage.slowest)]
     growth = LeftOutThirds(fit.table, fit.terms).error_growth(fit.terms)
+    between = disagreement(fit.table, fit.terms)
+    if between:
+        growth[RECORDING] = between.growth
     noise = judge.noise_floor(rows, refined.held_out)
     effects = [] if kept else effects_of(problem, fit, unit)
     open_questions = [] if kept else judge.ambiguities(fit)
@@ -66,10 +69,10 @@ def report_of(problem: Problem, fit: Fit, start: Predicted, refined: Predicted, 
              if refined.no_presliding else [])
     old, now = problem.model and problem.model.breakaway, model.breakaway
     if old and now and now != old:
-        notes.append(finding('breakaway_taken_along',
-                             factor=now.negative_mean / old.negative_mean))
+        notes.append(finding('breakaway_taken_along', factor=(
+            (now.positive_mean - now.negative_mean) / (old.positive_mean - old.negative_mean))))
     verdict = verdict_of([*judge.findings_on_numbers(friction), *judge.findings(
-        fit, raw, errors, tested, noise, dependences, open_questions), *notes], unit)
+        fit, raw, errors, tested, noise, dependences, open_questions, between), *notes], unit)
     return RefinementReport(
         unit=unit, joint=model.joint, samples=len(raw), samples_in_motion=int(rows.usable.sum()),
         samples_clipped=int(rows.clipped.sum()),

@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 import math
+from typing import NamedTuple
 
 import numpy as np
 from scipy import stats
@@ -32,7 +33,6 @@ from friction_comp.refinement.effect_columns import (
     Table,
     Term,
 )
-from friction_comp.refinement.prepare import Rows
 from friction_comp.refinement.search import (
     adjust_constants,
     constant_derivatives,
@@ -229,10 +229,9 @@ def intervals(table: Table, terms: Sequence[Term], others: Sequence[np.ndarray] 
 class LeftOutThirds:
     """Errors of terms on thirds of a variable that are left out of the fit, each in turn.
 
-    Where several joints moved, regions of posture are left out as well, and of several recordings
-    each. A third counts as far as twice the range of the others: a staircase of speeds has
-    accelerations for milliseconds, a hundred times those of the other samples, and who leaves these
-    out knows nothing of inertia.
+    Where several joints moved, regions of posture are left out as well. A third counts as far as
+    twice the range of the others: a staircase of speeds has accelerations for milliseconds, a
+    hundred times those of the other samples, and who leaves these out knows nothing of inertia.
     """
 
     def __init__(self, table: Table, terms: Sequence[Term]) -> None:
@@ -248,9 +247,6 @@ class LeftOutThirds:
         partitions = {name: part for name, values in variables.items()
                       if values is not None and np.ptp((part := _thirds(values)) // 2) > 0}
         partitions[_PARTS] = 2 * rows.block
-        number = _recording_of(rows)
-        if number.any():
-            partitions[RECORDING] = 2 * number
         if rows.region.any():
             partitions['posture'] = 2 * np.unique(rows.region, return_inverse=True)[1]
         full, signs = np.vstack((table.columns[columns], table.target)), table.sums.signs[columns]
@@ -290,7 +286,7 @@ class LeftOutThirds:
                 rest = [term for term in terms if term not in removed]
                 other = self.mean_errors(rest)
                 growth = sum(math.log(other[name] / errors[name]) for name in errors
-                             if name not in (_PARTS, RECORDING))
+                             if name != _PARTS)
                 if growth < 0.0 and other[_PARTS] <= errors[_PARTS]:
                     trials.append((growth, rest))
             if not trials:
@@ -298,47 +294,47 @@ class LeftOutThirds:
             terms = min(trials, key=lambda trial: trial[0])[1]
 
 
-def disagreement(table: Table, terms: Sequence[Term]) -> tuple[float, str, float, float]:
-    """Return how far recordings that are fitted together differ from each other.
+class Disagreement(NamedTuple):
+    """How far recordings that are fitted together differ from each other.
 
-    Quarters of each are predicted by a fit to all other quarters, and by one to those of the same
-    recording.
-
-    Returns
-    -------
-    ratio : float
-        Error of the first over that of the second; 1 for a single recording.
-    name : str
-        What differs most between fits to each recording: a number of Eq. 6, or an effect.
-    least, most : float
-        Its least and largest coefficient.
+    Quarters of each are predicted by a fit to all other quarters, to those of the same recording,
+    and to those of the other recordings.
     """
-    number = _recording_of(table.rows)
+
+    ratio: float    # error of the first over that of the second
+    growth: float   # error of the third over that of the first
+    name: str       # what differs most between fits to each: a number of Eq. 6, or an effect
+    least: float    # its least and largest coefficient
+    most: float
+
+
+def disagreement(table: Table, terms: Sequence[Term]) -> Disagreement | None:
+    """Return how far the recordings differ; None for a single one."""
+    rows = table.rows
+    number = np.unique(rows.samples.recording[rows.start], return_inverse=True)[1]
     count = int(number.max()) + 1
     if count == 1:
-        return 1.0, '', 0.0, 0.0
+        return None
     quarter = np.empty_like(number)
     for k in range(count):
-        rows = np.flatnonzero(number == k)
-        quarter[rows] = 4 * k + 4 * np.arange(len(rows)) // len(rows)
+        own = np.flatnonzero(number == k)
+        quarter[own] = 4 * k + 4 * np.arange(len(own)) // len(own)
     columns = table.indices(terms, derivatives=False)
     group = np.arange(4 * count)
     sums = BlockSums.over(np.vstack((table.columns[columns], table.target)),
                           [quarter == k for k in group], table.sums.signs[columns])
-    every, others, own = range(len(columns)), group != group[:, None], group // 4
+    every, others, same = (range(len(columns)), group != group[:, None],
+                           group // 4 == group[:, None] // 4)
     together, alone = (float(sums.squared_errors(every, sums.fits_without(every, train)).sum())
-                       for train in (others, others & (own == own[:, None])))
-    fits = sums.fits_without(every, own == np.arange(count)[:, None])
+                       for train in (others, others & same))
+    left_out = float(sums.errors_without(every, group // 4).sum())
+    fits = sums.fits_without(every, same[::4])
     most = int(np.argmax(np.ptp(fits, axis=0) * sums.norms))
     names = ['the offset', 'Coulomb friction', 'viscous friction', *(
         term.kind.name.replace('_', ' ') for term in terms for _ in table.columns_of[term])]
-    return (math.sqrt(together / max(alone, 1e-300)), names[most], float(fits[:, most].min()),
-            float(fits[:, most].max()))
-
-
-def _recording_of(rows: Rows) -> np.ndarray:
-    """Return the number of each row's recording, from 0."""
-    return np.asarray(np.unique(rows.samples.recording[rows.start], return_inverse=True)[1])
+    return Disagreement(
+        math.sqrt(together / max(alone, 1e-300)), math.sqrt(left_out / max(together, 1e-300)),
+        names[most], float(fits[:, most].min()), float(fits[:, most].max()))
 
 
 def _thirds(values: np.ndarray) -> np.ndarray:
