@@ -15,6 +15,7 @@ from friction_comp.model.arm.arm import Arm
 from friction_comp.model.arm.coupling import Coupling
 from friction_comp.model.effects import Effect, EFFECTS
 from friction_comp.model.effects.base import with_range
+from friction_comp.model.effects.definitions import RESISTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.model.sliding_friction import line_of
@@ -250,8 +251,11 @@ def _change_of_friction(initial: FrictionModel, model: FrictionModel, speeds: Se
     """Return friction of a sliding joint over that of the initial model, at the lowest speed.
 
     A hysteresis may be friction that the initial model knows as Coulomb friction, or more of it:
-    the change is that which is nearer to none.
+    the change is that which is nearer to none. What depends on a temperature, say, is not compared.
     """
+    if any(effect.role == RESISTS and (effect.needs or not effect.holds_on_another_day)
+           for effect in (*initial.effects, *model.effects)):
+        return 1.0
     changes = [1.0]
     for skipped in ((), ('hysteresis',)):
         lines = [line_of(replace(one, effects=[effect for effect in one.effects
