@@ -57,7 +57,7 @@ def test_a_recording_that_shows_no_friction_is_refused(change, words):
         prepare(join([swings(1).with_(**change)]), DRIVE)
 
 
-@pytest.mark.parametrize('wrap', [lambda one: one, lambda one: [[one]], lambda one: 'file.mcap'])
+@pytest.mark.parametrize('wrap', [lambda one: [[one]], lambda one: 'file.mcap'])
 def test_other_than_a_list_of_samples_is_refused(wrap):
     samples = Samples(time=np.arange(3.0), position=np.zeros(3), velocity=None, current=np.zeros(3))
     with pytest.raises(InputError, match='list of Samples'):

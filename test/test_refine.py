@@ -272,6 +272,13 @@ def test_without_the_load_only_what_no_law_drove_shows_friction(drive, tmp_path,
     assert not (tmp_path / 'out').exists()
 
 
+def test_one_recording_needs_no_list_and_a_prompt_shows_the_numbers_and_not_the_samples():
+    samples = swings(1)
+    shown = repr(refine(samples))
+    assert shown == repr(refine([samples]))
+    assert len(shown) < 400 and 'torque = ' in shown and 'N·m RMS on data not fitted' in shown
+
+
 def test_outliers_and_gaps_do_no_harm(drive):
     excitation = excitation_for(('cogging',), duration=40.0, rate=RATE)
     samples = record(drive, 5, excitation)[0].samples

@@ -100,9 +100,11 @@ class Rows:
         return np.asarray(total.T)
 
 
-def join(recordings: Sequence[Samples]) -> Samples:
+def join(recordings: Sequence[Samples] | Samples) -> Samples:
     """Join recordings, without samples that are not finite; raises `InputError` if too few."""
-    if isinstance(recordings, Samples) or not all(isinstance(r, Samples) for r in recordings):
+    if isinstance(recordings, Samples):
+        recordings = [recordings]
+    if not all(isinstance(r, Samples) for r in recordings):
         raise InputError('recordings must be a list of Samples, as read_recording returns it')
     # Sorted by content, so that the order in which files are named makes no difference.
     recordings = sorted((part for part in recordings if len(part)), key=lambda part: (

@@ -45,15 +45,15 @@ _STEEPNESSES, _MOST_SAMPLES = 16, 30_000
 
 
 @one_thread
-def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
+def refine(recorded: Samples | Sequence[Samples], model: FrictionModel | None = None,
            drive: Drive | None = None, progress: Callable[[float, str], None] | None = None,
            unit: str = '', origin: Origin | None = None) -> RefineResult:
     """Find the effects that a model lacks.
 
     Parameters
     ----------
-    recorded : sequence of Samples
-        Recordings, in any order.
+    recorded : Samples or sequence of Samples
+        One recording, or several in any order.
     model : FrictionModel, optional
         The initial model; the note's sigmoid fitted to the recordings when omitted.
     drive : Drive, optional

@@ -168,7 +168,7 @@ class RefinementReport(Mapping[str, Any]):
         return len(fields(self))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class RefineResult:
     """The result of refinement."""
 
@@ -181,3 +181,10 @@ class RefineResult:
     before: np.ndarray
     after: np.ndarray
     coverage: Coverage  # the ranges that the recordings cover
+
+    def __repr__(self) -> str:
+        """Return verdict, numbers and errors, not the samples, as shown at a prompt."""
+        report = self.report
+        return (f'<RefineResult: {report.verdict}\n{report.friction.formula}\n'
+                f'{report.before.held_out_rmse:.3g} → {report.after.held_out_rmse:.3g} '
+                f'{report.unit} RMS on data not fitted ({report.after.model})>')
