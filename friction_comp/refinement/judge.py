@@ -36,6 +36,7 @@ STEPS = 'steps of the velocity'
 # Every so many samples show whether joints move as one.
 _EVERY = 10
 
+
 def errors_of(rows: Rows, predicted: Predicted, name: str, growth: float = 1.0) -> Errors:
     """Return the errors of a model; `growth` is the ratio of those in left-out thirds to these."""
     moving, held_out = rows.usable, predicted.held_out
