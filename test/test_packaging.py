@@ -21,6 +21,7 @@ import friction_comp
 from friction_comp import __main__ as entry
 from friction_comp.errors import InputError
 from friction_comp.package_files import add_environment_to_ament_path, package_file
+from friction_comp.ros.launch_arguments import check_arguments
 
 NAMES = {**entry.NODES, **entry.TOOLS}
 MODULES = sorted((ROOT / 'friction_comp').rglob('*.py'))
@@ -174,6 +175,22 @@ def test_share_path_finds_what_comes_with_the_package():
     assert package_file('package.xml').is_file()
     with pytest.raises(InputError, match=r'no file config/nonsense\.yaml'):
         package_file('config', 'nonsense.yaml')
+
+
+@pytest.mark.parametrize(('argument', 'words'), [
+    ('breakaway_gain:=0.3', 'is a parameter of a node'), ('laws:=none', "is it 'law'"),
+    ('law:=none', ''), ('sigterm_timeout:=60', '')])
+def test_what_a_launch_file_would_pass_over_is_refused(monkeypatch, argument, words):
+    given, declared = [argument], ['law', 'joints', 'parameters']
+    monkeypatch.setattr(sys, 'argv', ['ros2', 'launch', 'friction_comp', 'our.launch.py', argument])
+    if words:
+        with pytest.raises(InputError, match=words):
+            check_arguments('/launch/our.launch.py', given, declared)
+    else:
+        check_arguments('/launch/our.launch.py', given, declared)
+    # Of a file that includes ours.
+    monkeypatch.setattr(sys, 'argv', ['ros2', 'launch', 'their.launch.py', argument])
+    check_arguments('/launch/our.launch.py', given, declared)
 
 
 @pytest.mark.parametrize('path', LAUNCH_FILES, ids=lambda path: path.name)
