@@ -40,8 +40,9 @@ RULES = {
     'faster though nobody pushes': {OPERATOR + 'FASTER': math.inf},
     'least trust': {PARAMETERS + 'LEAST_TRUST': 0.0},
     'taken back beyond the identified speeds': {KERNEL + 'TAKEN_DISTANCE': math.inf},
+    'a way of somebody in a hurry': {PARAMETERS + 'HURRIED_WAY': 0.0},
     'changed announcement at rest': {OPERATOR + 'PATIENCE': 0.0},
-    'fade': {PARAMETERS + 'FADE': 1e6},
+    'fade': {PARAMETERS + 'FADE_FROM': 1e6, PARAMETERS + 'FADE_TO': 1e7},
     'bound on the current': {PARAMETERS + 'BOUND': 1e6},
     'filter of the speed': {KERNEL + 'FILTER_TIME': 1e-6},
 }

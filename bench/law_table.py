@@ -37,12 +37,12 @@ from law_judge.recorded import recorded_bank
 from law_judge.refined import REFINED
 from law_judge.release import release
 from law_judge.reversal import reversal
-from law_judge.to_and_fro import leader, reaches, to_and_fro
+from law_judge.to_and_fro import hurry, leader, reaches, to_and_fro
 from law_judge.untouched import lost, untouched, weight
 
 FLOORS = {f.__name__: f for f in (
     release, untouched, lost, weight, knock, flicker, quiet, peak, reversal, to_and_fro,
-    reaches, leader, bad_samples, identification)}
+    hurry, reaches, leader, bad_samples, identification)}
 # Module, kinds where not all of its own, and gears of each.
 WORLDS = {'gear': ('world.gear', None, 2), 'mujoco': ('world.mujoco_gear', None, 4),
           'refined': ('world.gear', REFINED, 1), 'chain': ('world.maxwell_chain', None, 4)}

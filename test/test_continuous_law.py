@@ -15,6 +15,7 @@ from friction_comp.compensation.law_kernel import END_MARGIN
 from friction_comp.compensation.law_parameters import knows_presliding, LONGER, START_TIME
 from friction_comp.model.effects.history_effects import Hysteresis
 from friction_comp.model.friction_model import Presliding
+from friction_comp.model.measured import Recorded
 from friction_comp.simulation.joint_parameters import GEARS
 from simulated_recordings.gear_batch import push, run_gears
 from simulated_recordings.random_gears import random_gear
@@ -258,9 +259,29 @@ def test_position_limits_end_softly():
 
 def test_faster_than_identified_nothing_is_fed_forward():
     law = CompensationLaw([small_model()])
-    assert drive_along(law, 2.4e-3 * np.arange(1000))[-1] == 0.0
+    assert drive_along(law, 2.7e-3 * np.arange(1000))[-1] == 0.0
     assert law.guards['taken back'][0] > 0.4
     assert law.guards['beyond identified speeds'][0] > 0.5
+
+
+def test_a_hurried_movement_costs_no_help_and_a_joint_that_goes_on_and_on_is_trusted_less():
+    """At 1.12 of the identified 100 deg/s, 50 degrees to and fro, and as far one way."""
+    step, turn = 1.12e-3 * math.radians(100.0), 450
+    there = step * np.arange(turn)
+    hurry, runaway = CompensationLaw([small_model()]), CompensationLaw([small_model()])
+    drive_along(hurry, np.tile(np.concatenate([there, there[::-1]]), 3), direction=0)
+    assert hurry.guards['beyond identified speeds'][0] > 1.0
+    assert hurry.guards['taken back'][0] == 0.0
+    drive_along(runaway, step * np.arange(6 * turn), direction=0)
+    assert runaway.guards['taken back'][0] == pytest.approx(0.5)
+
+
+def test_a_recording_of_faster_motion_counts_as_identified():
+    slow, fast = (drive_along(
+        CompensationLaw([replace(small_model(), recorded=Recorded((0.5, top)))]),
+        2.4e-3 * np.arange(400), direction=0)[-1] for top in (1.0, 2.5))
+    assert fast == pytest.approx(0.9 * LEVEL, rel=0.01)
+    assert slow < 0.5 * LEVEL
 
 
 def test_a_joint_on_friction_below_its_model_by_more_than_the_share_stops_gaining_speed(gears):

@@ -276,7 +276,9 @@ def test_one_recording_needs_no_list_and_a_prompt_shows_the_numbers_and_not_the_
     samples = swings(1)
     shown = repr(refine(samples))
     assert shown == repr(refine([samples]))
-    assert len(shown) < 400 and 'torque = ' in shown and 'N·m RMS on data not fitted' in shown
+    assert len(shown) < 400
+    assert 'torque = ' in shown
+    assert 'N·m RMS on data not fitted' in shown
 
 
 def test_outliers_and_gaps_do_no_harm(drive):

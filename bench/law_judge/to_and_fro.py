@@ -13,6 +13,7 @@ import numpy as np
 from law_judge.bank import Joints
 from law_judge.felt import removed, smooth
 from law_judge.loop import make_law, NONE, run, YARDSTICKS
+from law_judge.model import SPEEDS
 from law_judge.rows import beside, DEGREE, Row
 from world.person import MOST_PLACES
 from world.persons import firm_hands
@@ -20,6 +21,7 @@ from world.persons import firm_hands
 FREQUENCIES = (0.2, 0.3, 0.6, 1.0, 1.2)
 AMPLITUDES = 10.0 * DEGREE, 15.0 * DEGREE
 FASTEST = 90.0 * DEGREE      # within the identified speeds
+HURRIES = (1.0, 1.25, 1.5)     # times the identified speeds
 START, SETTLED, END = 0.5, 2.5, 7.5
 BEGINS = 0.3
 # How d comes, and the floors of median and worst gear, %. It tells the coming movement a moment
@@ -36,8 +38,10 @@ def to_and_fro(bank, law):
     return [row for known in (True, False) for row in _to_and_fro(bank.telling(known), law, known)]
 
 
-def swaying(bank, frequencies):
+def swaying(bank, frequencies, fastest=None):
     """Return joints that firm hands lead to and fro, and what tells how a law does.
+
+    They are as fast as `fastest`, rad/s; otherwise some degrees wide, and no faster than `FASTEST`.
 
     Returns
     -------
@@ -53,7 +57,8 @@ def swaying(bank, frequencies):
     amplitude = random.uniform(*AMPLITUDES, len(bank.gears))[joints.gear]
     omega = 2.0 * np.pi * joints['frequency']
     persons['start'], persons['sway_frequency'] = START, joints['frequency']
-    persons['sway'] = np.minimum(amplitude, FASTEST / omega)
+    persons['sway'] = (np.minimum(amplitude, FASTEST / omega) if fastest is None
+                       else fastest / omega)
 
     def coming(time):
         return np.where(time < START, 0.0, np.sign(np.sin(omega * (time + AHEAD - START))))
@@ -88,6 +93,22 @@ def _to_and_fro(bank, law, known):
                  Row(f'{name}, worst', float(np.nanmin(shares['law'])), worst, ' %', True,
                      beside=beside(shares, np.nanmin))]
     return rows
+
+
+def hurry(bank, law):
+    """Lead each joint to and fro as fast as was identified, and faster; d = 0."""
+    return [row for share in HURRIES for row in _hurry(bank.telling(True), law, share)]
+
+
+def _hurry(bank, law, fastest):
+    _, share = swaying(bank, FREQUENCIES[2:4], fastest * SPEEDS[-1])
+    shares = {name: share(name) for name in YARDSTICKS}
+    shares['law'] = share(law)
+    name = f'to and fro at {fastest:g} of the identified speeds, d = 0: removed'
+    return [Row(name, float(np.nanmedian(shares['law'])), None, ' %', True,
+                beside=beside(shares, np.nanmedian)),
+            Row(f'{name}, worst', float(np.nanmin(shares['law'])), None, ' %', True,
+                beside=beside(shares, np.nanmin))]
 
 
 def reaches(bank, law):

@@ -54,8 +54,10 @@ class Parameters:
     sample_time: float      # s
     slow: float             # slowest identified speed, rad/s
     lead_speed: float       # below which z is led, rad/s
-    fade_from: float        # fastest identified speed, and where nothing is left, rad/s
+    identified: float       # fastest speed that was, rad/s
+    fade_from: float        # above which help fades, and where nothing is left, rad/s
     fade_to: float
+    hurried_way: float      # longest way faster than identified at full trust, rad
     fastest: float          # that is believed, rad/s
     limit: float            # of the current, A
     turn_time: float        # in which the current may turn round at most, s

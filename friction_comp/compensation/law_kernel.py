@@ -184,7 +184,9 @@ def amplitude(p: Parameters, s: State, positive: bool, speed: float, more: float
     # Speed within presliding is not sliding: A would follow a vibration, some samples late. (While
     # z is led A does follow speed: it falls where the joint slips, before the slip is detected.)
     rises = settled * min(1.0, speed / p.slow) * (1.0 - within)
-    level = near + (p.share * (sliding + p.viscous * speed) - near) * rises
+    # Beyond the identified speeds friction may rise less.
+    viscous = p.viscous * min(speed, p.identified)
+    level = near + (p.share * (sliding + viscous) - near) * rises
     return level, start
 
 
@@ -192,14 +194,16 @@ def amplitude(p: Parameters, s: State, positive: bool, speed: float, more: float
 def faded(p: Parameters, s: State, speed: float) -> float:
     """Return the share of current left above the identified speeds, and lower the trust there.
 
-    A joint that fast is driven by more current than friction dissipates, or by a person in a hurry:
-    its drive is trusted less, until later movements have restored it.
+    A joint that fast is driven by a person in a hurry, whose movement ends, or by more current than
+    friction dissipates, without an end: after a way of `hurried_way` its drive is trusted less,
+    until later movements have restored it.
     """
-    over = max(0.0, speed - p.fade_from)
+    over = speed - p.identified
     if over > 0.0:
         s.overspeed += s.step
-        s.trust = max(p.least_trust, s.trust - over * s.step / TAKEN_DISTANCE)
-    return 1.0 - min(1.0, over / (p.fade_to - p.fade_from))
+        if s.way > p.hurried_way:
+            s.trust = max(p.least_trust, s.trust - over * s.step / TAKEN_DISTANCE)
+    return 1.0 - min(1.0, max(0.0, speed - p.fade_from) / (p.fade_to - p.fade_from))
 
 
 @njit(cache=True)
@@ -241,7 +245,7 @@ def bound_of(p: Parameters, forward: float, backward: float, carried: float) -> 
 
     What effects carry is beside friction, so that the bound takes nothing from it.
     """
-    sliding = sliding_friction(p, forward, backward) + max(0.0, p.viscous) * p.fade_from
+    sliding = sliding_friction(p, forward, backward) + max(0.0, p.viscous) * p.identified
     friction = max(sliding, p.break_positive, p.break_negative)
     return min(p.limit, p.bound * friction + abs(carried))
 

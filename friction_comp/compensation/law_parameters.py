@@ -43,10 +43,14 @@ DEFAULT_RESOLUTION = 1e-5
 # rad/s: the note's range, and the slowest speed of a usual table.
 DEFAULT_FASTEST = math.radians(100.0)
 DEFAULT_SLOWEST = math.radians(1.0)
-# Multiple of the identified speeds above which nothing is fed forward, and multiple above which a
-# sample is considered implausible.
-FADE = 1.25
+# Multiples of the identified speeds above which help fades and above which nothing is fed forward:
+# a drive that has two thirds of its model's friction stays below 1.25 of them. And multiple above
+# which a sample is considered implausible.
+FADE_FROM, FADE_TO = 1.15, 1.5
 UNBELIEVABLE = 3.0
+# rad; longest way of a person in a hurry, faster than identified. A drive that lost friction goes
+# on.
+HURRIED_WAY = math.radians(60.0)
 # The current may exceed friction by the model, beside what other effects carry, by this factor.
 BOUND = 1.25
 # s within which the current may change from full friction in one direction to the other.
@@ -201,6 +205,9 @@ def _set_speeds(p: Any, model: FrictionModel) -> None:
         slowest = min(max(float(speeds[speeds > 0.0].min()), math.radians(1.0)),
                       math.radians(5.0))
         fastest = float(speeds.max())
-    p['slow'], p['fade_from'], p['fade_to'] = slowest, fastest, FADE * fastest
+    fastest = max(fastest, *(model.recorded.speeds if model.recorded else ()), 0.0)
+    p['slow'], p['identified'] = slowest, fastest
+    p['fade_from'], p['fade_to'] = FADE_FROM * fastest, FADE_TO * fastest
+    p['hurried_way'] = HURRIED_WAY
     p['fastest'] = UNBELIEVABLE * fastest
     p['turn_time'] = TURN_TIME

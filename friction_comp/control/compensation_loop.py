@@ -183,8 +183,9 @@ class CompensationLoop:
         if reduced := [joint for joint, share in zip(self._joints, guards['taken back'])
                        if share > _REPORTED_LOSS]:
             self._faults.report('lost friction', f'{", ".join(reduced)}: less current, since the '
-                                'drive slipped under its preload or was faster than identified: '
-                                'its friction may have decreased; identify it again', WARN)
+                                'drive slipped under its preload, or went on faster than '
+                                'identified: its friction may have decreased; identify it again, '
+                                'up to the fastest movement', WARN)
         if self._law.limited:
             self._faults.report('limit', '; '.join(
                 f'{self._joints[j]}: {effects} {why}' for j, effects, why in self._law.limited),
