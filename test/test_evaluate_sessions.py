@@ -88,6 +88,48 @@ def test_what_changes_within_a_recording_is_told_apart():
         [samples.with_(command=np.ones(len(samples)))], about=[other]).conditions} == {'other'}
 
 
+@pytest.mark.parametrize('reference', [True, False])
+@pytest.mark.parametrize(('after', 'before', 'counted'), [
+    # s after the beginning of the fourth of six movements.
+    (-0.8, 'paper', 6), (0.1, 'paper', 5), (1.0, 'paper', 5), (2.3, 'paper', 5), (3.0, 'paper', 6),
+    (1.0, 'continuous', 6)])
+def test_a_movement_during_which_the_law_changed_counts_for_none(after, before, counted, reference):
+    samples = both([1.0] * 3 + [0.4] * 3)
+    if not reference:
+        samples = samples.with_(reference_position=None, reference_velocity=None)
+    about = info_of(activity=[
+        (0.0, before, 'a.yaml'), (3 * PERIOD + REST + after, 'continuous', 'a.yaml')])
+    evaluation = evaluate([samples], about=[about])
+    assert sum(c.repetitions for c in evaluation.conditions) == counted
+    assert len(evaluation.repetitions) == counted
+    assert 'changed' not in {c.compensation.law for c in evaluation.conditions}
+    left_out = [note for note in evaluation.notes if 'changed: left out' in note]
+    assert [note.split()[0] for note in left_out] == ['1'] * (6 - counted)
+
+
+def test_only_a_change_that_matters_is_one():
+    """Not another joint's model, nor what a compensator that does nothing has loaded."""
+    samples = both([1.0] * 4)
+    middle = PERIOD + REST + 1.0
+
+    def laws(*reports, **changes):
+        about = RecordingInfo('trial', 'elbow', activity=[
+            (since, Activity(0, *report).of('elbow')) for since, report in zip(
+                (0.0, middle), reports)])
+        return sorted(r.compensation.law for r in evaluate(
+            [samples.with_(**changes)], about=[about]).repetitions)
+
+    files = 'shoulder, elbow'
+    assert laws(('active', 'paper', 'a.yaml, b.yaml', files),
+                ('active', 'paper', 'c.yaml, b.yaml', files)) == ['paper'] * 4
+    assert laws(('unconfigured', 'paper', ''), ('inactive', 'continuous', 'a.yaml')) == ['none'] * 4
+    # Starting or stopping on the way is one, unless all commands were zero.
+    assert laws(('inactive', 'paper', 'a.yaml'), ('active', 'paper', 'a.yaml')) == [
+        'none', 'paper', 'paper']
+    assert laws(('inactive', 'paper', 'a.yaml'), ('active', 'paper', 'a.yaml'),
+                command=np.zeros(len(samples))) == ['none'] * 4
+
+
 def test_the_verdict_compares_with_the_least_help_there_is():
     plain, helped = trial([1.0] * 4), both([0.4] * 4)
     for other, samples in ((KINETIC, plain), (KINETIC, both([1.0] * 4)), (
@@ -387,7 +429,7 @@ def test_what_identification_moved_is_left_out(tmp_path):
     evaluation, = evaluate_recordings([tmp_path / 'moved', tmp_path / 'pushed'])
     assert {c.compensation.law for c in evaluation.conditions} == {''}
     assert sum(c.repetitions for c in evaluation.conditions) == 4
-    assert any('4 movements were made by identification' in note for note in evaluation.notes)
+    assert any('4 movements made by identification: left out' in note for note in evaluation.notes)
     alone, = evaluate_recordings([tmp_path / 'moved'])
     assert {c.compensation.law for c in alone.conditions} == {'identification'}
 

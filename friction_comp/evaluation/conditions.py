@@ -38,6 +38,9 @@ if TYPE_CHECKING:
 
 # Repetitions whose duration differs from the median by more than this share are left out.
 _ODD = 0.25
+# What was said of a movement that counts for no condition, by its `Compensation.law`.
+_UNCOUNTED = {'identification': 'made by identification',
+              'changed': 'during which the law, the model or the state of the compensator changed'}
 
 
 @dataclass
@@ -256,7 +259,7 @@ class MeasuredJoint:
     def evaluate(self, model: str | None) -> Evaluation:
         """Evaluate one or more repetitions; `model` are the files that were active."""
         notes = list(self.notes)
-        repetitions = _without_identification(self.repetitions, notes)
+        repetitions = _of_one_condition(self.repetitions, notes)
         in_order_of_time = list(dict.fromkeys(r.compensation for r in repetitions))
         # A group for each condition and direction of movement; those without direction and law
         # first.
@@ -272,12 +275,14 @@ class MeasuredJoint:
                           compare.trends(all_kept), notes)
 
 
-def _without_identification(repetitions: list[Repetition], notes: list[str]) -> list[Repetition]:
-    kept = [r for r in repetitions if r.compensation.law != 'identification']
-    if not kept or len(kept) == len(repetitions):
+def _of_one_condition(repetitions: list[Repetition], notes: list[str]) -> list[Repetition]:
+    """Leave out movements that tell nothing about a compensation, unless there are no others."""
+    kept = [r for r in repetitions if r.compensation.law not in _UNCOUNTED]
+    if not kept:
         return repetitions
-    notes.append(f'{len(repetitions) - len(kept)} movements were made by identification and are '
-                 'left out')
+    for law, what in _UNCOUNTED.items():
+        if count := sum(r.compensation.law == law for r in repetitions):
+            notes.append(f'{count} movement{"s" if count > 1 else ""} {what}: left out')
     return kept
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from friction_comp.evaluation.ensemble import grid, LEAD
 from friction_comp.evaluation.movements import measured_velocity, Movement, spectral_arc_length
-from friction_comp.recordings import RecordingInfo
+from friction_comp.recordings import Activity, RecordingInfo
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
 
@@ -50,7 +50,8 @@ class Compensation:
     """The compensation that was active during a movement."""
 
     # Compensation law; 'none' if no current was commanded, 'identification' if that node commanded
-    # it, 'other' if another node than the compensator did, '' if unknown.
+    # it, 'other' if another node than the compensator did, 'changed' if law, model or state changed
+    # on the way, '' if unknown.
     law: str
     model: str  # model file; '' where there was none or it is unknown
     announced: int  # 1: the movement's direction, -1: the opposite one, 0: none
@@ -152,7 +153,7 @@ def measure(samples: Samples, movement: Movement, name: str, info: RecordingInfo
         figures['smoothness'] = spectral_arc_length(velocity, samples.sample_time)
     repetition = Repetition(
         name, _date_of(info, movement), movement,
-        _active_compensation(samples, movement, info, moved),
+        _active_compensation(samples, movement, info, onset, moved),
         {key: value for key, value in figures.items() if np.isfinite(value)},
         moved, _is_false_start(samples, movement, figures.get('peak_torque')),
         _is_restless(samples, movement))
@@ -219,19 +220,36 @@ def _announcement(samples: Samples, movement: Movement) -> float | None:
 
 
 def _active_compensation(samples: Samples, movement: Movement, info: RecordingInfo | None,
-                         moved: bool) -> Compensation:
-    """Return the law and model of a movement: by the compensator's reports and its commands."""
+                         onset: float | None, moved: bool) -> Compensation:
+    """Return the law and model of a movement: by the compensator's reports and its commands.
+
+    Reports count from when the joint may have started until it has, and the movement has ended.
+    """
     announced = movement.direction * movement.sign
-    law, model, active = '', (info.model or '') if info else '', True
-    known = [activity for since, activity in (info.activity if info else [])
-             if since <= movement.constant_end]
-    if known:
-        if known[-1].state == 'identification':
+    command = None if samples.command is None else (
+        samples.command[_between(samples.time, movement.begin, movement.end)])
+    loaded = (info.model or '') if info else ''
+    reports = info.activity if info else []
+    # A report is valid from the sample to which it is dated.
+    first = sum(since <= movement.earliest + samples.sample_time for since, _ in reports)
+    last = sum(since <= max(movement.end, onset or -math.inf) for since, _ in reports)
+    # Before the first report, nothing is known.
+    during = {_compensation(command, report, loaded, announced, moved) for report in (
+        [None] * (not first) + [report for _, report in reports[max(first - 1, 0):last]])}
+    return during.pop() if len(during) == 1 else Compensation('changed', '', announced)
+
+
+def _compensation(command: np.ndarray | None, report: Activity | None, loaded: str, announced: int,
+                  moved: bool) -> Compensation:
+    """Return what one report and the commands of a movement, A, (N,), say."""
+    law, model, active = '', loaded, True
+    if report is not None:
+        if report.state == 'identification':
             return Compensation('identification', '', announced)
-        active = known[-1].state in ('', 'active')
-        law, model = known[-1].law, known[-1].model or model
-    if samples.command is not None:
-        idle = not samples.command[_between(samples.time, movement.begin, movement.end)].any()
+        active = report.state in ('', 'active')
+        law, model = report.law, report.model or loaded
+    if command is not None:
+        idle = not command.any()
         # A law may command no current while the joint stands still.
         if (idle and (moved or not law)) or not active:
             law = 'none' if idle else 'other'
