@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import product
+from itertools import groupby, product
 import math
 from typing import Any, TYPE_CHECKING
 
@@ -21,11 +21,13 @@ from friction_comp.errors import InputError
 from friction_comp.evaluation import compare
 from friction_comp.evaluation.ensemble import Ensemble
 from friction_comp.evaluation.movements import find_movements
+from friction_comp.evaluation.neighbours import Interval, mean_interval
 from friction_comp.evaluation.repetitions import (
     Compensation,
     FIGURES,
     measure,
     NAMES,
+    ODD,
     Repetition,
     torque_figures,
 )
@@ -36,8 +38,6 @@ if TYPE_CHECKING:
     # Importing it takes longer than all else, and few evaluations need it.
     from friction_comp.model.friction_model import FrictionModel
 
-# Repetitions whose duration differs from the median by more than this share are left out.
-_ODD = 0.25
 # What was said of a movement that counts for no condition, by its `Compensation.law`.
 _UNCOUNTED = {'identification': 'made by identification',
               'changed': 'during which the law, the model or the state of the compensator changed'}
@@ -59,8 +59,8 @@ class Condition:
     rms_torque: float  # over all repetitions, from start to end of the movement
     mean_torque_constant_velocity: float  # negative where the joint pulls the person along
     false_starts: int  # number of repetitions in which it started without being pushed
-    figures: dict[str, compare.Interval]  # means over the repetitions, by `FIGURES`
-    false_start_share: compare.Interval
+    figures: dict[str, Interval]  # means over the repetitions, by `FIGURES`
+    false_start_share: Interval
     # Each (N,): s since the start of the movement; means and standard deviations, N·m and rad.
     time: np.ndarray
     torque: np.ndarray
@@ -259,7 +259,11 @@ class MeasuredJoint:
     def evaluate(self, model: str | None) -> Evaluation:
         """Evaluate one or more repetitions; `model` are the files that were active."""
         notes = list(self.notes)
-        repetitions = _of_one_condition(self.repetitions, notes)
+        in_order = sorted(self.repetitions, key=lambda r: (r.day, r.start))
+        for _, of_day in groupby(in_order, key=lambda r: r.day):
+            for place, r in enumerate(of_day):
+                r.place = place
+        repetitions = _of_one_condition(in_order, notes)
         in_order_of_time = list(dict.fromkeys(r.compensation for r in repetitions))
         # A group for each condition and direction of movement; those without direction and law
         # first.
@@ -270,7 +274,7 @@ class MeasuredJoint:
             groups.setdefault(key, []).append(r)
         kept = [_without_odd_durations(groups[key], notes) for key in sorted(groups)]
         conditions = [_condition(group, self.averages, notes) for group in kept]
-        all_kept = [repetition for group in kept for repetition in group]
+        all_kept = sorted((r for group in kept for r in group), key=lambda r: (r.day, r.place))
         return Evaluation(self.joint, conditions, model, repetitions, compare.compare(all_kept),
                           compare.trends(all_kept), notes)
 
@@ -321,7 +325,7 @@ def repetitions_of(samples: Samples, name: str, info: RecordingInfo | None,
 
 def _without_odd_durations(repetitions: list[Repetition], notes: list[str]) -> list[Repetition]:
     median = float(np.median([r.usual_duration for r in repetitions]))
-    kept = [r for r in repetitions if abs(r.usual_duration - median) <= _ODD * median]
+    kept = [r for r in repetitions if abs(r.usual_duration - median) <= ODD * median]
     # With an even number, the median may be far from all of them.
     if not kept:
         return repetitions
@@ -362,8 +366,8 @@ def _condition(repetitions: list[Repetition], averages: Mapping[Any, Ensemble],
             0.0 if peaks else float('nan')),
         rms_torque=ensemble.rms('load', points[(time >= 0.0) & (time <= duration)]),
         false_starts=starts,
-        figures={name: compare.mean_interval(values) for name in FIGURES if (values := [
-            r.figures[name] for r in repetitions if name in r.figures])},
+        figures={name: mean_interval([r.figures[name] for r in known], [r.place for r in known])
+                 for name in FIGURES if (known := [r for r in repetitions if name in r.figures])},
         false_start_share=compare.share_interval(starts, len(repetitions)),
         time=time, torque=torque, torque_std=torque_std,
         position=position, position_std=position_std,

@@ -27,6 +27,9 @@ _START_SHARE, _PUSH_SHARE = 0.01, 0.1
 _STILL = 0.2
 # Tolerance for rounding errors of sums of sample times, s.
 _ROUNDING = 1e-9
+# Repetitions whose duration differs from the median by more than this share are left out, and
+# conditions whose movements do are not tested against each other.
+ODD = 0.25
 # Movements whose durations differ by no more than this share are averaged or left out together.
 # Finer classes take more memory, coarser ones blur the limit of 25 % from the median.
 _DURATION_RATIO = 0.05
@@ -83,6 +86,7 @@ class Repetition:
     """One movement and its figures."""
 
     recording: str
+    start: float  # stamp of the recording's beginning, s; 0 where it is not of a clock on the wall
     day: str  # ISO date; '' where unknown
     movement: Movement
     compensation: Compensation
@@ -92,6 +96,7 @@ class Repetition:
     # Whether the joint started during the standstill, as far as known without being pushed.
     false_start: bool
     restless: bool  # whether the joint oscillated before the movement
+    place: int = 0  # index in order of time among all movements of the day
     # 'load', 'position' and 'reference_position', where recorded, at the times of `ensemble.grid`;
     # NaN beyond the recording and before the standstill; empty after they were added to an average.
     curves: dict[str, np.ndarray] = field(default_factory=dict)
@@ -152,7 +157,7 @@ def measure(samples: Samples, movement: Movement, name: str, info: RecordingInfo
         velocity = measured_velocity(samples.take(part))
         figures['smoothness'] = spectral_arc_length(velocity, samples.sample_time)
     repetition = Repetition(
-        name, _date_of(info, movement), movement,
+        name, _wall_time(info), _date_of(info), movement,
         _active_compensation(samples, movement, info, onset, moved),
         {key: value for key, value in figures.items() if np.isfinite(value)},
         moved, _is_false_start(samples, movement, figures.get('peak_torque')),
@@ -259,19 +264,22 @@ def _compensation(command: np.ndarray | None, report: Activity | None, loaded: s
     return Compensation(law, '' if law in ('none', 'other') else model, announced)
 
 
-def _date_of(info: RecordingInfo | None, movement: Movement) -> str:
-    """Return the ISO date by the stamps or, in simulated time, by the path; '' if unknown."""
+def _date_of(info: RecordingInfo | None) -> str:
+    """Return a recording's ISO date by its stamps, in simulated time by its path; '' if unknown."""
     if info is None:
         return ''
-    stamp = info.start + movement.begin
-    # Stamps before 2000 are not wall-clock time.
-    if stamp > 946_684_800:
-        return datetime.fromtimestamp(stamp, timezone.utc).date().isoformat()
+    if _wall_time(info):
+        return datetime.fromtimestamp(info.start, timezone.utc).date().isoformat()
     dated = re.search(r'(20\d\d)[-_.]?([01]\d)[-_.]?([0-3]\d)', str(info.path))
     try:
         return date.fromisoformat('-'.join(dated.groups())).isoformat() if dated else ''
     except ValueError:
         return ''
+
+
+def _wall_time(info: RecordingInfo | None) -> float:
+    """Return when a recording began, s; 0 for stamps before 2000, which are of no clock."""
+    return info.start if info is not None and info.start > 946_684_800 else 0.0
 
 
 def _curves(samples: Samples, movement: Movement, shown_time: float) -> dict[str, np.ndarray]:

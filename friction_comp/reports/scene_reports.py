@@ -14,8 +14,8 @@ import numpy as np
 from scipy.signal import find_peaks
 
 from friction_comp.arm.whole_arm import ArmResult
-from friction_comp.evaluation.compare import Interval, mean_interval
 from friction_comp.evaluation.conditions import Evaluation
+from friction_comp.evaluation.neighbours import Interval, mean_interval
 from friction_comp.evaluation.repetitions import Repetition
 from friction_comp.exercise.exercise_script import ExerciseScript
 from friction_comp.exercise.taught_exercise import TURN
