@@ -102,12 +102,11 @@ def compare(repetitions: Sequence[Repetition]) -> list[Comparison]:
                     r for r in repetitions if r.compensation in (first, second)
                     and figure in r.figures and r.movement.sign in signs]))
     for figure in COMPARED:
-        tested = [c for c in comparisons if c.figure == figure and c.p_value is not None]
-        _correct(tested)
+        _correct([c for c in comparisons if c.figure == figure and c.p_value is not None])
     return comparisons
 
 
-def _correct(tested: Sequence[Comparison] | Sequence[Trend]) -> None:
+def _correct(tested: Sequence[Comparison | Trend]) -> None:
     """Correct p-values for their number."""
     for one, p_value in zip(tested, holm([one.p_value or 0.0 for one in tested])):
         one.p_value = float(p_value)
@@ -120,32 +119,22 @@ def _compare_movements(figure: str, first: Compensation, second: Compensation,
     kinds = [(r.day, r.movement.sign) for r in repetitions]
     of_kind = np.array([[kind == other for other in dict.fromkeys(kinds)] for kind in kinds])
     pairs = np.minimum(of_kind[is_second].sum(axis=0), of_kind[~is_second].sum(axis=0))
-    if not pairs.any():
-        means = [float(values[own].mean()) for own in (~is_second, is_second)]
-        return Comparison(figure, first, second, 0, *means, Interval(
-            means[1] - means[0], None, None, 0), None, False, 'they were recorded on different '
-            'days, and what else changed from day to day is not known')
-    means = [float(sum(count * values[own & kind].mean() for count, kind in zip(pairs, of_kind.T)
-                       if count) / pairs.sum()) for own in (~is_second, is_second)]
-    place = np.array([r.place for r in repetitions])
-    columns = np.column_stack([is_second, place, of_kind]).astype(float)
+    count = int(pairs.sum())
+    before, after = (_mean(values, own, of_kind, pairs) for own in (~is_second, is_second))
     changes = {(a.compensation == second, b.compensation == second)
                for a, b in pairwise(repetitions) if a.day == b.day}
     comparison = Comparison(
-        figure, first, second, int(pairs.sum()), *means,
-        Interval(means[1] - means[0], None, None, int(pairs.sum())), None,
-        {(True, False), (False, True)} <= changes)
-    if not _are_alike(repetitions, second):
-        comparison.untested = "movements of one took longer or went farther than the other's"
-        return comparison
-    freedom = len(values) - columns.shape[1]
-    if freedom < _LEAST_FREEDOM or np.linalg.matrix_rank(columns) < columns.shape[1]:
-        comparison.untested = 'the repetitions are too few to tell it from chance'
+        figure, first, second, count, before, after, Interval(after - before, None, None, count),
+        None, {(True, False), (False, True)} <= changes)
+    place = np.array([r.place for r in repetitions])
+    columns = np.column_stack([is_second, place, of_kind]).astype(float)
+    comparison.untested = _obstacle(comparison, repetitions, columns)
+    if comparison.untested:
         return comparison
     scatter, freedom = _scatter(values, columns, is_second)
     difference, error = first_coefficient(values, columns, place, scatter)
     comparison.difference = Interval.around(
-        difference, float(student_quantile(freedom)) * error, comparison.pairs)
+        difference, float(student_quantile(freedom)) * error, count)
     lower = second if difference < 0.0 else first
     if figure == 'peak_torque' and any(
             not r.moved for r in repetitions if r.compensation == lower):
@@ -154,6 +143,31 @@ def _compare_movements(figure: str, first: Compensation, second: Compensation,
     else:
         comparison.p_value = float(2.0 * stats.t.sf(abs(difference) / error, freedom))
     return comparison
+
+
+def _mean(values: np.ndarray, own: np.ndarray, of_kind: np.ndarray, pairs: np.ndarray) -> float:
+    """Return a condition's mean over the days and directions of the pairs, else over its own."""
+    chosen = own[:, np.newaxis] & of_kind
+    count = chosen.sum(axis=0)
+    weights = pairs if pairs.any() else count
+    return float(np.average(values @ chosen / np.maximum(count, 1), weights=weights))
+
+
+def _obstacle(comparison: Comparison, repetitions: list[Repetition], columns: np.ndarray) -> str:
+    """Return why two conditions cannot be tested against each other, '' if they can."""
+    if not comparison.pairs:
+        return ('they were recorded on different days, and what else changed from day to day is '
+                'not known')
+    # Durations and distances.
+    sizes = np.log([(r.duration, r.movement.travel) for r in repetitions])
+    is_second = columns[:, 0] > 0.0
+    change = np.median(sizes[is_second], axis=0) - np.median(sizes[~is_second], axis=0)
+    if (np.abs(change) > math.log(1.0 + ODD)).any():
+        return "movements of one took longer or went farther than the other's"
+    count, width = columns.shape
+    if count - width < _LEAST_FREEDOM or np.linalg.matrix_rank(columns) < width:
+        return 'the repetitions are too few to tell it from chance'
+    return ''
 
 
 def _scatter(values: np.ndarray, columns: np.ndarray, is_second: np.ndarray
@@ -175,14 +189,6 @@ def _scatter(values: np.ndarray, columns: np.ndarray, is_second: np.ndarray
         parts.append(float(np.sum((weights[0] * scatter)[own] ** 2)))
     return scatter, sum(parts) ** 2 / sum(
         part ** 2 / freedom for part, freedom in zip(parts, freedoms))
-
-
-def _are_alike(repetitions: list[Repetition], second: Compensation) -> bool:
-    """Return whether the movements of two conditions are as long and as far."""
-    sizes = np.log([(r.duration, r.movement.travel) for r in repetitions])
-    is_second = np.array([r.compensation == second for r in repetitions])
-    change = np.median(sizes[is_second], axis=0) - np.median(sizes[~is_second], axis=0)
-    return bool((np.abs(change) <= np.log(1.0 + ODD)).all())
 
 
 @dataclass
