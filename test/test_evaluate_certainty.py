@@ -15,7 +15,8 @@ from friction_comp.evaluation.conditions import evaluate, MeasuredJoint
 from friction_comp.evaluation.movements import Movement
 from friction_comp.evaluation.neighbours import mean_interval
 from friction_comp.evaluation.repetitions import Compensation, Repetition
-from friction_comp.recordings import RecordingInfo
+from friction_comp.evaluation.sessions import evaluate_recordings
+from friction_comp.recordings import RecordingInfo, write_samples
 from friction_comp.recordings.activity import Activity
 from friction_comp.reports.evaluation_words import plain_verdict, verdict
 
@@ -202,3 +203,43 @@ def test_trends_of_one_direction_are_not_those_of_the_other():
     trend, = trends(repetitions)
     assert not trend.significant
     assert abs(trend.per_week.mean) < 0.05
+
+
+def test_what_was_not_recorded_is_not_invented(tmp_path):
+    """A peak within a hole of the torque is not known, nor a movement in a gap of the motion."""
+    samples = both([1.0] * 6)
+    peak = 2 * PERIOD + REST + 0.2
+    lost = abs(samples.time - peak) < 0.3
+    write_samples(tmp_path / 'whole', samples)
+    write_samples(tmp_path / 'hole', samples.with_(load=np.where(lost, np.nan, samples.load)))
+    found, = evaluate_recordings([tmp_path / 'whole'])
+    assert found.conditions[0].figures['peak_torque'].count == 3
+    found, = evaluate_recordings([tmp_path / 'hole'])
+    assert found.conditions[0].repetitions == 3
+    for figure in ('peak_torque', 'rms_torque'):
+        assert found.conditions[0].figures[figure].count == 2
+    assert any('has gaps' in note for note in found.notes)
+    assert found.conditions[0].peak_torque == pytest.approx(1.0, abs=0.1)
+    for begin, end in ((0.0, 0.5), (1.0, 1.3), (2.3, 3.5)):
+        since = samples.time - 2 * PERIOD - REST
+        gap = evaluate([samples.take((since < begin) | (since > end))])
+        assert sum(c.repetitions for c in gap.conditions) == 5
+        assert '1 movement with a gap in the joint states: left out' in gap.notes
+
+
+def test_a_torque_of_the_wrong_sign_is_noted():
+    samples = both([1.0] * 8)
+    still = samples.with_(command=np.zeros(len(samples)), direction=0 * samples.direction)
+    for sign, offset, noted in ((1, 0.0, False), (-1, 0.0, True), (1, 0.6, False), (-1, 0.6, True)):
+        evaluation = evaluate([still.with_(load=sign * still.load + offset)])
+        assert any('wrong sign' in note for note in evaluation.notes) == noted
+
+
+def test_a_direction_that_no_law_hears_is_no_second_way_to_do_without():
+    """Where the compensator went away, the direction is still announced."""
+    repetitions = session([0] * 10 + [1] * 10, np.random.default_rng(0), help=0.4)
+    for r in repetitions[24:]:
+        r.compensation = Compensation('none', '', 1)
+    evaluation = judged(repetitions)
+    assert evaluation.pair() == (PLAIN, HELPED)
+    assert 'not tested' not in verdict(evaluation)

@@ -76,8 +76,8 @@ def _is_informative(first: Compensation, second: Compensation, baseline: Compens
     """
     return ((first == baseline and not first.uses_direction)
             or (first.law == 'kinetic' and first.model == second.model)
-            or sum((first.law != second.law, first.model != second.model,
-                    first.announced != second.announced)) == 1)
+            or sum((first.law != second.law, 'none' not in (first.law, second.law)
+                    and first.model != second.model, first.announced != second.announced)) == 1)
 
 
 def compare(repetitions: Sequence[Repetition]) -> list[Comparison]:

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 
 # What was said of a movement that counts for no condition, by its `Compensation.law`.
 _UNCOUNTED = {'identification': 'made by identification',
+              'missing': 'with a gap in the joint states',
               'changed': 'during which the law, the model or the state of the compensator changed'}
 
 
@@ -129,7 +130,8 @@ class Evaluation:
                 [(a, b) for a, b in pairs if (a.law, a.model) == ('kinetic', b.model)],
                 [(a, b) for a, b in pairs if a.law == 'none']):
             if comparable:
-                return max(comparable, key=lambda pair: (min(counts[c] for c in pair), pair))
+                return max(comparable, key=lambda pair: (
+                    min(counts[c] for c in pair), sum(counts[c] for c in pair), pair))
         return pairs[0] if len(pairs) == 1 else None
 
     def stuck(self, condition: Compensation) -> int:
@@ -274,6 +276,7 @@ class MeasuredJoint:
             groups.setdefault(key, []).append(r)
         kept = [_without_odd_durations(groups[key], notes) for key in sorted(groups)]
         conditions = [_condition(group, self.averages, notes) for group in kept]
+        notes += _reversed_torque(conditions)
         all_kept = sorted((r for group in kept for r in group), key=lambda r: (r.day, r.place))
         return Evaluation(self.joint, conditions, model, repetitions, compare.compare(all_kept),
                           compare.trends(all_kept), notes)
@@ -372,6 +375,16 @@ def _condition(repetitions: list[Repetition], averages: Mapping[Any, Ensemble],
         time=time, torque=torque, torque_std=torque_std,
         position=position, position_std=position_std,
         reference=ensemble.mean_and_std('reference_position', points)[0] if has_reference else None)
+
+
+def _reversed_torque(conditions: list[Condition]) -> list[str]:
+    """Return a note where a joint moved without compensation against the person's torque."""
+    against = [known.high for c in conditions if c.compensation.law == 'none'
+               if (known := c.figures.get('constant_velocity_torque')) and known.high is not None]
+    # Weight and an offset of the sensor act against one direction, friction against both.
+    return ['without compensation the torque at constant velocity is against the movement: '
+            'interaction_wrench may have the wrong sign'] if (
+        len(against) > 1 and sum(against) < 0.0) else []
 
 
 def _average_torque_figures(repetitions: list[Repetition], time: np.ndarray,

@@ -16,6 +16,7 @@ import numpy as np
 from friction_comp.evaluation.ensemble import grid, LEAD
 from friction_comp.evaluation.movements import measured_velocity, Movement, spectral_arc_length
 from friction_comp.recordings import Activity, RecordingInfo
+from friction_comp.recordings.time_base import gap_length, HOLE
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
 
@@ -54,7 +55,7 @@ class Compensation:
 
     # Compensation law; 'none' if no current was commanded, 'identification' if that node commanded
     # it, 'other' if another node than the compensator did, 'changed' if law, model or state changed
-    # on the way, '' if unknown.
+    # on the way, 'missing' if joint states are, '' if unknown.
     law: str
     model: str  # model file; '' where there was none or it is unknown
     announced: int  # 1: the movement's direction, -1: the opposite one, 0: none
@@ -158,7 +159,8 @@ def measure(samples: Samples, movement: Movement, name: str, info: RecordingInfo
         figures['smoothness'] = spectral_arc_length(velocity, samples.sample_time)
     repetition = Repetition(
         name, _wall_time(info), _date_of(info), movement,
-        _active_compensation(samples, movement, info, onset, moved),
+        _missing(samples, movement, onset) or _active_compensation(
+            samples, movement, info, onset, moved),
         {key: value for key, value in figures.items() if np.isfinite(value)},
         moved, _is_false_start(samples, movement, figures.get('peak_torque')),
         _is_restless(samples, movement))
@@ -193,10 +195,11 @@ def torque_figures(time: np.ndarray, load: np.ndarray, movement: Movement, onset
         last = max(last, start)
         if not has_reference or start < first:
             first = movement.earliest
-    counts = (time >= first - _ROUNDING) & (time <= last + _ROUNDING) & np.isfinite(load)
+    counts = (time >= first - _ROUNDING) & (time <= last + _ROUNDING)
     torque = np.where(time >= start, np.abs(load), np.maximum(movement.sign * load, 0.0))
     figures = {}
-    if counts.any():
+    # Of a torque that is not wholly known the peak may be missing.
+    if counts.any() and np.isfinite(load[counts]).all():
         peak = int(np.argmax(np.where(counts, torque, -1.0)))
         figures = {'peak_torque': float(torque[peak]),
                    'peak_time': float(time[peak] - movement.begin)}
@@ -222,6 +225,16 @@ def _announcement(samples: Samples, movement: Movement) -> float | None:
     last = int(np.searchsorted(samples.time, movement.constant_begin))
     others = np.nonzero(samples.direction[:last] != movement.sign)[0]
     return float(samples.time[others[-1] + 1]) if len(others) and others[-1] + 1 < last else None
+
+
+def _missing(samples: Samples, movement: Movement, onset: float | None) -> Compensation | None:
+    """Return what a movement counts as while joint states are missing."""
+    part = _between(samples.time, movement.earliest, max(movement.end, onset or -math.inf))
+    # A gap before or after may have taken a part of the movement.
+    steps = np.diff(samples.time[max(part.start - 1, 0):part.stop + 2])
+    longest = max(HOLE, gap_length(np.diff(samples.time)))
+    return Compensation('missing', '', movement.direction * movement.sign) if (
+        steps > longest).any() else None
 
 
 def _active_compensation(samples: Samples, movement: Movement, info: RecordingInfo | None,
@@ -289,7 +302,8 @@ def _curves(samples: Samples, movement: Movement, shown_time: float) -> dict[str
         values = getattr(samples, name)
         if values is not None:
             curve = np.interp(time, samples.time, values, left=np.nan, right=np.nan)
-            curves[name] = np.where(time >= movement.rest_begin, curve, np.nan)
+            known = np.isfinite(values[_between(samples.time, movement.begin, movement.end)]).all()
+            curves[name] = np.where(known & (time >= movement.rest_begin), curve, np.nan)
     return curves
 
 
