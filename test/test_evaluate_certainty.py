@@ -43,7 +43,7 @@ def session(order, random, help=0.0, drift=0.0, alike=0.0, day=0, scatter=0.15, 
         torque = (1.0 + 0.1 * sign + drift * k / count) * (1.0 - help * is_helped)
         found.append(Repetition(
             f'{day}', 1e9 + DAY * day, f'2026-03-{day + 1:02}', movement, condition,
-            {'peak_torque': torque + scatter * noise[k]}, True, False, False, place=k))
+            {'peak_torque': torque + scatter * noise[k]}, True, False, False, place=k + 1000 * day))
     return found
 
 
@@ -135,7 +135,7 @@ def test_like_is_compared_with_like():
     assert 'different days' in comparison.untested
     # A day on which only one of them was recorded, and a direction, count for nothing.
     same = session([0, 1] * 6, random, scatter=0.01)
-    more = [*same, *(replace(r, figures={'peak_torque': 9.0}, day='2026-03-09')
+    more = [*same, *(replace(r, figures={'peak_torque': 9.0}, day='2026-03-09', place=9000 + r.place)
                      for r in session([0] * 6, random))]
     assert peaks_of(more).mean_first == pytest.approx(peaks_of(same).mean_first)
     assert peaks_of(more).difference.mean == pytest.approx(0.0, abs=0.02)

@@ -117,7 +117,8 @@ def _compare_movements(figure: str, first: Compensation, second: Compensation,
     values = np.array([r.figures[figure] for r in repetitions])
     is_second = np.array([r.compensation == second for r in repetitions])
     kinds = [(r.day, r.movement.sign) for r in repetitions]
-    of_kind = np.array([[kind == other for other in dict.fromkeys(kinds)] for kind in kinds])
+    index = {kind: k for k, kind in enumerate(dict.fromkeys(kinds))}
+    of_kind = np.array([index[kind] for kind in kinds])[:, np.newaxis] == np.arange(len(index))
     pairs = np.minimum(of_kind[is_second].sum(axis=0), of_kind[~is_second].sum(axis=0))
     count = int(pairs.sum())
     before, after = (_mean(values, own, of_kind, pairs) for own in (~is_second, is_second))
@@ -127,7 +128,9 @@ def _compare_movements(figure: str, first: Compensation, second: Compensation,
         figure, first, second, count, before, after, Interval(after - before, None, None, count),
         None, {(True, False), (False, True)} <= changes)
     place = np.array([r.place for r in repetitions])
-    columns = np.column_stack([is_second, place, of_kind]).astype(float)
+    # Within each day, since days lie apart.
+    since = place - of_kind @ (place @ of_kind / of_kind.sum(axis=0))
+    columns = np.column_stack([is_second, since, of_kind]).astype(float)
     comparison.untested = _obstacle(comparison, repetitions, columns)
     if comparison.untested:
         return comparison

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import groupby, product
+from itertools import product
 import math
 from typing import Any, TYPE_CHECKING
 
@@ -38,7 +38,9 @@ if TYPE_CHECKING:
     # Importing it takes longer than all else, and few evaluations need it.
     from friction_comp.model.friction_model import FrictionModel
 
-# What was said of a movement that counts for no condition, by its `Compensation.law`.
+# Movements by which two days lie apart, so that none is like one of the day before.
+_DAYS_APART = 1000
+# What is said of a movement that counts for no condition, by its `Compensation.law`.
 _UNCOUNTED = {'identification': 'made by identification',
               'missing': 'with a gap in the joint states',
               'changed': 'during which the law, the model or the state of the compensator changed'}
@@ -262,13 +264,12 @@ class MeasuredJoint:
         """Evaluate one or more repetitions; `model` are the files that were active."""
         notes = list(self.notes)
         in_order = sorted(self.repetitions, key=lambda r: (r.day, r.start))
-        for _, of_day in groupby(in_order, key=lambda r: r.day):
-            for place, r in enumerate(of_day):
-                r.place = place
+        days = list(dict.fromkeys(r.day for r in in_order))
+        for place, r in enumerate(in_order):
+            r.place = place + _DAYS_APART * days.index(r.day)
         repetitions = _of_one_condition(in_order, notes)
         in_order_of_time = list(dict.fromkeys(r.compensation for r in repetitions))
-        # A group for each condition and direction of movement; those without direction and law
-        # first.
+        # A group for each condition and direction of movement, first without direction and law.
         groups: dict[tuple[Any, ...], list[Repetition]] = {}
         for r in repetitions:
             key = (abs(r.movement.direction), r.compensation.law != 'none',
@@ -379,12 +380,11 @@ def _condition(repetitions: list[Repetition], averages: Mapping[Any, Ensemble],
 
 def _reversed_torque(conditions: list[Condition]) -> list[str]:
     """Return a note where a joint moved without compensation against the person's torque."""
-    against = [known.high for c in conditions if c.compensation.law == 'none'
+    highest = [known.high for c in conditions if c.compensation.law == 'none'
                if (known := c.figures.get('constant_velocity_torque')) and known.high is not None]
     # Weight and an offset of the sensor act against one direction, friction against both.
     return ['without compensation the torque at constant velocity is against the movement: '
-            'interaction_wrench may have the wrong sign'] if (
-        len(against) > 1 and sum(against) < 0.0) else []
+            'interaction_wrench may have the wrong sign'] * (len(highest) > 1 and sum(highest) < 0.0)
 
 
 def _average_torque_figures(repetitions: list[Repetition], time: np.ndarray,

@@ -51,7 +51,7 @@ class Interval:
 def mean_interval(values: Sequence[float], order: Sequence[float] | None = None) -> Interval:
     """Return the mean of one or more values with its interval.
 
-    `order` are the values' places in the session, ascending; they follow each other without it.
+    `order` are the values' places in time, ascending; they follow each other without it.
     """
     count, mean = len(values), float(np.mean(values))
     if count < 2:
@@ -66,21 +66,20 @@ def first_coefficient(values: np.ndarray, columns: np.ndarray, place: np.ndarray
     """Return the first coefficient of a least-squares fit and its standard error.
 
     `values` are of shape (N,), `columns` (N, P) with rank P < N. `place` (N,) are the values'
-    places, ascending in a session and lower again where the next begins. Errors, in proportion to
-    `scatter` (N,), are a process of first order in each session, and the variance is its mean over
-    all correlations, each by its restricted likelihood.
+    places in time, ascending. Errors, in proportion to `scatter` (N,), are a process of first
+    order, and the variance is its mean over all correlations, each by its restricted likelihood.
     """
     from scipy.linalg import solve_banded
 
     count, width = columns.shape
     weights = np.linalg.pinv(columns)[0]
-    gaps = np.diff(place, prepend=np.inf)
+    gaps = np.diff(place, prepend=-np.inf)
     even, even_columns = values / scatter, (columns.T / scatter).T
     least = count * (_ROUNDING * float(np.sqrt(np.mean(even ** 2)))) ** 2 + np.finfo(float).tiny
     likelihood, variance = [], []
     for correlation in _CORRELATIONS:
-        # How alike a value is to the one before it, none at the beginning of a session.
-        alike = np.where(gaps > 0, correlation ** np.maximum(gaps, 1.0), 0.0)
+        # How alike a value is to the one before it.
+        alike = correlation ** gaps
         scale = 1.0 / np.sqrt(1.0 - alike ** 2)
         white, columns_white = (_whitened(part, alike, scale) for part in (even, even_columns))
         triangle = np.linalg.qr(columns_white, 'r')

@@ -97,7 +97,7 @@ class Repetition:
     # Whether the joint started during the standstill, as far as known without being pushed.
     false_start: bool
     restless: bool  # whether the joint oscillated before the movement
-    place: int = 0  # index in order of time among all movements of the day
+    place: int = 0  # in order of time among all movements, those of other days far away
     # 'load', 'position' and 'reference_position', where recorded, at the times of `ensemble.grid`;
     # NaN beyond the recording and before the standstill; empty after they were added to an average.
     curves: dict[str, np.ndarray] = field(default_factory=dict)
