@@ -383,8 +383,8 @@ def _reversed_torque(conditions: list[Condition]) -> list[str]:
     highest = [known.high for c in conditions if c.compensation.law == 'none'
                if (known := c.figures.get('constant_velocity_torque')) and known.high is not None]
     # Weight and an offset of the sensor act against one direction, friction against both.
-    return ['without compensation the torque at constant velocity is against the movement: '
-            'interaction_wrench may have the wrong sign'] * (len(highest) > 1 and sum(highest) < 0.0)
+    return ['without compensation the torque at constant velocity is against the movement: the '
+            'sign of interaction_wrench may be wrong'] * (len(highest) > 1 and sum(highest) < 0.0)
 
 
 def _average_torque_figures(repetitions: list[Repetition], time: np.ndarray,

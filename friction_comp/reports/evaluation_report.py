@@ -166,7 +166,8 @@ def _add_conditions(report: Report, evaluation: Evaluation) -> None:
               *[c.repetitions, f'{c.false_starts}\u00a0({_percent(c.false_start_share)})'][
                   :len(counts)], *(words.figure_text(c, name) for name in shown)]
              for c in evaluation.conditions],
-            f'{title}: mean over the repetitions ± half its 95 % confidence interval, for '
+            f'{title}: mean over the repetitions ± half its 95 % confidence interval, '
+            f'{"on these days, " if len({r.day for r in evaluation.repetitions}) > 1 else ""}for '
             'movements in the positive (+) and negative (\u2212) direction.')
         counts = []
     known = {name for c in evaluation.conditions for name in c.figures}
