@@ -12,8 +12,8 @@ from helpers import ROOT
 import numpy as np
 import pytest
 
-from friction_comp.evaluation.compare import Comparison, effect_size, mean_interval, Trend
-from friction_comp.evaluation.repetitions import Compensation
+from friction_comp.evaluation.compare import Trend
+from friction_comp.evaluation.neighbours import mean_interval
 from friction_comp.evaluation.sessions import evaluate_recordings
 from friction_comp.reports.evaluation_report import (
     evaluation_figure,
@@ -178,17 +178,3 @@ def test_the_picture_of_the_readme_is_drawn_from_the_examples():
     numbers = [np.array(re.findall(r'-?\d+\.\d+', text), dtype=float)
                for text in (stored, script('pictures').moving())]
     np.testing.assert_allclose(numbers[1], numbers[0], atol=0.2)
-
-
-def of(differences):
-    one, two = Compensation('none', '', 0), Compensation('continuous', '', 1)
-    return Comparison('peak_torque', one, two, len(differences), 1.0, 0.5,
-                      mean_interval(differences), None)
-
-
-def test_the_effect_size_is_in_standard_deviations_of_the_differences():
-    differences = -1.0 + 0.3 * np.random.default_rng(0).standard_normal(10)
-    size = effect_size(of(list(differences)))
-    assert size.mean == pytest.approx(differences.mean() / differences.std(ddof=1))
-    assert size.low < size.mean < size.high
-    assert effect_size(of([0.5, 0.5])) is None

@@ -5,55 +5,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from datetime import date
-from itertools import combinations
+from itertools import combinations, pairwise
 import math
 from typing import Any
 
 import numpy as np
 from scipy import stats
 
-from friction_comp.evaluation.repetitions import Compensation, FIGURES, Repetition
+from friction_comp.evaluation.neighbours import first_coefficient, Interval, mean_interval
+from friction_comp.evaluation.repetitions import Compensation, FIGURES, ODD, Repetition
 from friction_comp.statistics import CONFIDENCE, holm, student_quantile
 
 # Compared where they are known, the trend is of the first; the first two need a torque sensor.
 COMPARED = ('peak_torque', 'rms_torque', 'residual_current', 'announcement_to_motion', 'onset',
             'smoothness')
 _SIGNIFICANT = 0.05
-
-
-@dataclass(frozen=True)
-class Interval:
-    """An estimate with the ends of its 95 % interval, None for a single value."""
-
-    mean: float
-    low: float | None
-    high: float | None
-    count: int
-
-    @classmethod
-    def around(cls, mean: float, half: float, count: int) -> Interval:
-        """Return the interval with half of its width given."""
-        return cls(mean, mean - half, mean + half, count)
-
-    @property
-    def half(self) -> float | None:
-        """Half the width of the interval."""
-        return None if self.low is None or self.high is None else 0.5 * (self.high - self.low)
-
-    def as_dict(self) -> dict[str, float | int | None]:
-        """Return the entry of report.json."""
-        return asdict(self)
-
-
-def mean_interval(values: Sequence[float]) -> Interval:
-    """Return the mean of one or more values with its interval from Student's t."""
-    count, mean = len(values), float(np.mean(values))
-    if count < 2:
-        return Interval(mean, None, None, count)
-    half = student_quantile(count - 1) * np.std(values, ddof=1) / np.sqrt(count)
-    return Interval.around(mean, float(half), count)
+# Values beyond the coefficients that a test needs.
+_LEAST_FREEDOM = 2
+# A condition scatters no less than this share of both together.
+_LEAST_SCATTER = 1e-3
 
 
 def share_interval(hits: int, count: int) -> Interval:
@@ -64,18 +36,21 @@ def share_interval(hits: int, count: int) -> Interval:
 
 @dataclass
 class Comparison:
-    """One figure under two conditions, by pairs of their n-th repetitions of a movement."""
+    """One figure under two conditions, by movements of the same day and direction."""
 
     figure: str  # a name in `FIGURES`
     first: Compensation
     second: Compensation
-    pairs: int  # number of pairs
-    mean_first: float  # over the pairs
+    pairs: int  # number of pairs that such movements can form
+    mean_first: float  # over the days and directions of the pairs
     mean_second: float
-    difference: Interval  # second minus first
-    # p-value of Wilcoxon's signed-rank test, with Holm's correction; None for fewer than five
-    # pairs.
-    p_value: float | None
+    # Second minus first, beside a steady change over each day's session.
+    difference: Interval
+    p_value: float | None  # of Student's t, with Holm's correction; None where `untested`
+    # Whether either condition also came after the other on one day. Else what changed in between,
+    # and not steadily, is part of the difference.
+    in_turn: bool
+    untested: str = ''  # why there is no p-value
 
     @property
     def significant(self) -> bool:
@@ -88,7 +63,8 @@ class Comparison:
             'figure': self.figure, 'unit': FIGURES[self.figure][1],
             'first': self.first.as_dict(), 'second': self.second.as_dict(), 'pairs': self.pairs,
             'mean_first': self.mean_first, 'mean_second': self.mean_second,
-            'difference': self.difference.as_dict(), 'p_value': self.p_value}
+            'difference': self.difference.as_dict(), 'p_value': self.p_value,
+            'in_turn': self.in_turn, 'untested': self.untested or None}
 
 
 def _is_informative(first: Compensation, second: Compensation, baseline: Compensation) -> bool:
@@ -100,65 +76,122 @@ def _is_informative(first: Compensation, second: Compensation, baseline: Compens
     """
     return ((first == baseline and not first.uses_direction)
             or (first.law == 'kinetic' and first.model == second.model)
-            or sum((first.law != second.law, first.model != second.model,
-                    first.announced != second.announced)) == 1)
+            or sum((first.law != second.law, 'none' not in (first.law, second.law)
+                    and first.model != second.model, first.announced != second.announced)) == 1)
 
 
 def compare(repetitions: Sequence[Repetition]) -> list[Comparison]:
     """Compare conditions with the same movements, where the comparison `_is_informative`.
 
-    Conditions are ordered from no compensation over compensation without a direction to
-    compensation with one; each is `first` against those that follow.
+    `repetitions` are in order of time. Conditions are ordered from no compensation over
+    compensation without a direction to compensation with one; each is `first` against those that
+    follow.
     """
-    groups = _by_condition(repetitions)
-    ordered = sorted(groups, key=lambda condition: (
+    ordered = sorted({r.compensation for r in repetitions}, key=lambda condition: (
         condition.uses_direction, condition.law != 'none', condition))
     comparisons = []
     for first, second in combinations(ordered, 2):
         if not _is_informative(first, second, ordered[0]):
             continue
-        pairs = [pair for sign in (1, -1) for pair in zip(*(
-            [r.figures for r in groups[condition] if r.movement.sign == sign]
-            for condition in (first, second)))]
         for figure in COMPARED:
-            values = np.array([(a[figure], b[figure]) for a, b in pairs
-                               if figure in a and figure in b])
-            if len(values):
-                comparisons.append(_compare_values(figure, first, second, values))
+            both = [[r for r in repetitions if r.compensation == condition and figure in r.figures]
+                    for condition in (first, second)]
+            signs = set.intersection(*({r.movement.sign for r in own} for own in both))
+            if signs:
+                comparisons.append(_compare_movements(figure, first, second, [
+                    r for r in repetitions if r.compensation in (first, second)
+                    and figure in r.figures and r.movement.sign in signs]))
     for figure in COMPARED:
-        tested = [c for c in comparisons if c.figure == figure and c.p_value is not None]
-        for comparison, p_value in zip(tested, holm([c.p_value or 0.0 for c in tested])):
-            comparison.p_value = float(p_value)
+        _correct([c for c in comparisons if c.figure == figure and c.p_value is not None])
     return comparisons
 
 
-def _by_condition(repetitions: Sequence[Repetition]) -> dict[Compensation, list[Repetition]]:
-    groups: dict[Compensation, list[Repetition]] = {}
-    for repetition in repetitions:
-        groups.setdefault(repetition.compensation, []).append(repetition)
-    return groups
+def _correct(tested: Sequence[Comparison | Trend]) -> None:
+    """Correct p-values for their number."""
+    for one, p_value in zip(tested, holm([one.p_value or 0.0 for one in tested])):
+        one.p_value = float(p_value)
 
 
-def _compare_values(figure: str, first: Compensation, second: Compensation, values: np.ndarray
-                    ) -> Comparison:
-    difference = values[:, 1] - values[:, 0]
-    p_value = None
-    if len(values) >= 5:
-        p_value = float(stats.wilcoxon(difference).pvalue) if difference.any() else 1.0
-    before, after = values.mean(axis=0)
-    return Comparison(figure, first, second, len(values), float(before), float(after),
-                      mean_interval(difference.tolist()), p_value)
+def _compare_movements(figure: str, first: Compensation, second: Compensation,
+                       repetitions: list[Repetition]) -> Comparison:
+    values = np.array([r.figures[figure] for r in repetitions])
+    is_second = np.array([r.compensation == second for r in repetitions])
+    kinds = [(r.day, r.movement.sign) for r in repetitions]
+    index = {kind: k for k, kind in enumerate(dict.fromkeys(kinds))}
+    of_kind = np.array([index[kind] for kind in kinds])[:, np.newaxis] == np.arange(len(index))
+    pairs = np.minimum(of_kind[is_second].sum(axis=0), of_kind[~is_second].sum(axis=0))
+    count = int(pairs.sum())
+    before, after = (_mean(values, own, of_kind, pairs) for own in (~is_second, is_second))
+    changes = {(a.compensation == second, b.compensation == second)
+               for a, b in pairwise(repetitions) if a.day == b.day}
+    comparison = Comparison(
+        figure, first, second, count, before, after, Interval(after - before, None, None, count),
+        None, {(True, False), (False, True)} <= changes)
+    place = np.array([r.place for r in repetitions])
+    # Within each day, since days lie apart.
+    since = place - of_kind @ (place @ of_kind / of_kind.sum(axis=0))
+    columns = np.column_stack([is_second, since, of_kind]).astype(float)
+    comparison.untested = _obstacle(comparison, repetitions, columns)
+    if comparison.untested:
+        return comparison
+    scatter, freedom = _scatter(values, columns, is_second)
+    difference, error = first_coefficient(values, columns, place, scatter)
+    comparison.difference = Interval.around(
+        difference, float(student_quantile(freedom)) * error, count)
+    lower = second if difference < 0.0 else first
+    if figure == 'peak_torque' and any(
+            not r.moved for r in repetitions if r.compensation == lower):
+        comparison.untested = ('the joint did not always move where the torque is lower, so that '
+                               'it may not be')
+    else:
+        comparison.p_value = float(2.0 * stats.t.sf(abs(difference) / error, freedom))
+    return comparison
 
 
-def effect_size(comparison: Comparison) -> Interval | None:
-    """Return Cohen's d_z with the interval of Hedges and Olkin (1985); None without scatter."""
-    difference, count = comparison.difference, comparison.pairs
-    if not difference.half:
-        return None
-    size = difference.mean / (difference.half * math.sqrt(count)) * student_quantile(count - 1)
-    half = float(stats.norm.ppf(0.5 + 0.5 * CONFIDENCE)) * math.sqrt(
-        1.0 / count + size ** 2 / (2.0 * count))
-    return Interval.around(size, half, count)
+def _mean(values: np.ndarray, own: np.ndarray, of_kind: np.ndarray, pairs: np.ndarray) -> float:
+    """Return a condition's mean over the days and directions of the pairs, else over its own."""
+    chosen = own[:, np.newaxis] & of_kind
+    count = chosen.sum(axis=0)
+    weights = pairs if pairs.any() else count
+    return float(np.average(values @ chosen / np.maximum(count, 1), weights=weights))
+
+
+def _obstacle(comparison: Comparison, repetitions: list[Repetition], columns: np.ndarray) -> str:
+    """Return why two conditions cannot be tested against each other, '' if they can."""
+    if not comparison.pairs:
+        return ('they were recorded on different days, and what else changed from day to day is '
+                'not known')
+    # Durations and distances.
+    sizes = np.log([(r.duration, r.movement.travel) for r in repetitions])
+    is_second = columns[:, 0] > 0.0
+    change = np.median(sizes[is_second], axis=0) - np.median(sizes[~is_second], axis=0)
+    if (np.abs(change) > math.log(1.0 + ODD)).any():
+        return "movements of one took longer or went farther than the other's"
+    count, width = columns.shape
+    if count - width < _LEAST_FREEDOM or np.linalg.matrix_rank(columns) < width:
+        return 'the repetitions are too few to tell it from chance'
+    return ''
+
+
+def _scatter(values: np.ndarray, columns: np.ndarray, is_second: np.ndarray
+             ) -> tuple[np.ndarray, float]:
+    """Return each value's scatter by its condition, (N,), and the freedom of the first coefficient.
+
+    After Welch and Satterthwaite: of two conditions that scatter differently, a mean over both
+    would trust the one with few repetitions too much.
+    """
+    weights = np.linalg.pinv(columns)
+    square = (values - columns @ (weights @ values)) ** 2
+    # What the coefficients take of the freedom, each condition pays by its number.
+    share = 1.0 - columns.shape[1] / len(values)
+    least = _LEAST_SCATTER ** 2 * float(square.mean()) + np.finfo(float).tiny
+    scatter, parts, freedoms = np.empty(len(values)), [], []
+    for own in (is_second, ~is_second):
+        freedoms.append(share * float(own.sum()))
+        scatter[own] = math.sqrt(max(float(square[own].sum()) / freedoms[-1], least))
+        parts.append(float(np.sum((weights[0] * scatter)[own] ** 2)))
+    return scatter, sum(parts) ** 2 / sum(
+        part ** 2 / freedom for part, freedom in zip(parts, freedoms))
 
 
 @dataclass
@@ -191,17 +224,23 @@ def trends(repetitions: Sequence[Repetition]) -> list[Trend]:
     dated = [r for r in repetitions if r.day]
     if len({r.day for r in dated}) < 2:
         return []
-    return [_trend(condition, group) for condition, group in sorted(_by_condition(dated).items())]
+    found = [_trend(condition, [r for r in dated if r.compensation == condition])
+             for condition in sorted({r.compensation for r in dated})]
+    _correct([trend for trend in found if trend.p_value is not None])
+    return found
 
 
 def _trend(condition: Compensation, repetitions: list[Repetition]) -> Trend:
     figure = next((name for name in COMPARED if any(name in r.figures for r in repetitions)),
                   'smoothness')
-    values: dict[str, list[float]] = {}
-    for repetition in repetitions:
-        if figure in repetition.figures:
-            values.setdefault(repetition.day, []).append(repetition.figures[figure])
-    days = {day: mean_interval(values[day]) for day in sorted(values)}
+    known = [r for r in repetitions if figure in r.figures]
+    # What one direction of movement takes more than the other is no trend.
+    usual = {sign: float(np.mean([r.figures[figure] for r in known if r.movement.sign == sign]))
+             for sign in {r.movement.sign for r in known}}
+    middle = sum(usual.values()) / max(len(usual), 1)
+    days = {day: mean_interval(
+        [r.figures[figure] - usual[r.movement.sign] + middle for r in known if r.day == day],
+        [r.place for r in known if r.day == day]) for day in sorted({r.day for r in known})}
     if len(days) < 3:
         return Trend(figure, condition, days, None, None)
     weeks = np.array([date.fromisoformat(day).toordinal() for day in days]) / 7.0

@@ -21,11 +21,13 @@ from friction_comp.errors import InputError
 from friction_comp.evaluation import compare
 from friction_comp.evaluation.ensemble import Ensemble
 from friction_comp.evaluation.movements import find_movements
+from friction_comp.evaluation.neighbours import Interval, mean_interval
 from friction_comp.evaluation.repetitions import (
     Compensation,
     FIGURES,
     measure,
     NAMES,
+    ODD,
     Repetition,
     torque_figures,
 )
@@ -36,8 +38,12 @@ if TYPE_CHECKING:
     # Importing it takes longer than all else, and few evaluations need it.
     from friction_comp.model.friction_model import FrictionModel
 
-# Repetitions whose duration differs from the median by more than this share are left out.
-_ODD = 0.25
+# Movements by which two days lie apart, so that none is like one of the day before.
+_DAYS_APART = 1000
+# What is said of a movement that counts for no condition, by its `Compensation.law`.
+_UNCOUNTED = {'identification': 'made by identification',
+              'missing': 'with a gap in the joint states',
+              'changed': 'during which the law, the model or the state of the compensator changed'}
 
 
 @dataclass
@@ -56,8 +62,8 @@ class Condition:
     rms_torque: float  # over all repetitions, from start to end of the movement
     mean_torque_constant_velocity: float  # negative where the joint pulls the person along
     false_starts: int  # number of repetitions in which it started without being pushed
-    figures: dict[str, compare.Interval]  # means over the repetitions, by `FIGURES`
-    false_start_share: compare.Interval
+    figures: dict[str, Interval]  # means over the repetitions, by `FIGURES`
+    false_start_share: Interval
     # Each (N,): s since the start of the movement; means and standard deviations, N·m and rad.
     time: np.ndarray
     torque: np.ndarray
@@ -126,7 +132,8 @@ class Evaluation:
                 [(a, b) for a, b in pairs if (a.law, a.model) == ('kinetic', b.model)],
                 [(a, b) for a, b in pairs if a.law == 'none']):
             if comparable:
-                return max(comparable, key=lambda pair: (min(counts[c] for c in pair), pair))
+                return max(comparable, key=lambda pair: (
+                    min(counts[c] for c in pair), sum(counts[c] for c in pair), pair))
         return pairs[0] if len(pairs) == 1 else None
 
     def stuck(self, condition: Compensation) -> int:
@@ -256,10 +263,13 @@ class MeasuredJoint:
     def evaluate(self, model: str | None) -> Evaluation:
         """Evaluate one or more repetitions; `model` are the files that were active."""
         notes = list(self.notes)
-        repetitions = _without_identification(self.repetitions, notes)
+        in_order = sorted(self.repetitions, key=lambda r: (r.day, r.start))
+        days = list(dict.fromkeys(r.day for r in in_order))
+        for place, r in enumerate(in_order):
+            r.place = place + _DAYS_APART * days.index(r.day)
+        repetitions = _of_one_condition(in_order, notes)
         in_order_of_time = list(dict.fromkeys(r.compensation for r in repetitions))
-        # A group for each condition and direction of movement; those without direction and law
-        # first.
+        # A group for each condition and direction of movement, first without direction and law.
         groups: dict[tuple[Any, ...], list[Repetition]] = {}
         for r in repetitions:
             key = (abs(r.movement.direction), r.compensation.law != 'none',
@@ -267,17 +277,20 @@ class MeasuredJoint:
             groups.setdefault(key, []).append(r)
         kept = [_without_odd_durations(groups[key], notes) for key in sorted(groups)]
         conditions = [_condition(group, self.averages, notes) for group in kept]
-        all_kept = [repetition for group in kept for repetition in group]
+        notes += _reversed_torque(conditions)
+        all_kept = sorted((r for group in kept for r in group), key=lambda r: (r.day, r.place))
         return Evaluation(self.joint, conditions, model, repetitions, compare.compare(all_kept),
                           compare.trends(all_kept), notes)
 
 
-def _without_identification(repetitions: list[Repetition], notes: list[str]) -> list[Repetition]:
-    kept = [r for r in repetitions if r.compensation.law != 'identification']
-    if not kept or len(kept) == len(repetitions):
+def _of_one_condition(repetitions: list[Repetition], notes: list[str]) -> list[Repetition]:
+    """Leave out movements that tell nothing about a compensation, unless there are no others."""
+    kept = [r for r in repetitions if r.compensation.law not in _UNCOUNTED]
+    if not kept:
         return repetitions
-    notes.append(f'{len(repetitions) - len(kept)} movements were made by identification and are '
-                 'left out')
+    for law, what in _UNCOUNTED.items():
+        if count := sum(r.compensation.law == law for r in repetitions):
+            notes.append(f'{count} movement{"s" if count > 1 else ""} {what}: left out')
     return kept
 
 
@@ -316,7 +329,7 @@ def repetitions_of(samples: Samples, name: str, info: RecordingInfo | None,
 
 def _without_odd_durations(repetitions: list[Repetition], notes: list[str]) -> list[Repetition]:
     median = float(np.median([r.usual_duration for r in repetitions]))
-    kept = [r for r in repetitions if abs(r.usual_duration - median) <= _ODD * median]
+    kept = [r for r in repetitions if abs(r.usual_duration - median) <= ODD * median]
     # With an even number, the median may be far from all of them.
     if not kept:
         return repetitions
@@ -357,12 +370,21 @@ def _condition(repetitions: list[Repetition], averages: Mapping[Any, Ensemble],
             0.0 if peaks else float('nan')),
         rms_torque=ensemble.rms('load', points[(time >= 0.0) & (time <= duration)]),
         false_starts=starts,
-        figures={name: compare.mean_interval(values) for name in FIGURES if (values := [
-            r.figures[name] for r in repetitions if name in r.figures])},
+        figures={name: mean_interval([r.figures[name] for r in known], [r.place for r in known])
+                 for name in FIGURES if (known := [r for r in repetitions if name in r.figures])},
         false_start_share=compare.share_interval(starts, len(repetitions)),
         time=time, torque=torque, torque_std=torque_std,
         position=position, position_std=position_std,
         reference=ensemble.mean_and_std('reference_position', points)[0] if has_reference else None)
+
+
+def _reversed_torque(conditions: list[Condition]) -> list[str]:
+    """Return a note where a joint moved without compensation against the person's torque."""
+    highest = [known.high for c in conditions if c.compensation.law == 'none'
+               if (known := c.figures.get('constant_velocity_torque')) and known.high is not None]
+    # Weight and an offset of the sensor act against one direction, friction against both.
+    return ['without compensation the torque at constant velocity is against the movement: the '
+            'sign of interaction_wrench may be wrong'] * (len(highest) > 1 and sum(highest) < 0.0)
 
 
 def _average_torque_figures(repetitions: list[Repetition], time: np.ndarray,

@@ -15,7 +15,8 @@ import numpy as np
 
 from friction_comp.evaluation.ensemble import grid, LEAD
 from friction_comp.evaluation.movements import measured_velocity, Movement, spectral_arc_length
-from friction_comp.recordings import RecordingInfo
+from friction_comp.recordings import Activity, RecordingInfo
+from friction_comp.recordings.time_base import gap_length, HOLE
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
 
@@ -27,6 +28,9 @@ _START_SHARE, _PUSH_SHARE = 0.01, 0.1
 _STILL = 0.2
 # Tolerance for rounding errors of sums of sample times, s.
 _ROUNDING = 1e-9
+# Repetitions whose duration differs from the median by more than this share are left out, and
+# conditions whose movements do are not tested against each other.
+ODD = 0.25
 # Movements whose durations differ by no more than this share are averaged or left out together.
 # Finer classes take more memory, coarser ones blur the limit of 25 % from the median.
 _DURATION_RATIO = 0.05
@@ -50,7 +54,8 @@ class Compensation:
     """The compensation that was active during a movement."""
 
     # Compensation law; 'none' if no current was commanded, 'identification' if that node commanded
-    # it, 'other' if another node than the compensator did, '' if unknown.
+    # it, 'other' if another node than the compensator did, 'changed' if law, model or state changed
+    # on the way, 'missing' if joint states are, '' if unknown.
     law: str
     model: str  # model file; '' where there was none or it is unknown
     announced: int  # 1: the movement's direction, -1: the opposite one, 0: none
@@ -82,6 +87,7 @@ class Repetition:
     """One movement and its figures."""
 
     recording: str
+    start: float  # stamp of the recording's beginning, s; 0 where it is not of a clock on the wall
     day: str  # ISO date; '' where unknown
     movement: Movement
     compensation: Compensation
@@ -91,6 +97,7 @@ class Repetition:
     # Whether the joint started during the standstill, as far as known without being pushed.
     false_start: bool
     restless: bool  # whether the joint oscillated before the movement
+    place: int = 0  # in order of time among all movements, those of other days far away
     # 'load', 'position' and 'reference_position', where recorded, at the times of `ensemble.grid`;
     # NaN beyond the recording and before the standstill; empty after they were added to an average.
     curves: dict[str, np.ndarray] = field(default_factory=dict)
@@ -151,8 +158,9 @@ def measure(samples: Samples, movement: Movement, name: str, info: RecordingInfo
         velocity = measured_velocity(samples.take(part))
         figures['smoothness'] = spectral_arc_length(velocity, samples.sample_time)
     repetition = Repetition(
-        name, _date_of(info, movement), movement,
-        _active_compensation(samples, movement, info, moved),
+        name, _wall_time(info), _date_of(info), movement,
+        _missing(samples, movement, onset) or _active_compensation(
+            samples, movement, info, onset, moved),
         {key: value for key, value in figures.items() if np.isfinite(value)},
         moved, _is_false_start(samples, movement, figures.get('peak_torque')),
         _is_restless(samples, movement))
@@ -187,10 +195,11 @@ def torque_figures(time: np.ndarray, load: np.ndarray, movement: Movement, onset
         last = max(last, start)
         if not has_reference or start < first:
             first = movement.earliest
-    counts = (time >= first - _ROUNDING) & (time <= last + _ROUNDING) & np.isfinite(load)
+    counts = (time >= first - _ROUNDING) & (time <= last + _ROUNDING)
     torque = np.where(time >= start, np.abs(load), np.maximum(movement.sign * load, 0.0))
     figures = {}
-    if counts.any():
+    # Of a torque that is not wholly known the peak may be missing.
+    if counts.any() and np.isfinite(load[counts]).all():
         peak = int(np.argmax(np.where(counts, torque, -1.0)))
         figures = {'peak_torque': float(torque[peak]),
                    'peak_time': float(time[peak] - movement.begin)}
@@ -218,20 +227,47 @@ def _announcement(samples: Samples, movement: Movement) -> float | None:
     return float(samples.time[others[-1] + 1]) if len(others) and others[-1] + 1 < last else None
 
 
+def _missing(samples: Samples, movement: Movement, onset: float | None) -> Compensation | None:
+    """Return what a movement counts as while joint states are missing."""
+    part = _between(samples.time, movement.earliest, max(movement.end, onset or -math.inf))
+    # A gap before or after may have taken a part of the movement.
+    steps = np.diff(samples.time[max(part.start - 1, 0):part.stop + 2])
+    longest = max(HOLE, gap_length(np.diff(samples.time)))
+    return Compensation('missing', '', movement.direction * movement.sign) if (
+        steps > longest).any() else None
+
+
 def _active_compensation(samples: Samples, movement: Movement, info: RecordingInfo | None,
-                         moved: bool) -> Compensation:
-    """Return the law and model of a movement: by the compensator's reports and its commands."""
+                         onset: float | None, moved: bool) -> Compensation:
+    """Return the law and model of a movement: by the compensator's reports and its commands.
+
+    Reports count from when the joint may have started until it has, and the movement has ended.
+    """
     announced = movement.direction * movement.sign
-    law, model, active = '', (info.model or '') if info else '', True
-    known = [activity for since, activity in (info.activity if info else [])
-             if since <= movement.constant_end]
-    if known:
-        if known[-1].state == 'identification':
+    command = None if samples.command is None else (
+        samples.command[_between(samples.time, movement.begin, movement.end)])
+    loaded = (info.model or '') if info else ''
+    reports = info.activity if info else []
+    # A report is valid from the sample to which it is dated.
+    first = sum(since <= movement.earliest + samples.sample_time for since, _ in reports)
+    last = sum(since <= max(movement.end, onset or -math.inf) for since, _ in reports)
+    # Before the first report, nothing is known.
+    during = {_compensation(command, report, loaded, announced, moved) for report in (
+        [None] * (not first) + [report for _, report in reports[max(first - 1, 0):last]])}
+    return during.pop() if len(during) == 1 else Compensation('changed', '', announced)
+
+
+def _compensation(command: np.ndarray | None, report: Activity | None, loaded: str, announced: int,
+                  moved: bool) -> Compensation:
+    """Return what one report and the commands of a movement, A, (N,), say."""
+    law, model, active = '', loaded, True
+    if report is not None:
+        if report.state == 'identification':
             return Compensation('identification', '', announced)
-        active = known[-1].state in ('', 'active')
-        law, model = known[-1].law, known[-1].model or model
-    if samples.command is not None:
-        idle = not samples.command[_between(samples.time, movement.begin, movement.end)].any()
+        active = report.state in ('', 'active')
+        law, model = report.law, report.model or loaded
+    if command is not None:
+        idle = not command.any()
         # A law may command no current while the joint stands still.
         if (idle and (moved or not law)) or not active:
             law = 'none' if idle else 'other'
@@ -241,19 +277,22 @@ def _active_compensation(samples: Samples, movement: Movement, info: RecordingIn
     return Compensation(law, '' if law in ('none', 'other') else model, announced)
 
 
-def _date_of(info: RecordingInfo | None, movement: Movement) -> str:
-    """Return the ISO date by the stamps or, in simulated time, by the path; '' if unknown."""
+def _date_of(info: RecordingInfo | None) -> str:
+    """Return a recording's ISO date by its stamps, in simulated time by its path; '' if unknown."""
     if info is None:
         return ''
-    stamp = info.start + movement.begin
-    # Stamps before 2000 are not wall-clock time.
-    if stamp > 946_684_800:
-        return datetime.fromtimestamp(stamp, timezone.utc).date().isoformat()
+    if _wall_time(info):
+        return datetime.fromtimestamp(info.start, timezone.utc).date().isoformat()
     dated = re.search(r'(20\d\d)[-_.]?([01]\d)[-_.]?([0-3]\d)', str(info.path))
     try:
         return date.fromisoformat('-'.join(dated.groups())).isoformat() if dated else ''
     except ValueError:
         return ''
+
+
+def _wall_time(info: RecordingInfo | None) -> float:
+    """Return when a recording began, s; 0 for stamps before 2000, which are of no clock."""
+    return info.start if info is not None and info.start > 946_684_800 else 0.0
 
 
 def _curves(samples: Samples, movement: Movement, shown_time: float) -> dict[str, np.ndarray]:
@@ -263,7 +302,8 @@ def _curves(samples: Samples, movement: Movement, shown_time: float) -> dict[str
         values = getattr(samples, name)
         if values is not None:
             curve = np.interp(time, samples.time, values, left=np.nan, right=np.nan)
-            curves[name] = np.where(time >= movement.rest_begin, curve, np.nan)
+            known = np.isfinite(values[_between(samples.time, movement.begin, movement.end)]).all()
+            curves[name] = np.where(known & (time >= movement.rest_begin), curve, np.nan)
     return curves
 
 

@@ -22,6 +22,8 @@ _SET_BACK = 20
 _FAR_OFF = NANO
 # A gap is longer than both: a number of median time steps, and a time in s.
 _GAP_STEPS, _GAP = 5.0, 0.02
+# Time for which a person's torque or the motion may be interpolated, s.
+HOLE = 0.1
 GAPS = ' gaps in the joint states'
 # Stamps that are so many s older or newer than those of joint states received at the same time are
 # noted; beyond the second number they are of another clock, since no message is as late.
@@ -192,10 +194,12 @@ class TimeBase:
             index >= 0, values[index.clip(0)] if len(values) else before, before)
         return held
 
-    def interpolate(self, track: Track, values: np.ndarray) -> np.ndarray | None:
+    def interpolate(self, track: Track, values: np.ndarray, hole: float = np.inf
+                    ) -> np.ndarray | None:
         """Return the signal at each joint state, or None if it covers less than half of them.
 
-        It is NaN where it ends earlier, or begins later, than at a gap from the joint states.
+        It is NaN where it ends earlier, or begins later, than at a gap from the joint states, and
+        in gaps longer than `hole`, s.
         """
         times, other_times, values = self._finite_values(track, values)
         if not len(values):
@@ -206,8 +210,12 @@ class TimeBase:
             return None
         interpolated: np.ndarray = np.interp(times - origin, other_times - origin, values)
         if len(other_times) > 1:
+            steps = np.diff(other_times) / NANO
+            gap = gap_length(steps)
             beyond = np.maximum(other_times[0] - times, times - other_times[-1])
-            interpolated[beyond > NANO * gap_length(np.diff(other_times) / NANO)] = np.nan
+            following = np.searchsorted(other_times, times).clip(1, len(steps))
+            within = (steps[following - 1] > max(gap, hole)) & ~np.isin(times, other_times)
+            interpolated[(beyond > NANO * gap) | (covered & within)] = np.nan
         return interpolated
 
 
@@ -225,15 +233,17 @@ def other_signals(scan: Scan, joint: str, joints: list[str], base: TimeBase,
         track, values = track_and_values
         for column, name in zip(values.T, names):
             if np.isfinite(column).any() or len(names) == 1:
-                signals[name] = base.interpolate(track, column)
+                # A person's torque may have been anything meanwhile.
+                signals[name] = base.interpolate(
+                    track, column, HOLE if name == 'load' else np.inf)
                 if signals[name] is None:
                     notes.append(f'{track.topic}: its '
                                  f'{np.count_nonzero(np.isfinite(column))} values cover less than '
                                  'half of the recording: not used')
                 # Before and after an exercise there is no reference.
                 elif topic != 'reference' and np.isnan(signals[name]).any():
-                    notes.append(f'{track.topic}: begins later or ends earlier than the joint '
-                                 f'states: {name} is not known at '
+                    notes.append(f'{track.topic}: has gaps, begins later or ends earlier than the '
+                                 f'joint states: {name} is not known at '
                                  f'{np.count_nonzero(np.isnan(signals[name]))} of them')
     # Arrays have no joint names: their order is that of the reference, or of the joint states.
     order = [*(track.names for track in scan.of('reference')), joints]

@@ -10,8 +10,9 @@ from datetime import date
 from matplotlib.figure import Figure
 import numpy as np
 
-from friction_comp.evaluation.compare import effect_size, Interval, Trend
+from friction_comp.evaluation.compare import Trend
 from friction_comp.evaluation.conditions import Evaluation
+from friction_comp.evaluation.neighbours import Interval
 from friction_comp.evaluation.repetitions import Compensation, FIGURES
 from friction_comp.reports import evaluation_words as words
 from friction_comp.reports.figures import band, COLOURS, INK, new_figure, styled
@@ -165,7 +166,8 @@ def _add_conditions(report: Report, evaluation: Evaluation) -> None:
               *[c.repetitions, f'{c.false_starts}\u00a0({_percent(c.false_start_share)})'][
                   :len(counts)], *(words.figure_text(c, name) for name in shown)]
              for c in evaluation.conditions],
-            f'{title}: mean over the repetitions ± half its 95 % confidence interval, for '
+            f'{title}: mean over the repetitions ± half its 95 % confidence interval, '
+            f'{"on these days, " if len({r.day for r in evaluation.repetitions}) > 1 else ""}for '
             'movements in the positive (+) and negative (\u2212) direction.')
         counts = []
     known = {name for c in evaluation.conditions for name in c.figures}
@@ -182,22 +184,24 @@ def _add_comparisons(report: Report, evaluation: Evaluation) -> None:
     shown = shown[:_MOST_COMPARISONS]
     report.table(
         ['measure', 'first condition', 'second condition', 'pairs', 'first mean', 'second mean',
-         'difference', 'effect size (d_z)', 'p'],
+         'difference', 'p'],
         [[words.heading(c.figure), words.nonbreaking_label(evaluation, c.first),
           words.nonbreaking_label(evaluation, c.second), c.pairs, *(
               words.peak_text(mean, evaluation.stuck(condition) * (c.figure == 'peak_torque'))
               for mean, condition in ((c.mean_first, c.first), (c.mean_second, c.second))),
-          words.with_interval(c.difference), words.with_interval(effect_size(c)),
-          words.p_value_text(c.p_value)] for c in shown],
-        'A pair is the n-th repetition under each of the two conditions, in the same direction; '
-        'means are over the pairs.')
+          words.with_interval(c.difference), words.p_value_text(c.p_value)] for c in shown],
+        'A pair is a movement under each of the two conditions on the same day, in the same '
+        'direction; means are over these.')
     omitted = len(evaluation.comparisons) - len(shown)
     report.text(
         'The comparisons are: each condition with no compensation; the direction announced with '
         'not announced, for the same model; and two models under the same law. '
-        "p is the p-value of Wilcoxon's signed-rank test with Holm's correction for all "
-        'comparisons of one measure; it needs five pairs. d_z is the mean difference divided by '
-        'the standard deviation of the differences.'
+        'Repetitions of a person are no independent draws: the difference is that which is left '
+        'beside a steady change over the session, and its 95 % interval allows for neighbouring '
+        "repetitions that are alike. p is of Student's t, with Holm's correction for all "
+        'comparisons of one measure. '
+        + ' '.join(f'Not tested, since {reason}.' for reason in dict.fromkeys(
+            c.untested for c in shown if c.untested))
         + (f' {omitted} more are in `report.json`.' if omitted else ''))
 
 

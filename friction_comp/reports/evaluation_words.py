@@ -7,8 +7,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from friction_comp.evaluation.compare import Comparison, Interval, Trend
+from friction_comp.evaluation.compare import Comparison, Trend
 from friction_comp.evaluation.conditions import Condition, Evaluation
+from friction_comp.evaluation.neighbours import Interval
 from friction_comp.evaluation.repetitions import Compensation, FIGURES
 from friction_comp.reports.html import number
 
@@ -19,7 +20,22 @@ class _Peaks(NamedTuple):
     pair: tuple[Compensation, Compensation]
     torques: tuple[str, str]  # N·m
     change: str
+    difference: float  # second less first, N·m
     test: Comparison | None
+
+    @property
+    def are_told_apart(self) -> bool:
+        """Whether the difference is significant, and of the size that was tested."""
+        test = self.test
+        return (test is not None and test.significant and test.difference.half is not None
+                and abs(self.difference - test.difference.mean) <= test.difference.half)
+
+    @property
+    def order(self) -> str:
+        """What the order of the repetitions leaves open."""
+        return '' if self.test is None or self.test.in_turn or not self.test.pairs else (
+            ' One was recorded after the other: what else changed in between counts, too. '
+            'Record them in turn to be sure.')
 
     @property
     def in_words(self) -> list[str]:
@@ -36,7 +52,7 @@ def _peaks(evaluation: Evaluation) -> _Peaks | None:
     before, after = (peak_text(torque, evaluation.stuck(condition))
                      for torque, condition in zip(torques, pair))
     return _Peaks(pair, (before, after), _change_in_words(change, *(
-        bool(evaluation.stuck(condition)) for condition in pair)), test)
+        bool(evaluation.stuck(condition)) for condition in pair)), torques[1] - torques[0], test)
 
 
 def _change_in_words(change: float, first_is_bound: bool, second_is_bound: bool) -> str:
@@ -67,10 +83,12 @@ def plain_verdict(evaluation: Evaluation) -> str:
         return ''
     without = 'without help' if peaks.pair[0].law == 'none' else 'when it does not'
     before, after = peaks.in_words
-    chance = '' if peaks.test is not None and peaks.test.significant else (
-        ' With so few repetitions this may be chance; record more to be sure.')
+    chance = '' if peaks.are_told_apart else (
+        f' Whether this is so is not known: {peaks.test.untested}.'
+        if peaks.test is not None and peaks.test.untested else
+        ' This may be chance, or have come with time; record more to be sure.')
     return (f'When the robot knows the direction, the person needs {after} to set the joint '
-            f'in motion, and {before} {without}: {peaks.change}.{chance}')
+            f'in motion, and {before} {without}: {peaks.change}.{chance}{peaks.order}')
 
 
 def plain_tiles(evaluation: Evaluation) -> list[tuple[str, str]]:
@@ -135,17 +153,22 @@ def verdict(evaluation: Evaluation) -> str:
         plain, assisted = f'with {plain_label}', f'the direction announced (d = ±1, {label})'
     text = (f'With {assisted} it took {after} to set the joint in motion instead of '
             f'{before} {plain}: {peaks.change}')
+    return f'{text}{_certainty(peaks)}.{peaks.order}'
+
+
+def _certainty(peaks: _Peaks) -> str:
     test = peaks.test
     if test is None or test.p_value is None:
-        return text + ', from too few repetitions to rule out chance.'
+        return f', which was not tested: {test.untested}' if test else ', which was not tested'
     p_value = p_value_text(test.p_value)
-    if test.significant:
-        return text + f', a significant difference ({p_value}, {test.pairs} pairs).'
+    if peaks.are_told_apart:
+        return f', a significant difference ({p_value}, {test.pairs} pairs)'
     difference = test.difference
     if difference.half is not None and abs(difference.mean) > difference.half:
-        return text + (f'; the difference is {with_interval(difference)} N·m. {test.pairs} pairs '
-                       f'are too few to rule out chance among so many comparisons ({p_value}).')
-    return text + f', which may be chance ({p_value}, {test.pairs} pairs).'
+        return (f'; beside a steady change over the session, the difference is '
+                f'{with_interval(difference)} N·m, among all comparisons with {p_value} '
+                f'({test.pairs} pairs)')
+    return f', which may be chance ({p_value}, {test.pairs} pairs)'
 
 
 def _trend_sentence(trend: Trend, evaluation: Evaluation) -> str:

@@ -14,8 +14,8 @@ import numpy as np
 from scipy.signal import find_peaks
 
 from friction_comp.arm.whole_arm import ArmResult
-from friction_comp.evaluation.compare import Interval, mean_interval
 from friction_comp.evaluation.conditions import Evaluation
+from friction_comp.evaluation.neighbours import Interval, mean_interval
 from friction_comp.evaluation.repetitions import Repetition
 from friction_comp.exercise.exercise_script import ExerciseScript
 from friction_comp.exercise.taught_exercise import TURN
@@ -76,8 +76,6 @@ def session_phases(evaluation: Evaluation, marks: dict[str, float], count: int
     first = repetitions[0].compensation.model
     before = [r for r in repetitions if r.compensation.model == first]
     after = [r for r in repetitions if r.compensation.model != first]
-    # The refined model may have been loaded during the last repetition.
-    before = before[:-1] if after and len(before) > 2 * count else before
     late = [r for r in before if r.begin >= marks['warned']] or before
     return {'at first': before[:2 * count], 'model no longer fits': late[-2 * count:],
             'refined model': after[:2 * count]}
