@@ -115,7 +115,17 @@ def test_sessions_without_a_difference_seldom_show_one(order, change):
     assert found <= 0.13 * 150
 
 
-@pytest.mark.parametrize(('order', 'least'), [('blocks', 0.6), ('drawn', 0.95), ('in turn', 0.95)])
+def test_few_repetitions_show_a_difference_far_larger_than_people_change():
+    """Three movements there and back, all of one condition first, one of which takes 0.6."""
+    found = [peaks_of(session([0] * 3 + [1] * 3, np.random.default_rng(seed), help=share,
+                              drift=drift)).significant
+             for share, drift in ((0.4, 0.0), (0.4, -0.3), (0.0, -0.4)) for seed in range(60)]
+    assert sum(found[:60]) > 0.5 * 60
+    assert sum(found[60:120]) > 0.4 * 60
+    assert sum(found[120:]) <= 0.1 * 60
+
+
+@pytest.mark.parametrize(('order', 'least'), [('blocks', 0.8), ('drawn', 0.95), ('in turn', 0.95)])
 def test_a_difference_is_found_where_the_order_allows_it(order, least):
     share = 0.3
     comparisons = [peaks_of(session(ORDERS[order], np.random.default_rng(seed), share))

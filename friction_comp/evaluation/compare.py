@@ -26,6 +26,9 @@ _SIGNIFICANT = 0.05
 _LEAST_FREEDOM = 2
 # A condition scatters no less than this share of both together.
 _LEAST_SCATTER = 1e-3
+# Of the values' RMS: standard deviation, before any was seen, of a steady change over a day's
+# session.
+_CHANGE = 0.3
 
 
 def share_interval(hits: int, count: int) -> Interval:
@@ -135,7 +138,7 @@ def _compare_movements(figure: str, first: Compensation, second: Compensation,
     if comparison.untested:
         return comparison
     scatter, freedom = _scatter(values, columns, is_second)
-    difference, error = first_coefficient(values, columns, place, scatter)
+    difference, error = first_coefficient(*_with_change(values, columns, place, scatter))
     comparison.difference = Interval.around(
         difference, float(student_quantile(freedom)) * error, count)
     lower = second if difference < 0.0 else first
@@ -146,6 +149,17 @@ def _compare_movements(figure: str, first: Compensation, second: Compensation,
     else:
         comparison.p_value = float(2.0 * stats.t.sf(abs(difference) / error, freedom))
     return comparison
+
+
+def _with_change(values: np.ndarray, columns: np.ndarray, place: np.ndarray, scatter: np.ndarray
+                 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return the arguments of `first_coefficient` with one more value: a change of 0, loosely."""
+    rate = _CHANGE * math.sqrt(float(np.mean(values ** 2))) / max(float(np.ptp(columns[:, 1])), 1.0)
+    usual = math.sqrt(float(np.mean(scatter ** 2)))
+    row = np.zeros(columns.shape[1])
+    row[1] = usual / max(rate, np.finfo(float).tiny)
+    return (np.append(values, 0.0), np.vstack([columns, row]), np.append(place, np.inf),
+            np.append(scatter, usual))
 
 
 def _mean(values: np.ndarray, own: np.ndarray, of_kind: np.ndarray, pairs: np.ndarray) -> float:
