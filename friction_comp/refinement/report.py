@@ -67,6 +67,10 @@ def report_of(problem: Problem, fit: Fit, start: Predicted, refined: Predicted, 
     what = 'Presliding is' if model.breakaway else 'Breakaway and presliding are'
     notes = ([finding('no_presliding', what=what, why=refined.no_presliding)]
              if refined.no_presliding else [])
+    # A unit that was given is right.
+    if any(' in rad' in one.partition(' (')[0] for one in origin.assumed) and (
+            other := judge.other_turn(effects)):
+        notes.append(other)
     old, now = problem.model and problem.model.breakaway, model.breakaway
     if old and now and now != old:
         notes.append(finding('breakaway_taken_along', factor=(
