@@ -26,7 +26,7 @@ from friction_comp.refinement.findings import experiment, finding
 from friction_comp.refinement.prepare import Rows
 from friction_comp.refinement.result import Errors, Finding, FoundEffect, Predicted, Question
 from friction_comp.refinement.search import Search
-from friction_comp.refinement.stability import Disagreement, RECORDING
+from friction_comp.refinement.stability import Disagreement, POSTURE, RECORDING
 from friction_comp.samples import Samples
 from friction_comp.signal_checks import velocity_fault, velocity_ratios
 from friction_comp.statistics import rms, robust_std
@@ -196,6 +196,9 @@ def beyond_what_was_fitted(variable: str, growth: float) -> Finding:
     if variable == RECORDING:
         return finding('extrapolates', part='A recording', growth=growth,
                        variable='position and speed in each recording')
+    if variable == POSTURE:
+        return finding('extrapolates', part='A sixth of the postures', growth=growth,
+                       variable='the positions of all joints')
     return finding('extrapolates', part=f'A third of the {variable} range', growth=growth,
                    variable=f'{variable}, in another order')
 
