@@ -31,10 +31,12 @@ _QUANTITIES = {
     'load': 'load tau+b tau+ext wrench',
     'link_torque': 'jts torque+sensor+joint joint+torque+sensor tau+link',
     'temperature': 'temperature temperatures temp temps temperatur motortemperatur',
-    # What is none of the signals, though one of its words is.
+    # What is none of the signals, though one of its words is: an electrical angle is a multiple of
+    # the shaft's, by the pairs of poles.
     '': 'ddq qdd qddot acc acceleration accelerations accel ddtheta error errors err limit limits '
         'max min std variance gain kp kd present+load id voltage power energy status bits '
-        'bus supply battery',
+        'bus supply battery electrical+angle electrical+position electrical+degrees elec+angle '
+        'elec+pos angle+elec theta+elec',
 }
 _MEASURED = {'actual', 'act', 'measured', 'meas', 'present', 'feedback', 'fb', 'observed', 'sensed',
              'observation', 'observations', 'obs', 'mean', 'avg', 'average', 'real', 'applied',
@@ -70,10 +72,11 @@ _WORD = re.compile(r'[^\W\d_]+|\d+')
 _CAMEL = re.compile(r'(?<=[a-z])(?=[A-Z])')
 # What is no unit of the package, but says that a column is in none of its units either.
 _OTHER_UNITS = {'%', 'percent', 'pct', 'v', 'mv', 'w', 'lsb', 'tick', 'ticks', 'count', 'counts',
-                'pulse', 'pulses', 'inc', 'increments', 'grad', 'raw', 'p.u.', 'pu', 'a.u.', 'au'}
+                'pulse', 'pulses', 'inc', 'increments', 'grad', 'raw', 'p.u.', 'pu', 'a.u.', 'au',
+                'edeg', 'erpm'}
 # Units that are more often something else, unless they are the last word.
 _LAST_ONLY = {'A', 's', 'C', 'sec', 'seconds'}
-_NEVER = {'m', 'N', 'h', 'in'}      # of a motor, of an input
+_NEVER = {'m', 'N', 'h', 'in', 'rot', 'rotation'}   # of a motor, of an input, of what rotates
 _DAYS = {'date', 'datum'}           # less than the time of the day beside them
 # What no name of a joint holds: brackets with such a mark hold a unit, though an unknown one.
 _MARK = re.compile(r'[^\w\s.,:_-]')
@@ -119,6 +122,13 @@ def read_name(name: str) -> Reading:
 def is_of_motor(name: str) -> bool:
     """Return whether a name says that a motor is measured, perhaps before its gear."""
     return bool({word.lower() for _, word in _parts(name)} & _MOTOR)
+
+
+def in_turns_of(name: str) -> str:
+    """Return the make of a drive that reports turns and calls a position so; '' if none does."""
+    words = [word.lower() for _, word in _parts(name)]
+    estimated = [word for word in words if not word.isdigit()][-2:] == ['pos', 'estimate']
+    return 'ODrive' if estimated or {'odrive', 'odrv'} & set(words) else ''
 
 
 def is_target(name: str) -> bool:

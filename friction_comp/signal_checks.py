@@ -73,6 +73,10 @@ _VELOCITY_UNITS = {
     math.radians(1.0): 'position is in degrees, not rad',
     2.0 * math.pi: 'position is in turns, not rad',
     0.001: 'position is in mrad, or velocity in 1000 rad/s',
+    60.0: 'position is in turns and velocity in turns per minute, not rad and rad/s',
+    360.0: 'position is in turns and velocity in deg/s, not rad and rad/s',
+    1.0 / 6.0: 'position is in degrees and velocity in turns per minute, not rad and rad/s',
+    1.0 / 360.0: 'position is in degrees and velocity in turns per second, not rad and rad/s',
 }
 
 

@@ -23,7 +23,9 @@ _WORDS = {
     'deg': (_TURN / 360.0, 'angle'), 'degree': (_TURN / 360.0, 'angle'),
     'degrees': (_TURN / 360.0, 'angle'), '°': (_TURN / 360.0, 'angle'),
     'turn': (_TURN, 'angle'), 'turns': (_TURN, 'angle'), 'rev': (_TURN, 'angle'),
-    'revolution': (_TURN, 'angle'), 'rpm': (_TURN / 60.0, 'angle/time'),
+    'revolution': (_TURN, 'angle'), 'revolutions': (_TURN, 'angle'), 'revs': (_TURN, 'angle'),
+    'rotation': (_TURN, 'angle'), 'rotations': (_TURN, 'angle'), 'rot': (_TURN, 'angle'),
+    'rpm': (_TURN / 60.0, 'angle/time'),
     'RPM': (_TURN / 60.0, 'angle/time'), 'dps': (_TURN / 360.0, 'angle/time'),
     'rps': (_TURN, 'angle/time'), 'radps': (1.0, 'angle/time'), 'rads': (1.0, 'angle/time'),
     'radian': (1.0, 'angle'), 'radians': (1.0, 'angle'),
@@ -37,7 +39,7 @@ _WORDS = {
     'kip': (1e3 * _POUND * _STANDARD, 'force'), 'kgf': (_STANDARD, 'force'),
     'gf': (1e-3 * _STANDARD, 'force'), 'kg': (_STANDARD, 'force'),
     'C': (1.0, 'temperature'), '°C': (1.0, 'temperature'), 'degC': (1.0, 'temperature')}
-_PER_MINUTE = {'1/min', 'U/min', 'min-1', 'min^-1', 'min⁻¹'}
+_PER_MINUTE = {'1/min', 'r/min', 'U/min', 'min-1', 'min^-1', 'min⁻¹'}
 _WITH_PREFIX = {'rad': 'angle', 'm': 'length', 's': 'time', 'N': 'force', 'Nm': 'torque',
                 'A': 'current'}
 _PREFIXES = {'': 1.0, 'k': 1e3, 'c': 1e-2, 'm': 1e-3, 'µ': 1e-6, 'u': 1e-6, 'n': 1e-9, 'M': 1e6}

@@ -232,3 +232,49 @@ def test_friction_between_joints_without_a_width_is_refused(width):
              'coefficients': [0.1, 0.2], 'width': width}
     with pytest.raises(InputError, match='coupling'):
         Coupling.from_dict({'groups': [group]})
+
+
+def repeated(rng, period, times, joints, step=0.02):
+    """Return motion on a path of a few harmonics that is driven several times."""
+    count = np.arange(1, 6)[:, None]
+    rate = 2.0 * np.pi / period * count
+    share = 0.8 * rng.uniform(0.3, 1.0, (5, joints)) / count ** 0.7
+    phase = rng.uniform(0.0, 2.0 * np.pi, (5, joints))
+    angle = rate * step * np.arange(round(times * period / step))[:, None, None] + phase
+    return ((share * np.sin(angle)).sum(axis=1), (share * rate * np.cos(angle)).sum(axis=1),
+            (-share * rate ** 2 * np.sin(angle)).sum(axis=1))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('seed', [1, 2, 5])
+def test_the_error_on_another_path_is_said_where_the_path_does_not_tell_the_terms(seed):
+    """Parts of a path that is driven three times say nothing: of five joints, many terms fit it."""
+    rng = np.random.default_rng(seed)
+    names = ('1', '2', '3', '4', '5')
+    groups = groups_for(names, '2')
+    gains = 0.12 * rng.standard_normal((len(groups), 2)) * (rng.random((len(groups), 1)) < 0.5)
+
+    def recorded(times):
+        q, v, a = motion = repeated(rng, 10.0, times, len(names))
+        torque = 1.5 * np.cos(q[:, 1]) + 0.3 * np.tanh(v[:, 1] / 0.01) + 0.2 * v[:, 1]
+        torque += 0.3 * a[:, 1] + 0.02 * rng.standard_normal(len(q))
+        for group, gain in zip(groups, gains):
+            columns = group.columns(names, *motion)
+            torque += columns @ gain[:columns.shape[1]]
+        return replace(seen_by('2', names, torque, motion), time=0.02 * np.arange(len(q)))
+    result = refine([recorded(3)])
+    other = recorded(2)
+    error = rms(other.current - result.model.predict(other))
+    # Parts that were not fitted say half of it at most.
+    assert error > 2.0 * result.report.after.held_out_rmse
+    assert 0.6 * error < result.report.after.elsewhere_rmse < 2.0 * error
+    assert result.report.verdict != 'trust'
+
+
+def test_where_the_motion_tells_the_terms_no_larger_error_is_said():
+    rng = np.random.default_rng(4)
+    names = ('shoulder', 'elbow', 'wrist')
+    currents, motion = planar(rng, 2000)
+    report = refine([seen_by('elbow', names, currents[1], motion)]).report
+    assert report.thirds['posture'] < 1.1
+    assert report.after.elsewhere_rmse < 1.2 * report.after.held_out_rmse

@@ -12,12 +12,18 @@ from scipy.io import savemat
 from table_maker import swing, write
 
 from friction_comp import InputError, Layout, read_recording
+from friction_comp.__main__ import main
 from friction_comp.column_names import read_name
 from friction_comp.column_values import date_in_seconds
 from friction_comp.columns import assign
 from friction_comp.recordings import read_recording_with_info
 from friction_comp.recordings.row_times import fresh_rows, fresh_velocity
 from friction_comp.recordings.sources import find_recordings, recorded_joints
+from friction_comp.refinement.judge import other_turn
+from friction_comp.refinement.result import FoundEffect
+from friction_comp.signal_checks import velocity_fault, velocity_ratios
+
+TURN = 2.0 * math.pi
 
 
 def rows(factor=1.0, offset=0.0):
@@ -193,3 +199,109 @@ def test_other_joints_in_columns_without_names_are_asked_for():
     assert '6 other columns have no names' in note
     assert 'q_1,q_2,tau_1,tau_2' in note
     assert not assign(['1', '5', '9'], layout, 'log').notes
+
+
+@pytest.mark.parametrize('names', [
+    ('pos_estimate', 'vel_estimate', 'Iq_measured'),
+    ('odrv0.axis1.encoder.pos_estimate', 'odrv0.axis1.encoder.vel_estimate',
+     'odrv0.axis1.motor.current_control.Iq_measured'),
+    ('ODrive 2 Position', 'ODrive 2 Velocity', 'ODrive 2 Current')])
+def test_the_names_of_a_drive_that_reports_turns_are_asked_for_their_unit(tmp_path, names):
+    time, position, velocity = swing(6000)
+    path = write(tmp_path / 'log.csv', time=time, **dict(zip(names, (
+        position / TURN, velocity / TURN, np.sign(velocity)))))
+    with pytest.raises(InputError, match='--unit position=turn,velocity=turn/s, or position=rad'):
+        read_recording(path)
+    samples, = read_recording(path, layout=Layout(units={'position': 'turn', 'velocity': 'turn/s'}))
+    np.testing.assert_allclose(samples.position, position, atol=1e-9)
+    np.testing.assert_allclose(samples.velocity, velocity, atol=1e-9)
+    # Half of the units is asked for the other half.
+    with pytest.raises(InputError, match='velocity is in turns per second'):
+        read_recording(path, layout=Layout(units={'position': 'turn'}))
+
+
+@pytest.mark.parametrize('name', ['pos', 'position_estimate', 'estimated_pos', 'pos_estimate [rad]',
+                                  'pos_estimate_rad', 'drive_pos', 'position_odrivetrain'])
+def test_other_names_of_a_position_are_not_asked(tmp_path, name):
+    time, position, velocity = swing()
+    samples, = read_recording(write(tmp_path / 'log.csv', **{
+        'time': time, name: position, 'tau': np.sign(velocity)}))
+    np.testing.assert_allclose(samples.position, position, atol=1e-9)
+
+
+@pytest.mark.parametrize(('name', 'factor'), [
+    ('position [rotations]', 1.0 / TURN), ('pos_revs', 1.0 / TURN), ('position (rot)', 1.0 / TURN),
+    ('rotation [deg]', 360.0 / TURN), ('pos_rot', 1.0), ('wheel_rotation_angle', 1.0)])
+def test_words_for_a_turn_are_units_where_they_can_be_nothing_else(tmp_path, name, factor):
+    time, position, velocity = swing()
+    path = write(tmp_path / 'log.csv', **{
+        'time': time, name: factor * position, 'tau': np.sign(velocity)})
+    samples, = read_recording(path)
+    np.testing.assert_allclose(samples.position, position, atol=1e-9)
+
+
+@pytest.mark.parametrize('name', ['electrical_angle', 'theta_elec', 'angle (electrical degrees)',
+                                  'position [edeg]'])
+def test_an_electrical_angle_is_no_position_of_a_joint(tmp_path, name):
+    time, position, velocity = swing()
+    path = write(tmp_path / 'log.csv', **{'time': time, name: 7.0 * position, 'tau': velocity})
+    with pytest.raises(InputError, match='position'):
+        read_recording(path)
+    write(path, **{'time': time, name: 7.0 * position, 'q': position,
+                   'electrical_torque': np.sign(velocity)})
+    samples, = read_recording(path)
+    np.testing.assert_allclose(samples.position, position, atol=1e-9)
+
+
+@pytest.mark.parametrize(('angle', 'rate', 'said'), [
+    (1.0 / TURN, 60.0 / TURN, 'turns and velocity in turns per minute'),
+    (1.0 / TURN, 360.0 / TURN, 'turns and velocity in deg/s'),
+    (360.0 / TURN, 60.0 / TURN, 'degrees and velocity in turns per minute'),
+    (360.0 / TURN, 1.0 / TURN, 'degrees and velocity in turns per second'),
+    (1.0, 60.0 / TURN, 'velocity is in turns per minute'), (1.0, 1.0, '')])
+def test_a_position_and_a_velocity_of_two_units_name_both(angle, rate, said):
+    time, position, velocity = swing()
+    assert said in velocity_fault(velocity_ratios(time, angle * position, rate * velocity), 1.2)
+    assert not velocity_fault(velocity_ratios(time, position, velocity), 1.2)
+
+
+def ripple(low, high):
+    return FoundEffect('cogging', 'position', 1.0, 1.0, {}, {'frequency': [low, high]}, None, '',
+                       '')
+
+
+@pytest.mark.parametrize(('waves', 'said'), [
+    # As of a public winch, whose positions are turns: 14 and 12 times 2π.
+    ([(87.909, 87.980), (75.350, 75.424)], '14, 12 if position is in turn'),
+    ([(0.2440, 0.2445), (0.7329, 0.7332)], '14, 42 if position is in deg'),
+    ([(13.99, 14.02), (75.350, 75.424)], ''),         # one is no whole number in turns
+    ([(87.96, 88.02), (37.68, 38.01)], ''),           # whole in rad, too
+    ([(87.7, 87.98)], ''),                            # by chance
+    ([], '')])
+def test_ripples_tell_in_which_unit_a_turn_is_one(waves, said):
+    found = other_turn([ripple(*ends) for ends in waves])
+    assert said in found.text if said else found is None
+
+
+def test_ripples_of_any_gear_seldom_tell_another_unit():
+    rng = np.random.default_rng(5)
+    first = rng.uniform(5.0, 200.0, (2000, 1)) * rng.integers(1, 4, (2000, 2))
+    alarms = sum(other_turn([ripple(k - 0.03, k + 0.03) for k in waves]) is not None
+                 for waves in first)
+    assert alarms <= 20
+    assert sum(other_turn([ripple(k - 0.03, k + 0.03) for k in TURN * np.round(waves)]) is not None
+               for waves in first) > 1900
+
+
+def test_a_motor_in_turns_is_told_by_its_cogging(tmp_path):
+    time = 0.005 * np.arange(8000)
+    turns = 4.0 * np.sin(0.35 * time) + 1.5 * np.sin(0.9 * time)
+    velocity = 1.4 * np.cos(0.35 * time) + 1.35 * np.cos(0.9 * time)
+    effort = (np.tanh(20.0 * velocity) + 0.3 * velocity + 0.5 * np.sin(7.0 * TURN * turns)
+              + 0.3 * np.cos(12.0 * TURN * turns)
+              + 0.05 * np.random.default_rng(3).normal(size=8000))
+    for factor, told in ((1.0, True), (TURN, False)):
+        path = write(tmp_path / 'log.csv', time=time, position=factor * turns, tau=effort)
+        assert main(['refine', str(path), '--output', str(tmp_path / 'out')]) == 0
+        report = json.loads((tmp_path / 'out' / 'report.json').read_text())
+        assert any('if position is in turn' in reason for reason in report['reasons']) == told

@@ -117,13 +117,18 @@ def assumed_in(given: Given, recordings: Iterable[tuple[Samples, RecordingInfo]]
         key = ', '.join(columns), unit
         spans[key] = max(span, spans.get(key, 0.0))
         steps.setdefault(key, []).append(samples.sample_time)
-    # A joint seldom turns that far, but by as many degrees.
     return [f'{columns} (position covers {span:.3g} rad, {span / 6.2832:.2g} turns'
-            f'{f", or {span / 57.296:.3g} rad if these are degrees" * (span > 6.2832)}; '
+            f'{_in_other_units(span)}; '
             f'rows are {_between(steps[columns, unit])} ms apart); --unit gives others' + (
                 f'. A weight that repeats every turn explains the effort if position is in {unit}'
                 if unit else '')
             for (columns, unit), span in spans.items()]
+
+
+def _in_other_units(span: float) -> str:
+    """Return what a range, rad, of more than a turn is otherwise: a joint seldom turns so far."""
+    return (f', or {span / 57.296:.3g} rad if these are degrees, {6.2832 * span:.3g} if turns'
+            if span > 6.2832 else '')
 
 
 def _between(steps: list[float]) -> str:

@@ -125,7 +125,8 @@ def to_samples(scan: Scan, joint: str | None,
             ('stamp far off', np.count_nonzero(finite & outlier))):
         if count:
             info.notes.append(f'{count} joint states left out: {reason}')
-    fresh = row_times.fresh_rows(1e-9 * stamp[order], position[order], info.notes)
+    fresh = row_times.measured_rows(1e-9 * stamp[order], position[order], effort[order],
+                                    info.notes)
     (velocity, measured), order = (
         row_times.fresh_velocity(velocity, order, fresh, info.notes), order[fresh])
     odd = _glitches(position[order])

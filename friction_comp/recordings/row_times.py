@@ -3,7 +3,8 @@
 """When the rows of a log were really measured.
 
 A logger may write faster than values arrive: rows then repeat the last value, and the true rate is
-that of the changes. Or it may round times: several different rows then share one time.
+that of the changes. Where these values were interpolated before they were saved, rows repeat the
+slope instead. Or a logger may round times: several different rows then share one time.
 """
 
 from __future__ import annotations
@@ -17,6 +18,10 @@ from friction_comp.statistics import smallest_step
 _FEWEST_CHANGES = 50
 # Share of earlier times than the one before above which rows are in no order.
 _SHUFFLED = 0.1
+# A bend of this share of the large ones, as half of all bending is made of, is one; the share of
+# motion that must be straight, and of bends that may be none of lines between measured values; and
+# the longest time between two such values, s: two turns of a motion in straight lines are farther.
+_BENT, _STRAIGHT, _ODD, _SLOWEST = 0.1, 0.3, 0.05, 0.25
 # Share of velocities that may differ from zero where positions are held, of those where one is new.
 _FEW = 0.1
 
@@ -97,6 +102,71 @@ def fresh_rows(time: np.ndarray, position: np.ndarray, notes: list[str]) -> np.n
                  f'used, {len(rows) / max(duration, 1e-9):.3g} Hz is the rate at which it is '
                  'measured')
     return rows
+
+
+def measured_rows(time: np.ndarray, position: np.ndarray, effort: np.ndarray, notes: list[str]
+                  ) -> np.ndarray:
+    """Return the indices of the rows at which position and effort were measured.
+
+    It is `fresh_rows`, or the rows at which lines between measured values bend: what is between was
+    interpolated, and tells no more. Signals have shape (N,), times ascend.
+    """
+    rows = fresh_rows(time, position, notes)
+    if len(rows) < len(time):
+        return rows
+    for name, values in (('position', position), ('effort', effort)):
+        # Times may be rounded, and values interpolated over evenly spaced ones.
+        for axis in (time, np.linspace(time[0], time[-1], len(time))):
+            bends, apart = _bends_of_lines(axis, values)
+            if len(bends):
+                # A straight motion does not bend at each of them.
+                rows = np.unique(np.concatenate([
+                    np.round(np.linspace(begin, end, max(round((end - begin) / apart), 1) + 1))
+                    for begin, end in zip([0, *bends], [*bends, len(time) - 1])])).astype(int)
+                notes.append(
+                    f'{name} was interpolated, in straight lines over {apart:.3g} rows: {len(rows)}'
+                    f' of {len(time)} rows are used, those near the measured values, '
+                    f'{len(rows) / max(float(time[-1] - time[0]), 1e-9):.3g} Hz')
+                return rows
+    return rows
+
+
+def _bends_of_lines(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return the rows at which straight lines bend, and how many rows these are apart.
+
+    Without such lines there are none. A line bends in one row, or in the two beside a value between
+    them, then to the same side. Noise and steps of an encoder bend to and fro in each row, and
+    smooth motion bends everywhere.
+    """
+    none = np.empty(0, dtype=int), 0.0
+    if len(values) < _FEWEST_CHANGES:
+        return none
+    slope = np.diff(values) / np.diff(time)
+    bend = np.diff(slope)
+    size = np.sort(np.abs(bend))[::-1]
+    total = np.cumsum(size)
+    bent = np.abs(bend) > _BENT * size[min(np.searchsorted(total, 0.5 * total[-1]), len(size) - 1)]
+    moves = (slope[1:] != 0.0) | (slope[:-1] != 0.0)
+    if not bent.any() or np.mean(bent[moves]) > 1.0 - _STRAIGHT:
+        return none
+    after = bent[:-1] & bent[1:]
+    odd = np.count_nonzero(after & (bend[:-1] * bend[1:] < 0.0)) + np.count_nonzero(
+        after[:-1] & after[1:])
+    first = np.flatnonzero(bent & ~np.concatenate(([False], after)))
+    if len(first) < _FEWEST_CHANGES or odd > _ODD * len(first):
+        return none
+    between = np.diff(first)
+    usual = np.quantile(between, 0.25)
+    apart = float(np.mean(between[between <= 1.5 * usual]))
+    step = float(np.median(np.diff(time)))
+    # A steady acceleration in steps of an encoder bends by one, at no regular distance.
+    coarse = np.mean(step * np.abs(bend[first]) < 1.5 * smallest_step(values)) > 0.5
+    if apart < 2.0 or apart * step > _SLOWEST or (
+            coarse and np.mean(between % round(apart) == 0) < 1.0 - _ODD):
+        return none
+    # Of two rows, that which is nearer to the value between them bends more.
+    later = np.append(np.abs(bend[1:]) > np.abs(bend[:-1]), False) & np.append(after, False)
+    return first + 1 + later[first], apart
 
 
 def fresh_velocity(velocity: np.ndarray | None, order: np.ndarray, fresh: np.ndarray,

@@ -12,7 +12,7 @@ import re
 
 import numpy as np
 
-from friction_comp.column_names import is_of_motor, skeleton
+from friction_comp.column_names import in_turns_of, is_of_motor, skeleton
 from friction_comp.columns import assign
 from friction_comp.errors import InputError
 from friction_comp.files import write_atomically
@@ -137,9 +137,14 @@ class TableScanner:
         """
         for place, column in enumerate(self._use.columns):
             said, values = f'{self._path}: column {column.name!r}', columns[column.name]
-            if column.signal == 'position' and not column.stated and (
-                    fault := angle_fault(values)):
-                raise InputError(f'{said} {fault}: give its unit, --unit position=turn, deg or rad')
+            if column.signal == 'position' and not column.stated:
+                if fault := angle_fault(values):
+                    raise InputError(
+                        f'{said} {fault}: give its unit, --unit position=turn, deg or rad')
+                if make := in_turns_of(column.name):
+                    raise InputError(
+                        f'{said} is called as by {make}, which reports turns: give its unit, '
+                        '--unit position=turn,velocity=turn/s, or position=rad')
             if column.signal != 'time' or self._layout.rate:
                 continue
             if in_no_order(values):

@@ -13,24 +13,15 @@ import numpy as np
 
 from friction_comp.drive import Drive
 from friction_comp.model.differentiation import as_recorded, shifted_in_time
-from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement import recorded_motion, thresholds
 from friction_comp.refinement.block_sums import held_out_error
-from friction_comp.refinement.effect_columns import (
-    eq6_columns,
-    EQ6_LINEAR,
-    first_model,
-    neighbourhood,
-    proposals,
-    Table,
-    Term,
-)
+from friction_comp.refinement.effect_columns import eq6_columns, EQ6_LINEAR, proposals, Table, Term
 from friction_comp.refinement.lag import best_lag, best_response, ENOUGH
 from friction_comp.refinement.prepare import prepare, Rows
 from friction_comp.refinement.search import adjust_constants, Search
-from friction_comp.refinement.stability import Intervals
+from friction_comp.refinement.stability import Intervals, starts_of
 from friction_comp.samples import Samples
 
 # Share of the top speed over which the friction of a plain drive changes sign.
@@ -143,17 +134,9 @@ class EffectSearch(Search):
         return terms
 
     def starts(self) -> list[list[Term]]:
-        """Return the starts of the search: the first model, without and with neighbouring links.
-
-        Weight, spring and inertia may cancel in a motion, so that each helps only with the others.
-        """
-        table, rows = self.table, self.table.rows
-        plain = [term for term in table.add(first_model(table)) if term.kind not in self._known]
-        starts: list[list[Term]] = [plain]
-        if rows.joints and rows.samples.rigid_body is None:
-            kind = EFFECTS['other_joints']
-            starts.append([*plain, *table.add([Term(kind, {}, group) for group in neighbourhood(
-                rows.joints, rows.samples.joint)])])
+        """Return the starts of the search, without what the initial model has."""
+        starts = [[term for term in start if term.group or term.kind not in self._known]
+                  for start in starts_of(self.table)]
         for start in starts:
             self._retained.update(start)
         return starts
@@ -206,8 +189,7 @@ def search_with(problem: Problem, settings: dict[str, Any] | None = None,
     for first_terms in starts:
         table.set_transition(*transition)
         terms = search.search_from(first_terms)
-        ends.append((search.error(terms) * (1.0 + thresholds.LEAST_SHARE) ** len(terms),
-                     terms, table.transition, search.candidates))
+        ends.append((search.cost(terms), terms, table.transition, search.candidates))
     _, terms, transition, candidates = min(ends, key=lambda end: end[0])
     table.set_transition(*transition)
     return Fit(table, terms, len(initial), settings,

@@ -139,6 +139,14 @@ class Table:
             size += len(self.columns_of[term])
         return part
 
+    def without(self, region: int) -> Table:
+        """Return the sums of all cells but those of a region; columns cannot be changed in it."""
+        rest, kept = copy.copy(self), self.region != region
+        rest.sums = BlockSums(self.sums.gram[kept], self.sums.rows[kept], self.sums.signs)
+        rest.block, rest.region = (np.unique(which[kept], return_inverse=True)[1]
+                                   for which in (self.block, self.region))
+        return rest
+
     def add(self, terms: Sequence[Term], part: Table | None = None) -> list[Term]:
         """Add terms, whose columns a part of the table may have; return the finite ones."""
         fresh: dict[Term, np.ndarray] = {}

@@ -53,6 +53,10 @@ _FINDINGS = {
     'counted': (
         IN_PART, 'The steps of the velocity are coarse: motion at changing speed is predicted with '
         '{growth:.2g} times the error.', 'a velocity with finer steps'),
+    'other_turn': (
+        IN_PART, 'No whole number of ripples is in a turn of 2π, but {numbers} if position is in '
+        '{unit}: its unit, which is taken for rad, seems to be this.',
+        'nothing: give the unit, --unit position={unit}'),
     'unexplained': (IN_PART, 'The remaining error depends on {variable}: {note}.', ''),
     'ambiguous': (IN_PART, '{variables}: {why}.', '{experiment}'),
     'other_joints': (

@@ -24,9 +24,9 @@ from friction_comp.refinement.dependence import Dependence, rank_correlation
 from friction_comp.refinement.effect_columns import first_model, Table
 from friction_comp.refinement.findings import experiment, finding
 from friction_comp.refinement.prepare import Rows
-from friction_comp.refinement.result import Errors, Finding, Predicted, Question
+from friction_comp.refinement.result import Errors, Finding, FoundEffect, Predicted, Question
 from friction_comp.refinement.search import Search
-from friction_comp.refinement.stability import Disagreement, RECORDING
+from friction_comp.refinement.stability import Disagreement, POSTURE, RECORDING
 from friction_comp.samples import Samples
 from friction_comp.signal_checks import velocity_fault, velocity_ratios
 from friction_comp.statistics import rms, robust_std
@@ -35,6 +35,10 @@ STEPS = 'steps of the velocity'
 """Stands among variables for the error that `report.error_by_steps` returns."""
 # Every so many samples show whether joints move as one.
 _EVERY = 10
+# Waves a turn of 2π of what repeats once a turn, where positions are in these units instead of rad,
+# and the share of cases in which chance may say so.
+_TURNS, _CHANCE = {'turn': 2.0 * math.pi, 'deg': 2.0 * math.pi / 360.0}, 0.01
+
 
 
 def errors_of(rows: Rows, predicted: Predicted, name: str, growth: float = 1.0) -> Errors:
@@ -162,6 +166,30 @@ def findings_on_model(fit: Fit) -> Iterator[Finding]:
             yield finding('doubtful', doubt=doubt)
 
 
+def other_turn(effects: Sequence[FoundEffect]) -> Finding | None:
+    """Return the finding that ripples repeat a whole number of times a turn in a unit but rad.
+
+    What a motor or gear repeats, it repeats a whole number of times a turn; the intervals of some
+    ripple exclude that, and those of all hold it for another turn, by chance in 1 % of cases.
+    """
+    waves = [np.array(effect.intervals['frequency']) for effect in effects
+             if 'frequency' in effect.intervals]
+
+    def whole(turn: float) -> list[float]:
+        """Return the whole number in each interval, NaN where there is none."""
+        return [low if (low := math.ceil(ends[0] / turn)) <= ends[1] / turn else math.nan
+                for ends in waves]
+    if not np.isnan(whole(1.0)).any():
+        return None
+    for unit, turn in _TURNS.items():
+        chance = math.prod(min(float(np.ptp(ends)) / turn, 1.0) for ends in waves)
+        numbers = whole(turn)
+        if chance < _CHANCE and min(numbers) > 0.0 and not np.isnan(numbers).any():
+            return finding('other_turn', unit=unit, numbers=', '.join(
+                f'{number:g}' for number in numbers))
+    return None
+
+
 def beyond_what_was_fitted(variable: str, growth: float) -> Finding:
     """Return the finding that the error is `growth` times as large elsewhere."""
     if variable == STEPS:
@@ -169,6 +197,9 @@ def beyond_what_was_fitted(variable: str, growth: float) -> Finding:
     if variable == RECORDING:
         return finding('extrapolates', part='A recording', growth=growth,
                        variable='position and speed in each recording')
+    if variable == POSTURE:
+        return finding('extrapolates', part='A sixth of the postures', growth=growth,
+                       variable='the positions of all joints')
     return finding('extrapolates', part=f'A third of the {variable} range', growth=growth,
                    variable=f'{variable}, in another order')
 

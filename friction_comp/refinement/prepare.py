@@ -155,13 +155,13 @@ def clipped(current: np.ndarray) -> np.ndarray:
     return mark
 
 
-def regions_of(position: np.ndarray) -> np.ndarray:
+def regions_of(position: np.ndarray, count: float = thresholds.REGIONS) -> np.ndarray:
     """Return the region of posture of each row, shape (R,), by joint positions, shape (R, J)."""
     scaled = (position - position.mean(axis=0)) / (position.std(axis=0) + 1e-9)
     with warnings.catch_warnings():
         # Regions may be empty.
         warnings.simplefilter('ignore', UserWarning)
-        return np.asarray(kmeans2(scaled, int(thresholds.REGIONS), minit='++', seed=0)[1])
+        return np.asarray(kmeans2(scaled, int(count), minit='++', seed=0)[1])
 
 
 def samples_per_row(samples: Samples, usable: int) -> int:

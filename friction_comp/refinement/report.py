@@ -28,7 +28,14 @@ from friction_comp.refinement.result import (
     Predicted,
     RefinementReport,
 )
-from friction_comp.refinement.stability import disagreement, LeftOutThirds, Parameter, RECORDING
+from friction_comp.refinement.stability import (
+    disagreement,
+    growth_elsewhere,
+    LeftOutThirds,
+    Parameter,
+    POSTURE,
+    RECORDING,
+)
 from friction_comp.samples import Samples
 from friction_comp.statistics import quantile_edges, rms, smallest_step
 
@@ -48,6 +55,8 @@ def report_of(problem: Problem, fit: Fit, start: Predicted, refined: Predicted, 
     dependences = [*clipping_dependence(rows), *unnamed_dependence(fit), *remaining_dependences(
         rows.at_rows, rows.averaged(refined.held_out), rows.coverage.slowest)]
     growth = LeftOutThirds(fit.table, fit.terms).error_growth(fit.terms)
+    if POSTURE in growth:
+        growth[POSTURE] = growth_elsewhere(fit.table, fit.terms, fit.initial_count)
     between = disagreement(fit.table, fit.terms)
     if between:
         growth[RECORDING] = between.growth
@@ -67,6 +76,10 @@ def report_of(problem: Problem, fit: Fit, start: Predicted, refined: Predicted, 
     what = 'Presliding is' if model.breakaway else 'Breakaway and presliding are'
     notes = ([finding('no_presliding', what=what, why=refined.no_presliding)]
              if refined.no_presliding else [])
+    # A unit that was given is right.
+    if any(' in rad' in one.partition(' (')[0] for one in origin.assumed) and (
+            other := judge.other_turn(effects)):
+        notes.append(other)
     old, now = problem.model and problem.model.breakaway, model.breakaway
     if old and now and now != old:
         notes.append(finding('breakaway_taken_along', factor=(

@@ -113,6 +113,10 @@ class Search:
         """Return the sum of the held-out squared errors of a fit of some terms."""
         return total(self.errors(terms))
 
+    def cost(self, terms: Sequence[Term]) -> float:
+        """Return the held-out error by which ends of searches are compared: each term costs."""
+        return self.error(terms) * (1.0 + thresholds.LEAST_SHARE) ** len(terms)
+
     def is_improvement(self, before: Sequence[np.ndarray], after: Sequence[np.ndarray],
                        share: float = 1.0) -> bool:
         """Return whether all `errors` decrease clearly, by `share` of the thresholds."""

@@ -31,6 +31,9 @@ BLOCKS = Threshold(
     16, 'blocks', 'long enough to differ, and enough of them for statistics')
 REGIONS = Threshold(
     3, 'regions', 'of posture, if several joints moved')
+POSTURES = Threshold(
+    6, 'regions', 'of posture, each of which a whole search does without: with fewer, what is left '
+    'out is unlike all others, and what it says depends on how they are drawn')
 # Bandwidth, lag and transition.
 EQUIVALENT = Threshold(
     0.005, 'of the error', 'less is ignored: the wider bandwidth or sharper transition is used')
