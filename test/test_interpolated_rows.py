@@ -2,10 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Logs whose values were interpolated to more rows than were measured."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from recording_maker import DATA, needs_data
 from table_maker import write
 
 from friction_comp import read_recording, Samples
@@ -13,8 +12,6 @@ from friction_comp.recordings import read_recording_with_info
 from friction_comp.recordings.row_times import measured_rows
 from friction_comp.refinement import refine
 
-DATA = Path(__file__).resolve().parents[2] / 'shared' / 'data'
-DATA = DATA if DATA.is_dir() else Path('/work/shared/data')
 COUNT = 2.0 * np.pi / 4096.0
 
 
@@ -95,21 +92,19 @@ def test_smooth_motion_and_steps_of_an_encoder_are_no_lines(rate, count, noise):
         assert not any('interpolated' in note for note in notes), name
 
 
+@needs_data
 @pytest.mark.parametrize('name', [
     'ak80_load', 'ak80_no_load', 'bam_xl330', 'bldc_under_speed_control', 'emps',
     'kinova_gen3_joint7', 'kuka_kr300_axis1', 'ur10e_joint1', 'ur10e_joint2'])
 def test_no_measured_recording_is_called_interpolated(name):
-    if not (DATA / name).is_dir():
-        pytest.skip(f'{DATA / name} is not there')
     for part in ('fit', 'score'):
         (_, info), = read_recording_with_info(DATA / name / part)
         assert not any('interpolated' in note for note in info.notes)
 
 
+@needs_data
 def test_a_measured_recording_that_was_interpolated_is_as_certain_as_before(tmp_path):
     """Rows that are not independent gave a fifth less error than another recording showed."""
-    if not (DATA / 'ur10e_joint1').is_dir():
-        pytest.skip(f'{DATA / "ur10e_joint1"} is not there')
     samples, = read_recording(DATA / 'ur10e_joint1' / 'fit')
     time, position, current = interpolated(
         samples.time, samples.position, samples.current, rate=1000.0)

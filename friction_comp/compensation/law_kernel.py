@@ -41,8 +41,7 @@ AGREEING = 5
 FILTER_TIME = 0.004
 """s of each of the two filters that the law's speed goes through."""
 TAKEN_DISTANCE = math.radians(0.5)
-"""rad that a joint goes farther than at the fastest identified speed while trust falls from 1 to 0.
-"""
+"""rad farther than at the fastest identified speed, over which trust falls from 1 to 0."""
 PACE_TIME, CHANGE_SHARE, CHANGE_SPEED = 0.05, 0.02, 0.003
 """s over which the speed is averaged; relative change and absolute change in rad/s at which the
 largest share is withheld."""
@@ -51,12 +50,9 @@ END_MARGIN, END_BRAKE = 0.03, 1.25
 rad/s², the deceleration with which a joint without help would stop there: from where it takes more,
 help is given back. A person's arm and a trajectory controller come to rest within a degree or two
 of the goal; a smaller margin makes the arm heavier just there. Who brakes with less than
-`END_BRAKE` keeps all help. With 2 rad/s², 4 of 256 joints that run by themselves go farther than
-5 deg.
-"""
+`END_BRAKE` keeps all help. With 2 rad/s², 4 of 256 joints that run by themselves go over 5 deg."""
 BUMP_TIME = 0.05
-"""s; time constant with which an exchanged model or law takes effect under one without slope limit.
-"""
+"""s with which an exchanged model or law takes effect under a law without slope limit."""
 
 
 @njit(cache=True)
@@ -185,8 +181,7 @@ def amplitude(p: Parameters, s: State, positive: bool, speed: float, more: float
     # z is led A does follow speed: it falls where the joint slips, before the slip is detected.)
     rises = settled * min(1.0, speed / p.slow) * (1.0 - within)
     # Beyond the identified speeds friction may rise less.
-    viscous = p.viscous * min(speed, p.identified)
-    level = near + (p.share * (sliding + viscous) - near) * rises
+    level = near + (p.share * (sliding + p.viscous * min(speed, p.identified)) - near) * rises
     return level, start
 
 

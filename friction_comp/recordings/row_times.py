@@ -150,7 +150,7 @@ def _bends_of_lines(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, f
     if not bent.any() or np.mean(bent[moves]) > 1.0 - _STRAIGHT:
         return none
     after = bent[:-1] & bent[1:]
-    odd = np.count_nonzero(after & (bend[:-1] * bend[1:] < 0.0)) + np.count_nonzero(
+    odd = np.count_nonzero(after & ((bend[:-1] < 0.0) != (bend[1:] < 0.0))) + np.count_nonzero(
         after[:-1] & after[1:])
     first = np.flatnonzero(bent & ~np.concatenate(([False], after)))
     if len(first) < _FEWEST_CHANGES or odd > _ODD * len(first):

@@ -40,7 +40,6 @@ _EVERY = 10
 _TURNS, _CHANCE = {'turn': 2.0 * math.pi, 'deg': 2.0 * math.pi / 360.0}, 0.01
 
 
-
 def errors_of(rows: Rows, predicted: Predicted, name: str, growth: float = 1.0) -> Errors:
     """Return the errors of a model; `growth` is the ratio of those in left-out thirds to these."""
     moving, held_out = rows.usable, predicted.held_out
