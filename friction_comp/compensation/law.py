@@ -136,8 +136,8 @@ class CompensationLaw:
         """What limited the current of the continuous law, per joint.
 
         ``taken back``: share of compensation removed because the drive slipped under its preload,
-        or because the joint exceeded the identified speeds; ``beyond identified speeds``: for how
-        long it did, s; ``withheld``: share withheld while the joint slows down, or is faster than
+        or because the joint went on beyond the identified speeds; ``beyond identified speeds``:
+        for how long it was, s; ``withheld``: share withheld while the joint slows down, or is faster than
         before in this movement; ``slips``: how often it slipped under its preload; ``samples
         dropped``: number of implausible samples; ``in doubt``: whether these cause zero current;
         ``not carried``: what the drive's limit, or that of the rate of change, takes from the
