@@ -137,12 +137,12 @@ class CompensationLaw:
 
         ``taken back``: share of compensation removed because the drive slipped under its preload,
         or because the joint went on beyond the identified speeds; ``beyond identified speeds``:
-        for how long it was, s; ``withheld``: share withheld while the joint slows down, or is faster than
-        before in this movement; ``slips``: how often it slipped under its preload; ``samples
-        dropped``: number of implausible samples; ``in doubt``: whether these cause zero current;
-        ``not carried``: what the drive's limit, or that of the rate of change, takes from the
-        effects that carry, A; ``beyond the end``: whether it has been beyond the announced end of
-        its movement.
+        for how long it was, s; ``withheld``: share withheld while the joint slows down, or is
+        faster than before in this movement; ``slips``: how often it slipped under its preload;
+        ``samples dropped``: number of implausible samples; ``in doubt``: whether these cause zero
+        current; ``not carried``: what the drive's limit, or that of the rate of change, takes from
+        the effects that carry, A; ``beyond the end``: whether it has been beyond the announced end
+        of its movement.
         """
         s, p = self._states, self._parameters
         begun = s['started'] == 1
