@@ -110,8 +110,6 @@ RULES = {
     'lag': lambda: other_settings(without_lag),
     'bandwidth again': lambda: other_settings(without_bandwidth),
     'repeated searches': lambda: everywhere('NAMED_SHARE', 0.0),
-    'thirds not fitted': lambda: method(
-        'stability', 'LeftOutThirds', 'without_harmful', lambda self, terms, given: list(terms)),
     'interval without zero': lambda: method(
         'stability', 'Intervals', 'excludes_zero', lambda self, table, key: True),
     'constant at its limit': lambda: everywhere('at_limit', lambda term, coverage: False),

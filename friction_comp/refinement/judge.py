@@ -3,7 +3,7 @@
 """Estimates a model's error on other recordings and how far to trust it.
 
 The error expected on another recording follows from the growth of errors in thirds of the recording
-that were not fitted; see `LeftOutThirds`. Everything else to report is one of the `findings`.
+that were not fitted; see `error_growth`. Everything else to report is one of the `findings`.
 """
 
 from __future__ import annotations
@@ -208,7 +208,7 @@ def findings(fit: Fit, raw: Samples, after: Errors, growth: dict[str, float],
              between: Disagreement | None) -> Iterator[Finding]:
     """Yield all findings on a model.
 
-    `growth` is what `LeftOutThirds.error_growth` returns, `between` how recordings differ.
+    `growth` is what `error_growth` returns, `between` how recordings differ.
     """
     rows, held_out = fit.rows, after.held_out_rmse
     constant = error_of_constant(rows)

@@ -30,13 +30,7 @@ from friction_comp.refinement.report import report_of
 from friction_comp.refinement.result import Origin, Predicted, RefineResult, TRUST
 from friction_comp.refinement.reversals import friction_at_rest
 from friction_comp.refinement.search import adjust_constants, at_limit
-from friction_comp.refinement.stability import (
-    intervals,
-    LeftOutThirds,
-    repeat_search,
-    rivals_of,
-    unsettled,
-)
+from friction_comp.refinement.stability import intervals, repeat_search, rivals_of, unsettled
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
 
@@ -146,7 +140,6 @@ def select_named(fit: Fit) -> Fit:
     terms = [term for k, term in enumerate(fit.terms)
              if k < fit.initial_count or (chosen[term] >= thresholds.NAMED_SHARE and not (
                  links and term.kind.weight and term.kind.needs == ()))]
-    terms = LeftOutThirds(fit.table, terms).without_harmful(terms, fit.initial_count)
     while True:
         fit = refit(fit, terms)
         # The constants were adjusted again, so terms have changed.

@@ -30,8 +30,8 @@ from friction_comp.refinement.result import (
 )
 from friction_comp.refinement.stability import (
     disagreement,
+    error_growth,
     growth_elsewhere,
-    LeftOutThirds,
     Parameter,
     POSTURE,
     RECORDING,
@@ -54,8 +54,8 @@ def report_of(problem: Problem, fit: Fit, start: Predicted, refined: Predicted, 
     model, unit, kept = refined.model, origin.unit, refined is start
     dependences = [*clipping_dependence(rows), *unnamed_dependence(fit), *remaining_dependences(
         rows.at_rows, rows.averaged(refined.held_out), rows.coverage.slowest)]
-    growth = LeftOutThirds(fit.table, fit.terms).error_growth(fit.terms)
-    if POSTURE in growth:
+    growth = error_growth(fit.table, fit.terms)
+    if rows.region.any():
         growth[POSTURE] = growth_elsewhere(fit.table, fit.terms, fit.initial_count)
     between = disagreement(fit.table, fit.terms)
     if between:

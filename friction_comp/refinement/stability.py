@@ -7,15 +7,13 @@ The scatter of the coefficients over resampled blocks gives their intervals.
 
 The next recording will differ from this one in speed, position, time, load or posture. Therefore
 each third of the samples, ordered by each of these, is predicted by a fit to the other thirds. The
-largest of these errors is the error expected elsewhere. A term is left out only if both these
-errors and those of long parts are lower without it.
+largest of these errors is the error expected elsewhere.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from itertools import combinations
 import math
 from typing import NamedTuple
 
@@ -50,7 +48,6 @@ Parameter = int | tuple[Term, str]
 _DRAWS = 200
 # Of how far a fit moves with the derivatives of what is unsettled: these do not go all the way.
 _BEYOND = 1.25
-_PARTS = 'parts'
 RECORDING, POSTURE = 'recording', 'posture'
 """Stand among variables for which of several recordings it was, and for where all joints were."""
 
@@ -229,72 +226,32 @@ def intervals(table: Table, terms: Sequence[Term], others: Sequence[np.ndarray] 
     return Intervals(coefficients, constants, draws, quantile, moved[:len(indices)])
 
 
-class LeftOutThirds:
-    """Errors of terms on thirds of a variable that are left out of the fit, each in turn.
+def error_growth(table: Table, terms: Sequence[Term]) -> dict[str, float]:
+    """Return by variable the error on its thirds, each left out of a fit, over that on blocks.
 
-    Where several joints moved, regions of posture are left out as well. A third counts as far as
-    twice the range of the others: a staircase of speeds has accelerations for milliseconds, a
-    hundred times those of the other samples, and who leaves these out knows nothing of inertia.
+    A third counts as far as twice the range of the others: a staircase of speeds has accelerations
+    for milliseconds, a hundred times those of the other samples, and who leaves these out knows
+    nothing of inertia.
     """
+    averages, columns = table.rows.at_rows, table.indices(terms, derivatives=False)
+    variables = {'speed': np.abs(np.asarray(averages.velocity)), 'position': averages.position,
+                 'time': np.arange(len(table.target)),
+                 'acceleration': np.abs(np.asarray(averages.acceleration)),
+                 'load': averages.load, 'temperature': averages.temperature}
+    # Where nearly all values are equal, as accelerations by a velocity in whole register counts,
+    # all are in one third, and nothing would be left to fit.
+    partitions = {name: part for name, values in variables.items()
+                  if values is not None and np.ptp((part := _thirds(values)) // 2) > 0}
+    full, signs = np.vstack((table.columns[columns], table.target)), table.sums.signs[columns]
 
-    def __init__(self, table: Table, terms: Sequence[Term]) -> None:
-        rows, averages = table.rows, table.rows.at_rows
-        columns = table.indices(terms, derivatives=False)
-        self._table, self._column_index = table, {column: k for k, column in enumerate(columns)}
-        variables = {'speed': np.abs(np.asarray(averages.velocity)), 'position': averages.position,
-                     'time': np.arange(len(table.target)),
-                     'acceleration': np.abs(np.asarray(averages.acceleration)),
-                     'load': averages.load, 'temperature': averages.temperature}
-        # Where nearly all values are equal, as accelerations by a velocity in whole register
-        # counts, all are in one third, and nothing would be left to fit.
-        partitions = {name: part for name, values in variables.items()
-                      if values is not None and np.ptp((part := _thirds(values)) // 2) > 0}
-        partitions[_PARTS] = 2 * rows.block
-        if rows.region.any():
-            partitions[POSTURE] = 2 * np.unique(rows.region, return_inverse=True)[1]
-        full, signs = np.vstack((table.columns[columns], table.target)), table.sums.signs[columns]
-        self._sums = {
-            name: BlockSums.over(full, [part == k for k in range(int(part.max()) // 2 * 2 + 2)],
-                                 signs)
-            for name, part in partitions.items()}
-
-    def mean_errors(self, terms: Sequence[Term]) -> dict[str, float]:
-        """Return the mean squared error for each variable, and for blocks of time (`_PARTS`)."""
-        columns = [self._column_index[column] for column in self._table.indices(
-            terms, derivatives=False)]
-        errors = {}
-        for name, sums in self._sums.items():
-            held_out = sums.errors_without(columns, np.arange(len(sums.rows)) // 2)
-            errors[name] = float(held_out[::2].sum()) / max(float(sums.rows[::2].sum()), 1.0)
-        return {name: max(error, 1e-300) for name, error in errors.items()}
-
-    def error_growth(self, terms: Sequence[Term]) -> dict[str, float]:
-        """Return the ratio of the error for each variable to that of blocks of time."""
-        errors = self.mean_errors(terms)
-        least = errors.pop(_PARTS)
-        return {name: math.sqrt(error / least) for name, error in errors.items()}
-
-    def without_harmful(self, terms: Sequence[Term], initial_count: int) -> list[Term]:
-        """Return the terms without those whose removal lowers the errors of thirds and of parts.
-
-        Of the thirds, the mean logarithm counts. The first `initial_count` terms are kept.
-        """
-        terms = list(terms)
-        while True:
-            errors = self.mean_errors(terms)
-            trials: list[tuple[float, list[Term]]] = []  # growth of the errors, and terms
-            # Two terms that cancel each other have to be removed together.
-            for removed in (some for size in (1, 2)
-                            for some in combinations(terms[initial_count:], size)):
-                rest = [term for term in terms if term not in removed]
-                other = self.mean_errors(rest)
-                growth = sum(math.log(other[name] / errors[name]) for name in errors
-                             if name != _PARTS)
-                if growth < 0.0 and other[_PARTS] <= errors[_PARTS]:
-                    trials.append((growth, rest))
-            if not trials:
-                return terms
-            terms = min(trials, key=lambda trial: trial[0])[1]
+    def error(part: np.ndarray) -> float:
+        """Return the mean squared error of what counts: rows whose number is even."""
+        sums = BlockSums.over(
+            full, [part == k for k in range(int(part.max()) // 2 * 2 + 2)], signs)
+        held_out = sums.errors_without(list(range(len(columns))), np.arange(len(sums.rows)) // 2)
+        return max(float(held_out[::2].sum()) / max(float(sums.rows[::2].sum()), 1.0), 1e-300)
+    least = error(2 * table.rows.block)
+    return {name: math.sqrt(error(part) / least) for name, part in partitions.items()}
 
 
 def starts_of(table: Table) -> list[list[Term]]:
