@@ -169,6 +169,18 @@ def test_few_restless_repetitions_are_not_trusted_for_many_steady_ones():
     assert found <= 13
 
 
+@pytest.mark.parametrize('torque', [0.0, 1.0])
+@pytest.mark.parametrize('order', [[0, 1] * 6, [0] * 6 + [1] * 6])
+def test_a_sensor_that_always_says_the_same_shows_no_difference(torque, order):
+    repetitions = session(order, np.random.default_rng(0))
+    for r in repetitions:
+        r.figures['peak_torque'] = torque
+    comparison = peaks_of(repetitions)
+    assert comparison.difference.mean == pytest.approx(0.0, abs=1e-12)
+    assert comparison.p_value is not None
+    assert not comparison.significant
+
+
 def test_a_torque_that_did_not_suffice_is_not_the_lower_one():
     repetitions = session([0, 1] * 6, np.random.default_rng(0), help=0.4)
     assert peaks_of(repetitions).significant

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from friction_comp.evaluation.neighbours import first_coefficient, Interval, mean_interval
+from friction_comp.evaluation.neighbours import first_coefficient, Interval, mean_interval, NOTHING
 from friction_comp.evaluation.repetitions import Compensation, FIGURES, ODD, Repetition
 from friction_comp.statistics import CONFIDENCE, holm, student_quantile
 
@@ -157,7 +157,7 @@ def _with_change(values: np.ndarray, columns: np.ndarray, place: np.ndarray, sca
     rate = _CHANGE * math.sqrt(float(np.mean(values ** 2))) / max(float(np.ptp(columns[:, 1])), 1.0)
     usual = math.sqrt(float(np.mean(scatter ** 2)))
     row = np.zeros(columns.shape[1])
-    row[1] = usual / max(rate, np.finfo(float).tiny)
+    row[1] = usual / max(rate, math.sqrt(NOTHING))
     return (np.append(values, 0.0), np.vstack([columns, row]), np.append(place, np.inf),
             np.append(scatter, usual))
 
@@ -198,7 +198,7 @@ def _scatter(values: np.ndarray, columns: np.ndarray, is_second: np.ndarray
     square = (values - columns @ (weights @ values)) ** 2
     # What the coefficients take of the freedom, each condition pays by its number.
     share = 1.0 - columns.shape[1] / len(values)
-    least = _LEAST_SCATTER ** 2 * float(square.mean()) + np.finfo(float).tiny
+    least = _LEAST_SCATTER ** 2 * float(square.mean()) + NOTHING
     scatter, parts, freedoms = np.empty(len(values)), [], []
     for own in (is_second, ~is_second):
         freedoms.append(share * float(own.sum()))

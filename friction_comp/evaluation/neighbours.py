@@ -22,6 +22,8 @@ _CORRELATIONS = np.arange(0.0, 0.95, 0.1)
 _PRIOR = (1.0 - _CORRELATIONS) ** 1.5
 # Share of the values' RMS below which their scatter is rounding.
 _ROUNDING = 1e-9
+NOTHING = 1e-100
+"""A square that counts where values do not scatter at all, as those of a dead sensor."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +77,7 @@ def first_coefficient(values: np.ndarray, columns: np.ndarray, place: np.ndarray
     weights = np.linalg.pinv(columns)[0]
     gaps = np.diff(place, prepend=-np.inf)
     even, even_columns = values / scatter, (columns.T / scatter).T
-    least = count * (_ROUNDING * float(np.sqrt(np.mean(even ** 2)))) ** 2 + np.finfo(float).tiny
+    least = count * (_ROUNDING * float(np.sqrt(np.mean(even ** 2)))) ** 2 + NOTHING
     likelihood, variance = [], []
     for correlation in _CORRELATIONS:
         # How alike a value is to the one before it.
