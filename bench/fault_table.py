@@ -14,6 +14,7 @@ from array import array
 from collections.abc import Callable
 from contextlib import ExitStack
 from functools import partial
+from itertools import count
 import os
 from pathlib import Path
 import signal
@@ -43,6 +44,7 @@ from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
 TIMEOUT = 0.1
 SLACK = 0.06
+WAITING = 20    # messages that wait for a stopped process; with many more, sending them may block
 
 
 def main():
@@ -214,12 +216,12 @@ def paused(name):
     """Stop the compensator, and continue it when much has come."""
     def begin(rig):
         rig.process.send(getattr(signal, name))
-        begin, continued = time.monotonic(), []
+        begin, continued, sent = time.monotonic(), [], count()
 
         def wait():
             if time.monotonic() - begin > 0.4 and not continued:
                 continued.append(rig.process.send(signal.SIGCONT))
-            elif not continued:
+            elif not continued and next(sent) < WAITING:
                 # Without a stamp, they count from when they are read.
                 rig.driver.announce([1])
                 rig.send(stamp=0)
