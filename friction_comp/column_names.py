@@ -10,6 +10,7 @@ particular robot is listed: ``actual_q_2``, ``a1 position [rad]``, ``posAct`` an
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 import re
@@ -20,7 +21,7 @@ from friction_comp.units import parse_unit, unit_of
 _QUANTITIES = {
     'time': 'time times t timestamp timestamps stamp sec secs second seconds elapsed date datetime '
             'zeit zeitstempel datum uhrzeit',
-    'position': 'position positions pos q qpos angle angles theta phi displacement '
+    'position': 'position positions pos q qpos angle angles ang theta phi displacement '
                 'winkel gelenkwinkel lage observation+state',
     'velocity': 'velocity velocities vel vels velo dq qd qdot qvel q+dot dot+q omega speed speeds '
                 'dtheta theta+dot thetadot geschwindigkeit winkelgeschwindigkeit drehzahl',
@@ -227,6 +228,21 @@ def _spellings(part: list[str], last: bool) -> list[str]:
     if above.lower() == 'in':
         return _spellings(part[1:], last)
     return [f'{above}·{below}'] if below.lower() == 'm' else [f'{above.lower()}/{below}']
+
+
+def common_name(names: Sequence[str]) -> str:
+    """Return what names begin with that may name a joint though it is a quantity: ``phi_tau``.
+
+    It is '' where the names have nothing in common.
+    """
+    starts = [[word for _, word in _parts(name) if word.lower() not in _NEUTRAL] for name in names]
+    alike = []
+    for words in zip(*starts):
+        if len({word.lower() for word in words}) > 1:
+            break
+        alike.append(words[0])
+    quantities = {word for phrase in _phrases() for word in phrase}
+    return alike[0] if alike and alike[0].lower() in quantities - _MEASURED else ''
 
 
 def skeleton(name: str) -> str:

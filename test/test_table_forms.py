@@ -121,6 +121,26 @@ def test_siblings_of_named_columns_are_other_joints():
     assert assign(['t', 'q_2', 'tau_2'], Layout({'position': 'q_2'}), 'log').joints == ['']
 
 
+def test_an_effort_is_of_the_joint_that_its_name_gives():
+    # A joint may be called by a quantity: phi is an angle elsewhere.
+    use = assign(['t', 'phi_meas_ang_pos', 'phi_meas_ang_vel', 'phi_meas_tau', 'tail_meas_ang_pos',
+                  'tail_meas_tau', 'boom_meas_ang_pos', 'temperature'], None, 'log')
+    assert use.joints == ['phi', 'tail']
+    assert [use.of('effort', name).name for name in use.joints] == ['phi_meas_tau', 'tail_meas_tau']
+    assert use.of('velocity', 'phi').name == 'phi_meas_ang_vel'
+    assert use.of('velocity', 'tail') is None
+    assert use.of('temperature', 'tail').name == 'temperature'
+    assert any('no effort belongs to boom_meas_ang_pos' in note for note in use.notes)
+    assert assign(['t', 'phi', 'phi_vel', 'phi_tau'], None, 'log').joints == ['']
+    # What names no joint is not that of all beside efforts that name theirs.
+    use = assign(['t', 'q1', 'q2', 'tau1', 'tau2', 'torque'], None, 'log')
+    assert [use.of('effort', name).name for name in use.joints] == ['tau1', 'tau2']
+    with pytest.raises(InputError, match="which effort is of which joint.*'tau_right', 'torque'"):
+        assign(['t', 'q1', 'q2', 'tau_left', 'tau_right', 'torque'], None, 'log')
+    use = assign(['t', 'pos', 'vel', 'tau', 'pos_2', 'tau_2'], None, 'log')
+    assert use.of('velocity', '2') is None
+
+
 def test_the_joint_whose_columns_are_named_is_read_with_the_motion_of_its_siblings(tmp_path):
     time, position, velocity = swing()
     path = write(tmp_path / 'arm.csv', time=time, q_0=2.0 * position, q_1=position,

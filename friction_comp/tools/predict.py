@@ -19,6 +19,7 @@ from friction_comp.errors import errors_name, InputError
 from friction_comp.files import write_atomically
 from friction_comp.tools.common import Arguments, keep_inputs, progress
 from friction_comp.tools.refine_arguments import layout_of
+from friction_comp.units import in_own_units
 
 if TYPE_CHECKING:
     import numpy as np
@@ -78,8 +79,13 @@ def main(argv: list[str] | None = None) -> int:
     errors = [f'{rms(residual):.4g} {unit}']
     # At standstill friction balances any torque up to breakaway: an error there says little.
     with suppress(InputError):
-        errors = [f'{rms(residual[moving(samples, model)]):.4g} {unit} where the joint moves',
+        moves = moving(samples, model)
+        errors = [f'{rms(residual[moves]):.4g} {unit} where the joint moves',
                   f'{errors[0]} with standstill']
+        velocity = model.differentiated(samples).velocity
+        if model.recorded is not None and velocity is not None and (
+                note := model.recorded.faster(velocity[moves])):
+            info.notes.insert(0, in_own_units(note, model.is_linear))
     print(f'{arguments.output}: {len(text.splitlines()) - 1} rows, RMS of measured minus predicted '
           + ', '.join(errors))
     for note in info.notes:
