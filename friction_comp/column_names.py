@@ -27,7 +27,7 @@ _QUANTITIES = {
                 'dtheta theta+dot thetadot geschwindigkeit winkelgeschwindigkeit drehzahl',
     'effort': 'effort efforts eff torque torques tau taus trq moment force forces frc qfrc tau+m '
               'tau+j drehmoment motormoment kraft',
-    'current': 'current currents i iq im i+q i+m curr amp amps strom motorstrom',
+    'current': 'current currents i iq im i+q i+m cur curr amp amps strom motorstrom',
     'direction': 'direction dir',
     'load': 'load tau+b tau+ext wrench',
     'link_torque': 'jts torque+sensor+joint joint+torque+sensor tau+link',
@@ -35,9 +35,9 @@ _QUANTITIES = {
     # What is none of the signals, though one of its words is: an electrical angle is a multiple of
     # the shaft's, by the pairs of poles.
     '': 'ddq qdd qddot acc acceleration accelerations accel ddtheta error errors err limit limits '
-        'max min std variance gain kp kd present+load id voltage power energy status bits '
-        'bus supply battery electrical+angle electrical+position electrical+degrees elec+angle '
-        'elec+pos angle+elec theta+elec',
+        'max min peak std variance gain kp ki kd present+load id voltage power energy status '
+        'bits duration dur bus supply battery batt electrical+angle electrical+position '
+        'electrical+degrees elec+angle elec+pos angle+elec theta+elec',
 }
 _MEASURED = {'actual', 'act', 'measured', 'meas', 'present', 'feedback', 'fb', 'observed', 'sensed',
              'observation', 'observations', 'obs', 'mean', 'avg', 'average', 'real', 'applied',
@@ -50,7 +50,7 @@ _OUTSIDE = {'external', 'ext', 'interaction', 'sensor', 'person', 'human', 'hand
             'contact', 'load', 'driving', 'back'}
 _BEHIND = {'link', 'output'}
 # Words that say nothing, except next to a number: joint_1.
-_NEUTRAL = {'joint', 'joints', 'states', 'state', 'motor', 'motors', 'rotor', 'robot', 'arm',
+_NEUTRAL = {'joint', 'joints', 'states', 'state', 'motor', 'motors', 'mot', 'rotor', 'robot', 'arm',
             'actuator', 'servo', 'axis', 'drive', 'data', 'value', 'values', 'msg', 'raw',
             'filtered', 'filt', 'angular', 'rotational', 'mechanical', 'mech', 'shaft', 'encoder',
             'field', 'rms', 'unix', 'utc', 'ros', 'system', 'epoch', 'log', 'gelenk', 'achse',
@@ -58,7 +58,7 @@ _NEUTRAL = {'joint', 'joints', 'states', 'state', 'motor', 'motors', 'rotor', 'r
 # Words beside a time: since when it counts, or whose it is.
 _CLOCK = {'since', 'from', 'start', 'started', 'begin', 'boot', 'today', 'day', 'midnight', 'wall',
           'clock', 'relative', 'rel', 'monotonic', 'host', 'device', 'total'}
-_MOTOR = {'motor', 'motors', 'rotor'}
+_MOTOR = {'motor', 'motors', 'mot', 'rotor'}
 _SECOND_CHOICE = _MOTOR | {'raw', 'filtered', 'filt'}
 # Quantities that torque becomes with words of `_OUTSIDE` or `_BEHIND`, and targets of quantities.
 _TARGETS = {'position': 'reference_position', 'velocity': 'reference_velocity',

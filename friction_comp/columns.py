@@ -71,7 +71,8 @@ class Assignment:
         What names no joint is everyone's, unless it is that of a joint without a name.
         """
         shared = signal in ('time', 'temperature') or '' not in self.joints
-        return next((column for name in (joint, *([''] if shared else [])) for column in self.columns
+        names = [joint, ''] if shared else [joint]
+        return next((column for name in names for column in self.columns
                      if column.signal == signal and column.joint == name), None)
 
     def signal_in(self, table: Mapping[str, np.ndarray], signal: str, joint: str
@@ -295,8 +296,7 @@ def _idle(used: Sequence[Column], found: Sequence[Column]) -> list[str]:
 
 def idle_note(names: Sequence[str]) -> str:
     """Return the note on other joints, or their columns, that have a position, but no effort."""
-    return (f'no effort belongs to {", ".join(names)}, so that its motion is not taken into account '
-            'as that of other joints')
+    return f'the motion of {", ".join(names)} is left out: no effort belongs to it'
 
 
 def _joint_columns(used: Sequence[Column], own: tuple[str, ...] | None, where: str

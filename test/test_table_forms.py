@@ -70,6 +70,10 @@ UR = ['timestamp', *(f'{name}_{k}' for name in ('actual_q', 'actual_qd', 'actual
     ('tauact', 'effort', '', ''), ('time_since_start', 'time', '', ''),
     ('header.stamp.sec', 'time', '', ''), ('pos_estimate', 'position', '', ''),
     ('id_1_present_position', 'position', 'id_1', ''), ('eff_2', 'effort', '2', ''),
+    # Abbreviations of firmware; what is of a battery, a gain, or the largest, is none.
+    ('mot_ang', 'position', '', ''), ('ank_ang', 'position', 'ank', ''),
+    ('mot_cur', 'current', '', ''), ('batt_curr', '', '', ''), ('ki_pos', '', '', ''),
+    ('peak_torque_norm', '', '', ''), ('current_dur_ms', '', '', ''),
     # German logs.
     ('Zeit [ms]', 'time', '', 'ms'), ('Zeitstempel', 'time', '', ''),
     ('Winkel [°]', 'position', '', '°'), ('Winkel_Ellenbogen', 'position', 'Ellenbogen', ''),
@@ -130,7 +134,7 @@ def test_an_effort_is_of_the_joint_that_its_name_gives():
     assert use.of('velocity', 'phi').name == 'phi_meas_ang_vel'
     assert use.of('velocity', 'tail') is None
     assert use.of('temperature', 'tail').name == 'temperature'
-    assert any('no effort belongs to boom_meas_ang_pos' in note for note in use.notes)
+    assert any('motion of boom_meas_ang_pos is left out' in note for note in use.notes)
     assert assign(['t', 'phi', 'phi_vel', 'phi_tau'], None, 'log').joints == ['']
     # What names no joint is not that of all beside efforts that name theirs.
     use = assign(['t', 'q1', 'q2', 'tau1', 'tau2', 'torque'], None, 'log')
@@ -409,6 +413,25 @@ def test_names_in_a_comment_and_units_below_the_names_are_read(tmp_path, name, h
     samples, = read_recording(tmp_path / name)
     assert samples.position == pytest.approx(angle, abs=1e-6)
     assert samples.velocity == pytest.approx(np.cos(time), abs=1e-6)
+
+
+@pytest.mark.parametrize('sizes', [(300, 200, 400), (300, 300)])
+def test_records_of_json_that_hold_lists_are_trials(tmp_path, sizes):
+    trials = [{'kind': 'sine', 'targets': ['kp'] * 3, 'pos': np.sin(0.02 * np.arange(n)).tolist(),
+               'tau': np.cos(0.02 * np.arange(n)).tolist()} for n in sizes]
+    (tmp_path / 'log.json').write_text(json.dumps({'robot': 'one', 'data': trials}))
+    (samples, info), = read_recording_with_info(tmp_path / 'log.json', layout=Layout(rate=50.0))
+    assert samples.position == pytest.approx(np.concatenate([one['pos'] for one in trials]))
+    assert "column 'episode' says which episode each row is of" in info.notes
+    assert np.count_nonzero(np.diff(samples.time) > 0.5) == len(sizes) - 1
+
+
+def test_records_of_json_that_hold_vectors_are_rows(tmp_path):
+    rows = [{'t': 0.02 * k, 'q': [0.0, math.sin(0.02 * k)], 'tau': [1.0, math.cos(0.02 * k)]}
+            for k in range(300)]
+    (tmp_path / 'log.json').write_text(json.dumps(rows))
+    samples, = read_recording(tmp_path / 'log.json', '2')
+    assert samples.position == pytest.approx(np.sin(0.02 * np.arange(300)))
 
 
 def test_lines_of_json_are_a_table(tmp_path):

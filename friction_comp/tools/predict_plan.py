@@ -18,7 +18,6 @@ from friction_comp.model.simulator_joint import cautions_of
 from friction_comp.samples import Samples
 from friction_comp.units import in_own_units
 
-
 # Share of its top speed below which a plan stands still.
 _STILL = 0.05
 
