@@ -63,8 +63,8 @@ class Presliding:
                 check_number(value, f'presliding.{name}', above=0.0)
 
 
-# Share of a motion above the highest of the recorded speeds that is worth a note.
-_FASTER = 0.1
+# Factor of the highest of the recorded speeds, and share of a motion beyond it, worth a note.
+_BEYOND, _FASTER = 1.25, 0.1
 LINE = ('offset', 'coulomb', 'viscous')
 """Parameters of the line, in A, A and A·s/rad."""
 
@@ -91,14 +91,15 @@ class Recorded:
     def faster(self, speed: np.ndarray) -> str:
         """Return a note if much of a motion with these speeds, rad/s, is faster than the recorded.
 
-        Of the recorded motion itself, 4 % are faster than the highest of the quantiles.
+        Like other effects, friction is believed for a quarter of the range beyond it.
         """
-        share = float(np.mean(np.abs(speed) > self.speeds[-1])) if self.speeds and len(
-            speed) else 0.0
+        if not self.speeds or not len(speed):
+            return ''
+        share = float(np.mean(np.abs(speed) > _BEYOND * self.speeds[-1]))
         return '' if share < _FASTER else (
-            f'{100.0 * share:.0f} % of this motion is faster than {self.speeds[-1]:.3g} rad/s, and '
-            'hardly any was to which the model was fitted: friction is extrapolated, and the error '
-            'may be larger than the report expects')
+            f'{100.0 * share:.0f} % of this motion is faster than {_BEYOND * self.speeds[-1]:.3g} '
+            f'rad/s, and the model was fitted to speeds of up to {self.speeds[-1]:.3g} rad/s: '
+            'friction is extrapolated, and the error may be larger than the report expects')
 
     def interval(self, name: str, value: float) -> tuple[float, float] | None:
         """Return a parameter's interval; None if it does not hold the value, as after a change."""
