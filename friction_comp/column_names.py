@@ -42,6 +42,8 @@ _QUANTITIES = {
 _MEASURED = {'actual', 'act', 'measured', 'meas', 'present', 'feedback', 'fb', 'observed', 'sensed',
              'observation', 'observations', 'obs', 'mean', 'avg', 'average', 'real', 'applied',
              'estimated', 'est', 'estimate', 'ist', 'istwert', 'gemessen'}
+_SURELY_MEASURED = {'actual', 'act', 'measured', 'meas', 'present', 'feedback', 'fb', 'sensed',
+                    'ist', 'istwert', 'gemessen'}
 _TARGET = {'target', 'tgt', 'reference', 'ref', 'desired', 'des', 'goal', 'command', 'commanded',
            'cmd', 'cmptd', 'setpoint', 'set', 'sp', 'computed', 'planned', 'requested', 'demand',
            'demanded', 'action', 'soll', 'sollwert'}
@@ -93,6 +95,7 @@ class Reading:
     unit: str = ''          # as written; '' if the name has none
     torque: bool = False    # whether a command is a torque rather than a current
     rank: int = 0           # of several columns for one signal, the lowest is used
+    measured: bool = False  # whether it says that it is: of effort and current, this one is used
 
 
 def _distinctive(words: list[str]) -> tuple[str, ...]:
@@ -190,7 +193,8 @@ def _read_words(bare: str, unit: str) -> Reading:
     key = _distinctive([lower[k] for k in rest])
     rank = 2 * by_unit + any(word in _SECOND_CHOICE for word in lower)
     return Reading(signal, key, _label(bare, words, lower, rest) if key else '', unit,
-                   signal == 'command' and quantity == 'effort', rank)
+                   signal == 'command' and quantity == 'effort', rank,
+                   bool(sources & _SURELY_MEASURED))
 
 
 def _unit_in(words: list[tuple[int, str]], used: set[int], signal: str) -> tuple[str, set[int]]:

@@ -245,7 +245,7 @@ def _guessed(names: Sequence[str], named: Sequence[Column], own: tuple[str, ...]
                 if skeleton(column.name) and column.signal != 'time'}
     taken = {column.name for column in named}
     signals = {_kind(column.signal) for column in named}
-    found: list[tuple[tuple[int, int, int], Column]] = []
+    found: list[tuple[tuple[int, ...], Column]] = []
     for place, name in enumerate(names):
         reading = read_name(name)
         if of_plan:
@@ -258,7 +258,9 @@ def _guessed(names: Sequence[str], named: Sequence[Column], own: tuple[str, ...]
             if _unknown_unit(reading, layout):
                 continue
             column = _column(name, reading, layout)
-            found.append(((SIGNALS.index(column.signal), reading.rank, place), column))
+            kind = _kind(column.signal)
+            found.append(((SIGNALS.index(kind), kind == 'effort' and not reading.measured,
+                           SIGNALS.index(column.signal), reading.rank, place), column))
     best: dict[tuple[str, tuple[str, ...]], Column] = {}
     in_ampere = any(c.dimension == 'current' for c in named if _kind(c.signal) == 'effort')
     for _, column in sorted(found, key=lambda entry: entry[0]):

@@ -141,6 +141,10 @@ def test_an_effort_is_of_the_joint_that_its_name_gives():
     assert [use.of('effort', name).name for name in use.joints] == ['tau1', 'tau2']
     with pytest.raises(InputError, match="which effort is of which joint.*'tau_right', 'torque'"):
         assign(['t', 'q1', 'q2', 'tau_left', 'tau_right', 'torque'], None, 'log')
+    # A torque beside a current that says that it is measured may be a request.
+    use = assign(['t', 'mot_ang_rad', 'tau_Nm', 'mot_cur_meas_mA'], None, 'log')
+    assert use.of('effort', '').name == 'mot_cur_meas_mA'
+    assert assign(['t', 'q', 'i', 'tau'], None, 'log').of('effort', '').name == 'tau'
     use = assign(['t', 'pos', 'vel', 'tau', 'pos_2', 'tau_2'], None, 'log')
     assert use.of('velocity', '2') is None
 
