@@ -36,7 +36,8 @@ _QUANTITIES = {
     # the shaft's, by the pairs of poles.
     '': 'ddq qdd qddot acc acceleration accelerations accel ddtheta error errors err limit limits '
         'max min peak std variance gain kp ki kd present+load id voltage power energy status '
-        'bits duration dur bus supply battery batt electrical+angle electrical+position '
+        'bits duration dur bus supply battery batt current+state current+mode cur+state cur+mode '
+        'electrical+angle electrical+position '
         'electrical+degrees elec+angle elec+pos angle+elec theta+elec',
 }
 _MEASURED = {'actual', 'act', 'measured', 'meas', 'present', 'feedback', 'fb', 'observed', 'sensed',

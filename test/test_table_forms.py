@@ -74,6 +74,8 @@ UR = ['timestamp', *(f'{name}_{k}' for name in ('actual_q', 'actual_qd', 'actual
     ('mot_ang', 'position', '', ''), ('ank_ang', 'position', 'ank', ''),
     ('mot_cur', 'current', '', ''), ('batt_curr', '', '', ''), ('ki_pos', '', '', ''),
     ('peak_torque_norm', '', '', ''), ('current_dur_ms', '', '', ''),
+    ('current_state', '', '', ''), ('cur_mode', '', '', ''), ('cur_pos', 'position', '', ''),
+    ('joint_state_current', 'current', '', ''), ('ang_vel', 'velocity', '', ''),
     # German logs.
     ('Zeit [ms]', 'time', '', 'ms'), ('Zeitstempel', 'time', '', ''),
     ('Winkel [°]', 'position', '', '°'), ('Winkel_Ellenbogen', 'position', 'Ellenbogen', ''),
