@@ -10,6 +10,7 @@ particular robot is listed: ``actual_q_2``, ``a1 position [rad]``, ``posAct`` an
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 import re
@@ -20,13 +21,13 @@ from friction_comp.units import parse_unit, unit_of
 _QUANTITIES = {
     'time': 'time times t timestamp timestamps stamp sec secs second seconds elapsed date datetime '
             'zeit zeitstempel datum uhrzeit',
-    'position': 'position positions pos q qpos angle angles theta phi displacement '
+    'position': 'position positions pos q qpos angle angles ang theta phi displacement '
                 'winkel gelenkwinkel lage observation+state',
     'velocity': 'velocity velocities vel vels velo dq qd qdot qvel q+dot dot+q omega speed speeds '
                 'dtheta theta+dot thetadot geschwindigkeit winkelgeschwindigkeit drehzahl',
     'effort': 'effort efforts eff torque torques tau taus trq moment force forces frc qfrc tau+m '
               'tau+j drehmoment motormoment kraft',
-    'current': 'current currents i iq im i+q i+m curr amp amps strom motorstrom',
+    'current': 'current currents i iq im i+q i+m cur curr amp amps strom motorstrom',
     'direction': 'direction dir',
     'load': 'load tau+b tau+ext wrench',
     'link_torque': 'jts torque+sensor+joint joint+torque+sensor tau+link',
@@ -34,13 +35,16 @@ _QUANTITIES = {
     # What is none of the signals, though one of its words is: an electrical angle is a multiple of
     # the shaft's, by the pairs of poles.
     '': 'ddq qdd qddot acc acceleration accelerations accel ddtheta error errors err limit limits '
-        'max min std variance gain kp kd present+load id voltage power energy status bits '
-        'bus supply battery electrical+angle electrical+position electrical+degrees elec+angle '
-        'elec+pos angle+elec theta+elec',
+        'max min peak std variance gain kp ki kd present+load id voltage power energy status '
+        'bits duration dur bus supply battery batt current+state current+mode cur+state cur+mode '
+        'electrical+angle electrical+position '
+        'electrical+degrees elec+angle elec+pos angle+elec theta+elec',
 }
 _MEASURED = {'actual', 'act', 'measured', 'meas', 'present', 'feedback', 'fb', 'observed', 'sensed',
              'observation', 'observations', 'obs', 'mean', 'avg', 'average', 'real', 'applied',
              'estimated', 'est', 'estimate', 'ist', 'istwert', 'gemessen'}
+_SURELY_MEASURED = {'actual', 'act', 'measured', 'meas', 'present', 'feedback', 'fb', 'sensed',
+                    'ist', 'istwert', 'gemessen'}
 _TARGET = {'target', 'tgt', 'reference', 'ref', 'desired', 'des', 'goal', 'command', 'commanded',
            'cmd', 'cmptd', 'setpoint', 'set', 'sp', 'computed', 'planned', 'requested', 'demand',
            'demanded', 'action', 'soll', 'sollwert'}
@@ -49,7 +53,7 @@ _OUTSIDE = {'external', 'ext', 'interaction', 'sensor', 'person', 'human', 'hand
             'contact', 'load', 'driving', 'back'}
 _BEHIND = {'link', 'output'}
 # Words that say nothing, except next to a number: joint_1.
-_NEUTRAL = {'joint', 'joints', 'states', 'state', 'motor', 'motors', 'rotor', 'robot', 'arm',
+_NEUTRAL = {'joint', 'joints', 'states', 'state', 'motor', 'motors', 'mot', 'rotor', 'robot', 'arm',
             'actuator', 'servo', 'axis', 'drive', 'data', 'value', 'values', 'msg', 'raw',
             'filtered', 'filt', 'angular', 'rotational', 'mechanical', 'mech', 'shaft', 'encoder',
             'field', 'rms', 'unix', 'utc', 'ros', 'system', 'epoch', 'log', 'gelenk', 'achse',
@@ -57,7 +61,7 @@ _NEUTRAL = {'joint', 'joints', 'states', 'state', 'motor', 'motors', 'rotor', 'r
 # Words beside a time: since when it counts, or whose it is.
 _CLOCK = {'since', 'from', 'start', 'started', 'begin', 'boot', 'today', 'day', 'midnight', 'wall',
           'clock', 'relative', 'rel', 'monotonic', 'host', 'device', 'total'}
-_MOTOR = {'motor', 'motors', 'rotor'}
+_MOTOR = {'motor', 'motors', 'mot', 'rotor'}
 _SECOND_CHOICE = _MOTOR | {'raw', 'filtered', 'filt'}
 # Quantities that torque becomes with words of `_OUTSIDE` or `_BEHIND`, and targets of quantities.
 _TARGETS = {'position': 'reference_position', 'velocity': 'reference_velocity',
@@ -92,6 +96,7 @@ class Reading:
     unit: str = ''          # as written; '' if the name has none
     torque: bool = False    # whether a command is a torque rather than a current
     rank: int = 0           # of several columns for one signal, the lowest is used
+    measured: bool = False  # whether it says that it is: of effort and current, this one is used
 
 
 def _distinctive(words: list[str]) -> tuple[str, ...]:
@@ -189,7 +194,8 @@ def _read_words(bare: str, unit: str) -> Reading:
     key = _distinctive([lower[k] for k in rest])
     rank = 2 * by_unit + any(word in _SECOND_CHOICE for word in lower)
     return Reading(signal, key, _label(bare, words, lower, rest) if key else '', unit,
-                   signal == 'command' and quantity == 'effort', rank)
+                   signal == 'command' and quantity == 'effort', rank,
+                   bool(sources & _SURELY_MEASURED))
 
 
 def _unit_in(words: list[tuple[int, str]], used: set[int], signal: str) -> tuple[str, set[int]]:
@@ -227,6 +233,21 @@ def _spellings(part: list[str], last: bool) -> list[str]:
     if above.lower() == 'in':
         return _spellings(part[1:], last)
     return [f'{above}·{below}'] if below.lower() == 'm' else [f'{above.lower()}/{below}']
+
+
+def common_name(names: Sequence[str]) -> str:
+    """Return what names begin with that may name a joint though it is a quantity: ``phi_tau``.
+
+    It is '' where the names have nothing in common.
+    """
+    starts = [[word for _, word in _parts(name) if word.lower() not in _NEUTRAL] for name in names]
+    alike = []
+    for words in zip(*starts):
+        if len({word.lower() for word in words}) > 1:
+            break
+        alike.append(words[0])
+    quantities = {word for phrase in _phrases() for word in phrase}
+    return alike[0] if alike and alike[0].lower() in quantities - _MEASURED else ''
 
 
 def skeleton(name: str) -> str:

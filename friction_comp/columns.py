@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from friction_comp.column_names import numbers, read_name, Reading, skeleton
+from friction_comp.column_names import common_name, numbers, read_name, Reading, skeleton
 from friction_comp.controller_effort import controller_effort
 from friction_comp.errors import InputError
 from friction_comp.layout import Layout, SIGNALS
@@ -66,8 +66,13 @@ class Assignment:
         return any(c.dimension == 'length' for c in self.columns if c.signal == 'position')
 
     def of(self, signal: str, joint: str) -> Column | None:
-        """Return the column of a joint's signal, or None."""
-        return next((column for name in (joint, '') for column in self.columns
+        """Return the column of a joint's signal, or None.
+
+        What names no joint is everyone's, unless it is that of a joint without a name.
+        """
+        shared = signal in ('time', 'temperature') or '' not in self.joints
+        names = [joint, ''] if shared else [joint]
+        return next((column for name in names for column in self.columns
                      if column.signal == signal and column.joint == name), None)
 
     def signal_in(self, table: Mapping[str, np.ndarray], signal: str, joint: str
@@ -104,8 +109,8 @@ def assign(names: Sequence[str], layout: Layout | None, where: str, of_plan: boo
     layout = (layout or Layout()).naming(names, where)
     named = _named(layout, where)
     own = next((column.key for column in named if column.signal != 'time'), ())
-    used = _joint_columns([*named, *_guessed(names, named, own, layout, of_plan)],
-                          own if named else None)
+    found = _named_joints([*named, *_guessed(names, named, own, layout, of_plan)])
+    used = _joint_columns(found, own if named else None, where)
     used.sort(key=lambda c: (SIGNALS.index(c.signal), names.index(c.name)))
     _check_complete(used, names, layout, where)
     keys = list(dict.fromkeys(c.key for c in used if c.signal == 'position'))
@@ -118,7 +123,7 @@ def assign(names: Sequence[str], layout: Layout | None, where: str, of_plan: boo
         raise InputError(f'{where}: some joints have a current, others an effort: name the columns '
                          'of one joint with --columns')
     return Assignment(used, in_ampere == {True},
-                      [*_notes(used, layout), *_nameless(used, names)],
+                      [*_notes(used, layout), *_nameless(used, names), *_idle(used, found)],
                       labels.get(own) if named and len(keys) > 1 else None)
 
 
@@ -240,7 +245,7 @@ def _guessed(names: Sequence[str], named: Sequence[Column], own: tuple[str, ...]
                 if skeleton(column.name) and column.signal != 'time'}
     taken = {column.name for column in named}
     signals = {_kind(column.signal) for column in named}
-    found: list[tuple[tuple[int, int, int], Column]] = []
+    found: list[tuple[tuple[int, ...], Column]] = []
     for place, name in enumerate(names):
         reading = read_name(name)
         if of_plan:
@@ -253,7 +258,9 @@ def _guessed(names: Sequence[str], named: Sequence[Column], own: tuple[str, ...]
             if _unknown_unit(reading, layout):
                 continue
             column = _column(name, reading, layout)
-            found.append(((SIGNALS.index(column.signal), reading.rank, place), column))
+            kind = _kind(column.signal)
+            found.append(((SIGNALS.index(kind), kind == 'effort' and not reading.measured,
+                           SIGNALS.index(column.signal), reading.rank, place), column))
     best: dict[tuple[str, tuple[str, ...]], Column] = {}
     in_ampere = any(c.dimension == 'current' for c in named if _kind(c.signal) == 'effort')
     for _, column in sorted(found, key=lambda entry: entry[0]):
@@ -270,8 +277,36 @@ def _kind(signal: str) -> str:
     return 'effort' if signal == 'current' else signal
 
 
-def _joint_columns(used: Sequence[Column], own: tuple[str, ...] | None) -> list[Column]:
-    """Return the columns of joints with position and effort, of the user's (`own`) and of none."""
+def _named_joints(columns: Sequence[Column]) -> list[Column]:
+    """Return columns with the name of a joint that is a quantity: phi_pos, phi_tau, tail_pos.
+
+    It names a joint only beside others, and if position and effort have it in common.
+    """
+    own = [c for c in columns if not c.key and c.signal in ('position', 'effort', 'current')]
+    others = any(c.key for c in columns if c.signal == 'position')
+    label = common_name([c.name for c in own]) if len(own) > 1 and others else ''
+    return [replace(c, key=(label.lower(),), joint=label) if label and not c.key and common_name(
+        [c.name, own[0].name]) else c for c in columns]
+
+
+def _idle(used: Sequence[Column], found: Sequence[Column]) -> list[str]:
+    """Return a note on joints with a position, but no effort, beside those that are used."""
+    keys = {c.key for c in used}
+    idle = [c.name for c in found if c.signal == 'position' and c.key not in keys]
+    return [idle_note(idle)] if idle else []
+
+
+def idle_note(names: Sequence[str]) -> str:
+    """Return the note on other joints, or their columns, that have a position, but no effort."""
+    return f'the motion of {", ".join(names)} is left out: no effort belongs to it'
+
+
+def _joint_columns(used: Sequence[Column], own: tuple[str, ...] | None, where: str
+                   ) -> list[Column]:
+    """Return the columns of joints with position and effort, of the user's (`own`) and of none.
+
+    Raises InputError if efforts name joints that no position does, beside one that names none.
+    """
     positions = list(dict.fromkeys(c.key for c in used if c.signal == 'position'))
     efforts = list(dict.fromkeys(c.key for c in used if _kind(c.signal) == 'effort'))
     if len(positions) == len(efforts) == 1 and () not in efforts and positions != efforts:
@@ -279,6 +314,15 @@ def _joint_columns(used: Sequence[Column], own: tuple[str, ...] | None) -> list[
         used = [replace(c, key=positions[0]) if c.key == efforts[0] else c for c in used]
         efforts = positions
     both = [key for key in positions if key in efforts]
+    if own is None and () in efforts and () not in positions and len(efforts) > 1 < len(positions):
+        # An effort that names no joint is that of any, but not beside those that name theirs.
+        if not both:
+            raise InputError(f'{where}: which effort is of which joint? Name the columns of one '
+                             'with --columns position=NAME,effort=NAME; there are ' + ', '.join(
+                                 repr(c.name) for c in used
+                                 if _kind(c.signal) in ('position', 'effort')))
+        used = [c for c in used if c.key or _kind(c.signal) != 'effort']
+        efforts.remove(())
     keys = both if both and (() not in efforts or () in positions) else positions
     return [c for c in used if c.key in (*keys, (), own)]
 

@@ -198,6 +198,17 @@ def test_yaml_forms_hold_the_numbers_that_refine_reports(tmp_path, form, keys):
     assert 'misses nothing of the model' in text
 
 
+def test_no_simulator_draws_from_numbers_below_zero(tmp_path):
+    low, high = 0.05 / GAIN, 0.3
+    model = replace(PLAIN, recorded=Recorded((0.5, 1.0), {
+        'coulomb': (-high, high), 'viscous': (-high, high), 'inertia': (-low, high)}))
+    text = exported(tmp_path, model, 'mujoco')
+    for key in ('frictionloss', 'damping', 'armature'):
+        assert float(re.search(f'randomisation: {key} ([^ ]+) to', text)[1]) == 0.0
+    numbers = json.loads(exported(tmp_path, model, 'json'))     # what was found
+    assert min(numbers['range']['coulomb']) < 0.0
+
+
 def test_static_friction_is_the_measured_breakaway_where_it_is_higher():
     high = replace(PLAIN, breakaway=Breakaway(0.31, -0.29))
     assert simulator_joint(high).static == pytest.approx(0.3 * GAIN)

@@ -42,6 +42,23 @@ def test_rows_of_several_joints_are_told_apart(tmp_path, column, one, other, oth
         read_recording(path)
 
 
+@pytest.mark.parametrize('column, late', [('leg', 1e-4), ('corner', 0.0)])
+def test_a_limb_or_any_text_that_tells_rows_of_one_time_apart_is_whose_row_it_is(
+        tmp_path, column, late):
+    path = bus(tmp_path / 'log.csv', column, 'FL', 'RR', late=late)
+    samples, = read_recording(path, 'RR')
+    np.testing.assert_allclose(samples.position, POSITION, atol=1e-9)
+
+
+@pytest.mark.parametrize('column, values', [
+    ('phase', np.where(TIME > 0.5, 'march', 'walk')), ('phase', np.full(len(TIME), 'walk'))])
+def test_a_text_of_several_rows_of_one_time_is_no_joint(tmp_path, column, values):
+    path = tmp_path / 'log.npz'
+    np.savez(path, **{'time': np.round(TIME, 2), column: values, 'position': POSITION,
+                      'torque': EFFORT})
+    assert recorded_joints(path) == ['']
+
+
 @pytest.mark.parametrize('column, values', [
     ('motor', TIME > 0.5), ('id', np.arange(len(TIME))), ('id', TIME > 0.5),
     ('name', np.where(TIME > 0.5, 'first', 'second'))])

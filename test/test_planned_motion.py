@@ -15,6 +15,7 @@ from friction_comp.errors import InputError
 from friction_comp.files import write_yaml
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import arm_document, FrictionModel
+from friction_comp.model.measured import Recorded
 from friction_comp.model.sigmoid import Sigmoid
 
 MODEL = FrictionModel(
@@ -82,6 +83,25 @@ def test_a_plan_of_time_and_position_gives_the_torque(tmp_path, capsys, name):
     said = capsys.readouterr().out
     assert 'load_torque' in said
     assert 'taken as a plan' in said
+
+
+@pytest.mark.parametrize(('speed', 'friction', 'said'), [
+    (1.0, 1.0, set()), (3.0, 1.0, {'is faster than 2.38 rad/s'}),
+    (1.0, -3.0, {'does not hold for this recording'})])
+def test_predict_says_where_the_model_does_not_hold(tmp_path, capsys, speed, friction, said):
+    remarks = {'is faster than 2.38 rad/s', 'does not hold for this recording'}
+    model = replace(MODEL, effects=[], recorded=Recorded((0.2, 1.0, 1.9)))
+    model.save(tmp_path / 'model.yaml')
+    time, q, v, _ = motion()
+    columns = {'time': time, 'elbow.position': q * speed}
+    for name, effort in (('plan', {}), ('log', {
+            'elbow.effort': friction * GAIN * (0.2 * np.sign(v) + 0.1 * v * speed)})):
+        write(tmp_path / f'{name}.csv', **columns, **effort)
+        assert run('predict', [str(tmp_path / f'{name}.csv'), '--model', str(
+            tmp_path / 'model.yaml'), '--output', str(tmp_path / 'out.csv')]) == 0
+        shown = capsys.readouterr().out
+        expected = said - ({'does not hold for this recording'} if name == 'plan' else set())
+        assert {remark for remark in remarks if remark in shown} == expected
 
 
 def test_a_plan_of_an_arm_gives_the_torque_of_each_joint(tmp_path):

@@ -262,6 +262,15 @@ def test_joint_states_of_another_name_are_read_if_there_are_no_others(tmp_path):
         read_recording(record(tmp_path / 'two', messages('/a/state', '/b/state')))
 
 
+def test_a_joint_without_a_motor_that_moved_is_noted(tmp_path):
+    messages = [('/joint_states', 10 ** 7 * k, joint_state(
+        10 ** 7 * k, ['knee', 'elbow', 'hook'], [0.01 * k, 0.001 * k, 0.3], [], [
+            np.nan, 1.0, np.nan])) for k in range(1, 201)]
+    (samples, info), = read_recording_with_info(record(tmp_path / 'log', messages), 'elbow')
+    assert samples.arm.joints == ('elbow',)
+    assert 'the motion of knee is left out: no effort belongs to it' in info.notes
+
+
 def test_messages_of_other_joints_are_not_left_out_as_not_finite(tmp_path):
     messages = []
     for k in range(200):

@@ -70,6 +70,12 @@ UR = ['timestamp', *(f'{name}_{k}' for name in ('actual_q', 'actual_qd', 'actual
     ('tauact', 'effort', '', ''), ('time_since_start', 'time', '', ''),
     ('header.stamp.sec', 'time', '', ''), ('pos_estimate', 'position', '', ''),
     ('id_1_present_position', 'position', 'id_1', ''), ('eff_2', 'effort', '2', ''),
+    # Abbreviations of firmware; what is of a battery, a gain, or the largest, is none.
+    ('mot_ang', 'position', '', ''), ('ank_ang', 'position', 'ank', ''),
+    ('mot_cur', 'current', '', ''), ('batt_curr', '', '', ''), ('ki_pos', '', '', ''),
+    ('peak_torque_norm', '', '', ''), ('current_dur_ms', '', '', ''),
+    ('current_state', '', '', ''), ('cur_mode', '', '', ''), ('cur_pos', 'position', '', ''),
+    ('joint_state_current', 'current', '', ''), ('ang_vel', 'velocity', '', ''),
     # German logs.
     ('Zeit [ms]', 'time', '', 'ms'), ('Zeitstempel', 'time', '', ''),
     ('Winkel [°]', 'position', '', '°'), ('Winkel_Ellenbogen', 'position', 'Ellenbogen', ''),
@@ -119,6 +125,30 @@ def test_siblings_of_named_columns_are_other_joints():
     assert assign(['t', 'q', 'tau'], Layout(joint='elbow'), 'log').joints == ['elbow']
     # Alone, a joint needs no name.
     assert assign(['t', 'q_2', 'tau_2'], Layout({'position': 'q_2'}), 'log').joints == ['']
+
+
+def test_an_effort_is_of_the_joint_that_its_name_gives():
+    # A joint may be called by a quantity: phi is an angle elsewhere.
+    use = assign(['t', 'phi_meas_ang_pos', 'phi_meas_ang_vel', 'phi_meas_tau', 'tail_meas_ang_pos',
+                  'tail_meas_tau', 'boom_meas_ang_pos', 'temperature'], None, 'log')
+    assert use.joints == ['phi', 'tail']
+    assert [use.of('effort', name).name for name in use.joints] == ['phi_meas_tau', 'tail_meas_tau']
+    assert use.of('velocity', 'phi').name == 'phi_meas_ang_vel'
+    assert use.of('velocity', 'tail') is None
+    assert use.of('temperature', 'tail').name == 'temperature'
+    assert any('motion of boom_meas_ang_pos is left out' in note for note in use.notes)
+    assert assign(['t', 'phi', 'phi_vel', 'phi_tau'], None, 'log').joints == ['']
+    # What names no joint is not that of all beside efforts that name theirs.
+    use = assign(['t', 'q1', 'q2', 'tau1', 'tau2', 'torque'], None, 'log')
+    assert [use.of('effort', name).name for name in use.joints] == ['tau1', 'tau2']
+    with pytest.raises(InputError, match="which effort is of which joint.*'tau_right', 'torque'"):
+        assign(['t', 'q1', 'q2', 'tau_left', 'tau_right', 'torque'], None, 'log')
+    # A torque beside a current that says that it is measured may be a request.
+    use = assign(['t', 'mot_ang_rad', 'tau_Nm', 'mot_cur_meas_mA'], None, 'log')
+    assert use.of('effort', '').name == 'mot_cur_meas_mA'
+    assert assign(['t', 'q', 'i', 'tau'], None, 'log').of('effort', '').name == 'tau'
+    use = assign(['t', 'pos', 'vel', 'tau', 'pos_2', 'tau_2'], None, 'log')
+    assert use.of('velocity', '2') is None
 
 
 def test_the_joint_whose_columns_are_named_is_read_with_the_motion_of_its_siblings(tmp_path):
@@ -389,6 +419,25 @@ def test_names_in_a_comment_and_units_below_the_names_are_read(tmp_path, name, h
     samples, = read_recording(tmp_path / name)
     assert samples.position == pytest.approx(angle, abs=1e-6)
     assert samples.velocity == pytest.approx(np.cos(time), abs=1e-6)
+
+
+@pytest.mark.parametrize('sizes', [(300, 200, 400), (300, 300)])
+def test_records_of_json_that_hold_lists_are_trials(tmp_path, sizes):
+    trials = [{'kind': 'sine', 'targets': ['kp'] * 3, 'pos': np.sin(0.02 * np.arange(n)).tolist(),
+               'tau': np.cos(0.02 * np.arange(n)).tolist()} for n in sizes]
+    (tmp_path / 'log.json').write_text(json.dumps({'robot': 'one', 'data': trials}))
+    (samples, info), = read_recording_with_info(tmp_path / 'log.json', layout=Layout(rate=50.0))
+    assert samples.position == pytest.approx(np.concatenate([one['pos'] for one in trials]))
+    assert "column 'episode' says which episode each row is of" in info.notes
+    assert np.count_nonzero(np.diff(samples.time) > 0.5) == len(sizes) - 1
+
+
+def test_records_of_json_that_hold_vectors_are_rows(tmp_path):
+    rows = [{'t': 0.02 * k, 'q': [0.0, math.sin(0.02 * k)], 'tau': [1.0, math.cos(0.02 * k)]}
+            for k in range(300)]
+    (tmp_path / 'log.json').write_text(json.dumps(rows))
+    samples, = read_recording(tmp_path / 'log.json', '2')
+    assert samples.position == pytest.approx(np.sin(0.02 * np.arange(300)))
 
 
 def test_lines_of_json_are_a_table(tmp_path):

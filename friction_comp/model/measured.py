@@ -8,6 +8,8 @@ from dataclasses import dataclass, field, replace
 import math
 from typing import Any
 
+import numpy as np
+
 from friction_comp.checks import check_interval, check_list, check_mapping, check_number
 from friction_comp.errors import InputError
 
@@ -61,6 +63,8 @@ class Presliding:
                 check_number(value, f'presliding.{name}', above=0.0)
 
 
+# Factor of the highest of the recorded speeds, and share of a motion beyond it, worth a note.
+_BEYOND, _FASTER = 1.25, 0.1
 LINE = ('offset', 'coulomb', 'viscous')
 """Parameters of the line, in A, A and A·s/rad."""
 
@@ -83,6 +87,19 @@ class Recorded:
                                   (*LINE, 'inertia', 'transition'))
         return cls(speeds, {name: check_interval(ends, f'recorded.intervals.{name}')
                             for name, ends in intervals.items()})
+
+    def faster(self, speed: np.ndarray) -> str:
+        """Return a note if much of a motion with these speeds, rad/s, is faster than the recorded.
+
+        Like other effects, friction is believed for a quarter of the range beyond it.
+        """
+        if not self.speeds or not len(speed):
+            return ''
+        share = float(np.mean(np.abs(speed) > _BEYOND * self.speeds[-1]))
+        return '' if share < _FASTER else (
+            f'{100.0 * share:.0f} % of this motion is faster than {_BEYOND * self.speeds[-1]:.3g} '
+            f'rad/s, and the model was fitted to speeds of up to {self.speeds[-1]:.3g} rad/s: '
+            'friction is extrapolated, and the error may be larger than the report expects')
 
     def interval(self, name: str, value: float) -> tuple[float, float] | None:
         """Return a parameter's interval; None if it does not hold the value, as after a change."""

@@ -26,6 +26,7 @@ from friction_comp.statistics import rms
 LINKS = ('gravity', 'rigid_body', 'other_joints', 'load_torque')
 """Effects of the links and of what they touch."""
 _OWN_ELEMENTS = ('inertia', 'spring')
+_NEVER_NEGATIVE = ('coulomb', 'viscous', 'static', 'inertia', 'stiffness')
 # Speeds of a table over which friction changes its sign, in units of the transition.
 _TURNING = np.array([0.2, 0.4, 0.6, 0.8, 1.0, 1.3, 1.7, 2.2, 3.0])
 # Speed as a share of the top speed above which a joint slides.
@@ -67,14 +68,17 @@ class SimulatorJoint:
     def passive(self) -> SimulatorJoint:
         """Return the joint without negative numbers, which no simulator takes; `left_out` says so.
 
-        Viscous friction is negative where friction falls with the speed.
+        Viscous friction is negative where friction falls with the speed. Ranges end at zero: a
+        simulator that draws from them would drive the joint with less.
         """
         least = {name: 0.0 for name in ('coulomb', 'viscous', 'stiffness')
                  if getattr(self, name) < 0.0}
         return replace(self, **least, left_out=[*self.left_out, *(  # type: ignore[arg-type]
             f'{name} {getattr(self, name):.4g}: simulators take none below zero, so it is 0 here'
             for name in least)], ranges={
-                name: ends for name, ends in self.ranges.items() if name not in least})
+                name: (max(low, 0.0), high) if name in _NEVER_NEGATIVE else (low, high)
+                for name, (low, high) in self.ranges.items()
+                if name not in least and (high > 0.0 or name not in _NEVER_NEGATIVE)})
 
 
 def cautions_of(models: Iterable[FrictionModel]) -> list[str]:

@@ -22,6 +22,8 @@ from friction_comp.topics import TOPICS
 
 # A jump by nearly a turn, rad, within this time, s, is a wrapped angle.
 WRAP_TIME, _WRAP = 0.02, (1.8 * np.pi, 2.2 * np.pi)
+# A joint whose position covers more, rad or m, moved.
+_MOVED = 0.01
 # A position that is so many times as far from its neighbours as is usual is a glitch, if these are
 # rare; fewest positions that tell.
 _GLITCH, _GLITCHES, _FEWEST_OF_GLITCHES = 20.0, 0.005, 200
@@ -193,6 +195,14 @@ def usable_joints(scan: Scan, torque_per_current: Callable[[str], float],
     return read
 
 
+def moved_without_effort(scan: Scan, joints: Iterable[str]) -> list[str]:
+    """Return the names of joints that moved, but are not among the usable `joints`."""
+    positions = {name: values[np.isfinite(values[:, 0]), 0] for track in scan.of('joint_states')
+                 for name, values in track.values.items()}
+    return sorted(name for name in set(positions) - set(joints)
+                  if len(positions[name]) and np.ptp(positions[name]) > _MOVED)
+
+
 def joint_states_at(samples: Samples, info: RecordingInfo,
                     joints: dict[str, tuple[Samples, RecordingInfo]]) -> JointStates:
     """Return the motion of all `joints`, interpolated to the times of one joint's `samples`."""
@@ -238,7 +248,7 @@ def _others_moved(scan: Scan, own: np.ndarray) -> bool:
     """Return whether any joint moved other than the one with the values `own`."""
     positions = [values[np.isfinite(values[:, 0]), 0] for track in scan.of('joint_states')
                  for values in track.values.values() if values is not own]
-    return any(len(position) > 0 and np.ptp(position) > 0.01 for position in positions)
+    return any(len(position) > 0 and np.ptp(position) > _MOVED for position in positions)
 
 
 def _select_joint(scan: Scan, joint: str | None) -> tuple[Track, str, list[str], np.ndarray]:

@@ -10,6 +10,7 @@ from functools import reduce
 
 import numpy as np
 
+from friction_comp.columns import idle_note
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.layout import Layout
@@ -86,6 +87,8 @@ def _read_joint(scan: Scan, joint: str | None, torque_per_current: float, others
     if others and len(scan.joints) > 1:
         joints = joint_samples.usable_joints(scan, lambda joint: 1.0)
         samples = samples.with_(arm=joint_samples.joint_states_at(samples, info, joints))
+        idle = joint_samples.moved_without_effort(scan, joints)
+        info.notes += [idle_note(idle)] if idle else []
     return samples, info
 
 

@@ -23,6 +23,7 @@ from friction_comp.errors import InputError
 from friction_comp.files import library_for
 from friction_comp.layout import TABLES
 from friction_comp.recordings.csv_file import Columns, Csv
+from friction_comp.recordings.episodes import EPISODE
 from friction_comp.recordings.hdf5_file import Hdf5, is_hdf5
 from friction_comp.recordings.item_names import item_names
 from friction_comp.recordings.joint_rows import Labels
@@ -206,7 +207,8 @@ def _flat(items: Iterable[tuple[str, Any]]) -> Columns:
                             for inner, column in _flat(value.items()).items()})
             continue
         if isinstance(value, list) and value and isinstance(value[0], Mapping):
-            columns.update(_flat((key, [row.get(key) for row in value]) for key in value[0]))
+            columns.update(_episodes(value) or _flat(
+                (key, [row.get(key) for row in value]) for key in value[0]))
             continue
         try:
             values = np.asarray(value)
@@ -233,6 +235,29 @@ def _flat(items: Iterable[tuple[str, Any]]) -> Columns:
         elif values.ndim < 2:
             columns[name] = values
     return columns
+
+
+def _episodes(records: list[Any]) -> Columns:
+    """Return columns of records that each hold the lists of a trial, and its number; else none.
+
+    What differs in length, or is longer than there are records, is no vector of one time.
+    """
+    parts: dict[str, list[np.ndarray]] = {}
+    for number, record in enumerate(records):
+        lists = {key: np.asarray(value, dtype=float) for key, value in (
+            record.items() if isinstance(record, Mapping) else ())
+            if isinstance(value, list) and value and all(
+                isinstance(item, (int, float)) for item in value)}
+        longest = max(map(len, lists.values()), default=0)
+        lists = {key: value for key, value in lists.items() if len(value) == longest}
+        if not lists or (parts and set(lists) != set(parts) - {EPISODE}):
+            return {}
+        for key, value in {**lists, EPISODE: np.full(longest, number)}.items():
+            parts.setdefault(key, []).append(value)
+    lengths = {len(part) for part in parts.get(EPISODE, ())}
+    if len(lengths) < 2 and max(lengths, default=0) <= len(records):
+        return {}
+    return {key: np.concatenate(values) for key, values in parts.items()}
 
 
 def _load(path: Path) -> Any:

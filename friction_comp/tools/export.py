@@ -200,10 +200,15 @@ def remarks_on(joint: SimulatorJoint, arguments: Namespace, models: list[Frictio
     return lines + cautions_of(models)
 
 
+def _percent(share: float) -> str:
+    """Return a share in per cent, with two digits and no power of ten."""
+    return f'{100.0 * share:.2g} %' if share < 0.995 else f'{100.0 * share:.0f} %'
+
+
 def _missed(loss: Loss, unit: str) -> str:
     if loss.share < _NOTHING:
         return f'This form misses nothing of the model without the links, in {loss.motion}'
-    return (f'This form misses the model by {loss.torque:.3g} {unit} RMS, {100 * loss.share:.2g} % '
+    return (f'This form misses the model by {loss.torque:.3g} {unit} RMS, {_percent(loss.share)} '
             f'of its torque without the links, in {loss.motion}')
 
 
@@ -234,7 +239,7 @@ def _played(joint: SimulatorJoint, form: str, model: FrictionModel, motion: Samp
         return ['Not played in MuJoCo: it needs MuJoCo (pip install mujoco) and an inertia']
     small = 'mm' if joint.unit == 'N' else 'mrad'
     return [f'Played in MuJoCo with the {what} torque, the joint strays {1e3 * played.error:.3g} '
-            f'{small} RMS from its motion, {100 * played.share:.2g} % of it; without friction '
+            f'{small} RMS from its motion, {_percent(played.share)} of it; without friction '
             f'{1e3 * played.frictionless:.3g} {small}']
 
 

@@ -19,10 +19,12 @@ from friction_comp.errors import errors_name, InputError
 from friction_comp.files import write_atomically
 from friction_comp.tools.common import Arguments, keep_inputs, progress
 from friction_comp.tools.refine_arguments import layout_of
+from friction_comp.units import in_own_units
 
 if TYPE_CHECKING:
     import numpy as np
 
+    from friction_comp.model.friction_model import FrictionModel
     from friction_comp.recordings import RecordingInfo
     from friction_comp.samples import Samples
 
@@ -44,11 +46,9 @@ def main(argv: list[str] | None = None) -> int:
                              'that was refined, or one that began just as cold')
     arguments = parser.parse(argv)
     keep_inputs(arguments.output, arguments.recording, arguments.model)
-    from friction_comp.excitation.improve import moving
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.recordings import find_recording, read_recording_with_info
     from friction_comp.recordings.plans import read_plan
-    from friction_comp.statistics import rms
 
     plan = read_plan(arguments.recording, layout_of(arguments))
     if plan is not None:
@@ -74,17 +74,35 @@ def main(argv: list[str] | None = None) -> int:
               '(--with-time-effects applies it)')
     if measured is not samples.current:
         print('a load was recorded: the current that it replaces is added to the measured current')
-    residual, unit = measured - predicted, model.unit
-    errors = [f'{rms(residual):.4g} {unit}']
-    # At standstill friction balances any torque up to breakaway: an error there says little.
-    with suppress(InputError):
-        errors = [f'{rms(residual[moving(samples, model)]):.4g} {unit} where the joint moves',
-                  f'{errors[0]} with standstill']
+    errors, remarks = compared(model, samples, measured, predicted)
     print(f'{arguments.output}: {len(text.splitlines()) - 1} rows, RMS of measured minus predicted '
           + ', '.join(errors))
-    for note in info.notes:
+    for note in (*remarks, *info.notes):
         print(f'note: {note}')
     return 0
+
+
+def compared(model: FrictionModel, samples: Samples, measured: np.ndarray,
+             predicted: np.ndarray) -> tuple[list[str], list[str]]:
+    """Return the errors in words, and remarks on where the model cannot be believed."""
+    from friction_comp.excitation.improve import moving
+    from friction_comp.statistics import rms
+
+    residual, unit = measured - predicted, model.unit
+    errors, remarks = [f'{rms(residual):.4g} {unit}'], list[str]()
+    # At standstill friction balances any torque up to breakaway: an error there says little.
+    with suppress(InputError):
+        moves = moving(samples, model)
+        error, constant = rms(residual[moves]), float(measured[moves].std())
+        errors = [f'{error:.4g} {unit} where the joint moves', f'{errors[0]} with standstill']
+        if error > constant:
+            remarks.append(f'where the joint moves, a constant is only {constant:.4g} {unit} off: '
+                           'the model does not hold for this recording')
+        velocity = model.differentiated(samples).velocity
+        if model.recorded is not None and velocity is not None and (
+                note := model.recorded.faster(velocity[moves])):
+            remarks.append(in_own_units(note, model.is_linear))
+    return errors, remarks
 
 
 def table(samples: Samples, info: RecordingInfo, measured: np.ndarray,

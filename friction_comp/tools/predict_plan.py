@@ -18,6 +18,9 @@ from friction_comp.model.simulator_joint import cautions_of
 from friction_comp.samples import Samples
 from friction_comp.units import in_own_units
 
+# Share of its top speed below which a plan stands still.
+_STILL = 0.05
+
 
 def predict_plan(arguments: Namespace, plan: dict[str, Samples]) -> int:
     """Write a row for each time of a plan, with the torque of each of its joints; returns 0."""
@@ -25,13 +28,19 @@ def predict_plan(arguments: Namespace, plan: dict[str, Samples]) -> int:
     columns = {'time': next(iter(plan.values())).time}
     left_out: list[str] = []
     units: dict[str, str] = {}
+    faster: list[str] = []
     for name, model in models.items():
         prefix = f'{name}.' if len(models) > 1 else ''
         told, others = model.of_plan()
         left_out += [other for other in others if other not in left_out]
         with errors_name(arguments.recording):
-            current = _current(told, plan[name if name in plan else ''])
+            current, velocity = _current(told, plan[name if name in plan else ''])
         unit = model.unit
+        speed = np.abs(velocity)
+        if model.recorded is not None and (
+                note := model.recorded.faster(speed[speed > _STILL * speed.max()])):
+            faster.append((f'{name}: ' if len(models) > 1 else '')
+                          + in_own_units(note, model.is_linear))
         gain = model.torque_per(unit)
         if gain is not None:
             columns[f'{prefix}torque'], units['torque'] = gain * current, in_own_units(
@@ -49,7 +58,7 @@ def predict_plan(arguments: Namespace, plan: dict[str, Samples]) -> int:
         print(f"left out, since a plan does not tell their signals: {', '.join(left_out)}")
     print(f'{arguments.output}: {len(columns["time"])} rows, '
           + ', '.join(f'{what} in {unit}' for what, unit in units.items()))
-    for line in cautions_of(models.values()):
+    for line in (*faster, *cautions_of(models.values())):
         print(f'note: {line}')
     return 0
 
@@ -76,14 +85,19 @@ def _models(arguments: Namespace, plan: dict[str, Samples]) -> dict[str, Frictio
     return {name: FrictionModel.load(path, name) for name in known}
 
 
-def _current(model: FrictionModel, samples: Samples) -> np.ndarray:
-    """Return the current of a plan, (N,), which leads its motion by `lag` and `time_constant`."""
+def _current(model: FrictionModel, samples: Samples) -> tuple[np.ndarray, np.ndarray]:
+    """Return the current of a plan, which leads its motion, and its velocity in rad/s, each (N,).
+
+    It leads by `lag` and `time_constant`.
+    """
     settings = model.settings
     slow = max(settings.get('time_constant') or 0.0, 0.0)
     if samples.acceleration is not None and model.arm is None:
-        return as_recorded(model.current(samples), samples, slow)
+        assert samples.velocity is not None     # a plan with an acceleration has one
+        return as_recorded(model.current(samples), samples, slow), samples.velocity
     settings['source'] = 'position' if samples.velocity is None else 'velocity'
     if settings.get('lag', 0.0) is None or settings.get('lag', 0.0) < 0.0:
         settings.pop('lag', None)
     moved = differentiate(model.with_arm(samples), settings)
-    return as_recorded(model.current(moved), moved, slow)
+    assert moved.velocity is not None
+    return as_recorded(model.current(moved), moved, slow), moved.velocity
