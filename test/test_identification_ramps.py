@@ -25,6 +25,7 @@ from friction_comp.identification.kinetic import (
 from friction_comp.identification.ramp_evaluation import (
     combined_presliding,
     common_stiffness,
+    Crossed,
     evaluate_ramps,
     find_backlash,
     presliding_std,
@@ -197,13 +198,15 @@ def test_presliding_is_the_mean_after_slides_in_both_directions(elements):
     # At rest after a slide in positive direction: turned back until nothing is left of it.
     back = way_to(-distance, 0.0)
     rest = -moved(-distance, back)
-    ways = [(True, way_to(rest, 1.0 - 1e-9)), (False, way_to(-rest, 1.0 - 1e-9))]
-    assert combined_presliding(ways) == pytest.approx(float(distance.max()), rel=1e-3)
+    ways = [Crossed(True, 1, way_to(rest, 1.0 - 1e-9)),
+            Crossed(False, 1, way_to(-rest, 1.0 - 1e-9))]
+    assert combined_presliding(ways)[0] == pytest.approx(float(distance.max()), rel=1e-3)
 
 
 def test_presliding_from_one_kind_of_ramp_is_used_if_there_is_no_other():
-    assert combined_presliding([(False, 2e-4), (False, 4e-4), (False, 3e-4)]) == 3e-4
-    assert combined_presliding([]) == 0.0
+    ways = [Crossed(False, 1, way) for way in (2e-4, 4e-4, 3e-4)]
+    assert combined_presliding(ways) == (3e-4, 0.0)
+    assert combined_presliding([]) == (0.0, 0.0)
 
 
 def loose(backlash, distance=2e-4, link=0.2):
@@ -226,23 +229,37 @@ def test_backlash_is_reported_with_its_size_and_excluded_from_breakaway(backlash
     assert any('backlash of' in warning for warning in found.warnings)
     for sign in (1, -1):
         assert abs(np.mean(found.records.currents(sign))) == pytest.approx(LEVEL, rel=0.05)
-    # While the rotor slides through it, this contact's damper adds to its friction.
-    assert found.presliding.distance < 2e-4 + 0.15 * backlash
+    # What ramps against the slide before yield more may be backlash, or memory.
+    presliding = found.presliding
+    assert presliding.distance < 2e-4 + 0.15 * backlash
+    assert abs(presliding.distance - 2e-4) < 2.0 * presliding.std
+    assert presliding.stiffness is None, 'of teeth that are apart, it is that of one side'
+
+
+@pytest.mark.parametrize('ahead', [0.0, 2e-4, 5e-4])
+def test_backlash_is_what_ramps_cross_after_slides_in_either_direction(ahead):
+    """A slide leaves the link anywhere between the teeth: ahead is a part, behind the rest."""
+    backlash = 7e-4
+    ramps = [ramp(loose(ahead if sign == before else backlash - ahead), slope=slope, sign=sign,
+                  before=before)
+             for slope in (0.19, 0.2, 0.21)
+             for sign, before in [(1, -1), (1, 1), (-1, 1), (-1, -1)]]
+    assert evaluated(ramps).backlash == pytest.approx(backlash, rel=0.2)
 
 
 @pytest.mark.parametrize('distance', [1e-4, 5e-4, 2e-3])
 def test_a_gear_without_backlash_is_said_to_have_none(distance):
     ramps = [friction_of(ramp(dahl(distance), slope, sign=sign))
              for slope in (0.1, 0.2) for sign in (1, -1)]
-    assert find_backlash(ramps, [1, -1, 1, -1], COUNT) == (0.0, [0] * 4)
-    assert find_backlash([], [], COUNT) == (0.0, [])
+    assert find_backlash(ramps, [1, -1, 1, -1], [True] * 4, COUNT) == (0.0, [0] * 4)
+    assert find_backlash([], [], [], COUNT) == (0.0, [])
 
 
 def test_a_contact_that_is_stiffer_to_one_side_is_no_backlash():
     ramps = [friction_of(ramp(contact, sign=sign)) for contact, sign in (
         (loose(3e-4), 1), (dahl(2e-4), -1)) * 2]
-    assert find_backlash(ramps, [1, -1, 1, -1], COUNT)[0] == 0.0
-    assert find_backlash(ramps, [1, 1, -1, -1], COUNT)[0] > 0.0
+    assert find_backlash(ramps, [1, -1, 1, -1], [False] * 4, COUNT)[0] == 0.0
+    assert find_backlash(ramps, [1, 1, -1, -1], [False] * 4, COUNT)[0] > 0.0
 
 
 def test_breakaway_that_backlash_makes_unsure_is_refused_with_that_word():
@@ -253,13 +270,13 @@ def test_breakaway_that_backlash_makes_unsure_is_refused_with_that_word():
 
 
 def test_presliding_is_the_less_sure_the_more_ramps_differ_and_the_coarser_the_encoder():
-    same = [(side, 3e-4) for side in (True, False)] * 4
-    differ = [(side, way) for side in (True, False) for way in (2e-4, 3e-4, 3e-4, 4e-4)]
-    few = [presliding_std(ways, 3e-4, COUNT) for ways in (same, differ)]
+    same = [Crossed(side, 1, 3e-4) for side in (True, False)] * 4
+    differ = [Crossed(side, 1, way) for side in (True, False) for way in (2e-4, 3e-4, 3e-4, 4e-4)]
+    few = [presliding_std(ways, 3e-4, 0.0, COUNT) for ways in (same, differ)]
     assert 0.05 * 3e-4 < few[0] < few[1] < 0.5 * 3e-4
-    assert presliding_std(same, 3e-4, 1e-4) > few[0]
+    assert presliding_std(same, 3e-4, 0.0, 1e-4) > few[0]
     # One ramp a side tells little.
-    assert presliding_std(same[:2], 3e-4, COUNT) > few[1]
+    assert presliding_std(same[:2], 3e-4, 0.0, COUNT) > few[1]
 
 
 @given(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
