@@ -163,28 +163,31 @@ def combined_presliding(measured: Sequence[Crossed], loose: bool = False) -> tup
     A Maxwell-slip contact remembers the slide before: in its direction a ramp yields less than the
     presliding distance, against it more; by Masing's rule the sum is twice the distance. Contacts
     without this memory (Dahl, LuGre) yield the same both times. The mean of both is the distance in
-    either case. On a `loose` gear, what one side yields more may be backlash instead of memory: the
-    distance is between that of the other side and the mean.
+    either case. On a `loose` gear, what a ramp against the slide yields more may be backlash, not
+    memory: the distance is between that in its direction and the mean.
     """
     sides = by_side(measured)
     mean = float(np.mean(sides)) if sides else 0.0
-    unknown = 0.5 * (mean - min(sides)) if loose and sides else 0.0
-    return mean - unknown, unknown
+    if not loose or len(sides) < 2:
+        return mean, 0.0
+    unknown = 0.5 * max(0.0, mean - sides[0])
+    return sides[0] + unknown, unknown
 
 
 def presliding_std(measured: Sequence[Crossed], distance: float, unknown: float,
                    resolution: float) -> float:
     """Return the standard deviation of presliding at one rest, rad, see `combined_presliding`.
 
-    It combines the ramps' scatter, the encoder count, the method's error and what is not known.
+    It combines the ramps' scatter, the encoder count and the method's error; what is not known is
+    added, so that the sum with the distance exceeds the longest that is possible.
     """
     sides = [np.array([one.way for one in measured if one.onward is side])
              for side in (True, False)]
     # From the interquartile range, since single distances may be far off.
     scatter = [float(np.subtract(*np.quantile(side, (0.75, 0.25)))) / 1.35
                if len(side) > 2 else 0.3 * distance for side in sides if len(side)]
-    return math.hypot(float(np.sqrt(np.mean(np.square(scatter)))), _SHARE_OF_COUNT * resolution,
-                      _METHOD * distance, unknown)
+    return unknown + math.hypot(float(np.sqrt(np.mean(np.square(scatter)))),
+                                _SHARE_OF_COUNT * resolution, _METHOD * distance)
 
 
 def common_stiffness(ramps: Sequence[RampFriction], breakaway: float,
