@@ -203,6 +203,20 @@ def test_presliding_is_the_mean_after_slides_in_both_directions(elements):
     assert combined_presliding(ways)[0] == pytest.approx(float(distance.max()), rel=1e-3)
 
 
+def test_presliding_of_a_loose_gear_is_between_that_of_memory_and_that_of_backlash():
+    ways = [Crossed(onward, sign, way) for onward, way in ((True, 2e-4), (False, 6e-4))
+            for sign in (1, -1)]
+    distance, unknown = combined_presliding(ways, loose=True)
+    assert distance - unknown == pytest.approx(2e-4), 'all that is more is backlash'
+    assert distance + unknown == pytest.approx(4e-4), 'all that is more is memory'
+    assert combined_presliding(ways) == (pytest.approx(4e-4), 0.0)
+
+
+def test_directions_of_unequal_friction_count_alike_however_many_ramps_each_has():
+    ways = [Crossed(True, 1, 2e-4)] * 5 + [Crossed(True, -1, 4e-4)] * 2
+    assert combined_presliding(ways)[0] == pytest.approx(3e-4)
+
+
 def test_presliding_from_one_kind_of_ramp_is_used_if_there_is_no_other():
     ways = [Crossed(False, 1, way) for way in (2e-4, 4e-4, 3e-4)]
     assert combined_presliding(ways) == (3e-4, 0.0)
