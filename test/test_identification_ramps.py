@@ -212,27 +212,21 @@ def test_presliding_is_the_mean_after_slides_in_both_directions(elements):
     # At rest after a slide in positive direction: turned back until nothing is left of it.
     back = way_to(-distance, 0.0)
     rest = -moved(-distance, back)
-    ways = [Crossed(True, 1, way_to(rest, 1.0 - 1e-9)),
-            Crossed(False, 1, way_to(-rest, 1.0 - 1e-9))]
+    ways = [Crossed(True, way_to(rest, 1.0 - 1e-9)),
+            Crossed(False, way_to(-rest, 1.0 - 1e-9))]
     assert combined_presliding(ways)[0] == pytest.approx(float(distance.max()), rel=1e-3)
 
 
 def test_presliding_of_a_loose_gear_is_between_that_of_memory_and_that_of_backlash():
-    ways = [Crossed(onward, sign, way) for onward, way in ((True, 2e-4), (False, 6e-4))
-            for sign in (1, -1)]
+    ways = [Crossed(True, 2e-4), Crossed(False, 6e-4)]
     distance, unknown = combined_presliding(ways, loose=True)
     assert distance - unknown == pytest.approx(2e-4), 'all that is more is backlash'
     assert distance + unknown == pytest.approx(4e-4), 'all that is more is memory'
     assert combined_presliding(ways) == (pytest.approx(4e-4), 0.0)
 
 
-def test_directions_of_unequal_friction_count_alike_however_many_ramps_each_has():
-    ways = [Crossed(True, 1, 2e-4)] * 5 + [Crossed(True, -1, 4e-4)] * 2
-    assert combined_presliding(ways)[0] == pytest.approx(3e-4)
-
-
 def test_presliding_from_one_kind_of_ramp_is_used_if_there_is_no_other():
-    ways = [Crossed(False, 1, way) for way in (2e-4, 4e-4, 3e-4)]
+    ways = [Crossed(False, way) for way in (2e-4, 4e-4, 3e-4)]
     assert combined_presliding(ways) == (3e-4, 0.0)
     assert combined_presliding([]) == (0.0, 0.0)
 
@@ -298,8 +292,8 @@ def test_breakaway_that_backlash_makes_unsure_is_refused_with_that_word():
 
 
 def test_presliding_is_the_less_sure_the_more_ramps_differ_and_the_coarser_the_encoder():
-    same = [Crossed(side, 1, 3e-4) for side in (True, False)] * 4
-    differ = [Crossed(side, 1, way) for side in (True, False) for way in (2e-4, 3e-4, 3e-4, 4e-4)]
+    same = [Crossed(side, 3e-4) for side in (True, False)] * 4
+    differ = [Crossed(side, way) for side in (True, False) for way in (2e-4, 3e-4, 3e-4, 4e-4)]
     few = [presliding_std(ways, 3e-4, 0.0, COUNT) for ways in (same, differ)]
     assert 0.05 * 3e-4 < few[0] < few[1] < 0.5 * 3e-4
     assert presliding_std(same, 3e-4, 0.0, 1e-4) > few[0]

@@ -138,23 +138,19 @@ def _window(step: float, driven: np.ndarray, resolution: float, rate: float) -> 
 
 
 class Crossed(NamedTuple):
-    """A displacement on one ramp, rad, its direction, and whether the slide before had the same."""
+    """A displacement on one ramp, rad, and whether the slide before had the ramp's direction."""
 
     onward: bool
-    direction: int
     way: float
 
 
 def by_side(measured: Sequence[Crossed]) -> list[float]:
-    """Return the displacements after slides in the ramp's direction, and after those against it.
+    """Return the median after slides in the ramp's direction, and that after those against it.
 
-    Each is the mean of the medians of both directions, whose friction may differ. A side without
-    ramps is left out.
+    A side without ramps is left out.
     """
-    cells = [[[way for onward, sign, way in measured if (onward, sign) == (side, direction)]
-              for direction in (1, -1)] for side in (True, False)]
-    return [float(np.mean([np.median(cell) for cell in side if cell]))
-            for side in cells if any(side)]
+    sides = [[one.way for one in measured if one.onward is side] for side in (True, False)]
+    return [float(np.median(side)) for side in sides if side]
 
 
 def combined_presliding(measured: Sequence[Crossed], loose: bool = False) -> tuple[float, float]:
@@ -258,9 +254,8 @@ def find_backlash(ramps: Sequence[RampFriction], directions: Sequence[int],
     upturns = [at if depth > _CROSSED else 0 for depth, at in depths]
     # Smoothing shows an impact half a window before it happens.
     backlash = sum(by_side([
-        Crossed(same, sign, ramp.position[min(at + ramp.half, len(ramp.position) - 1)]
-                if at > 0 else 0.0)
-        for same, sign, ramp, at in zip(onward, directions, ramps, upturns)]))
+        Crossed(same, ramp.position[min(at + ramp.half, len(ramp.position) - 1)]
+                if at > 0 else 0.0) for same, ramp, at in zip(onward, ramps, upturns)]))
     # A contact that is stiffer on one side also curves upwards, but in one direction only.
     if len(shares) < 2 or min(shares) < _SHARE or backlash < _SEEN_COUNTS * resolution:
         return 0.0, [0] * len(ramps)
@@ -374,8 +369,8 @@ def _presliding(ramps: Sequence[Ramp], peaks: Sequence[RampFriction],
     loaded = max(sides) - min(sides) > _LOADED * (max(sides) + min(sides))
     onward = [ramp.before == ramp.direction for ramp in ramps]
     measured = _hardly_crept(ramps, [
-        Crossed(same, sign, peak.presliding(level, upturn)) for same, sign, peak, level, upturn
-        in zip(onward, directions, peaks, levels, upturns)])
+        Crossed(same, peak.presliding(level, upturn))
+        for same, peak, level, upturn in zip(onward, peaks, levels, upturns)])
     distance, unknown = combined_presliding(measured, backlash is not None)
     # Less than two counts cannot be resolved.
     if distance <= 2.0 * resolution:
