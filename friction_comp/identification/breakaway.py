@@ -31,7 +31,7 @@ STAIR_TIME = 0.08
 """Time in s that a rise of current takes beyond that of its slope: one that is too quick shakes the
 joint, and a contact with little damping creeps while it is shaken."""
 
-SHORTEST_PAUSE, LONGEST_PAUSE = 0.15, 0.6
+SHORTEST_PAUSE, LONGEST_PAUSE = 0.15, 2.4
 """Times on a stair, s: doubled from the shortest on until the joint rests, or slides."""
 
 SLIDE_SHARE = 0.5

@@ -47,9 +47,10 @@ _SHARE_OF_COUNT, _METHOD = 0.4, 0.09
 _EARLY, _COUNTS = 1.0 / 3.0, 4.0
 # Least depth of a ramp's curve below its hull, as a share of breakaway, and share of the ramps in
 # each direction that must exceed it, since not every ramp crosses backlash. Simulated gears without
-# backlash stay below in at least one direction; those with visible backlash have 0.05 to 0.24 in
-# both (`bench/law_table.py --floors identification`, seeds 42 to 48).
-_DEPTH, _SHARE = 0.04, 0.2
+# backlash stay below in at least one direction, but chains of Maxwell elements exceed 0.03; those
+# with visible backlash have 0.05 to 0.24 in both (`bench/law_table.py --floors identification`,
+# seeds 42 to 48). Where backlash is seen, a ramp has crossed some of it from a smaller depth on.
+_DEPTH, _SHARE, _CROSSED = 0.04, 0.2, 0.015
 _SURE = 3.0          # standard deviations of noise that a dip must exceed
 _SEEN_COUNTS = 3.0   # smallest backlash that the encoder resolves
 _BINS = 60           # of displacement, at most
@@ -136,31 +137,53 @@ def _window(step: float, driven: np.ndarray, resolution: float, rate: float) -> 
     return max(round(min(width, _LONGEST) / step), 5) | 1
 
 
-def combined_presliding(measured: list[tuple[bool, float]]) -> float:
-    """Return the presliding distance in rad from ramps after slides in both directions.
+class Crossed(NamedTuple):
+    """A displacement on one ramp, rad, and whether the slide before had the ramp's direction."""
 
-    Each entry of `measured` tells whether the preceding slide had the ramp's direction, and the
-    displacement in rad. A Maxwell-slip contact remembers that slide: in its direction a ramp yields
-    less than the presliding distance, against it more; by Masing's rule the sum is twice the
-    distance. Contacts without this memory (Dahl, LuGre) yield the same both times. The mean of both
-    is the distance in either case.
+    onward: bool
+    way: float
+
+
+def by_side(measured: Sequence[Crossed]) -> list[float]:
+    """Return the median after slides in the ramp's direction, and that after those against it.
+
+    A side without ramps is left out.
     """
-    sides = [[value for same, value in measured if same is side] for side in (True, False)]
-    return float(np.mean([np.median(side) for side in sides if side])) if measured else 0.0
+    sides = [[one.way for one in measured if one.onward is side] for side in (True, False)]
+    return [float(np.median(side)) for side in sides if side]
 
 
-def presliding_std(measured: list[tuple[bool, float]], distance: float, resolution: float) -> float:
-    """Return the standard deviation of presliding at one rest from `combined_presliding`, rad.
+def combined_presliding(measured: Sequence[Crossed], loose: bool = False) -> tuple[float, float]:
+    """Return the presliding distance from ramps' distances, and what of it is not known, rad.
 
-    It combines the ramps' scatter, the encoder count and the method's error.
+    A Maxwell-slip contact remembers the slide before: in its direction a ramp yields less than the
+    presliding distance, against it more; by Masing's rule the sum is twice the distance. Contacts
+    without this memory (Dahl, LuGre) yield the same both times. The mean of both is the distance in
+    either case. On a `loose` gear, what a ramp against the slide yields more may be backlash, not
+    memory: the distance is between that in its direction and the mean.
     """
-    sides = [np.array([value for same, value in measured if same is side])
+    sides = by_side(measured)
+    mean = float(np.mean(sides)) if sides else 0.0
+    if not loose or len(sides) < 2:
+        return mean, 0.0
+    unknown = 0.5 * max(0.0, mean - sides[0])
+    return sides[0] + unknown, unknown
+
+
+def presliding_std(measured: Sequence[Crossed], distance: float, unknown: float,
+                   resolution: float) -> float:
+    """Return the standard deviation of presliding at one rest, rad, see `combined_presliding`.
+
+    It combines the ramps' scatter, the encoder count and the method's error; what is not known is
+    added, so that the sum with the distance exceeds the longest that is possible.
+    """
+    sides = [np.array([one.way for one in measured if one.onward is side])
              for side in (True, False)]
     # From the interquartile range, since single distances may be far off.
     scatter = [float(np.subtract(*np.quantile(side, (0.75, 0.25)))) / 1.35
                if len(side) > 2 else 0.3 * distance for side in sides if len(side)]
-    return math.hypot(float(np.sqrt(np.mean(np.square(scatter)))), _SHARE_OF_COUNT * resolution,
-                      _METHOD * distance)
+    return unknown + math.hypot(float(np.sqrt(np.mean(np.square(scatter)))),
+                                _SHARE_OF_COUNT * resolution, _METHOD * distance)
 
 
 def common_stiffness(ramps: Sequence[RampFriction], breakaway: float,
@@ -212,7 +235,7 @@ def _upturn(ramp: RampFriction, resolution: float) -> tuple[float, int]:
 
 
 def find_backlash(ramps: Sequence[RampFriction], directions: Sequence[int],
-                  resolution: float) -> tuple[float, list[int]]:
+                  onward: Sequence[bool], resolution: float) -> tuple[float, list[int]]:
     """Return the backlash of a gear, rad, and each ramp's index at which teeth touch; 0 if none.
 
     Friction of a gear's contacts is a concave function of displacement, since every contact that
@@ -220,19 +243,23 @@ def find_backlash(ramps: Sequence[RampFriction], directions: Sequence[int],
     While teeth are apart, only the motor's own friction acts; where they touch, that of the link is
     added and the curve bends upwards. A dip below its concave hull indicates backlash; its lowest
     point is where teeth touch.
+
+    `onward` tells which ramps follow a slide in their own direction. A slide leaves the link
+    somewhere between the teeth: the next ramp crosses what is left ahead, one against it what is
+    left behind. The backlash is the sum of both.
     """
     depths = [_upturn(ramp, resolution) for ramp in ramps]
-    upturns = [at if depth > _DEPTH and ramp.position[at] >= _SEEN_COUNTS * resolution else 0
-               for ramp, (depth, at) in zip(ramps, depths)]
-    shares = [np.mean([at > 0 for at, other in zip(upturns, directions) if other == sign])
-              for sign in set(directions)]
-    # A contact that is stiffer on one side also curves upwards, but in one direction only.
-    if len(shares) < 2 or min(shares) < _SHARE:
-        return 0.0, [0] * len(ramps)
+    shares = [np.mean([depth > _DEPTH for (depth, _), other in zip(depths, directions)
+                       if other == sign]) for sign in set(directions)]
+    upturns = [at if depth > _CROSSED else 0 for depth, at in depths]
     # Smoothing shows an impact half a window before it happens.
-    crossed = [ramp.position[min(at + ramp.half, len(ramp.position) - 1)]
-               for ramp, at in zip(ramps, upturns) if at > 0]
-    return float(np.median(crossed)), upturns
+    backlash = sum(by_side([
+        Crossed(same, ramp.position[min(at + ramp.half, len(ramp.position) - 1)]
+                if at > 0 else 0.0) for same, ramp, at in zip(onward, ramps, upturns)]))
+    # A contact that is stiffer on one side also curves upwards, but in one direction only.
+    if len(shares) < 2 or min(shares) < _SHARE or backlash < _SEEN_COUNTS * resolution:
+        return 0.0, [0] * len(ramps)
+    return backlash, upturns
 
 
 class Ramp(NamedTuple):
@@ -277,7 +304,8 @@ def evaluate_ramps(ramps: Sequence[Ramp], resolution: float, acceleration_per_cu
         time, position, current = ramp.samples[held].T
         curves.append(ramp_friction(time, position, current, ramp.direction, resolution,
                                     acceleration_per_current, viscous))
-    backlash, upturns = find_backlash(curves, directions, resolution)
+    onward = [ramp.before == ramp.direction for ramp in ramps]
+    backlash, upturns = find_backlash(curves, directions, onward, resolution)
     warnings = [_backlash_message(backlash, records)] if backlash > 0.0 else []
     ratio = float(np.median([_current_gone(ramp) / abs(_held_current(ramp)) for ramp in ramps]))
     if ratio > _CREEPS:
@@ -315,22 +343,22 @@ def _backlash_message(backlash: float, records: BreakawayRecords) -> str:
                 f'backlash of {backlash:.2g} rad: breakaway in the {side} direction scatters by '
                 f'{100.0 * np.std(levels, ddof=1) / np.mean(levels):.0f} %; request more '
                 'breakaway_cycles or a less steep ramp_slope')
-    return f'backlash of {backlash:.2g} rad; presliding is given without it'
+    return (f'backlash of {backlash:.2g} rad, with what a soft link winds up by; presliding is '
+            'given without it, as far as they can be told apart, and stiffness is not given')
 
 
-def _hardly_crept(ramps: Sequence[Ramp], measured: Sequence[tuple[bool, float]]
-                  ) -> list[tuple[bool, float]]:
+def _hardly_crept(ramps: Sequence[Ramp], measured: Sequence[Crossed]) -> list[Crossed]:
     """Return the displacements with few pauses before them, during which a joint may creep.
 
     Of the ramps after slides in either direction, those are left with at most the median number.
     """
     pauses = np.array([
         np.sum(ramp.direction * (np.interp(ramp.pauses, *ramp.samples.T[:2])
-                                 - ramp.samples[0, 1]) < moved)
-        for ramp, (_, moved) in zip(ramps, measured)])
-    onward = np.array([same for same, _ in measured])
+                                 - ramp.samples[0, 1]) < one.way)
+        for ramp, one in zip(ramps, measured)])
+    onward = np.array([one.onward for one in measured])
     return [one for one, count in zip(measured, pauses)
-            if count <= np.median(pauses[onward == one[0]])]
+            if count <= np.median(pauses[onward == one.onward])]
 
 
 def _presliding(ramps: Sequence[Ramp], peaks: Sequence[RampFriction],
@@ -341,14 +369,16 @@ def _presliding(ramps: Sequence[Ramp], peaks: Sequence[RampFriction],
     loaded = max(sides) - min(sides) > _LOADED * (max(sides) + min(sides))
     onward = [ramp.before == ramp.direction for ramp in ramps]
     measured = _hardly_crept(ramps, [
-        (same, peak.presliding(level, upturn))
+        Crossed(same, peak.presliding(level, upturn))
         for same, peak, level, upturn in zip(onward, peaks, levels, upturns)])
-    distance = combined_presliding(measured)
+    distance, unknown = combined_presliding(measured, backlash is not None)
     # Less than two counts cannot be resolved.
     if distance <= 2.0 * resolution:
         return None
     return Presliding(
         distance,
+        # Of teeth that are apart, it would be that of the motor's side alone.
         common_stiffness([peak for same, peak in zip(onward, peaks) if same],
-                         float(np.mean(levels)), resolution) if not loaded else None,
-        presliding_std(measured, distance, resolution), backlash)
+                         float(np.mean(levels)), resolution) if not loaded and not backlash
+        else None,
+        presliding_std(measured, distance, unknown, resolution), backlash)

@@ -311,6 +311,6 @@ def check_load(points: Sequence[KineticPoint], breakaway: tuple[float, float], s
     if max(abs(shift), abs(sliding)) > 0.12 * friction:
         more = 2.0 * max(shift, sliding, key=abs)
         return '', (f'the {"positive" if more > 0.0 else "negative"} direction needs '
-                    f'{say(abs(more))} more than the other: gravity or a spring, or somebody '
-                    'leant on the joint')
+                    f'{say(abs(more))} more than the other: gravity or a spring, friction that '
+                    'differs, or somebody leant on the joint')
     return '', ''
