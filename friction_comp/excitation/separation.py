@@ -3,7 +3,7 @@
 """Computes how well a motion separates effects, with refinement's columns and block sums.
 
 An effect can be distinguished from another where a part of its columns is independent of those of
-the other and of Eq. 6. `BlockSums.independent_share` gives that part; of some constants of both
+the other and of Eq. 6. `BlockSums.independent_shares` gives that part; of some constants of both
 effects, the smallest is taken.
 """
 
@@ -142,9 +142,8 @@ def separations(samples: Samples, pairs: Sequence[Pair], coverage: Coverage) -> 
         shares = []
         for one in keys[first]:
             for other in keys[second]:
-                columns = table.indices([one, other], derivatives=False)
-                share = dict(zip(columns, table.sums.independent_share(columns)))
-                shares += [max(share[column] for column in table.columns_of[key])
-                           for key in (one, other)]
+                _, *own = table.sums.independent_shares([
+                    table.indices((), derivatives=False), *map(table.columns_of.get, (one, other))])
+                shares += own
         return float(min(shares, default=0.0))
     return {(first, second): least(first, second) for first, second in pairs}

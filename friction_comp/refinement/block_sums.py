@@ -121,11 +121,20 @@ class BlockSums:
         own = self.part(columns)
         return solve(own.gram.sum(axis=0)[None], own.gram, own.signs)[0]
 
-    def independent_share(self, columns: Sequence[int]) -> np.ndarray:
-        """Return the share of each column's norm that is independent of the others, shape (S,)."""
-        own = self.part(columns)
+    def independent_shares(self, groups: Sequence[Sequence[int]]) -> list[float]:
+        """Return the largest share of a norm that is independent of the other groups, of each.
+
+        It is that of the combination of a group's columns that has most of its own, so that it
+        does not matter from where a position is measured.
+        """
+        own = self.part([column for columns in groups for column in columns])
         norms = own.norms
-        return _shares(own.gram.sum(axis=0)[:-1, :-1] / norms / norms[:, None])
+        scaled = own.gram.sum(axis=0)[:-1, :-1] / norms / norms[:, None]
+        scaled[np.diag_indices(len(scaled))] += 1e-12
+        inverse, ends = np.linalg.inv(scaled), np.cumsum([0, *map(len, groups)])
+        parts = [slice(*pair) for pair in zip(ends, ends[1:])]
+        return [1.0 / math.sqrt(abs(np.linalg.eigvals(inverse[part, part] @ scaled[part, part]
+                                                      ).real.min())) for part in parts]
 
     def beside(self, columns: Sequence[int], others: Sequence[int]) -> np.ndarray:
         """Return the sums of products of what columns have beside others, shape (S, S)."""
@@ -139,7 +148,7 @@ class BlockSums:
 
 
 def _shares(scaled: np.ndarray) -> np.ndarray:
-    """Return the shares of `BlockSums.independent_share` of sums of columns of norm one."""
+    """Return the share of each column that is independent of the others, by sums of norm one."""
     scaled = scaled.copy()
     scaled[np.diag_indices(len(scaled))] += 1e-12
     return np.asarray(1.0 / np.sqrt(np.abs(np.diag(np.linalg.inv(scaled)))))

@@ -152,10 +152,10 @@ class Search:
         """
         terms = list(terms)
         while True:
-            columns = self.table.indices(terms, derivatives=False)
-            share = dict(zip(columns, self.table.sums.independent_share(columns)))
-            collinear = [term for term in terms if term not in self.fixed and max(
-                share[column] for column in self.table.columns_of[term]) < thresholds.OWN_SHARE]
+            _, *shares = self.table.sums.independent_shares(
+                [self.table.indices((), derivatives=False), *map(self.table.columns_of.get, terms)])
+            collinear = [term for term, share in zip(terms, shares)
+                         if term not in self.fixed and share < thresholds.OWN_SHARE]
             if not collinear:
                 return terms
             terms.remove(collinear[-1])
