@@ -275,19 +275,23 @@ def at_limit(term: Term, coverage: Coverage) -> bool:
 
 
 def constant_derivatives(table: Table, terms: Sequence[Term], free: Sequence[tuple[int, str]]
-                         ) -> np.ndarray:
+                         ) -> tuple[np.ndarray, np.ndarray]:
     """Return the derivatives of a fit's prediction by Q `free_constants`, shape (Q, R).
 
-    The unit of each constant is its `step_size`.
+    The unit of each constant is its `step_size`. What the term's own columns have of them is not in
+    them, but returned as coefficients of all columns, (Q, P): it depends on the unit of a load.
     """
-    coefficients, rows = table.coefficients(terms), []
-    for index, name in free:
+    coefficients, gram = table.coefficients(terms), table.sums.gram.sum(axis=0)
+    rows, shares = np.empty((len(free), len(table.target))), np.zeros((len(free), len(gram) - 1))
+    for k, (index, name) in enumerate(free):
         columns = table.columns_of[terms[index]]
         changed = with_step(terms[index], name, _STEP, table.rows.coverage)
         gain = np.array([coefficients[column] for column in columns])
-        new = changed.at_rows(table.rows)
-        rows.append(gain @ (new - table.columns[columns]) / _STEP)
-    return np.array(rows).reshape(len(free), table.columns.shape[1])
+        own = table.columns[columns]
+        change = gain @ (changed.at_rows(table.rows) - own) / _STEP
+        shares[k, columns] = np.linalg.lstsq(gram[np.ix_(columns, columns)], own @ change)[0]
+        rows[k] = change - shares[k, columns] @ own
+    return rows, shares
 
 
 def adjust_constants(table: Table, terms: Sequence[Term], rounds: int) -> list[Term]:
@@ -306,7 +310,7 @@ def adjust_constants(table: Table, terms: Sequence[Term], rounds: int) -> list[T
         table.keep(terms)
         residual = table.residual(terms, derivatives=False)
         design = np.vstack((table.columns[table.indices(terms)],
-                            constant_derivatives(table, terms, free)))
+                            constant_derivatives(table, terms, free)[0]))
         norm = np.sqrt(np.einsum('ij,ij->i', design, design)) + 1e-300
         scaled = design / norm[:, None]
         gram = scaled @ scaled.T

@@ -128,10 +128,13 @@ class Intervals:
     quantile: float = math.nan  # half an interval over the standard deviation of the draws
     # How far what is `unsettled` moves each coefficient.
     moved: np.ndarray = field(default_factory=lambda: np.empty(0))
+    # Coefficients of the draws, (D, P), each with what its term's constants change in its column.
+    contributions: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
 
-    def half_width(self, weights: np.ndarray) -> float:
+    def half_width(self, weights: np.ndarray, draws: np.ndarray | None = None) -> float:
         """Return half the interval of a weighted sum of coefficients, with a weight by column."""
-        sums = self.draws[:, :len(self.coefficients)] @ weights[list(self.coefficients)]
+        draws = self.draws[:, :len(self.coefficients)] if draws is None else draws
+        sums = draws @ weights[list(self.coefficients)]
         return self.quantile * float(robust_std(sums - np.median(sums)))
 
     def ends(self, weights: np.ndarray) -> tuple[float, float]:
@@ -156,7 +159,7 @@ class Intervals:
         size = len(columns)
         wider = math.sqrt(
             size * stats.f.ppf(CONFIDENCE, size, table.rows.blocks - 1)) / self.quantile
-        return bool(middle @ weights[columns] > wider * self.half_width(weights))
+        return bool(middle @ weights[columns] > wider * self.half_width(weights, self.contributions))
 
     def correlations(self) -> list[tuple[float, Parameter, Parameter]]:
         """Return the rank correlation of each pair of parameters, the largest first."""
@@ -197,23 +200,26 @@ def intervals(table: Table, terms: Sequence[Term], others: Sequence[np.ndarray] 
     """
     free = free_constants(terms)
     indices = table.indices(terms)
-    columns = np.vstack((table.columns[indices], constant_derivatives(table, terms, free), *others,
-                         table.target))
+    derivatives, own = constant_derivatives(table, terms, free)
+    columns = np.vstack((table.columns[indices], derivatives, *others, table.target))
     # A coefficient that physics keeps at zero is as uncertain as if it were free.
     signs = np.zeros(len(columns) - 1, dtype=int)
     signs[:len(indices)] = table.sums.signs[indices] * (not others)
     sums, both = BlockSums.over(columns, table.block_rows, signs), range(len(signs))
     rng = np.random.default_rng(1)
     weights = np.array([table.draw_blocks(rng) for _ in range(_DRAWS)], dtype=float)
-    draws = sums.fits(both, weights)
+    draws, fitted = sums.fits(both, weights), sums.fit(both)[None]
+    contributions = draws[:, :len(indices)].copy()
+    # What a constant changes of the term's own columns counts for their coefficients.
+    for fits in (draws, fitted):
+        fits[:, :len(indices)] -= fits[:, len(indices):][:, :len(free)] @ own[:, indices]
     quantile = float(student_quantile(table.rows.blocks - 1))
     # By the median: samples that lack a direction of motion give outlying fits.
     half_widths = quantile * robust_std(draws - np.median(draws, axis=0), axis=0)
     # About the fit of the terms alone; the derivatives of Eq. 6 have no part in that.
-    fitted = sums.fit(both)
-    alone = {**dict(zip(indices, fitted)), **table.coefficients(terms)}
+    alone = {**dict(zip(indices, fitted[0])), **table.coefficients(terms)}
     middle = np.concatenate((list(alone.values()), np.zeros(len(free))))
-    moved = _BEYOND * (fitted[:len(middle)] - middle) * bool(others)
+    moved = _BEYOND * (fitted[0, :len(middle)] - middle) * bool(others)
     ends = np.array([np.minimum(moved, 0.0) - half_widths[:len(middle)],
                      np.maximum(moved, 0.0) + half_widths[:len(middle)]]).T
     coefficients = {column: (float(value + low), float(value + high))
@@ -223,7 +229,7 @@ def intervals(table: Table, terms: Sequence[Term], others: Sequence[np.ndarray] 
         term = terms[index]
         low, high = term.constants[name] + steps * step_size(term, name, table.rows.coverage)
         constants[term, name] = float(low), float(high)
-    return Intervals(coefficients, constants, draws, quantile, moved[:len(indices)])
+    return Intervals(coefficients, constants, draws, quantile, moved[:len(indices)], contributions)
 
 
 def error_growth(table: Table, terms: Sequence[Term]) -> dict[str, float]:
