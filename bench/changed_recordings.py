@@ -238,8 +238,8 @@ def show(results):
         print(f"{drive:24} {change:18} {one['verdict']:13} {one['error']:9.4g} / "
               f"{one['expected']:9.4g} = {ratio:5.2f}  C+V {one['plain']:9.4g}  "
               f"{' '.join(faults)} {' '.join(one['codes'])}")
-    print(f'\n{dict(verdicts)}; faults {dict(wrong)}; geometric mean of the error over that of C + V '
-          f'{np.exp(np.mean(np.log(gains))):.3f}')
+    print(f'\n{dict(verdicts)}; faults {dict(wrong)}; geometric mean of the error over '
+          f'that of C + V {np.exp(np.mean(np.log(gains))):.3f}')
     for verdict in dict.fromkeys(verdict for verdict, _ in ratios):
         own = np.array([ratio for name, ratio in ratios if name == verdict])
         print(f'{verdict}: {len(own)}, ratio: median {np.median(own):.2f}, 90 % below '

@@ -3,7 +3,7 @@
 """Computes how well a motion separates effects, with refinement's columns and block sums.
 
 An effect can be distinguished from another where a part of its columns is independent of those of
-the other and of Eq. 6. `BlockSums.independent_shares` gives that part; of some constants of both
+the other and of Eq. 6. `Table.own_shares` gives that part; of some constants of both
 effects, the smallest is taken.
 """
 
@@ -142,8 +142,6 @@ def separations(samples: Samples, pairs: Sequence[Pair], coverage: Coverage) -> 
         shares = []
         for one in keys[first]:
             for other in keys[second]:
-                _, *own = table.sums.independent_shares([
-                    table.indices((), derivatives=False), *map(table.columns_of.get, (one, other))])
-                shares += own
+                shares += table.own_shares([one, other])
         return float(min(shares, default=0.0))
     return {(first, second): least(first, second) for first, second in pairs}

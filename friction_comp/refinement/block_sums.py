@@ -46,6 +46,12 @@ class BlockSums:
         norms = np.sqrt(np.einsum('kii->i', self.gram)[:-1])
         return np.where(norms > 0.0, norms, 1.0)
 
+    def scaled(self, ridge: float) -> np.ndarray:
+        """Return the sums of products of all columns at norm one, with a ridge, shape (P, P)."""
+        norms = self.norms
+        return np.asarray(self.gram.sum(axis=0)[:-1, :-1] / norms / norms[:, None]
+                          + ridge * np.eye(len(norms)))
+
     def part(self, columns: Sequence[int]) -> BlockSums:
         """Return the sums of some columns alone."""
         inner = np.array([*columns, -1])
@@ -128,9 +134,7 @@ class BlockSums:
         does not matter from where a position is measured.
         """
         own = self.part([column for columns in groups for column in columns])
-        norms = own.norms
-        scaled = own.gram.sum(axis=0)[:-1, :-1] / norms / norms[:, None]
-        scaled[np.diag_indices(len(scaled))] += 1e-12
+        scaled = own.scaled(1e-12)
         inverse, ends = np.linalg.inv(scaled), np.cumsum([0, *map(len, groups)])
         parts = [slice(*pair) for pair in zip(ends, ends[1:])]
         return [1.0 / math.sqrt(abs(np.linalg.eigvals(inverse[part, part] @ scaled[part, part]
@@ -139,9 +143,7 @@ class BlockSums:
     def beside(self, columns: Sequence[int], others: Sequence[int]) -> np.ndarray:
         """Return the sums of products of what columns have beside others, shape (S, S)."""
         both, size = self.part([*others, *columns]), len(others)
-        norms = both.norms
-        sums = both.gram.sum(axis=0)[:-1, :-1] / norms / norms[:, None]
-        sums[np.diag_indices(len(sums))] += _RIDGE
+        norms, sums = both.norms, both.scaled(_RIDGE)
         own = sums[size:, size:] - sums[size:, :size] @ np.linalg.solve(
             sums[:size, :size], sums[:size, size:])
         return np.asarray(own * norms[size:] * norms[size:, None])
@@ -149,9 +151,8 @@ class BlockSums:
 
 def _shares(scaled: np.ndarray) -> np.ndarray:
     """Return the share of each column that is independent of the others, by sums of norm one."""
-    scaled = scaled.copy()
-    scaled[np.diag_indices(len(scaled))] += 1e-12
-    return np.asarray(1.0 / np.sqrt(np.abs(np.diag(np.linalg.inv(scaled)))))
+    inverse = np.linalg.inv(scaled + 1e-12 * np.eye(len(scaled)))
+    return np.asarray(1.0 / np.sqrt(np.abs(np.diag(inverse))))
 
 
 def _squared_errors(gram: np.ndarray, coefficients: np.ndarray) -> np.ndarray:

@@ -36,8 +36,6 @@ _EXCERPT = 150_000
 _PIECE = 2000
 # Shares of the top speed over which friction may change sign.
 TRANSITIONS = (0.3, 0.1, 0.03, 0.01, 0.003)
-# Share of the top speed above which a smooth velocity is right.
-_FAST = 0.1
 
 
 def plain_columns(samples: Samples, transitions: Sequence[float] = (),
@@ -221,10 +219,6 @@ def smooth_motion(samples: Samples, unusable: np.ndarray) -> tuple[Samples, np.n
     smooth = smooth_settings(samples)
     moved = differentiate(samples, smooth)
     usable = in_motion(moved, unusable, standstill_speed(moved), smooth['bandwidth'])
-    speed = np.abs(np.asarray(moved.velocity))
-    fast = usable & (speed > _FAST * np.percentile(speed[usable], 95))
-    # A smooth velocity is wrong where friction changes its sign.
-    usable = fast if fast.sum() > 0.5 * usable.sum() else usable
     return moved, row_starts(samples, usable, 1)[::max(1, int(usable.sum()) // 12000)]
 
 
@@ -349,11 +343,8 @@ def _choose_signal(samples: Samples, name: str, present: dict[str, Any],
     rate = 1.0 / samples.sample_time
     errors = {value: error_with(value, lag) for value in (
         *(value for value in _SIGNAL_BANDWIDTHS if value <= _WIDEST * rate), 0.5 * rate)}
-    least = min(errors.values())
-    if not max(errors.values()) > least:
-        return {}
-    bandwidth = max(value for value, error in errors.items()
-                    if error <= (1.0 + thresholds.EQUIVALENT) ** 2 * least)
+    most = (1.0 + thresholds.EQUIVALENT) ** 2 * min(errors.values())
+    bandwidth = max(value for value, error in errors.items() if error <= most)
     as_recorded = not lag and np.array_equal(prepared_signal(samples, values, bandwidth), values)
     return {} if as_recorded else {'bandwidth': bandwidth, 'lag': lag}
 

@@ -88,10 +88,6 @@ class Search:
         # A resampled sample holds out too few blocks to test their mean.
         self._standard_errors = 1.0 if self._resampled else float(thresholds.STANDARD_ERRORS)
 
-    def _mixed(self) -> np.ndarray:
-        """Return the sums of products over the fitted blocks, shape (P + 1, P + 1)."""
-        return self.table.sums.gram.sum(axis=0) if self._fitted is None else self._fitted
-
     def after_addition(self, terms: list[Term]) -> list[Term]:
         """Return terms after one was added; a subclass may adjust them and update `candidates`."""
         return terms
@@ -152,8 +148,7 @@ class Search:
         """
         terms = list(terms)
         while True:
-            _, *shares = self.table.sums.independent_shares(
-                [self.table.indices((), derivatives=False), *map(self.table.columns_of.get, terms)])
+            shares = self.table.own_shares(terms)
             collinear = [term for term, share in zip(terms, shares)
                          if term not in self.fixed and share < thresholds.OWN_SHARE]
             if not collinear:
@@ -171,8 +166,9 @@ class Search:
             counts[term.choice] < term.kind.max_count)]
         if not allowed:
             return []
+        sums = self.table.sums.gram.sum(axis=0) if self._fitted is None else self._fitted
         reductions = error_reductions(
-            self._mixed(), self.table.indices(terms),
+            sums, self.table.indices(terms),
             [self.table.columns_of[term] for term in allowed], self.table.sums.signs)
         best: dict[Any, Term] = {}
         for index in np.argsort(-reductions, kind='stable'):

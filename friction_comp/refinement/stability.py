@@ -131,10 +131,9 @@ class Intervals:
     # Coefficients of the draws, (D, P), each with what its term's constants change in its column.
     contributions: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
 
-    def half_width(self, weights: np.ndarray, draws: np.ndarray | None = None) -> float:
+    def half_width(self, weights: np.ndarray) -> float:
         """Return half the interval of a weighted sum of coefficients, with a weight by column."""
-        draws = self.draws[:, :len(self.coefficients)] if draws is None else draws
-        sums = draws @ weights[list(self.coefficients)]
+        sums = self.draws[:, :len(self.coefficients)] @ weights[list(self.coefficients)]
         return self.quantile * float(robust_std(sums - np.median(sums)))
 
     def ends(self, weights: np.ndarray) -> tuple[float, float]:
@@ -159,7 +158,8 @@ class Intervals:
         size = len(columns)
         wider = math.sqrt(
             size * stats.f.ppf(CONFIDENCE, size, table.rows.blocks - 1)) / self.quantile
-        return bool(middle @ weights[columns] > wider * self.half_width(weights, self.contributions))
+        own = replace(self, draws=self.contributions)
+        return bool(middle @ weights[columns] > wider * own.half_width(weights))
 
     def correlations(self) -> list[tuple[float, Parameter, Parameter]]:
         """Return the rank correlation of each pair of parameters, the largest first."""
@@ -239,7 +239,7 @@ def error_growth(table: Table, terms: Sequence[Term]) -> dict[str, float]:
     for milliseconds, a hundred times those of the other samples, and who leaves these out knows
     nothing of inertia.
     """
-    averages, columns = table.rows.at_rows, table.indices(terms, derivatives=False)
+    averages, columns = table.rows.at_rows, range(len(table.indices(terms, derivatives=False)))
     variables = {'speed': np.abs(np.asarray(averages.velocity)), 'position': averages.position,
                  'time': np.arange(len(table.target)),
                  'acceleration': np.abs(np.asarray(averages.acceleration)),
@@ -247,14 +247,12 @@ def error_growth(table: Table, terms: Sequence[Term]) -> dict[str, float]:
     # Where nearly all values are equal, as accelerations by a velocity in whole register counts,
     # all are in one third, and nothing would be left to fit.
     partitions = {name: part for name, values in variables.items()
-                  if values is not None and np.ptp((part := _thirds(values)) // 2) > 0}
-    full, signs = np.vstack((table.columns[columns], table.target)), table.sums.signs[columns]
+                  if values is not None and np.ptp((part := thirds(values)) // 2) > 0}
 
     def error(part: np.ndarray) -> float:
         """Return the mean squared error of what counts: rows whose number is even."""
-        sums = BlockSums.over(
-            full, [part == k for k in range(int(part.max()) // 2 * 2 + 2)], signs)
-        held_out = sums.errors_without(list(range(len(columns))), np.arange(len(sums.rows)) // 2)
+        sums = table.sums_over(terms, part)
+        held_out = sums.errors_without(columns, np.arange(len(sums.rows)) // 2)
         return max(float(held_out[::2].sum()) / max(float(sums.rows[::2].sum()), 1.0), 1e-300)
     least = error(2 * table.rows.block)
     return {name: math.sqrt(error(part) / least) for name, part in partitions.items()}
@@ -328,11 +326,8 @@ def disagreement(table: Table, terms: Sequence[Term]) -> Disagreement | None:
     for k in range(count):
         own = np.flatnonzero(number == k)
         quarter[own] = 4 * k + 4 * np.arange(len(own)) // len(own)
-    columns = table.indices(terms, derivatives=False)
-    group = np.arange(4 * count)
-    sums = BlockSums.over(np.vstack((table.columns[columns], table.target)),
-                          [quarter == k for k in group], table.sums.signs[columns])
-    every, others, same = (range(len(columns)), group != group[:, None],
+    sums, group = table.sums_over(terms, quarter), np.arange(4 * count)
+    every, others, same = (range(len(sums.signs)), group != group[:, None],
                            group // 4 == group[:, None] // 4)
     together, alone = (float(sums.squared_errors(every, sums.fits_without(every, train)).sum())
                        for train in (others, others & same))
@@ -346,7 +341,7 @@ def disagreement(table: Table, terms: Sequence[Term]) -> Disagreement | None:
         names[most], float(fits[:, most].min()), float(fits[:, most].max()))
 
 
-def _thirds(values: np.ndarray) -> np.ndarray:
+def thirds(values: np.ndarray) -> np.ndarray:
     """Return twice the third of each value, shape (R,), plus 1 if the others do not reach it."""
     edges = np.quantile(values, (1 / 3, 2 / 3))
     third = np.searchsorted(edges, values, side='right')

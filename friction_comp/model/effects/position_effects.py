@@ -187,9 +187,9 @@ class Bump(Effect):
         points = []
         for width in np.geomspace(0.008 * coverage.span, 0.12 * coverage.span, 5).tolist():
             # About the middle, so that both directions of position count alike.
-            count = math.ceil(coverage.span / width + 0.5)
-            places = 0.5 * (coverage.lowest + coverage.highest) + width * (
-                np.arange(count) - 0.5 * (count - 1))
+            each_way = math.ceil(0.5 * coverage.span / width)
+            places = 0.5 * (coverage.lowest + coverage.highest) + width * np.arange(
+                -each_way, each_way + 1)
             points += [{'position': float(position), 'width': width, 'exponent': 2.0,
                         'directional': directional}
                        for position in places for directional in (1.0, 0.0)]
