@@ -36,6 +36,8 @@ _EXCERPT = 150_000
 _PIECE = 2000
 # Shares of the top speed over which friction may change sign.
 TRANSITIONS = (0.3, 0.1, 0.03, 0.01, 0.003)
+# Share of the top speed above which a smooth velocity is right.
+_FAST = 0.1
 
 
 def plain_columns(samples: Samples, transitions: Sequence[float] = (),
@@ -219,6 +221,10 @@ def smooth_motion(samples: Samples, unusable: np.ndarray) -> tuple[Samples, np.n
     smooth = smooth_settings(samples)
     moved = differentiate(samples, smooth)
     usable = in_motion(moved, unusable, standstill_speed(moved), smooth['bandwidth'])
+    speed = np.abs(np.asarray(moved.velocity))
+    fast = usable & (speed > _FAST * np.percentile(speed[usable], 95))
+    # A smooth velocity is wrong where friction changes its sign.
+    usable = fast if fast.sum() > 0.5 * usable.sum() else usable
     return moved, row_starts(samples, usable, 1)[::max(1, int(usable.sum()) // 12000)]
 
 
