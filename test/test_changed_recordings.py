@@ -11,6 +11,7 @@ from friction_comp.model.effects import EFFECTS
 from friction_comp.refinement import refine
 from friction_comp.refinement.effect_columns import Table, Term
 from friction_comp.refinement.prepare import join, prepare
+from friction_comp.refinement.search import own_shares
 from friction_comp.refinement.stability import intervals
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
@@ -76,7 +77,7 @@ def test_neither_sign_nor_origin_of_position_matters(change, of_places):
         terms = table.add([Term(EFFECTS['gravity']), *(
             Term(EFFECTS['spring'], constants) for constants in EFFECTS['spring'].grid(
                 rows.coverage))])
-        shares.append(table.own_shares(terms))
+        shares.append(own_shares(table, terms))
         places.append(np.unique([point['position'] for point in EFFECTS['bump'].grid(
             rows.coverage)]))
     assert shares[1] == pytest.approx(shares[0], rel=1e-3)

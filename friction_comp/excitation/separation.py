@@ -3,7 +3,7 @@
 """Computes how well a motion separates effects, with refinement's columns and block sums.
 
 An effect can be distinguished from another where a part of its columns is independent of those of
-the other and of Eq. 6. `Table.own_shares` gives that part; of some constants of both
+the other and of Eq. 6. `search.own_shares` gives that part; of some constants of both
 effects, the smallest is taken.
 """
 
@@ -21,6 +21,7 @@ from friction_comp.model.effects import Coverage, Effect, EFFECTS
 from friction_comp.refinement.effect_columns import Table, Term
 from friction_comp.refinement.prepare import Rows
 from friction_comp.refinement.recorded_motion import blocks_of, in_motion, row_starts
+from friction_comp.refinement.search import own_shares
 from friction_comp.samples import Samples
 
 Pair = tuple[str, str]
@@ -142,6 +143,6 @@ def separations(samples: Samples, pairs: Sequence[Pair], coverage: Coverage) -> 
         shares = []
         for one in keys[first]:
             for other in keys[second]:
-                shares += table.own_shares([one, other])
+                shares += own_shares(table, [one, other])
         return float(min(shares, default=0.0))
     return {(first, second): least(first, second) for first, second in pairs}

@@ -127,19 +127,6 @@ class BlockSums:
         own = self.part(columns)
         return solve(own.gram.sum(axis=0)[None], own.gram, own.signs)[0]
 
-    def independent_shares(self, groups: Sequence[Sequence[int]]) -> list[float]:
-        """Return the share of each group of columns that is independent of the other groups.
-
-        It is the root mean square over the combinations of a group's columns, so that it does not
-        matter from where a position is measured.
-        """
-        own = self.part([column for columns in groups for column in columns])
-        scaled = own.scaled(1e-12)
-        inverse, ends = np.linalg.inv(scaled), np.cumsum([0, *map(len, groups)])
-        parts = [slice(*pair) for pair in zip(ends, ends[1:])]
-        return [math.sqrt(abs(np.trace(np.linalg.inv(inverse[part, part] @ scaled[part, part]))
-                              / (part.stop - part.start))) for part in parts]
-
     def beside(self, columns: Sequence[int], others: Sequence[int]) -> np.ndarray:
         """Return the sums of products of what columns have beside others, shape (S, S)."""
         both, size = self.part([*others, *columns]), len(others)

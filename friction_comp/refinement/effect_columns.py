@@ -198,11 +198,6 @@ class Table:
         base = range(EQ6_COLUMNS if derivatives else EQ6_LINEAR)
         return [*base, *(column for term in terms for column in self.columns_of[term])]
 
-    def own_shares(self, terms: Sequence[Term]) -> list[float]:
-        """Return of each term the share that is independent of Eq. 6 and the other terms."""
-        return self.sums.independent_shares([range(EQ6_LINEAR), *(
-            self.columns_of[term] for term in terms)])[1:]
-
     def sums_over(self, terms: Sequence[Term], part: np.ndarray) -> BlockSums:
         """Return the sums of Eq. 6 and some terms over parts, whose index each row has, (R,)."""
         columns = self.indices(terms, derivatives=False)

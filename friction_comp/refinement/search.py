@@ -19,7 +19,7 @@ import numpy as np
 
 from friction_comp.model.effects import Coverage
 from friction_comp.refinement import thresholds
-from friction_comp.refinement.effect_columns import Table, Term
+from friction_comp.refinement.effect_columns import EQ6_LINEAR, Table, Term
 
 _STEP = 1e-3
 _RIDGE = 1e-6
@@ -62,6 +62,21 @@ def error_reductions(sums: np.ndarray, chosen: list[int], candidates: Sequence[S
             gain = np.where((signs[columns[:, 0]] > 0) & (step[:, 0] < 0.0), 0.0, gain)
         reductions[indices] = gain
     return reductions * norm[-1] ** 2
+
+
+def own_shares(table: Table, terms: Sequence[Term]) -> list[float]:
+    """Return of each term the share that is independent of Eq. 6 and the other terms.
+
+    It is the root mean square over the combinations of its columns, so that it does not matter
+    from where a position is measured.
+    """
+    scaled = table.sums.part(table.indices(terms, derivatives=False)).scaled(1e-12)
+    inverse, shares, first = np.linalg.inv(scaled), [], EQ6_LINEAR
+    for term in terms:
+        part = slice(first, first := first + len(table.columns_of[term]))
+        own = np.linalg.inv(inverse[part, part] @ scaled[part, part])
+        shares.append(math.sqrt(abs(float(np.trace(own))) / len(own)))
+    return shares
 
 
 class Search:
@@ -148,7 +163,7 @@ class Search:
         """
         terms = list(terms)
         while True:
-            shares = self.table.own_shares(terms)
+            shares = own_shares(self.table, terms)
             collinear = [term for term, share in zip(terms, shares)
                          if term not in self.fixed and share < thresholds.OWN_SHARE]
             if not collinear:
