@@ -85,7 +85,7 @@ class BlockSums:
         fits = solve(sums, own.gram, own.signs)
         for k, inner in enumerate(sums[:, :-1, :-1] / norms / norms[:, None]):
             free = np.arange(len(norms))
-            while len(free) and (shares := _shares(inner[np.ix_(free, free)])).min() < \
+            while len(free) and (shares := column_shares(inner[np.ix_(free, free)])).min() < \
                     thresholds.OWN_SHARE:
                 free = np.delete(free, np.flatnonzero(shares < _ALIKE * shares.min())[-1])
             if len(free) == len(norms):
@@ -136,7 +136,7 @@ class BlockSums:
         return np.asarray(own * norms[size:] * norms[size:, None])
 
 
-def _shares(scaled: np.ndarray) -> np.ndarray:
+def column_shares(scaled: np.ndarray) -> np.ndarray:
     """Return the share of each column that is independent of the others, by sums of norm one."""
     inverse = np.linalg.inv(scaled + 1e-12 * np.eye(len(scaled)))
     return np.asarray(1.0 / np.sqrt(np.abs(np.diag(inverse))))
