@@ -124,7 +124,7 @@ def certain(coefficients, draws):
         blocks=16), sums=SimpleNamespace(
             signs=np.zeros(2), beside=lambda own, others: columns[own] @ columns[own].T))
     ends = {k: (value - 20.0, value + 20.0) for k, value in enumerate(coefficients)}
-    return Intervals(ends, {}, draws, 2.13).excludes_zero(table, 'term')
+    return Intervals(ends, {}, draws, 2.13, contributions=draws).excludes_zero(table, 'term')
 
 
 def test_a_sum_may_be_certain_where_no_coefficient_is():

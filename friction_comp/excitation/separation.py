@@ -3,7 +3,7 @@
 """Computes how well a motion separates effects, with refinement's columns and block sums.
 
 An effect can be distinguished from another where a part of its columns is independent of those of
-the other and of Eq. 6. `BlockSums.independent_share` gives that part; of some constants of both
+the other and of Eq. 6. `column_shares` gives that part; of some constants of both
 effects, the smallest is taken.
 """
 
@@ -18,6 +18,7 @@ import numpy as np
 from friction_comp.errors import InputError
 from friction_comp.excitation.joint_limits import JointLimits
 from friction_comp.model.effects import Coverage, Effect, EFFECTS
+from friction_comp.refinement.block_sums import column_shares
 from friction_comp.refinement.effect_columns import Table, Term
 from friction_comp.refinement.prepare import Rows
 from friction_comp.refinement.recorded_motion import blocks_of, in_motion, row_starts
@@ -143,7 +144,7 @@ def separations(samples: Samples, pairs: Sequence[Pair], coverage: Coverage) -> 
         for one in keys[first]:
             for other in keys[second]:
                 columns = table.indices([one, other], derivatives=False)
-                share = dict(zip(columns, table.sums.independent_share(columns)))
+                share = dict(zip(columns, column_shares(table.sums.part(columns).scaled(0.0))))
                 shares += [max(share[column] for column in table.columns_of[key])
                            for key in (one, other)]
         return float(min(shares, default=0.0))

@@ -19,6 +19,8 @@ DEFAULT_SETTINGS = {'method': METHOD, 'source': 'position', 'bandwidth': 40.0}
 _ORDER = 2
 # Time steps that differ by a smaller share than this are uniform.
 _UNIFORM = 1e-3
+# A step of more median ones has lost a sample, a shorter one an early and a late stamp.
+_LOST = 1.75
 # Measured signals that a model may depend on, beside those of motion.
 MEASURED = ('load', 'temperature')
 # A run of equal values that is longer than this multiple of the usual one holds no new values.
@@ -70,10 +72,11 @@ def differentiate(samples: Samples, settings: dict[str, Any]) -> Samples:
         time = samples.time[part]
         if len(time) < 3:
             continue
-        time = _increasing(time)
         step = np.diff(time)
         if np.ptp(step) >= _UNIFORM * np.median(step):
-            time = _increasing(_smooth(time, samples.sample_time, bandwidth))
+            time = _increasing(_smooth(
+                _times_of(_increasing(time), samples.position[part]), samples.sample_time,
+                bandwidth))
         if source == 'position':
             speed = _derivative(
                 _smooth(samples.position[part], samples.sample_time, bandwidth), time)
@@ -211,6 +214,22 @@ def _derivative(values: np.ndarray, time: np.ndarray) -> np.ndarray:
     step = np.diff(time)
     step = np.maximum(step, 0.25 * float(np.median(step)))
     return np.asarray(np.gradient(values, np.concatenate(([0.0], np.cumsum(step))), axis=0))
+
+
+def _times_of(stamps: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """Return the times of samples: their stamps, or even ones if motion is smoother by these.
+
+    A reader that is late now and then stamps samples late that were taken in time. Where samples
+    were lost, even times have gaps, too.
+    """
+    step, even = np.diff(stamps), stamps.copy()
+    usual = float(np.median(step))
+    for run in np.split(np.arange(len(stamps)), np.flatnonzero(step > _LOST * usual) + 1):
+        if len(run) > 2:
+            even[run] = np.polyval(np.polyfit(run - run[0], stamps[run], 1), run - run[0])
+    rough = [np.abs(np.diff(np.diff(position) / np.diff(time))).sum() for time in (stamps, even)]
+    late = rough[1] < rough[0] and np.abs(even - stamps).max() < usual
+    return even if late else stamps
 
 
 def _increasing(time: np.ndarray) -> np.ndarray:

@@ -202,8 +202,8 @@ def find_best_fit(problem: Problem) -> Fit:
     tried = [best.settings]
     # A plain drive knows of no ripple, which a filter of the motion or of the load blurs.
     wider = recorded_motion.smooth_settings(problem.raw)
-    others = [{**best.settings, **wider}] if wider['bandwidth'] and (
-        best.settings['bandwidth'] or math.inf) < wider['bandwidth'] else []
+    others = [{**best.settings, **wider}] if (
+        best.settings['bandwidth'] < wider['bandwidth']) else []
     if best.settings.get('signals'):
         others.append(recorded_motion.choose_differentiation(
             problem.raw, best.rows.clipped, best.rows.joints, 0.0, filtered=False))

@@ -46,6 +46,12 @@ class BlockSums:
         norms = np.sqrt(np.einsum('kii->i', self.gram)[:-1])
         return np.where(norms > 0.0, norms, 1.0)
 
+    def scaled(self, ridge: float) -> np.ndarray:
+        """Return the sums of products of all columns at norm one, with a ridge, shape (P, P)."""
+        norms = self.norms
+        return np.asarray(self.gram.sum(axis=0)[:-1, :-1] / norms / norms[:, None]
+                          + ridge * np.eye(len(norms)))
+
     def part(self, columns: Sequence[int]) -> BlockSums:
         """Return the sums of some columns alone."""
         inner = np.array([*columns, -1])
@@ -79,7 +85,7 @@ class BlockSums:
         fits = solve(sums, own.gram, own.signs)
         for k, inner in enumerate(sums[:, :-1, :-1] / norms / norms[:, None]):
             free = np.arange(len(norms))
-            while len(free) and (shares := _shares(inner[np.ix_(free, free)])).min() < \
+            while len(free) and (shares := column_shares(inner[np.ix_(free, free)])).min() < \
                     thresholds.OWN_SHARE:
                 free = np.delete(free, np.flatnonzero(shares < _ALIKE * shares.min())[-1])
             if len(free) == len(norms):
@@ -121,28 +127,19 @@ class BlockSums:
         own = self.part(columns)
         return solve(own.gram.sum(axis=0)[None], own.gram, own.signs)[0]
 
-    def independent_share(self, columns: Sequence[int]) -> np.ndarray:
-        """Return the share of each column's norm that is independent of the others, shape (S,)."""
-        own = self.part(columns)
-        norms = own.norms
-        return _shares(own.gram.sum(axis=0)[:-1, :-1] / norms / norms[:, None])
-
     def beside(self, columns: Sequence[int], others: Sequence[int]) -> np.ndarray:
         """Return the sums of products of what columns have beside others, shape (S, S)."""
         both, size = self.part([*others, *columns]), len(others)
-        norms = both.norms
-        sums = both.gram.sum(axis=0)[:-1, :-1] / norms / norms[:, None]
-        sums[np.diag_indices(len(sums))] += _RIDGE
+        norms, sums = both.norms, both.scaled(_RIDGE)
         own = sums[size:, size:] - sums[size:, :size] @ np.linalg.solve(
             sums[:size, :size], sums[:size, size:])
         return np.asarray(own * norms[size:] * norms[size:, None])
 
 
-def _shares(scaled: np.ndarray) -> np.ndarray:
-    """Return the shares of `BlockSums.independent_share` of sums of columns of norm one."""
-    scaled = scaled.copy()
-    scaled[np.diag_indices(len(scaled))] += 1e-12
-    return np.asarray(1.0 / np.sqrt(np.abs(np.diag(np.linalg.inv(scaled)))))
+def column_shares(scaled: np.ndarray) -> np.ndarray:
+    """Return the share of each column that is independent of the others, by sums of norm one."""
+    inverse = np.linalg.inv(scaled + 1e-12 * np.eye(len(scaled)))
+    return np.asarray(1.0 / np.sqrt(np.abs(np.diag(inverse))))
 
 
 def _squared_errors(gram: np.ndarray, coefficients: np.ndarray) -> np.ndarray:

@@ -198,6 +198,13 @@ class Table:
         base = range(EQ6_COLUMNS if derivatives else EQ6_LINEAR)
         return [*base, *(column for term in terms for column in self.columns_of[term])]
 
+    def sums_over(self, terms: Sequence[Term], part: np.ndarray) -> BlockSums:
+        """Return the sums of Eq. 6 and some terms over parts, whose index each row has, (R,)."""
+        columns = self.indices(terms, derivatives=False)
+        return BlockSums.over(
+            np.vstack((self.columns[columns], self.target)),
+            [part == k for k in range(int(part.max()) + 1)], self.sums.signs[columns])
+
     def residual(self, terms: Sequence[Term], derivatives: bool = True) -> np.ndarray:
         """Return the residual of a fit of some terms to all blocks, shape (R,)."""
         indices = self.indices(terms, derivatives)

@@ -49,10 +49,9 @@ def best_response(error: Callable[[float, float], float], step: float,
     sample; beside a lag in `now`, only changes of it are tried.
     """
     known = sum(now)
-    fine = bool(known)
     change, gain = best_lag(lambda change: error(known + change, 0.0), step, known)
     whole = known + change
-    if not (fine or gain > ENOUGH):
+    if not (known or gain > ENOUGH):
         return now
     least, response = error(whole, 0.0), (whole, 0.0)
     # A shorter lag is due to sampling, and a delay.
@@ -62,5 +61,5 @@ def best_response(error: Callable[[float, float], float], step: float,
             lambda size: error(0.0, size), bounds=sorted((0.0, longest)), method='bounded',
             options={'xatol': 0.02 * step, 'maxiter': 12})
         least, response = min((least, response), (float(low_pass.fun), (0.0, float(low_pass.x))))
-    allowed = 1.0 - thresholds.EQUIVALENT if fine else 1.0
+    allowed = 1.0 - thresholds.EQUIVALENT if known else 1.0
     return response if least < allowed * error(*now) else now

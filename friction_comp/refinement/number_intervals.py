@@ -14,8 +14,8 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.measured import LINE, Recorded
 from friction_comp.model.sliding_friction import inertia_of, line_of, Sliding
 from friction_comp.refinement.best_fit import Fit
-from friction_comp.refinement.block_sums import BlockSums
 from friction_comp.refinement.effect_columns import EQ6_LINEAR
+from friction_comp.refinement.stability import thirds
 from friction_comp.statistics import rms
 
 # Quantiles of the speed in motion that a model file keeps.
@@ -79,11 +79,9 @@ def _without_thirds(fit: Fit) -> np.ndarray:
     random do not show.
     """
     table = fit.table
-    speed = np.abs(np.asarray(fit.rows.at_rows.velocity))
-    third = np.searchsorted(np.quantile(speed, (1 / 3, 2 / 3)), speed, side='right')
     columns = table.indices(fit.terms, derivatives=False)
-    sums = BlockSums.over(np.vstack((table.columns[columns], table.target)),
-                          [third == k for k in range(3)], table.sums.signs[columns])
+    sums = table.sums_over(
+        fit.terms, thirds(np.abs(np.asarray(fit.rows.at_rows.velocity))) // 2)
     fits = np.zeros((4, max(fit.intervals.coefficients) + 1))
     fits[:, columns] = sums.fits_without(
         range(len(columns)), np.vstack((np.ones(3), 1.0 - np.eye(3))) > 0.0)

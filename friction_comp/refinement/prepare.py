@@ -106,9 +106,10 @@ def join(recordings: Sequence[Samples] | Samples) -> Samples:
         recordings = [recordings]
     if not all(isinstance(r, Samples) for r in recordings):
         raise InputError('recordings must be a list of Samples, as read_recording returns it')
-    # Sorted by content, so that the order in which files are named makes no difference.
+    # Sorted by content, so that neither the order in which files are named makes a difference, nor
+    # a sign or an origin; the last digits may be rounding.
     recordings = sorted((part for part in recordings if len(part)), key=lambda part: (
-        len(part), *map(float, part.position[:2]), *map(float, part.current[:2])))
+        len(part), f'{np.ptp(part.position):.6e}', float(np.std(part.current))))
     if not recordings:
         raise InputError('the recordings hold no samples')
     samples = Samples.concatenate(recordings) if len(recordings) > 1 else recordings[0]

@@ -29,6 +29,8 @@ from friction_comp.statistics import rms, top_speed
 _BANDWIDTHS = (5.0, 10.0, 20.0, 40.0, 80.0, 120.0, 200.0)
 # Of measured signals: a thermometer is slow.
 _SIGNAL_BANDWIDTHS = (0.03, 0.1, 0.3, 1.0, 2.5, 5.0, 7.0, 10.0, 15.0, *_BANDWIDTHS[2:])
+# Widest bandwidth of a filter, of the rate.
+_WIDEST = 0.3
 _EXCERPT = 150_000
 # Samples of noise that stand for an encoder's steps.
 _PIECE = 2000
@@ -68,8 +70,10 @@ def plain_columns(samples: Samples, transitions: Sequence[float] = (),
 def candidate_settings(samples: Samples, velocity: np.ndarray | None,
                        bandwidths: Sequence[float] = _BANDWIDTHS) -> list[dict[str, Any]]:
     """Return the differentiation settings to compare; `velocity` is as recorded, if it was."""
+    # Half of the rate filters nothing here, but a faster recording, in which motion above it would
+    # be new to the model.
     rate = 1.0 / max(samples.sample_time, 1e-9)
-    values = [*(value for value in bandwidths if value <= 0.3 * rate), None]
+    values = [*(value for value in bandwidths if value <= _WIDEST * rate), 0.5 * rate]
     recorded = velocity is not None and np.any(velocity, axis=0).all()
     sources = ('position', 'velocity') if recorded else ('position',)
     return [{'method': METHOD, 'source': source, 'bandwidth': value}
@@ -155,7 +159,8 @@ def in_motion(samples: Samples, unusable: np.ndarray, slowest: float,
     ends = np.zeros(len(samples), dtype=bool)
     for part in samples.segments():
         ends[[part.start, part.stop - 1]] = True
-    filter_samples = round(0.5 / (bandwidth * samples.sample_time)) if bandwidth else 0
+    share = (bandwidth or 0.5 / samples.sample_time) * samples.sample_time
+    filter_samples = round(0.5 / share) if share < 0.475 else 0
     rest_samples = round(thresholds.REST / samples.sample_time)
     # Opening removes runs that are shorter than a rest.
     rest = grey_opening(still, max(rest_samples, 1), mode='constant')
@@ -203,8 +208,8 @@ def row_starts(samples: Samples, usable: np.ndarray, length: int) -> np.ndarray:
 
 def smooth_settings(samples: Samples) -> dict[str, Any]:
     """Return the settings of the widest filter without an encoder's steps."""
-    choices = resolved_settings(samples)
-    return max((choice for choice in choices if (choice['bandwidth'] or np.inf) <= 20.0),
+    choices, most = resolved_settings(samples), min(20.0, _WIDEST / samples.sample_time)
+    return max((choice for choice in choices if choice['bandwidth'] <= most),
                key=lambda choice: (choice['bandwidth'], choice['source']), default=choices[-1])
 
 
@@ -307,7 +312,7 @@ def choose_differentiation(samples: Samples, unusable: np.ndarray, joints: Seque
     most = ((1.0 + thresholds.EQUIVALENT) ** 2 + 0.4 * unexplained) * least
     # Of equal bandwidths the last one, that of the recorded velocity.
     return max((choice for error, choice in reversed(errors) if error <= most),
-               key=lambda choice: choice['bandwidth'] or math.inf)
+               key=lambda choice: choice['bandwidth'])
 
 
 def choose_signals(samples: Samples, settings: dict[str, Any],
@@ -341,13 +346,11 @@ def _choose_signal(samples: Samples, name: str, present: dict[str, Any],
                                 samples.sample_time, known=lag)
         if gain > (thresholds.EQUIVALENT if lag else ENOUGH):
             lag += change
-    errors = [(error_with(value, lag), value or math.inf, value) for value in (
-        *(value for value in _SIGNAL_BANDWIDTHS if value <= 0.3 / samples.sample_time), None)]
-    least = min(error for error, *_ in errors)
-    if not max(error for error, *_ in errors) > least:
-        return {}
-    _, bandwidth = max((width, value) for error, width, value in errors
-                       if error <= (1.0 + thresholds.EQUIVALENT) ** 2 * least)
+    rate = 1.0 / samples.sample_time
+    errors = {value: error_with(value, lag) for value in (
+        *(value for value in _SIGNAL_BANDWIDTHS if value <= _WIDEST * rate), 0.5 * rate)}
+    most = (1.0 + thresholds.EQUIVALENT) ** 2 * min(errors.values())
+    bandwidth = max(value for value, error in errors.items() if error <= most)
     as_recorded = not lag and np.array_equal(prepared_signal(samples, values, bandwidth), values)
     return {} if as_recorded else {'bandwidth': bandwidth, 'lag': lag}
 

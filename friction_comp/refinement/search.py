@@ -19,7 +19,7 @@ import numpy as np
 
 from friction_comp.model.effects import Coverage
 from friction_comp.refinement import thresholds
-from friction_comp.refinement.effect_columns import Table, Term
+from friction_comp.refinement.effect_columns import EQ6_LINEAR, Table, Term
 
 _STEP = 1e-3
 _RIDGE = 1e-6
@@ -64,6 +64,21 @@ def error_reductions(sums: np.ndarray, chosen: list[int], candidates: Sequence[S
     return reductions * norm[-1] ** 2
 
 
+def own_shares(table: Table, terms: Sequence[Term]) -> list[float]:
+    """Return of each term the share that is independent of Eq. 6 and the other terms.
+
+    It is the root mean square over the combinations of its columns, so that it does not matter
+    from where a position is measured.
+    """
+    scaled = table.sums.part(table.indices(terms, derivatives=False)).scaled(1e-12)
+    inverse, shares, first = np.linalg.inv(scaled), [], EQ6_LINEAR
+    for term in terms:
+        part = slice(first, first := first + len(table.columns_of[term]))
+        own = np.linalg.inv(inverse[part, part] @ scaled[part, part])
+        shares.append(math.sqrt(abs(float(np.trace(own))) / len(own)))
+    return shares
+
+
 class Search:
     """A search among the terms of a table, by the errors of blocks that were not fitted.
 
@@ -87,10 +102,6 @@ class Search:
         self._regions = len(np.unique(table.region)) > 1
         # A resampled sample holds out too few blocks to test their mean.
         self._standard_errors = 1.0 if self._resampled else float(thresholds.STANDARD_ERRORS)
-
-    def _mixed(self) -> np.ndarray:
-        """Return the sums of products over the fitted blocks, shape (P + 1, P + 1)."""
-        return self.table.sums.gram.sum(axis=0) if self._fitted is None else self._fitted
 
     def after_addition(self, terms: list[Term]) -> list[Term]:
         """Return terms after one was added; a subclass may adjust them and update `candidates`."""
@@ -152,10 +163,9 @@ class Search:
         """
         terms = list(terms)
         while True:
-            columns = self.table.indices(terms, derivatives=False)
-            share = dict(zip(columns, self.table.sums.independent_share(columns)))
-            collinear = [term for term in terms if term not in self.fixed and max(
-                share[column] for column in self.table.columns_of[term]) < thresholds.OWN_SHARE]
+            shares = own_shares(self.table, terms)
+            collinear = [term for term, share in zip(terms, shares)
+                         if term not in self.fixed and share < thresholds.OWN_SHARE]
             if not collinear:
                 return terms
             terms.remove(collinear[-1])
@@ -171,8 +181,9 @@ class Search:
             counts[term.choice] < term.kind.max_count)]
         if not allowed:
             return []
+        sums = self.table.sums.gram.sum(axis=0) if self._fitted is None else self._fitted
         reductions = error_reductions(
-            self._mixed(), self.table.indices(terms),
+            sums, self.table.indices(terms),
             [self.table.columns_of[term] for term in allowed], self.table.sums.signs)
         best: dict[Any, Term] = {}
         for index in np.argsort(-reductions, kind='stable'):
@@ -275,19 +286,23 @@ def at_limit(term: Term, coverage: Coverage) -> bool:
 
 
 def constant_derivatives(table: Table, terms: Sequence[Term], free: Sequence[tuple[int, str]]
-                         ) -> np.ndarray:
+                         ) -> tuple[np.ndarray, np.ndarray]:
     """Return the derivatives of a fit's prediction by Q `free_constants`, shape (Q, R).
 
-    The unit of each constant is its `step_size`.
+    The unit of each constant is its `step_size`. What the term's own columns have of them is not in
+    them, but returned as coefficients of all columns, (Q, P): it depends on the unit of a load.
     """
-    coefficients, rows = table.coefficients(terms), []
-    for index, name in free:
+    coefficients, gram = table.coefficients(terms), table.sums.gram.sum(axis=0)
+    rows, shares = np.empty((len(free), len(table.target))), np.zeros((len(free), len(gram) - 1))
+    for k, (index, name) in enumerate(free):
         columns = table.columns_of[terms[index]]
         changed = with_step(terms[index], name, _STEP, table.rows.coverage)
         gain = np.array([coefficients[column] for column in columns])
-        new = changed.at_rows(table.rows)
-        rows.append(gain @ (new - table.columns[columns]) / _STEP)
-    return np.array(rows).reshape(len(free), table.columns.shape[1])
+        own = table.columns[columns]
+        change = gain @ (changed.at_rows(table.rows) - own) / _STEP
+        shares[k, columns] = np.linalg.lstsq(gram[np.ix_(columns, columns)], own @ change)[0]
+        rows[k] = change - shares[k, columns] @ own
+    return rows, shares
 
 
 def adjust_constants(table: Table, terms: Sequence[Term], rounds: int) -> list[Term]:
@@ -306,7 +321,7 @@ def adjust_constants(table: Table, terms: Sequence[Term], rounds: int) -> list[T
         table.keep(terms)
         residual = table.residual(terms, derivatives=False)
         design = np.vstack((table.columns[table.indices(terms)],
-                            constant_derivatives(table, terms, free)))
+                            constant_derivatives(table, terms, free)[0]))
         norm = np.sqrt(np.einsum('ij,ij->i', design, design)) + 1e-300
         scaled = design / norm[:, None]
         gram = scaled @ scaled.T

@@ -128,6 +128,8 @@ class Intervals:
     quantile: float = math.nan  # half an interval over the standard deviation of the draws
     # How far what is `unsettled` moves each coefficient.
     moved: np.ndarray = field(default_factory=lambda: np.empty(0))
+    # Coefficients of the draws, (D, P), each with what its term's constants change in its column.
+    contributions: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
 
     def half_width(self, weights: np.ndarray) -> float:
         """Return half the interval of a weighted sum of coefficients, with a weight by column."""
@@ -156,7 +158,8 @@ class Intervals:
         size = len(columns)
         wider = math.sqrt(
             size * stats.f.ppf(CONFIDENCE, size, table.rows.blocks - 1)) / self.quantile
-        return bool(middle @ weights[columns] > wider * self.half_width(weights))
+        own = replace(self, draws=self.contributions)
+        return bool(middle @ weights[columns] > wider * own.half_width(weights))
 
     def correlations(self) -> list[tuple[float, Parameter, Parameter]]:
         """Return the rank correlation of each pair of parameters, the largest first."""
@@ -197,23 +200,26 @@ def intervals(table: Table, terms: Sequence[Term], others: Sequence[np.ndarray] 
     """
     free = free_constants(terms)
     indices = table.indices(terms)
-    columns = np.vstack((table.columns[indices], constant_derivatives(table, terms, free), *others,
-                         table.target))
+    derivatives, own = constant_derivatives(table, terms, free)
+    columns = np.vstack((table.columns[indices], derivatives, *others, table.target))
     # A coefficient that physics keeps at zero is as uncertain as if it were free.
     signs = np.zeros(len(columns) - 1, dtype=int)
     signs[:len(indices)] = table.sums.signs[indices] * (not others)
     sums, both = BlockSums.over(columns, table.block_rows, signs), range(len(signs))
     rng = np.random.default_rng(1)
     weights = np.array([table.draw_blocks(rng) for _ in range(_DRAWS)], dtype=float)
-    draws = sums.fits(both, weights)
+    draws, fitted = sums.fits(both, weights), sums.fit(both)[None]
+    contributions = draws[:, :len(indices)].copy()
+    # What a constant changes of the term's own columns counts for their coefficients.
+    for fits in (draws, fitted):
+        fits[:, :len(indices)] -= fits[:, len(indices):][:, :len(free)] @ own[:, indices]
     quantile = float(student_quantile(table.rows.blocks - 1))
     # By the median: samples that lack a direction of motion give outlying fits.
     half_widths = quantile * robust_std(draws - np.median(draws, axis=0), axis=0)
     # About the fit of the terms alone; the derivatives of Eq. 6 have no part in that.
-    fitted = sums.fit(both)
-    alone = {**dict(zip(indices, fitted)), **table.coefficients(terms)}
+    alone = {**dict(zip(indices, fitted[0])), **table.coefficients(terms)}
     middle = np.concatenate((list(alone.values()), np.zeros(len(free))))
-    moved = _BEYOND * (fitted[:len(middle)] - middle) * bool(others)
+    moved = _BEYOND * (fitted[0, :len(middle)] - middle) * bool(others)
     ends = np.array([np.minimum(moved, 0.0) - half_widths[:len(middle)],
                      np.maximum(moved, 0.0) + half_widths[:len(middle)]]).T
     coefficients = {column: (float(value + low), float(value + high))
@@ -223,7 +229,7 @@ def intervals(table: Table, terms: Sequence[Term], others: Sequence[np.ndarray] 
         term = terms[index]
         low, high = term.constants[name] + steps * step_size(term, name, table.rows.coverage)
         constants[term, name] = float(low), float(high)
-    return Intervals(coefficients, constants, draws, quantile, moved[:len(indices)])
+    return Intervals(coefficients, constants, draws, quantile, moved[:len(indices)], contributions)
 
 
 def error_growth(table: Table, terms: Sequence[Term]) -> dict[str, float]:
@@ -233,7 +239,7 @@ def error_growth(table: Table, terms: Sequence[Term]) -> dict[str, float]:
     for milliseconds, a hundred times those of the other samples, and who leaves these out knows
     nothing of inertia.
     """
-    averages, columns = table.rows.at_rows, table.indices(terms, derivatives=False)
+    averages, columns = table.rows.at_rows, range(len(table.indices(terms, derivatives=False)))
     variables = {'speed': np.abs(np.asarray(averages.velocity)), 'position': averages.position,
                  'time': np.arange(len(table.target)),
                  'acceleration': np.abs(np.asarray(averages.acceleration)),
@@ -241,14 +247,12 @@ def error_growth(table: Table, terms: Sequence[Term]) -> dict[str, float]:
     # Where nearly all values are equal, as accelerations by a velocity in whole register counts,
     # all are in one third, and nothing would be left to fit.
     partitions = {name: part for name, values in variables.items()
-                  if values is not None and np.ptp((part := _thirds(values)) // 2) > 0}
-    full, signs = np.vstack((table.columns[columns], table.target)), table.sums.signs[columns]
+                  if values is not None and np.ptp((part := thirds(values)) // 2) > 0}
 
     def error(part: np.ndarray) -> float:
         """Return the mean squared error of what counts: rows whose number is even."""
-        sums = BlockSums.over(
-            full, [part == k for k in range(int(part.max()) // 2 * 2 + 2)], signs)
-        held_out = sums.errors_without(list(range(len(columns))), np.arange(len(sums.rows)) // 2)
+        sums = table.sums_over(terms, part)
+        held_out = sums.errors_without(columns, np.arange(len(sums.rows)) // 2)
         return max(float(held_out[::2].sum()) / max(float(sums.rows[::2].sum()), 1.0), 1e-300)
     least = error(2 * table.rows.block)
     return {name: math.sqrt(error(part) / least) for name, part in partitions.items()}
@@ -322,11 +326,8 @@ def disagreement(table: Table, terms: Sequence[Term]) -> Disagreement | None:
     for k in range(count):
         own = np.flatnonzero(number == k)
         quarter[own] = 4 * k + 4 * np.arange(len(own)) // len(own)
-    columns = table.indices(terms, derivatives=False)
-    group = np.arange(4 * count)
-    sums = BlockSums.over(np.vstack((table.columns[columns], table.target)),
-                          [quarter == k for k in group], table.sums.signs[columns])
-    every, others, same = (range(len(columns)), group != group[:, None],
+    sums, group = table.sums_over(terms, quarter), np.arange(4 * count)
+    every, others, same = (range(len(sums.signs)), group != group[:, None],
                            group // 4 == group[:, None] // 4)
     together, alone = (float(sums.squared_errors(every, sums.fits_without(every, train)).sum())
                        for train in (others, others & same))
@@ -340,7 +341,7 @@ def disagreement(table: Table, terms: Sequence[Term]) -> Disagreement | None:
         names[most], float(fits[:, most].min()), float(fits[:, most].max()))
 
 
-def _thirds(values: np.ndarray) -> np.ndarray:
+def thirds(values: np.ndarray) -> np.ndarray:
     """Return twice the third of each value, shape (R,), plus 1 if the others do not reach it."""
     edges = np.quantile(values, (1 / 3, 2 / 3))
     third = np.searchsorted(edges, values, side='right')

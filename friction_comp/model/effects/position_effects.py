@@ -186,7 +186,10 @@ class Bump(Effect):
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
         points = []
         for width in np.geomspace(0.008 * coverage.span, 0.12 * coverage.span, 5).tolist():
-            places = np.arange(coverage.lowest, coverage.highest + 0.5 * width, width)
+            # About the middle, so that both directions of position count alike.
+            each_way = math.ceil(0.5 * coverage.span / width)
+            places = 0.5 * (coverage.lowest + coverage.highest) + width * np.arange(
+                -each_way, each_way + 1)
             points += [{'position': float(position), 'width': width, 'exponent': 2.0,
                         'directional': directional}
                        for position in places for directional in (1.0, 0.0)]
