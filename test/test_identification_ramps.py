@@ -1,27 +1,17 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Signals of Eq. 3-5 and 8, and what current ramps show: breakaway, presliding, stiffness, rest."""
+"""What current ramps show: breakaway, presliding, stiffness, backlash, rest."""
 
 import math
 
 from hypothesis import given, strategies as st
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from friction_comp.drive import Drive
 from friction_comp.identification.breakaway import first_stair, rests
 from friction_comp.identification.goal import IdentificationError, IdentificationGoal
-from friction_comp.identification.inertia import inertia_of_cycles
-from friction_comp.identification.kinetic import (
-    constant_velocity_windows,
-    cycle_position,
-    cycle_velocity,
-    local_parabolas,
-    ramp_current,
-    Sample,
-    travel_state,
-)
+from friction_comp.identification.kinetic import Sample
 from friction_comp.identification.ramp_evaluation import (
     combined_presliding,
     common_stiffness,
@@ -299,119 +289,3 @@ def test_presliding_is_the_less_sure_the_more_ramps_differ_and_the_coarser_the_e
     assert presliding_std(same, 3e-4, 0.0, 1e-4) > few[0]
     # One ramp a side tells little.
     assert presliding_std(same[:2], 3e-4, 0.0, COUNT) > few[1]
-
-
-@given(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
-def test_parabolas_are_exact_on_a_parabola(place, slope, bend):
-    t = 0.01 * np.arange(40)
-    value, first, second = local_parabolas(place + slope * t + 0.5 * bend * t ** 2, 7, 0.01)
-    middle = t[3:-3]
-    np.testing.assert_allclose(value, place + slope * middle + 0.5 * bend * middle ** 2, atol=1e-9)
-    np.testing.assert_allclose(first, slope + bend * middle, atol=1e-8)
-    np.testing.assert_allclose(second, bend, atol=1e-6)
-
-
-@pytest.mark.parametrize('friction', [
-    lambda v: 0.1 * np.tanh(v / 0.02), lambda v: 0.1 * np.tanh(v / 0.3) + 0.05 * v,
-    lambda v: 0.1 * np.sign(v) * (1.0 + np.exp(-np.abs(v) / 0.1))])
-def test_the_inertia_is_what_getting_faster_takes_more_than_getting_slower(friction):
-    duration, speed = 2.0, 1.2
-    time = np.arange(0.0, duration, 1e-3)
-    position = np.array([cycle_position(t, speed, duration) for t in time])
-    velocity = np.gradient(position, time)
-    current = friction(velocity) + np.gradient(velocity, time) / RATE
-    current += 2e-3 * np.random.default_rng(3).normal(size=time.size)
-    counted = np.floor(position / COUNT) * COUNT
-    found = inertia_of_cycles([np.column_stack([time, counted, current])])
-    assert found.acceleration_per_current == pytest.approx(RATE, rel=0.03)
-    assert found.lag == pytest.approx(0.0, abs=2e-3)
-
-
-@pytest.mark.parametrize('lag', [-0.015, 0.01, 0.03, 0.05])
-def test_a_low_pass_in_a_sensor_is_found_and_inertia_is_what_it_is(lag):
-    duration, speed = 2.0, 1.2
-    time = np.arange(0.0, duration, 1e-3)
-    position = np.array([cycle_position(t, speed, duration) for t in time])
-    velocity = np.gradient(position, time)
-    current = 0.1 * np.sign(velocity) + 0.05 * velocity + np.gradient(velocity, time) / RATE
-    share = 1.0 - np.exp(-1e-3 / abs(lag))
-
-    def late(values):
-        return lfilter([share], [1.0, share - 1.0], values)
-    position, current = (position, late(current)) if lag > 0.0 else (late(position), current)
-    current = current + 2e-3 * np.random.default_rng(3).normal(size=time.size)
-    found = inertia_of_cycles([np.column_stack([time, position, current])])
-    assert found.lag == pytest.approx(lag, rel=0.1)
-    assert found.acceleration_per_current == pytest.approx(RATE, rel=0.04)
-
-
-def test_inertia_that_hardly_takes_current_is_not_given():
-    duration = 2.0
-    time = np.arange(0.0, duration, 1e-3)
-    position = np.array([cycle_position(t, 1.2, duration) for t in time])
-    current = 0.1 * np.sign(np.gradient(position, time)) + 0.02 * np.random.default_rng(3).normal(
-        size=time.size)
-    assert inertia_of_cycles([np.column_stack([time, position, current])]) is None
-
-
-velocity_reference, position_reference, current_ramp = (
-    np.vectorize(formula, otypes=[float])
-    for formula in (cycle_velocity, cycle_position, ramp_current))
-speeds = st.floats(0.01, 1.745) | st.floats(-1.745, -0.01)
-ranges = st.floats(0.05, 6.0)
-
-
-@pytest.mark.parametrize(('time', 'velocity'), [
-    (0.0, 0.0), (0.5, 0.25), (1.0, 0.5), (2.5, 0.5), (4.0, 0.5), (4.5, 0.25), (5.0, 0.0),
-    (5.5, -0.25), (6.0, -0.5), (7.5, -0.5), (9.0, -0.5), (9.5, -0.25), (10.0, 0.0)])
-def test_profile_of_equation_3(time, velocity):
-    assert velocity_reference(time, 0.5, 10.0) == pytest.approx(velocity, abs=1e-12)
-
-
-@given(speed=speeds, width=ranges)
-def test_cycle_uses_the_range_exactly_returns_and_does_not_jump(speed, width):
-    duration = 2.5 * width / abs(speed)
-    time = np.linspace(0.0, duration, 4001)
-    velocity = velocity_reference(time, speed, duration)
-    position = position_reference(time, speed, duration)
-    assert position[0] == 0.0
-    assert position[-1] == pytest.approx(0.0, abs=1e-9)
-    assert position[2000] == pytest.approx(math.copysign(width, speed), rel=1e-9)
-    assert np.max(np.abs(position)) <= width * (1.0 + 1e-9)
-    assert np.min(position * math.copysign(1.0, speed)) >= -1e-9
-    # The steepest slope is α = 10·ω_c/T.
-    assert np.max(np.abs(np.diff(velocity))) <= 10.0 * abs(speed) / 4000 * 1.001
-    summed = np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(time))
-    np.testing.assert_allclose(position[1:], summed, atol=1e-6 * width)
-    assert np.max(np.abs(velocity)) <= abs(speed) * (1.0 + 1e-12)
-
-
-@given(slope=st.floats(0.001, 5.0), period=st.floats(1.0, 100.0))
-def test_ramps_of_equation_8(slope, period):
-    time = np.linspace(0.0, period, 10001)
-    current = current_ramp(time, slope, period)
-    goal = IdentificationGoal((0.1, 0.2), ramp_slope=slope, ramp_period=period)
-    assert np.max(current) == pytest.approx(goal.ramp_peak, rel=1e-3)
-    assert np.min(current) == pytest.approx(-goal.ramp_peak, rel=1e-3)
-    rest = ((time > 0.4001 * period) & (time < 0.4999 * period)) | (time > 0.9001 * period)
-    assert np.all(current[rest] == 0.0)
-    rising = (time > 0.0) & (time < 0.3999 * period)
-    np.testing.assert_allclose(current[rising], slope * time[rising], rtol=1e-12)
-    half = current_ramp(time[rising] + 0.5 * period, slope, period)
-    np.testing.assert_allclose(half, -current[rising], rtol=1e-9, atol=1e-9 * slope * period)
-
-
-def test_constant_velocity_windows_lie_on_the_plateaus():
-    for window, sign in zip(constant_velocity_windows(10.0, 0.5), (1.0, -1.0)):
-        np.testing.assert_allclose(
-            velocity_reference(np.linspace(*window, 50), 0.3, 10.0), 0.3 * sign)
-    (begin, end), _ = constant_velocity_windows(1.0, 5.0)
-    assert end - begin == pytest.approx(0.4 * 0.3)
-
-
-def test_travel_starts_and_ends_at_rest():
-    places = np.array([travel_state(t, -0.4, 2.0) for t in np.linspace(0.0, 2.0, 2001)])
-    assert places[0].tolist() == [0.0, 0.0]
-    assert places[-1] == pytest.approx([-0.4, 0.0], abs=1e-12)
-    assert np.max(np.abs(places[:, 1])) == pytest.approx(1.875 * 0.4 / 2.0, rel=1e-5)
-    np.testing.assert_allclose(np.gradient(places[:, 0], 1e-3)[1:-1], places[1:-1, 1], atol=1e-5)

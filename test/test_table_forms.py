@@ -1,8 +1,7 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Tables as other software writes them: names, units and kinds of files."""
+"""Tables as other software writes them: names and units."""
 
-import json
 import math
 from pathlib import Path
 import subprocess
@@ -10,7 +9,6 @@ import sys
 
 import numpy as np
 import pytest
-from scipy.io import savemat
 from table_maker import swing, write
 
 from friction_comp import InputError, Layout, read_recording
@@ -20,7 +18,6 @@ from friction_comp.column_values import date_in_seconds
 from friction_comp.columns import assign
 from friction_comp.recordings import read_recording_with_info, recorded_joints
 from friction_comp.recordings.row_times import fresh_rows, spread_rounded
-from friction_comp.recordings.sources import find_recordings
 from friction_comp.units import in_own_units, parse_unit, unit_of
 
 UR = ['timestamp', *(f'{name}_{k}' for name in ('actual_q', 'actual_qd', 'actual_current')
@@ -240,86 +237,6 @@ def test_rows_at_a_known_rate_need_no_time(tmp_path):
     np.testing.assert_allclose(samples.time, 0.01 * np.arange(5))
 
 
-def save_json(path, columns):
-    path.write_text(json.dumps({'kp': 8.0, 'motor': 'x', 'entries': [
-        {'timestamp': t, 'position': q, 'torque': e} for t, q, e in zip(*columns.values())]}))
-
-
-def save_lists(path, columns):
-    path.write_text(json.dumps({name: list(values) for name, values in columns.items()}))
-
-
-def save_parquet(path, columns):
-    arrow = pytest.importorskip('pyarrow')
-    parquet = pytest.importorskip('pyarrow.parquet')
-    parquet.write_table(arrow.table({
-        'timestamp': columns['t'], 'observation.state': [[q, 0.0] for q in columns['q']],
-        'observation.effort': [[e, 0.0] for e in columns['tau']]}), path)
-
-
-@pytest.mark.parametrize(('name', 'save', 'layout', 'joint'), [
-    ('log.json', save_json, {}, None), ('log.json', save_lists, {}, None),
-    ('log.parquet', save_parquet, {}, '0'),
-    ('log.mat', lambda path, columns: savemat(path, {'log': {
-        name: values[:, None] for name, values in columns.items()}}), {}, None),
-    ('log.npy', lambda path, columns: np.save(path, np.column_stack(list(columns.values()))),
-     {'time': '1', 'position': '2', 'effort': '3'}, None),
-    ('log.npy', lambda path, columns: np.save(path, np.rec.fromarrays(
-        list(columns.values()), names=list(columns))), {}, None),
-    ('log.txt', lambda path, columns: np.savetxt(
-        path, np.column_stack(list(columns.values())), header=' '.join(columns), comments='% '),
-     {}, None)])
-def test_every_kind_of_file_holds_the_same(tmp_path, name, save, layout, joint):
-    time, position, velocity = swing(300)
-    effort = np.sign(velocity)
-    save(tmp_path / name, {'t': time, 'q': position, 'tau': effort})
-    samples, = read_recording(tmp_path / name, joint, layout=Layout(layout))
-    np.testing.assert_allclose(samples.time, time, atol=1e-9)
-    np.testing.assert_allclose(samples.position, position, atol=1e-9)
-    np.testing.assert_allclose(samples.current, effort)
-
-
-def test_files_of_one_signal_each_are_one_recording(tmp_path):
-    time, position, velocity = swing(300)
-    values = {'time': time, 'q': np.column_stack((position, 2.0 * position)),
-              'tau': np.column_stack((np.sign(velocity), np.cos(velocity)))}
-    paths = [tmp_path / f'{name}.txt' for name in values]
-    for path, columns in zip(paths, values.values()):
-        np.savetxt(path, columns)
-    assert len(find_recordings(paths)) == 1
-    samples, = read_recording(paths, '2')
-    np.testing.assert_allclose(samples.position, 2.0 * position)
-    np.testing.assert_allclose(samples.current, np.cos(velocity))
-    # Whole recordings that are named alike stay apart.
-    whole = [write(tmp_path / f'position_{k}.csv', t=time, q=position, tau=velocity)
-             for k in (1, 2)]
-    assert find_recordings(whole) == whole
-
-
-def test_a_bag_of_ros_1_is_read(tmp_path):
-    from rosbags.rosbag1 import Writer
-    from rosbags.typesys import get_typestore, Stores
-
-    store = get_typestore(Stores.ROS1_NOETIC)
-    types, kind = store.types, 'sensor_msgs/msg/JointState'
-    time, position, velocity = swing(50)
-    with Writer(tmp_path / 'log.bag') as bag:
-        connection = bag.add_connection('/arm/joint_states', kind, typestore=store)
-        for k in range(len(time)):
-            stamp = 1_000_000_000 + round(1e9 * time[k])
-            header = types['std_msgs/msg/Header'](k, types['builtin_interfaces/msg/Time'](
-                *divmod(stamp, 1_000_000_000)), '')
-            message = types[kind](header, ['elbow'], position[[k]], velocity[[k]], np.array([3.0]))
-            bag.write(connection, stamp, store.serialize_ros1(message, kind))
-    samples, = read_recording(tmp_path / 'log.bag')
-    assert samples.joint == 'elbow'
-    np.testing.assert_allclose(samples.time, time, atol=1e-9)
-    np.testing.assert_allclose(samples.velocity, velocity)
-    (tmp_path / 'log.bag').write_bytes((tmp_path / 'log.bag').read_bytes()[:700])
-    with pytest.raises(InputError, match=r'log\.bag: not a readable recording'):
-        read_recording(tmp_path / 'log.bag')
-
-
 def test_dynamic_joint_states_give_the_current_that_joint_states_lack(tmp_path):
     from rosbags.rosbag2 import Writer
     from rosbags.typesys import get_types_from_msg, get_typestore, Stores
@@ -403,46 +320,3 @@ def test_a_refusal_comes_before_anything_slow_is_imported(tmp_path):
                           cwd=Path(__file__).resolve().parent.parent)
     assert 'which column is the effort' in done.stderr
     assert not {'scipy', 'numba', 'matplotlib'} & set(done.stdout.strip('[]\n ').split("', '"))
-
-
-@pytest.mark.parametrize(('name', 'head', 'mark'), [
-    ('savetxt.txt', '# time pos vel tau\n', '\t'),
-    ('units.csv', 'Time,Angle,Velocity,Torque\ns,deg,deg/s,N·m\n', ','),
-    ('brackets.csv', 'time;q;dq;tau\n[s];[deg];[deg/s];[Nm]\n', ';')])
-def test_names_in_a_comment_and_units_below_the_names_are_read(tmp_path, name, head, mark):
-    time = 0.01 * np.arange(400)
-    angle = np.sin(time)
-    scale = 1.0 if 'savetxt' in name else 180.0 / math.pi
-    rows = np.column_stack([time, scale * angle, scale * np.cos(time), 2.0 * np.cos(time)])
-    (tmp_path / name).write_text(head + '\n'.join(
-        mark.join(f'{value:.9g}' for value in row) for row in rows) + '\n')
-    samples, = read_recording(tmp_path / name)
-    assert samples.position == pytest.approx(angle, abs=1e-6)
-    assert samples.velocity == pytest.approx(np.cos(time), abs=1e-6)
-
-
-@pytest.mark.parametrize('sizes', [(300, 200, 400), (300, 300)])
-def test_records_of_json_that_hold_lists_are_trials(tmp_path, sizes):
-    trials = [{'kind': 'sine', 'targets': ['kp'] * 3, 'pos': np.sin(0.02 * np.arange(n)).tolist(),
-               'tau': np.cos(0.02 * np.arange(n)).tolist()} for n in sizes]
-    (tmp_path / 'log.json').write_text(json.dumps({'robot': 'one', 'data': trials}))
-    (samples, info), = read_recording_with_info(tmp_path / 'log.json', layout=Layout(rate=50.0))
-    assert samples.position == pytest.approx(np.concatenate([one['pos'] for one in trials]))
-    assert "column 'episode' says which episode each row is of" in info.notes
-    assert np.count_nonzero(np.diff(samples.time) > 0.5) == len(sizes) - 1
-
-
-def test_records_of_json_that_hold_vectors_are_rows(tmp_path):
-    rows = [{'t': 0.02 * k, 'q': [0.0, math.sin(0.02 * k)], 'tau': [1.0, math.cos(0.02 * k)]}
-            for k in range(300)]
-    (tmp_path / 'log.json').write_text(json.dumps(rows))
-    samples, = read_recording(tmp_path / 'log.json', '2')
-    assert samples.position == pytest.approx(np.sin(0.02 * np.arange(300)))
-
-
-def test_lines_of_json_are_a_table(tmp_path):
-    time = 0.01 * np.arange(400)
-    (tmp_path / 'log.jsonl').write_text('\n'.join(json.dumps(
-        {'time': t, 'position': math.sin(t), 'torque': math.cos(t)}) for t in time.tolist()))
-    samples, = read_recording(tmp_path / 'log.jsonl')
-    assert samples.position == pytest.approx(np.sin(time))
