@@ -166,8 +166,10 @@ def _shares(joints, persons, law, announced=False, hold=1):
     def direction(time):
         if not announced:
             return 0.0 * everyone
-        k = (persons['times'][:, :-1] <= max(0.0, time - START)).sum(axis=1) - 1
-        k = np.minimum(k, persons['strokes'] - 1)
+        # After the last place there are only zeros.
+        begun = (persons['times'][:, :-1] <= max(0.0, time - START)) & (
+            np.arange(MOST_PLACES - 1) < persons['strokes'][:, None])
+        k = begun.sum(axis=1) - 1
         return np.sign(persons['places'][everyone, k + 1] - persons['places'][everyone, k]) * (
             time >= START)
     felt = {}

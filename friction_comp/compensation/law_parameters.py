@@ -70,8 +70,9 @@ START_DISTANCE = 3.0
 # The margin of the share on a way of this multiple of R covers a full reversal of z beyond what
 # displacement does; so far a way must go before it saves anything.
 SAVING = 20.0
-# Share of the top speed of a way below which help is given back.
-TURN_SHARE = 0.2
+# Share of the top speed of a way below which help is given back: a larger one takes help from who
+# stops, a smaller one from who turns round.
+TURN_SHARE = 0.15
 # Smallest trust after the joint was faster than identified.
 LEAST_TRUST = 0.5
 # Smallest share left to a joint that gains or loses speed after the start of its movement; duration
