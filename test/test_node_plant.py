@@ -240,7 +240,9 @@ class Ticks:
         self.directions = probe.listen(Int8MultiArray, 'direction')
         probe.matched(self.clock)
         probe.matched(self.states)
-        probe.until(lambda: probe.count_publishers('reference'), 'a publisher')
+        # Of both topics: the first direction is sent once, to those who are known by then.
+        probe.until(lambda: probe.count_publishers('reference')
+                    and probe.count_publishers('direction'), 'publishers')
         probe.spin_for(0.2)
         # Before the first joint state, no person holds the joints.
         probe.until(lambda: self.tick(self.begin) or probe.spin_for(0.1) or self.references,
