@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import functools
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -195,8 +195,13 @@ def _low_pass(cutoff: float) -> np.ndarray:
     return np.asarray(butter(_ORDER, cutoff, output='sos'))
 
 
+def filters(bandwidth: float | None, sample_time: float) -> TypeGuard[float]:
+    """Return whether a bandwidth, Hz, is so far below half of the sample rate that it filters."""
+    return bandwidth is not None and 0.0 < 2.0 * bandwidth * sample_time < 0.95
+
+
 def _smooth(signal: np.ndarray, sample_time: float, bandwidth: float | None) -> np.ndarray:
-    if bandwidth is None or sample_time <= 0 or 2.0 * bandwidth * sample_time >= 0.95:
+    if not filters(bandwidth, sample_time):
         return signal
     from scipy.signal import sosfiltfilt
 
@@ -222,11 +227,18 @@ def _times_of(stamps: np.ndarray, position: np.ndarray) -> np.ndarray:
     A reader that is late now and then stamps samples late that were taken in time. Where samples
     were lost, even times have gaps, too.
     """
-    step, even = np.diff(stamps), stamps.copy()
+    step = np.diff(stamps)
     usual = float(np.median(step))
-    for run in np.split(np.arange(len(stamps)), np.flatnonzero(step > _LOST * usual) + 1):
-        if len(run) > 2:
-            even[run] = np.polyval(np.polyfit(run - run[0], stamps[run], 1), run - run[0])
+    run = np.concatenate(([0], np.cumsum(step > _LOST * usual)))
+    # A straight line through the stamps of each run, about their means.
+    count, place = np.bincount(run), np.arange(len(stamps))
+    from_middle = place - (np.bincount(run, place) / count)[run]
+    begin = stamps[np.searchsorted(run, run)]
+    middle = begin + (np.bincount(run, stamps - begin) / count)[run]
+    # Of a single stamp the spread is 0, of two one half.
+    spread = np.maximum(np.bincount(run, from_middle ** 2), 0.5)
+    slope = np.bincount(run, from_middle * (stamps - middle)) / spread
+    even = middle + slope[run] * from_middle
     rough = [np.abs(np.diff(np.diff(position) / np.diff(time))).sum() for time in (stamps, even)]
     late = rough[1] < rough[0] and np.abs(even - stamps).max() < usual
     return even if late else stamps

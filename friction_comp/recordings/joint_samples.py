@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -197,10 +197,7 @@ def usable_joints(scan: Scan, torque_per_current: Callable[[str], float],
 
 def moved_without_effort(scan: Scan, joints: Iterable[str]) -> list[str]:
     """Return the names of joints that moved, but are not among the usable `joints`."""
-    positions = {name: values[np.isfinite(values[:, 0]), 0] for track in scan.of('joint_states')
-                 for name, values in track.values.items()}
-    return sorted(name for name in set(positions) - set(joints)
-                  if len(positions[name]) and np.ptp(positions[name]) > _MOVED)
+    return sorted({name for name, _ in _moved(scan)} - set(joints))
 
 
 def joint_states_at(samples: Samples, info: RecordingInfo,
@@ -246,9 +243,16 @@ def _unwrap(time: np.ndarray, position: np.ndarray, notes: list[str]) -> np.ndar
 
 def _others_moved(scan: Scan, own: np.ndarray) -> bool:
     """Return whether any joint moved other than the one with the values `own`."""
-    positions = [values[np.isfinite(values[:, 0]), 0] for track in scan.of('joint_states')
-                 for values in track.values.values() if values is not own]
-    return any(len(position) > 0 and np.ptp(position) > _MOVED for position in positions)
+    return any(values is not own for _, values in _moved(scan))
+
+
+def _moved(scan: Scan) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield name and values of every joint that moved."""
+    for track in scan.of('joint_states'):
+        for name, values in track.values.items():
+            position = values[np.isfinite(values[:, 0]), 0]
+            if len(position) and np.ptp(position) > _MOVED:
+                yield name, values
 
 
 def _select_joint(scan: Scan, joint: str | None) -> tuple[Track, str, list[str], np.ndarray]:

@@ -19,7 +19,13 @@ from scipy.ndimage import grey_opening, maximum_filter1d
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.arm.arm import moving_states
-from friction_comp.model.differentiation import differentiate, MEASURED, METHOD, prepared_signal
+from friction_comp.model.differentiation import (
+    differentiate,
+    filters,
+    MEASURED,
+    METHOD,
+    prepared_signal,
+)
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.block_sums import held_out_error, sums_of
 from friction_comp.refinement.lag import best_lag, ENOUGH
@@ -159,8 +165,8 @@ def in_motion(samples: Samples, unusable: np.ndarray, slowest: float,
     ends = np.zeros(len(samples), dtype=bool)
     for part in samples.segments():
         ends[[part.start, part.stop - 1]] = True
-    share = (bandwidth or 0.5 / samples.sample_time) * samples.sample_time
-    filter_samples = round(0.5 / share) if share < 0.475 else 0
+    filter_samples = round(0.5 / (bandwidth * samples.sample_time)) if (
+        filters(bandwidth, samples.sample_time)) else 0
     rest_samples = round(thresholds.REST / samples.sample_time)
     # Opening removes runs that are shorter than a rest.
     rest = grey_opening(still, max(rest_samples, 1), mode='constant')
