@@ -217,7 +217,7 @@ def test_the_tool_from_recordings_to_report(tmp_path, capsys):
         assert set(condition) == {
             'direction', 'movement', 'repetitions', 'stuck', 'peak_torque', 'peak_torque_std',
             'peak_time', 'rms_torque', 'mean_torque_constant_velocity', 'false_starts', 'law',
-            'model', 'figures', 'false_start_share'}
+            'model', 'settings', 'figures', 'false_start_share'}
         assert condition['repetitions'] == 1
         assert condition['peak_torque_std'] == 0.0
     page = (tmp_path / 'out' / 'report.html').read_text(encoding='utf-8')

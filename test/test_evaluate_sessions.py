@@ -37,7 +37,8 @@ trial = partial(made_trial, step=STEP)
 
 def info_of(activity=()):
     return RecordingInfo('trial', 'elbow', start=1.0, activity=[
-        (since, Activity(0, 'active', law, name)) for since, law, name in activity])
+        (since, Activity(0, 'active', law, name, settings=', '.join(settings)))
+        for since, law, name, *settings in activity])
 
 
 LAW, KINETIC = (info_of(activity=[(0.0, law, 'a.yaml')]) for law in ('continuous', 'kinetic'))
@@ -50,23 +51,28 @@ def both(heights, seed=0):
     return trial(peaks, directions=[1, -1] * (len(heights) // 2))
 
 
-def test_laws_and_models_are_never_averaged():
-    recordings = [both([1.0] * 6), both([0.5] * 6, 1), both([0.3] * 6, 2)]
+def test_laws_models_and_settings_are_never_averaged():
+    recordings = [both([1.0] * 6), both([0.5] * 6, 1), both([0.3] * 6, 2), both([0.7] * 6, 3)]
     about = [info_of(activity=[(0.0, 'paper', 'a.yaml')]),
              info_of(activity=[(0.0, 'continuous', 'a.yaml')]),
-             info_of(activity=[(0.0, 'continuous', 'b.yaml')])]
+             info_of(activity=[(0.0, 'continuous', 'b.yaml')]),
+             info_of(activity=[(0.0, 'continuous', 'a.yaml', 'breakaway_gain 0.5')])]
     evaluation = evaluate(recordings, about=about)
-    found = {(c.compensation.law, c.compensation.model): c for c in evaluation.conditions
-             if c.movement == 'positive'}
-    assert {key: round(c.peak_torque, 1) for key, c in found.items()} == {
-        ('paper', 'a.yaml'): 1.0, ('continuous', 'a.yaml'): 0.5, ('continuous', 'b.yaml'): 0.3}
+    found = {evaluation.label(c.compensation): round(c.peak_torque, 1)
+             for c in evaluation.conditions if c.movement == 'positive'}
+    assert found == {
+        'd = ±1 · paper · a.yaml': 1.0, 'd = ±1 · continuous · a.yaml': 0.5,
+        'd = ±1 · continuous · b.yaml': 0.3,
+        'd = ±1 · continuous, breakaway_gain 0.5 · a.yaml': 0.7}
     # Without a condition d = 0 there is no statement about an improvement over it.
     assert evaluation.peak_reduction is None
-    differences = {(c.first.law, c.first.model, c.second.law, c.second.model): c
+    differences = {(c.first.label, c.second.label): c
                    for c in evaluation.comparisons if c.figure == 'peak_torque'}
-    # One difference at a time: another model, or another law, and never both.
-    assert set(differences) == {('continuous', 'a.yaml', 'continuous', 'b.yaml'),
-                                ('continuous', 'a.yaml', 'paper', 'a.yaml')}
+    # One difference at a time: another model, law or setting, and never two of them.
+    plain, *others = (f'd = ±1 · {law}' for law in (
+        'continuous · a.yaml', 'continuous, breakaway_gain 0.5 · a.yaml', 'continuous · b.yaml',
+        'paper · a.yaml'))
+    assert set(differences) == {(plain, other) for other in others}
     for comparison in differences.values():
         assert comparison.pairs == 6
         assert comparison.difference.low <= comparison.difference.mean

@@ -19,6 +19,7 @@ from ros_system import (
     RELIABLE,
     START,
     tick,
+    value_of,
     ZERO,
 )
 from rosgraph_msgs.msg import Clock
@@ -134,6 +135,10 @@ def test_diagnostics_report_each_law_and_state_however_short(tmp_path):
             reported = ((one['state'], one['law']) for one in values)
             return all(pair in reported for pair in used)
         probe.until(all_reported_in_order, 'laws and states in diagnostics')
+        assert value_of(probe.status_of('compensator'), 'settings') == ''
+        assert probe.set_parameter('compensator', 'breakaway_gain', 0.5) is None
+        probe.status_of('compensator', lambda status: value_of(
+            status, 'settings') == 'breakaway_gain 0.5')
 
 
 def test_effects_whose_signal_is_missing_are_named_with_the_reason(tmp_path):

@@ -74,13 +74,14 @@ def _is_informative(first: Compensation, second: Compensation, baseline: Compens
     """Return whether comparing two conditions answers a question.
 
     These are: what any condition changes against the baseline, if that has no direction; what any
-    condition changes against kinetic compensation with the same model; and what law, model or
-    direction alone changes. Other differences in several respects answer no question.
+    condition changes against kinetic compensation with the same model; and what law, model,
+    settings or direction alone changes. Other differences in several respects answer no question.
     """
     return ((first == baseline and not first.uses_direction)
             or (first.law == 'kinetic' and first.model == second.model)
-            or sum((first.law != second.law, 'none' not in (first.law, second.law)
-                    and first.model != second.model, first.announced != second.announced)) == 1)
+            or sum((first.law != second.law, first.announced != second.announced, *(
+                'none' not in (first.law, second.law) and a != b for a, b in (
+                    (first.model, second.model), (first.settings, second.settings))))) == 1)
 
 
 def compare(repetitions: Sequence[Repetition]) -> list[Comparison]:

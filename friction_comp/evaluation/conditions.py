@@ -83,6 +83,7 @@ class Condition:
             'peak_time', 'rms_torque', 'mean_torque_constant_velocity', 'false_starts')}
         return {
             **named, 'law': self.compensation.law or None, 'model': self.compensation.model or None,
+            'settings': self.compensation.settings or None,
             'figures': {name: value.as_dict() for name, value in self.figures.items()},
             'false_start_share': self.false_start_share.as_dict()}
 
@@ -128,7 +129,7 @@ class Evaluation:
         assisted = [c for c in counts if c.announced == 1 and c.uses_direction]
         pairs = list(product(plain, assisted))
         for comparable in (
-                [(a, b) for a, b in pairs if (a.law, a.model) == (b.law, b.model)],
+                [(a, b) for a, b in pairs if replace(a, announced=1) == b],
                 [(a, b) for a, b in pairs if (a.law, a.model) == ('kinetic', b.model)],
                 [(a, b) for a, b in pairs if a.law == 'none']):
             if comparable:
@@ -191,12 +192,12 @@ class Evaluation:
     def table(self) -> list[list[Any]]:
         """Return a header and one row for each repetition."""
         header = ['joint', 'recording', 'day', 'begin', 'duration', 'movement', 'direction', 'law',
-                  'model', *FIGURES, 'moved', 'false_start']
+                  'model', *FIGURES, 'moved', 'false_start', 'settings']
         return [header, *([
             self.joint, r.recording, r.day, round(r.begin, 4), round(r.duration, 4),
             NAMES[r.movement.sign], r.movement.direction, r.compensation.law, r.compensation.model,
             *(f'{r.figures[name]:.6g}' if name in r.figures else '' for name in FIGURES),
-            int(r.moved), int(r.false_start)] for r in self.repetitions)]
+            int(r.moved), int(r.false_start), r.compensation.settings] for r in self.repetitions)]
 
 
 def evaluate(recordings: Sequence[Samples], names: Sequence[str] | None = None,

@@ -59,6 +59,7 @@ class Compensation:
     law: str
     model: str  # model file; '' where there was none or it is unknown
     announced: int  # 1: the movement's direction, -1: the opposite one, 0: none
+    settings: str = ''  # of the law, where they are not the defaults
 
     @property
     def uses_direction(self) -> bool:
@@ -70,7 +71,7 @@ class Compensation:
         """Short names of direction, law and model, '' if unknown."""
         announced = {0: 'd = 0', 1: 'd = ±1', -1: 'd = ±1 (against)'}[self.announced]
         law = {'none': 'no compensation', 'other': 'another commander'}.get(self.law, self.law)
-        return announced, law, Path(self.model).name
+        return announced, ', '.join(filter(None, (law, self.settings))), Path(self.model).name
 
     @property
     def label(self) -> str:
@@ -79,7 +80,8 @@ class Compensation:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the entry of report.json."""
-        return {'law': self.law or None, 'model': self.model or None, 'announced': self.announced}
+        return {'law': self.law or None, 'model': self.model or None, 'announced': self.announced,
+                'settings': self.settings or None}
 
 
 @dataclass
@@ -260,12 +262,12 @@ def _active_compensation(samples: Samples, movement: Movement, info: RecordingIn
 def _compensation(command: np.ndarray | None, report: Activity | None, loaded: str, announced: int,
                   moved: bool) -> Compensation:
     """Return what one report and the commands of a movement, A, (N,), say."""
-    law, model, active = '', loaded, True
+    law, model, settings, active = '', loaded, '', True
     if report is not None:
         if report.state == 'identification':
             return Compensation('identification', '', announced)
         active = report.state in ('', 'active')
-        law, model = report.law, report.model or loaded
+        law, model, settings = report.law, report.model or loaded, report.settings
     if command is not None:
         idle = not command.any()
         # A law may command no current while the joint stands still.
@@ -273,8 +275,9 @@ def _compensation(command: np.ndarray | None, report: Activity | None, loaded: s
             law = 'none' if idle else 'other'
     elif not active:
         law = 'none'
-    # Without a law, a loaded model is not in use.
-    return Compensation(law, '' if law in ('none', 'other') else model, announced)
+    # Without a law, neither a loaded model nor settings are in use.
+    return Compensation(law, '', announced) if law in ('none', 'other') else (
+        Compensation(law, model, announced, settings))
 
 
 def _date_of(info: RecordingInfo | None) -> str:

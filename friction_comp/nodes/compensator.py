@@ -17,7 +17,7 @@ from friction_comp.control.faults import Faults
 from friction_comp.control.model_trial import load_compiled_code, Loaded, try_model
 from friction_comp.errors import InputError
 from friction_comp.model.motor_check import TORQUE, unit_of
-from friction_comp.nodes.configured_compensator import ConfiguredCompensator
+from friction_comp.nodes.configured_compensator import ConfiguredCompensator, SETTINGS
 from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK, WARN
 from friction_comp.ros.joint_io import command_interface, input_qos
 from friction_comp.ros.model_loading import Loading, PatientParameterService
@@ -72,13 +72,13 @@ class CompensatorNode(LifecycleNode):
                 'which leaves no friction: a joint that is let go runs on; none: zero current',
                 changes=True,
                 constraints=f'one of {", ".join(LAWS)}')
-        declare(self, 'breakaway_gain', 0.9,
+        declare(self, 'breakaway_gain', SETTINGS['breakaway_gain'],
                 'share of the mean breakaway current that is fed forward [1]', 0.0, 1.0,
                 changes=True)
         declare_choice(self, 'gravity', GRAVITY, 'feed_forward, or left_to_robot: its own '
                        "controller holds the limb's weight")
         command_interface(self)
-        declare(self, 'current_limit', 1000.0,
+        declare(self, 'current_limit', SETTINGS['current_limit'],
                 'largest current [A]; the limit of the model file applies if it is smaller; 0 '
                 'blocks all current', 0.0, LARGE, changes=True)
         declare(self, 'direction_timeout', 0.5,

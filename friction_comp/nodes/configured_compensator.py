@@ -11,7 +11,7 @@ from typing import Any
 from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Int8MultiArray
 
-from friction_comp.compensation.law import CompensationLaw
+from friction_comp.compensation.law import CompensationLaw, GRAVITY
 from friction_comp.control.compensation_loop import CompensationLoop
 from friction_comp.control.faults import Faults
 from friction_comp.control.model_trial import Loaded
@@ -20,6 +20,9 @@ from friction_comp.ros.joint_io import CommandPort, competing_publishers
 from friction_comp.stamps import NANO, nanoseconds
 
 STAMPED = 'direction_stamped'
+SETTINGS: dict[str, Any] = {
+    'breakaway_gain': 0.9, 'gravity': GRAVITY[0], 'current_limit': 1000.0}
+"""The parameters that change what a law commands, with their defaults."""
 _UNUSUAL_LAWS = {
     'desired': ("law: 'desired' pushes in the announced direction however the joint moves: it is "
                 'for joints that another controller moves along a reference',),
@@ -153,6 +156,8 @@ class ConfiguredCompensator(CompensationLoop):
         return {
             'joint_states rate [Hz]': self._rate.per_second(),
             'law': self._value('law'), 'model_files': str(list(self._value('model_files'))),
+            'settings': ', '.join(f'{name} {value}' for name, default in SETTINGS.items()
+                                  if (value := self._value(name)) != default),
             'fed forward otherwise': '; '.join(self._told),
             'listeners to the command': self._commands.listeners,
             **{f'fed forward, {place} [A]': [max(getattr(feed, place)) for feed in self._feeds]

@@ -27,6 +27,7 @@ class Activity:
     law: str
     model: str          # model files
     joints: str = ''    # joints of the model files, in the same order
+    settings: str = ''  # of the law, where they are not the defaults
 
     @property
     def models(self) -> dict[str, str]:
@@ -85,4 +86,5 @@ def compensator_activity(status: Any, time: int = 0) -> Activity | None:
     values = {item.key: item.value for item in status.values}
     # One file per joint is reported as a list: remove its brackets and quotes.
     model = re.sub(r"""['"\[\]]""", '', values.get('model_files', ''))
-    return Activity(time, values.get('state', ''), values.get('law', ''), model, status.hardware_id)
+    return Activity(time, values.get('state', ''), values.get('law', ''), model, status.hardware_id,
+                    values.get('settings', ''))

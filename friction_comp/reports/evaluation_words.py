@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 import math
 from typing import NamedTuple
 
@@ -147,7 +148,7 @@ def verdict(evaluation: Evaluation) -> str:
                 'below.')
     (first, second), (before, after) = peaks.pair, peaks.in_words
     plain, assisted = 'without (d = 0)', 'the direction announced (d = ±1)'
-    if (first.law, first.model) != (second.law, second.model):
+    if replace(first, announced=1) != second:
         plain_label, label = (' · '.join(evaluation.names_of(condition)[1:])
                               or 'a law that was not recorded' for condition in peaks.pair)
         plain, assisted = f'with {plain_label}', f'the direction announced (d = ±1, {label})'
