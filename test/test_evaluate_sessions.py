@@ -4,9 +4,10 @@
 
 import csv
 from dataclasses import replace
-from datetime import date, timedelta
+from datetime import date, datetime, timedelta
 from functools import partial
 import json
+import time
 
 from helpers import note_model
 import numpy as np
@@ -221,6 +222,19 @@ def weeks(folder):
             samples = trial(peaks, directions=directions)
             write_samples(folder / f'{name}_{k}', samples, start_ns=noon * 1_000_000_000,
                           custom_data={'model_file': 'm.yaml'})
+
+
+def test_an_afternoon_is_one_day_in_the_laboratory_whatever_its_date_in_greenwich(monkeypatch):
+    monkeypatch.setenv('TZ', 'America/Los_Angeles')
+    time.tzset()
+    # 15:50 and 16:10 there, around midnight in Greenwich.
+    about = [replace(LAW, start=datetime.fromisoformat(f'2026-03-02T{at}-08:00').timestamp())
+             for at in ('15:50', '16:10')]
+    evaluation = evaluate([both([1.0] * 4), both([1.0] * 4, 1)], about=about)
+    monkeypatch.undo()
+    time.tzset()
+    assert {r.day for r in evaluation.repetitions} == {'2026-03-02'}
+    assert not evaluation.trends
 
 
 @pytest.mark.slow

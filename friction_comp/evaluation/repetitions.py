@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from datetime import date, datetime, timezone
+from datetime import date, datetime
 import math
 from pathlib import Path
 import re
@@ -281,11 +281,11 @@ def _compensation(command: np.ndarray | None, report: Activity | None, loaded: s
 
 
 def _date_of(info: RecordingInfo | None) -> str:
-    """Return a recording's ISO date by its stamps, in simulated time by its path; '' if unknown."""
+    """Return a recording's ISO date here by its stamps, in simulated time by its path, or ''."""
     if info is None:
         return ''
     if _wall_time(info):
-        return datetime.fromtimestamp(info.start, timezone.utc).date().isoformat()
+        return datetime.fromtimestamp(info.start).date().isoformat()
     dated = re.search(r'(20\d\d)[-_.]?([01]\d)[-_.]?([0-3]\d)', str(info.path))
     try:
         return date.fromisoformat('-'.join(dated.groups())).isoformat() if dated else ''
