@@ -15,7 +15,7 @@ from friction_comp.evaluation.conditions import Evaluation
 from friction_comp.evaluation.neighbours import Interval
 from friction_comp.evaluation.repetitions import Compensation, FIGURES
 from friction_comp.reports import evaluation_words as words
-from friction_comp.reports.figures import band, COLOURS, INK, new_figure, styled
+from friction_comp.reports.figures import band, COLOURS, INK, legend_below, new_figure, styled
 from friction_comp.reports.html import Report
 from friction_comp.reports.moving_joint import moving_joint, MovingScene
 
@@ -71,8 +71,7 @@ def evaluation_figure(evaluation: Evaluation) -> Figure:
             column[1].axhline(0.0, color=COLOURS['grey'], linewidth=0.8)
     handles = {label: handle for ax in axes[0] for handle, label in zip(
         *ax.get_legend_handles_labels())}
-    figure.legend(handles.values(), handles.keys(), loc='outside lower center',
-                  ncols=min(2, max(len(handles), 1)))
+    legend_below(figure, min(2, max(len(handles), 1)), handles.values(), handles.keys())
     return figure
 
 
@@ -98,7 +97,7 @@ def trend_figure(trends: Sequence[Trend], evaluation: Evaluation) -> Figure:
     step = max(1, -(-len(ticks) // 10))
     axes.set_xticks(ticks[::step], [date.fromordinal(k).isoformat() for k in ticks[::step]],
                     rotation=30, ha='right')
-    figure.legend(loc='outside lower center', ncols=2)
+    legend_below(figure, 2)
     return figure
 
 

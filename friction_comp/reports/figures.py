@@ -17,6 +17,7 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 import numpy as np
 
@@ -121,6 +122,17 @@ def scatter(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str, label: str | 
         x, y = x[chosen], y[chosen]
     curve(axes, x, y, colour, label, '.', markersize=3.0, alpha=0.45, markeredgewidth=0,
           rasterized=True)
+
+
+def legend_below(figure: Figure, columns: int, *shown: Any) -> None:
+    """Put the legend of all axes, or what is given as handles and labels, below them."""
+    legend = figure.legend(*shown, loc='lower center', ncols=columns)
+    height = legend.get_window_extent(FigureCanvasAgg(figure).get_renderer()).height
+    low = 1.1 * height / figure.bbox.height
+    engine = figure.get_layout_engine()
+    assert isinstance(engine, ConstrainedLayoutEngine), 'that of `new_figure`'
+    # Matplotlib's 'outside lower center' does the same, from 3.7 on; Jazzy's Ubuntu has 3.6.
+    engine.set(rect=(0.0, low, 1.0, 1.0 - low))
 
 
 def to_svg(figure: Figure) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 from friction_comp.arm.whole_arm import ArmResult
 from friction_comp.fleet.population import Population
 from friction_comp.refinement.result import RefinementReport
-from friction_comp.reports.figures import COLOURS, curve, new_figure, styled
+from friction_comp.reports.figures import COLOURS, curve, legend_below, new_figure, styled
 from friction_comp.reports.fleet_report import add_fleet, fleet_verdict
 from friction_comp.reports.html import interval_text, Link, number, Report
 from friction_comp.reports.refinement_report import effect_names
@@ -117,7 +117,7 @@ def _errors_figure(rows: list[dict[str, Any]], unit: str) -> Figure:
         axes.set_xticks([])
         axes.set_xlabel('recordings, as in the table below')
     axes.set_yscale('log')
-    figure.legend(loc='outside lower center', ncols=3)
+    legend_below(figure, 3)
     return figure
 
 

@@ -21,7 +21,7 @@ from friction_comp.exercise.exercise_script import ExerciseScript
 from friction_comp.exercise.taught_exercise import TURN
 from friction_comp.reports.evaluation_report import evaluation_report
 from friction_comp.reports.evaluation_words import with_interval
-from friction_comp.reports.figures import COLOURS, new_figure, styled, thin
+from friction_comp.reports.figures import COLOURS, legend_below, new_figure, styled, thin
 from friction_comp.reports.html import number, Report
 from friction_comp.reports.refinement_report import effect_names
 from friction_comp.samples import Samples
@@ -152,7 +152,7 @@ def session_figure(evaluation: Evaluation, marks: dict[str, float], samples: Sam
                          va='top', fontsize=8.5)
     if samples.temperature is not None:
         axes[1, 0].plot(*thin(samples.time, samples.temperature), color=COLOURS['red'])
-    figure.legend(loc='outside lower center', ncols=2)
+    legend_below(figure, 2)
     return figure
 
 
