@@ -300,7 +300,8 @@ def constant_derivatives(table: Table, terms: Sequence[Term], free: Sequence[tup
         gain = np.array([coefficients[column] for column in columns])
         own = table.columns[columns]
         change = gain @ (changed.at_rows(table.rows) - own) / _STEP
-        shares[k, columns] = np.linalg.lstsq(gram[np.ix_(columns, columns)], own @ change)[0]
+        shares[k, columns] = np.linalg.lstsq(
+            gram[np.ix_(columns, columns)], own @ change, rcond=None)[0]
         rows[k] = change - shares[k, columns] @ own
     return rows, shares
 

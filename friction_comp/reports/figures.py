@@ -130,9 +130,9 @@ def legend_below(figure: Figure, columns: int, *shown: Any) -> None:
     height = legend.get_window_extent(FigureCanvasAgg(figure).get_renderer()).height
     low = 1.1 * height / figure.bbox.height
     engine = figure.get_layout_engine()
-    assert isinstance(engine, ConstrainedLayoutEngine), 'that of `new_figure`'
-    # Matplotlib's 'outside lower center' does the same, from 3.7 on; Jazzy's Ubuntu has 3.6.
-    engine.set(rect=(0.0, low, 1.0, 1.0 - low))
+    if isinstance(engine, ConstrainedLayoutEngine):
+        # Matplotlib's 'outside lower center' does the same, from 3.7 on; Jazzy's Ubuntu has 3.6.
+        engine.set(rect=(0.0, low, 1.0, 1.0 - low))
 
 
 def to_svg(figure: Figure) -> str:

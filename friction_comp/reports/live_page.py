@@ -189,8 +189,8 @@ def _plots(source: models.ColumnDataSource) -> list[Any]:
             plot.yaxis.ticker = [-1, 0, 1]
         # Above the plot, where it does not cover the curves.
         plot.add_layout(plot.legend[0], 'above')
-        plot.legend.update(orientation='horizontal', border_line_color=None, margin=0, padding=0,
-                           label_text_font_size='9pt')
+        plot.legend[0].update(orientation='horizontal', border_line_color=None, margin=0, padding=0,
+                              label_text_font_size='9pt')
         plot.yaxis.axis_label_text_font_style = 'normal'
         plots.append(plot)
     plots[-1].xaxis.axis_label = 'Time (s)'

@@ -213,8 +213,11 @@ def progress(description: str) -> Iterator[Callable[..., None]]:
     console = Console(stderr=True)
     columns = (TextColumn('{task.description}'), BarColumn(), TextColumn(
         '{task.percentage:>3.0f} %'), TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True,
-                  disable=not console.is_terminal) as bar:
+    if not console.is_terminal:
+        # Rich 13 ends even a disabled bar with an empty line.
+        yield lambda *_, **__: None
+        return
+    with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task(description, total=1.0)
 
         def report(share: float | None, description: str | None = None) -> None:
