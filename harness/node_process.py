@@ -7,10 +7,10 @@ import functools
 import json
 import os
 from pathlib import Path
+import select
 import signal
 import subprocess
 import sys
-import time
 
 from friction_comp.tools import processes
 from friction_comp.tools.processes import ros_arguments
@@ -56,18 +56,21 @@ class Forked:
     def __init__(self, host, name, arguments, folder, output, env, period=OFTEN):
         self._host, self.returncode = host, None
         self.pid = host.ask([name, arguments, str(folder), str(output), env, period])
+        # Tools look at their nodes at every message: the host is asked only at the end.
+        self._ends = os.pidfd_open(self.pid)
 
-    def poll(self):
-        if self.returncode is None:
+    def _await(self, timeout):
+        if self.returncode is None and select.select([self._ends], [], [], timeout)[0]:
+            os.close(self._ends)
             self.returncode = self._host.ask(self.pid)
         return self.returncode
 
+    def poll(self):
+        return self._await(0.0)
+
     def wait(self, timeout=PATIENCE):
-        end = time.monotonic() + timeout
-        while self.poll() is None:
-            if time.monotonic() > end:
-                raise subprocess.TimeoutExpired(f'process {self.pid}', timeout)
-            time.sleep(0.01)
+        if self._await(timeout) is None:
+            raise subprocess.TimeoutExpired(f'process {self.pid}', timeout)
         return self.returncode
 
     def send_signal(self, number):
