@@ -86,8 +86,8 @@ def main():
                 become(*request, whole=name not in known)
             known.add(name)
         else:
-            ended, status = os.waitpid(request, os.WNOHANG)
-            answer = os.waitstatus_to_exitcode(status) if ended else None
+            # It has ended.
+            answer = os.waitstatus_to_exitcode(os.waitpid(request, 0)[1])
         print(json.dumps(answer), flush=True)
 
 

@@ -7,12 +7,11 @@ import functools
 import json
 import os
 from pathlib import Path
+import select
 import signal
 import subprocess
 import sys
-import time
 
-from friction_comp.package_files import package_file
 from friction_comp.tools import processes
 from friction_comp.tools.processes import ros_arguments
 
@@ -57,18 +56,21 @@ class Forked:
     def __init__(self, host, name, arguments, folder, output, env, period=OFTEN):
         self._host, self.returncode = host, None
         self.pid = host.ask([name, arguments, str(folder), str(output), env, period])
+        # Tools look at their nodes at every message: the host is asked only at the end.
+        self._ends = os.pidfd_open(self.pid)
 
-    def poll(self):
-        if self.returncode is None:
+    def _await(self, timeout):
+        if self.returncode is None and select.select([self._ends], [], [], timeout)[0]:
+            os.close(self._ends)
             self.returncode = self._host.ask(self.pid)
         return self.returncode
 
+    def poll(self):
+        return self._await(0.0)
+
     def wait(self, timeout=PATIENCE):
-        end = time.monotonic() + timeout
-        while self.poll() is None:
-            if time.monotonic() > end:
-                raise subprocess.TimeoutExpired(f'process {self.pid}', timeout)
-            time.sleep(0.01)
+        if self._await(timeout) is None:
+            raise subprocess.TimeoutExpired(f'process {self.pid}', timeout)
         return self.returncode
 
     def send_signal(self, number):
@@ -84,14 +86,15 @@ def fork(name, arguments, folder, output, env, period=OFTEN):
     return Forked(host(), name, arguments, folder, output, env, period)
 
 
-def fork_nodes_of_tools(monkeypatch):
-    """Make tools that run in this process fork their nodes, too."""
+def fork_nodes_of_tools(monkeypatch, changed=lambda name, parameters: parameters):
+    """Make tools that run in this process fork their nodes, too, with changed parameters."""
     def start(nodes, name, parameters, remappings=None):
         log = nodes._logs / f'{name}.log'
         log.parent.mkdir(parents=True, exist_ok=True)
         log.touch()
         nodes._running[name] = fork(
-            name, ros_arguments(parameters, remappings), Path.cwd(), log.absolute(), environment())
+            name, ros_arguments(changed(name, parameters), remappings), Path.cwd(), log.absolute(),
+            environment())
     monkeypatch.setattr(processes.Nodes, 'start', start)
 
 
@@ -99,27 +102,31 @@ def shorten_scenes(monkeypatch, folder):
     """Make scenes of the demo fork their nodes, exercise once, and use a low sample rate.
 
     Where a scene limits simulated time to real time while it refines, the limit is lower, too.
+    What a scene is made of is changed where its nodes start, whichever module asked for it.
     """
-    from friction_comp.tools import demo_scenes, demo_system
+    from friction_comp.tools import demo_scenes
 
-    def shortened(*parts):
-        path = package_file(*parts)
-        if 'exercises' in parts:
-            text = path.read_text(encoding='utf-8').replace('repetitions: 2', 'repetitions: 1')
-            # Of four times there and back, two.
-            text = text.replace(''.join(f'  - to: {{armin_1: {angle}}}\n    time: 0.833\n'
-                                        for angle in (-12, 12)), '', 2)
-            path = folder / path.name
-            path.write_text(text, encoding='utf-8')
-        return path
+    def shortened(path):
+        text = Path(path).read_text(encoding='utf-8').replace('repetitions: 2', 'repetitions: 1')
+        # Of four times there and back, two.
+        text = text.replace(''.join(f'  - to: {{armin_1: {angle}}}\n    time: 0.833\n'
+                                    for angle in (-12, 12)), '', 2)
+        short = folder / Path(path).name
+        short.write_text(text, encoding='utf-8')
+        return short
 
-    def seldom(*arguments):
-        return {**processes.plant_parameters(
-            *arguments[:4], sample_time=2.5 * processes.SAMPLE_TIME), 'clock_period': 0.04}
-    fork_nodes_of_tools(monkeypatch)
+    def changed(name, parameters):
+        parameters = dict(parameters)
+        for key in {'sample_time', 'wrench_period'} & set(parameters):
+            parameters[key] *= 2.5
+        # Where each sample has a tick, it matters when the direction is announced.
+        if parameters.get('clock_period', 0.0) > parameters.get('sample_time', 0.0):
+            parameters['clock_period'] *= 2.0
+        if 'exercise_file' in parameters:
+            parameters['exercise_file'] = shortened(parameters['exercise_file'])
+        return parameters
+    fork_nodes_of_tools(monkeypatch, changed)
     monkeypatch.setattr(demo_scenes, 'WEAR_PACE', 0.1)
-    monkeypatch.setattr(demo_scenes, 'package_file', shortened)
-    monkeypatch.setattr(demo_system, 'plant_parameters', seldom)
 
 
 class Process:

@@ -48,17 +48,22 @@ def pytest_terminal_summary(terminalreporter):
 
 
 def pytest_collection_modifyitems(items):
-    """Mark the tests of nodes, which `make check` leaves out, and start long files first.
+    """Mark the tests of nodes, which `make check` leaves out, and order the files.
 
-    Short files then fill the remaining time, so that no worker waits for another at the end.
+    Long files come first: short ones then fill the remaining time, so that no worker waits for
+    another at the end. Among them, those with nodes, which wait for much of their time, are spread
+    evenly: side by side they would leave the processor idle.
     """
-    long = set()
+    long = {'processes': {}, 'slow': {}}
     for item in items:
         if item.path.stem.startswith('test_node_'):
             item.add_marker(pytest.mark.processes)
-        if any(map(item.get_closest_marker, ('slow', 'processes'))):
-            long.add(item.path)
-    items.sort(key=lambda item: item.path not in long)
+        for kind, files in long.items():
+            if item.get_closest_marker(kind):
+                files[item.path] = None
+    place = {path: (k + 0.5) / len(files) for files in reversed(long.values())
+             for k, path in enumerate(files)}
+    items.sort(key=lambda item: place.get(item.path, 1.0))
 
 
 def pytest_collection_finish():

@@ -3,6 +3,8 @@
 """What tests of several rooms share: the note's drives, loops that drive them, short searches."""
 
 from contextlib import contextmanager
+import copy
+import functools
 import os
 from pathlib import Path
 import subprocess
@@ -21,9 +23,14 @@ ROOT = Path(__file__).resolve().parent.parent
 SLOPES = {1: 0.05, 2: 0.06, 3: 0.12}
 
 
+@functools.cache
+def _note_model(number):
+    return FrictionModel.load(package_file('config', f'armin_configuration_{number}.yaml'))
+
+
 def note_model(number=1, **simulation):
     """Return the model of a drive of the note, with other entries for its simulation."""
-    model = FrictionModel.load(package_file('config', f'armin_configuration_{number}.yaml'))
+    model = copy.deepcopy(_note_model(number))
     model.simulation.update(simulation)
     return model
 

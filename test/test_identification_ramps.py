@@ -3,8 +3,10 @@
 """What current ramps show: breakaway, presliding, stiffness, backlash, rest."""
 
 import math
+from typing import NamedTuple
 
 from hypothesis import given, strategies as st
+from numba import njit
 import numpy as np
 import pytest
 
@@ -26,8 +28,63 @@ from friction_comp.identification.run import IdentificationRun
 LEVEL, RATE, COUNT = 0.3, 60.0, 1.5e-5  # A, rad/s² per A, rad
 
 
+class Contact(NamedTuple):
+    """Friction of Dahl's kind, 95 % of its level at a distance; of a loose gear, the link's share
+    is met only once the teeth touch."""
+
+    distance: float
+    backlash: float = 0.0
+    link: float = 0.0
+
+    def start(self, level, strengthening):
+        # With enough damping, the rotor does not oscillate on its contact.
+        damping = 3.0 * math.sqrt(level / 3e-4 / RATE)
+        return lambda v, x, current: dragged(v, x, current, level, strengthening, damping, *self)
+
+
+@njit(cache=True)
+def dragged(v, x, current, level, strengthening, damping, distance, backlash, link):
+    """Return speed and displacement 1 ms later."""
+    for _ in range(10):
+        share = -(1.0 - link) * math.expm1(-3.0 * x / distance) + link * min(
+            1.0, max(0.0, (x - backlash) / 3e-5))
+        friction = (level * share + damping * v * (1.0 - share)
+                    + strengthening * (1.0 - math.exp(-max(v, 0.0) / 0.005)))
+        v = max(0.0, v + 1e-4 * RATE * (current - friction))
+        x += 1e-4 * v
+    return v, x
+
+
+class LuGre(NamedTuple):
+    """A LuGre contact, 95 % of its level at a distance; `damping` is a share of critical."""
+
+    distance: float
+    damping: float
+
+    def start(self, level, _):
+        reach, z = self.distance / 3.0, 0.0
+        damping = 2.0 * self.damping * math.sqrt(level / reach / RATE)
+
+        def move(v, x, current):
+            nonlocal z
+            v, x, z = shaken(v, x, z, current, reach, level / reach, damping)
+            return v, x
+        return move
+
+
+@njit(cache=True)
+def shaken(v, x, z, current, reach, stiffness, damping):
+    """Return speed, displacement and the bristles' deflection 1 ms later."""
+    for _ in range(10):
+        rate = v - abs(v) * z / reach
+        z += 1e-4 * rate
+        v += 1e-4 * RATE * (current - stiffness * z - damping * rate - 0.1 * v)
+        x += 1e-4 * v
+    return v, x, z
+
+
 def ramp(contact, slope=0.2, sign=1, before=-1, level=LEVEL, strengthening=0.0, first=0.85):
-    """Drive a ramp on a joint whose friction is `level` times contact(way).
+    """Drive a ramp on a joint whose friction is `level` times that of a contact.
 
     What a slide takes more at speed is `strengthening`, A, reached within 0.02 rad/s.
     """
@@ -36,47 +93,19 @@ def ramp(contact, slope=0.2, sign=1, before=-1, level=LEVEL, strengthening=0.0, 
         (0.1, 0.2), ramp_slope=slope, ramp_period=5.0 * LEVEL / slope), drive)
     x, v, t = 0.0, 0.0, 0.0
     motion.sample, motion._slid = Sample(0.0, 0.0, 0.0), before
-    steps = motion._ramp(sign, first * level)
+    steps, move = motion._ramp(sign, first * level), contact.start(level, strengthening)
     command = next(steps)
-    # With enough damping, the rotor does not oscillate on its contact.
-    damping = 3.0 * math.sqrt(level / 3e-4 / RATE)
     try:
         while True:
-            for _ in range(10):
-                if isinstance(contact, LuGre):
-                    v, x = contact.move(v, x, sign * command)
-                    continue
-                share = contact(x)
-                friction = level * share + damping * v * (1.0 - share)
-                if strengthening:
-                    friction += strengthening * (1.0 - math.exp(-max(v, 0.0) / 0.005))
-                v = max(0.0, v + 1e-4 * RATE * (sign * command - friction))
-                x += 1e-4 * v
+            v, x = move(v, x, sign * command)
             t += 1e-3
             command = steps.send(Sample(t, sign * math.floor(x / COUNT) * COUNT, command))
     except StopIteration as end:
         return end.value[0]
 
 
-def dahl(distance):
-    """Return Dahl's contact, 95 % of its level at a distance."""
-    return lambda x: -math.expm1(-3.0 * x / distance)
-
-
-class LuGre:
-    """A LuGre contact, 95 % of its level at a distance; `damping` is a share of critical."""
-
-    def __init__(self, distance, damping):
-        self.reach, self.z = distance / 3.0, 0.0
-        self.stiffness = LEVEL / self.reach
-        self.damping = 2.0 * damping * math.sqrt(self.stiffness / RATE)
-
-    def move(self, v, x, current):
-        """Return speed and displacement 0.1 ms later."""
-        rate = v - abs(v) * self.z / self.reach
-        self.z += 1e-4 * rate
-        v += 1e-4 * RATE * (current - self.stiffness * self.z - self.damping * rate - 0.1 * v)
-        return v, x + 1e-4 * v
+def loose(backlash, distance=2e-4, link=0.2):
+    return Contact(distance, backlash, link)
 
 
 def evaluated(recorded):
@@ -91,7 +120,7 @@ def friction_of(recorded):
 @pytest.mark.parametrize('distance', [2e-4, 1e-3, 2e-3])
 @pytest.mark.parametrize('slope', [0.1, 0.3])
 def test_breakaway_does_not_depend_on_the_presliding_distance(distance, slope):
-    recorded = ramp(dahl(distance), slope)
+    recorded = ramp(Contact(distance), slope)
     assert evaluated([recorded]).records.current == pytest.approx([LEVEL], rel=0.02)
     assert friction_of(recorded).presliding(LEVEL) == pytest.approx(distance, rel=0.2)
 
@@ -99,7 +128,7 @@ def test_breakaway_does_not_depend_on_the_presliding_distance(distance, slope):
 @pytest.mark.parametrize('strengthening', [-0.05, 0.05, 0.15, 0.5])
 def test_breakaway_is_the_largest_current_that_holds_however_friction_goes_on(strengthening):
     """Whether friction rises from standstill, as in configuration 2 of the note, or falls."""
-    recorded = [ramp(dahl(distance), sign=sign, strengthening=strengthening * LEVEL)
+    recorded = [ramp(Contact(distance), sign=sign, strengthening=strengthening * LEVEL)
                 for distance in (1e-4, 3e-4) for sign in (1, -1)]
     found = evaluated(recorded)
     np.testing.assert_allclose(
@@ -143,7 +172,7 @@ def test_the_first_stair_is_near_breakaway_as_far_as_it_is_known():
 
 
 def test_a_ramp_whose_first_stair_does_not_hold_is_no_ramp():
-    assert ramp(dahl(3e-4), first=1.05) is None
+    assert ramp(Contact(3e-4), first=1.05) is None
 
 
 def test_a_joint_rests_if_it_slows_down_and_slides_if_it_does_not():
@@ -163,7 +192,7 @@ def test_a_joint_rests_if_it_slows_down_and_slides_if_it_does_not():
 
 @pytest.mark.parametrize(('weight', 'given'), [(0.1, True), (0.5, False)])
 def test_a_contact_that_a_weight_has_bent_before_a_ramp_has_no_stiffness(weight, given):
-    ramps = [ramp(dahl(1.5e-3), sign=sign, before=before, level=LEVEL * (1.0 + sign * weight))
+    ramps = [ramp(Contact(1.5e-3), sign=sign, before=before, level=LEVEL * (1.0 + sign * weight))
              for sign in (1, -1) for before in (1, -1)]
     found = evaluated(ramps).presliding
     assert found.distance == pytest.approx(1.5e-3, rel=0.15)
@@ -172,11 +201,11 @@ def test_a_contact_that_a_weight_has_bent_before_a_ramp_has_no_stiffness(weight,
 
 def test_stiffness_is_the_slope_of_the_first_third():
     distance = 6e-4
-    ramps = [friction_of(ramp(dahl(distance), slope)) for slope in (0.1, 0.15, 0.2)]
+    ramps = [friction_of(ramp(Contact(distance), slope)) for slope in (0.1, 0.15, 0.2)]
     way = -math.log(2.0 / 3.0) * distance / 3.0
     assert common_stiffness(ramps, LEVEL, COUNT) == pytest.approx(LEVEL / 3.0 / way, rel=0.2)
     # Motion of a few counts is not significant.
-    short = [friction_of(ramp(dahl(1e-4)))]
+    short = [friction_of(ramp(Contact(1e-4)))]
     assert common_stiffness(short, LEVEL, COUNT) is None
 
 
@@ -221,17 +250,10 @@ def test_presliding_from_one_kind_of_ramp_is_used_if_there_is_no_other():
     assert combined_presliding([]) == (0.0, 0.0)
 
 
-def loose(backlash, distance=2e-4, link=0.2):
-    """Return a contact whose link's share is met only once the teeth touch."""
-    onward = dahl(distance)
-    return lambda x: ((1.0 - link) * onward(x)
-                      + link * min(1.0, max(0.0, (x - backlash) / 3e-5)))
-
-
 @pytest.mark.parametrize('backlash', [2.5e-4, 1e-3])
 def test_backlash_is_reported_with_its_size_and_excluded_from_breakaway(backlash):
     """The longer one is crossed in a slide of the rotor alone."""
-    turned, onward = loose(backlash), dahl(2e-4)
+    turned, onward = loose(backlash), Contact(2e-4)
     ramps = [ramp(turned if sign != before else onward, slope=slope, sign=sign, before=before)
              for slope in (0.19, 0.2, 0.21)
              for sign, before in [(1, -1), (1, 1), (-1, 1), (-1, -1)]]
@@ -261,7 +283,7 @@ def test_backlash_is_what_ramps_cross_after_slides_in_either_direction(ahead):
 
 @pytest.mark.parametrize('distance', [1e-4, 5e-4, 2e-3])
 def test_a_gear_without_backlash_is_said_to_have_none(distance):
-    ramps = [friction_of(ramp(dahl(distance), slope, sign=sign))
+    ramps = [friction_of(ramp(Contact(distance), slope, sign=sign))
              for slope in (0.1, 0.2) for sign in (1, -1)]
     assert find_backlash(ramps, [1, -1, 1, -1], [True] * 4, COUNT) == (0.0, [0] * 4)
     assert find_backlash([], [], [], COUNT) == (0.0, [])
@@ -269,7 +291,7 @@ def test_a_gear_without_backlash_is_said_to_have_none(distance):
 
 def test_a_contact_that_is_stiffer_to_one_side_is_no_backlash():
     ramps = [friction_of(ramp(contact, sign=sign)) for contact, sign in (
-        (loose(3e-4), 1), (dahl(2e-4), -1)) * 2]
+        (loose(3e-4), 1), (Contact(2e-4), -1)) * 2]
     assert find_backlash(ramps, [1, -1, 1, -1], [False] * 4, COUNT)[0] == 0.0
     assert find_backlash(ramps, [1, 1, -1, -1], [False] * 4, COUNT)[0] > 0.0
 

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Trajectories over DDS, and robots that take a torque at the joint instead of a motor current."""
 
-import subprocess
 import sys
 import threading
 import time
@@ -72,9 +71,7 @@ def test_the_tool_moves_a_joint_along_the_trajectory_by_torque(tmp_path):
                         'input_reliability': 'reliable'}):
         probe.status_of('recorder', lambda one: int(
             value_of(one, 'publishers of joint_states') or 0) > 0)
-        outcome = subprocess.run([sys.executable, '-m', 'friction_comp', 'play', str(file)],
-                                 capture_output=True, text=True)
-        assert outcome.returncode == 0, outcome.stderr
+        assert run('play', [str(file)]) == 0
     samples, = read_recording(recorded, JOINT, DRIVE.torque_constant, DRIVE.gear_ratio)
     assert LIMITS.lowest < samples.position.min() < -0.35
     assert 0.45 < samples.position.max() < LIMITS.highest

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The live page: what it shows of a recording, how it is played, and who can open it."""
 
+from importlib.util import find_spec
 import json
 from pathlib import Path
 import re
@@ -16,22 +17,18 @@ import numpy as np
 import pytest
 from table_maker import write
 
-pytest.importorskip('bokeh', reason='Bokeh is an extra: pip install friction_comp[watch]')
-
-from bokeh.document import Document
-from bokeh.models import ColumnDataSource, Select, Slider, Toggle
-
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.package_files import package_file
 from friction_comp.recordings import recorded_joints, RecordingInfo, write_samples
 from friction_comp.recordings.activity import Activity
-from friction_comp.reports.live_page import live_page, SIGNALS, with_gaps
 from friction_comp.samples import Samples
 from friction_comp.tools import watch
 from friction_comp.topics import TOPICS
 
 LIVE_PAGES = True
+pytestmark = pytest.mark.skipif(
+    not find_spec('bokeh'), reason='Bokeh is an extra: pip install friction_comp[watch]')
 FILE = package_file('config', 'armin_configuration_1.yaml')
 MODEL = FrictionModel.load(FILE)
 GAIN = MODEL.drive.torque_per_current
@@ -55,15 +52,30 @@ def recording(tmp_path_factory):
 
 
 @pytest.fixture(scope='module')
+def page():
+    """The live page; importing Bokeh takes a second, which not every worker needs."""
+    from bokeh import document, models
+
+    from friction_comp.reports import live_page
+
+    def open_page(feed):
+        opened = document.Document()
+        live_page.live_page(feed)(opened)
+        return opened, lambda kind, wanted=lambda _: True: next(filter(
+            wanted, opened.select({'type': getattr(models, kind)})))
+    return SimpleNamespace(open=open_page, **vars(live_page))
+
+
+@pytest.fixture(scope='module')
 def feed(recording):
     return watch.recorded_feed(recording, [], [MODEL, MODEL])
 
 
-def test_a_window_ends_at_its_time_and_holds_every_signal(feed):
+def test_a_window_ends_at_its_time_and_holds_every_signal(feed, page):
     assert feed.joints == ['shoulder', 'elbow']
     assert feed.duration == pytest.approx(12.0, abs=0.02)
     data = feed.window('elbow', 8.0, 3.0)
-    assert set(data) == set(SIGNALS)
+    assert set(data) == set(page.SIGNALS)
     assert data['time'][0] == pytest.approx(5.0, abs=0.02)
     assert data['time'][-1] == pytest.approx(8.0, abs=0.02)
     np.testing.assert_allclose(data['torque'], data['current'] * GAIN)
@@ -108,16 +120,15 @@ def test_one_model_shown_of_several_is_said():
     assert len(notes) == 1
 
 
-def test_the_page_seeks_plays_and_changes_the_joint(feed, monkeypatch):
+def test_the_page_seeks_plays_and_changes_the_joint(feed, monkeypatch, page):
     clock = [0.0]
     monkeypatch.setattr('friction_comp.reports.live_page.time', SimpleNamespace(
         monotonic=lambda: clock[0]))
-    document = Document()
-    live_page(feed)(document)
+    document, shown = page.open(feed)
     update = document.session_callbacks[0].callback
-    slider, play = document.select_one({'type': Slider}), document.select_one({'type': Toggle})
-    source = next(s for s in document.select({'type': ColumnDataSource}) if 'time' in s.data)
-    overview = next(s for s in document.select({'type': ColumnDataSource}) if 'joint' in s.data)
+    slider, play = shown('Slider'), shown('Toggle')
+    source, overview = (shown('ColumnDataSource', lambda one, name=name: name in one.data)
+                        for name in ('time', 'joint'))
     # The shoulder turns round: at rest there is no residual, in the table as in the plot.
     slider.value = 0.5 * np.pi / 0.7
     update()
@@ -128,7 +139,7 @@ def test_the_page_seeks_plays_and_changes_the_joint(feed, monkeypatch):
     assert source.data['time'][-1] == pytest.approx(11.0, abs=0.02)
     assert source.data['time'][0] == pytest.approx(1.0, abs=0.02)
     before = np.array(source.data['position'])
-    next(s for s in document.select({'type': Select}) if s.title == 'Joint').value = 'elbow'
+    shown('Select', lambda one: one.title == 'Joint').value = 'elbow'
     update()
     assert not np.array_equal(before, source.data['position'])
     play.active = True
@@ -141,12 +152,11 @@ def test_the_page_seeks_plays_and_changes_the_joint(feed, monkeypatch):
     assert not play.active, 'it stops at the end'
 
 
-def test_a_joint_without_a_name_is_shown_too(tmp_path):
+def test_a_joint_without_a_name_is_shown_too(tmp_path, page):
     time = np.arange(0.0, 12.0, 0.005)
     write(tmp_path / 'plain.csv', time=time, position=np.sin(time), effort=np.cos(time))
-    document = Document()
-    live_page(watch.recorded_feed(tmp_path / 'plain.csv', [], []))(document)
-    source = next(s for s in document.select({'type': ColumnDataSource}) if 'time' in s.data)
+    _, shown = page.open(watch.recorded_feed(tmp_path / 'plain.csv', [], []))
+    source = shown('ColumnDataSource', lambda one: 'time' in one.data)
     assert len(source.data['time']) > 100
 
 
@@ -161,10 +171,10 @@ def test_a_joint_without_effort_is_left_out_unless_it_was_asked_for(tmp_path):
         watch.recorded_feed(tmp_path / 'r', ['elbow', 'grip'], [])
 
 
-def test_no_line_across_a_gap_and_no_residual_at_rest(feed):
+def test_no_line_across_a_gap_and_no_residual_at_rest(feed, page):
     data = feed.window('elbow', 12.0, 12.0)
     cut = {name: np.delete(values, slice(300, 400)) for name, values in data.items()}
-    shown = with_gaps(cut)
+    shown = page.with_gaps(cut)
     assert len(shown['time']) == len(cut['time']) + 1
     assert (np.diff(shown['time']) > 0).all()
     assert np.isnan(shown['position'][300])

@@ -8,6 +8,7 @@ Both take long, and neither may happen for the first time while a motor is drive
 from __future__ import annotations
 
 from dataclasses import replace
+import functools
 import math
 from typing import NamedTuple
 
@@ -58,8 +59,9 @@ def try_model(model: FrictionModel, gravity: str, path: str) -> Loaded:
         raise InputError(f'{path}: the law cannot use it: {error!r}') from None
 
 
+@functools.cache
 def load_compiled_code() -> None:
-    """Load all compiled code that a law may need; without the cache this takes seconds."""
+    """Load all compiled code that a law may need, once; without the cache this takes seconds."""
     # Effects with memory and the arm are what is compiled beside the law itself.
     effects = [effect({**dict.fromkeys(effect.constants, 1.0),
                        'coefficients': [0.0] * len(effect.coefficient_names)})

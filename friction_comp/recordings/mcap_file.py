@@ -23,7 +23,8 @@ from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Footer, Metadata, Schema, Statistics
 from mcap.stream_reader import get_chunk_data_stream, StreamReader
-import yaml
+
+from friction_comp.recordings.metadata import load_yaml
 
 Message = tuple[str, str, int, bytes]
 Wanted = Callable[[str, str], bool]
@@ -218,7 +219,7 @@ class McapFile(MessageFile):
         elif isinstance(record, Statistics):
             self._expected = record.message_count
         elif isinstance(record, Metadata) and record.name == 'rosbag2':
-            metadata = yaml.safe_load(record.metadata.get('serialized_metadata', '')) or {}
+            metadata = load_yaml(record.metadata.get('serialized_metadata', '')) or {}
             custom = metadata.get('custom_data') or {}
             self.custom.update({str(key): str(value) for key, value in custom.items()})
 

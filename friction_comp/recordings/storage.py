@@ -17,11 +17,11 @@ from tempfile import TemporaryDirectory
 from typing import Any
 from urllib.parse import quote
 
-import yaml
 import zstandard
 
 from friction_comp.errors import InputError, one_line
 from friction_comp.recordings.mcap_file import DamagedError, McapFile, Message, MessageFile, Wanted
+from friction_comp.recordings.metadata import load_yaml
 
 AnyPath = str | PathLike[str]
 
@@ -113,7 +113,7 @@ class Storage:
     def _read_metadata(self) -> list[Path]:
         try:
             text = (self.path / METADATA).read_text(encoding='utf-8')
-            information: Any = yaml.safe_load(text)['rosbag2_bagfile_information']
+            information: Any = load_yaml(text)['rosbag2_bagfile_information']
             # Only the names, in this folder: metadata must not point outside of it.
             files = [self.path / PurePath(name).name for name in information['relative_file_paths']]
             custom = information.get('custom_data') or {}

@@ -15,11 +15,11 @@ from typing import Any, Literal
 
 from mcap.writer import CompressionType, Writer
 from rosbags.typesys import get_typestore, Stores
-import yaml
 import zstandard
 
 from friction_comp.errors import InputError
 from friction_comp.files import write_atomically
+from friction_comp.recordings.metadata import dump_yaml
 from friction_comp.recordings.storage import AnyPath, METADATA
 
 Qos = dict[str, Any]
@@ -184,7 +184,7 @@ class RecordingWriter:
                     or (self._split_duration and elapsed >= self._split_duration))
 
     def _finish_file(self) -> None:
-        self._files[-1].finish(_yaml(self._metadata(self._files[-1:])))
+        self._files[-1].finish(dump_yaml(self._metadata(self._files[-1:])))
 
     def _drop_files(self) -> None:
         """Close all files without writing an index; flushed chunks remain."""
@@ -227,7 +227,7 @@ class RecordingWriter:
         }
 
     def _save_metadata(self, sync: bool = True) -> None:
-        write_atomically(self.path / METADATA, _yaml(
+        write_atomically(self.path / METADATA, dump_yaml(
             {'rosbag2_bagfile_information': self._metadata(self._files)}), sync)
 
 
@@ -250,7 +250,7 @@ class _McapFile:
         if kind not in self._schemas:
             self._schemas[kind] = self._writer.register_schema(kind, 'ros2msg', definition.encode())
         self._channels[topic] = self._writer.register_channel(
-            topic, 'cdr', self._schemas[kind], {'offered_qos_profiles': _yaml(qos).strip()})
+            topic, 'cdr', self._schemas[kind], {'offered_qos_profiles': dump_yaml(qos).strip()})
         self.counts[topic] = 0
 
     def write(self, topic: str, time: int, payload: bytes) -> None:
@@ -335,7 +335,3 @@ def _span(files: Sequence[_McapFile]) -> dict[str, Any]:
     last = max((file.last for file in files if file.last is not None), default=0)
     return {'starting_time': {'nanoseconds_since_epoch': first},
             'duration': {'nanoseconds': last - first}}
-
-
-def _yaml(document: Any) -> str:
-    return str(yaml.safe_dump(document, sort_keys=False, allow_unicode=True))
