@@ -8,14 +8,14 @@ import re
 
 import numpy as np
 
-from friction_comp.recordings.joint_rows import Labels, Table
+from friction_comp.recordings.table_base import Labels, Table
 
 # Words of a column, or of a group, that says which episode rows are of.
 _WORDS = {'episode', 'episodes', 'demo', 'demos', 'trial', 'trajectory', 'traj', 'rollout'}
 _NUMBER = {'no', 'nr', 'num', 'number', 'index', 'idx', 'id'}
 EPISODE = 'episode'
-# Rows that are looked at, the fewest in an episode, and how far apart episodes are set, s.
-_ROWS, _FEWEST, _APART = 250_000, 10, 1.0
+# Fewest rows in an episode, and how far apart episodes are set, s.
+_FEWEST, _APART = 10, 1.0
 
 
 def is_episode(name: str) -> bool:
@@ -29,15 +29,11 @@ def column_of_episodes(table: Table, used: list[str]) -> str | None:
 
     `used` are the columns of signals. A column that changes at every few rows says something else.
     """
-    for name in table.names:
-        if is_episode(name) and name not in used:
-            table.labels[name] = Labels()
-            block, _ = next(iter(table.blocks([name], _ROWS)), ({name: np.empty(0)}, 1.0))
-            changes = np.count_nonzero(np.diff(block[name]))
-            if changes * _FEWEST < len(block[name]):
-                return name
-            del table.labels[name]
-    return None
+    def holds(_: Labels, numbers: np.ndarray) -> bool:
+        return bool(np.count_nonzero(np.diff(numbers)) * _FEWEST < len(numbers))
+
+    return next((name for name in table.names if is_episode(name) and name not in used
+                 and table.is_labelled(name, holds)), None)
 
 
 class Episodes:

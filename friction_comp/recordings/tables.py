@@ -17,12 +17,12 @@ from friction_comp.columns import assign
 from friction_comp.errors import InputError
 from friction_comp.files import write_atomically
 from friction_comp.layout import Layout
-from friction_comp.recordings.csv_file import Columns
 from friction_comp.recordings.episodes import column_of_episodes, Episodes
 from friction_comp.recordings.joint_rows import column_of_joints
 from friction_comp.recordings.row_times import in_no_order
 from friction_comp.recordings.scan import Scan, Track
 from friction_comp.recordings.storage import unreadable_on_error
+from friction_comp.recordings.table_base import Columns
 from friction_comp.recordings.table_files import open_table, pyarrow_of
 from friction_comp.recordings.told_units import angle_fault, time_fault, unit_of_dates
 from friction_comp.samples import Samples

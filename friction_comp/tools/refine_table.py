@@ -72,10 +72,9 @@ def _values(path: Path, columns: tuple[Column, Column], joint: str | None) -> li
     """Return the columns in SI units, of one joint's rows where a column says whose they are."""
     table, names = open_table(path), [column.name for column in columns]
     whose = column_of_joints(table, names, None)
-    blocks = [block for block, _ in table.blocks([*names, *([whose] if whose else [])], 250_000)]
-    if not blocks:
+    read = table.whole([*names, *([whose] if whose else [])])
+    if not len(read[names[0]]):
         raise InputError(f'{path}: has no row below its header')
-    read = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
     values = [column.factor * read[column.name] for column in columns]
     if whose is None:
         return values
