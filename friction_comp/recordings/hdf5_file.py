@@ -17,7 +17,7 @@ import numpy as np
 
 from friction_comp.errors import InputError
 from friction_comp.files import library_for
-from friction_comp.recordings.episodes import EPISODE, is_episode
+from friction_comp.recordings.row_groups import EPISODE, is_episode
 from friction_comp.recordings.table_base import Columns, Table
 
 # More than this are the points of a picture, no joints.

@@ -22,9 +22,9 @@ from friction_comp.errors import InputError
 from friction_comp.files import library_for
 from friction_comp.layout import TABLES
 from friction_comp.recordings.csv_file import Csv
-from friction_comp.recordings.episodes import EPISODE
 from friction_comp.recordings.hdf5_file import Hdf5, is_hdf5
 from friction_comp.recordings.item_names import item_names
+from friction_comp.recordings.row_groups import EPISODE
 from friction_comp.recordings.table_base import Columns, Table
 
 

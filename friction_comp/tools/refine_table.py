@@ -15,7 +15,7 @@ from friction_comp.columns import Column
 from friction_comp.errors import errors_name, InputError
 from friction_comp.identification.steady_state import fit_steady_states, SteadyStates
 from friction_comp.recorded_drive.given import drive_of, figures_unit
-from friction_comp.recordings.joint_rows import column_of_joints
+from friction_comp.recordings.row_groups import column_of_joints
 from friction_comp.recordings.table_files import open_table
 from friction_comp.refinement import thresholds
 from friction_comp.reports.html import units_of_axis
