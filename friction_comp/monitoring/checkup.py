@@ -363,7 +363,7 @@ def _check_fit(seen: Observation, joint: str, model: FrictionModel, rows: np.nda
                         'that of position and velocity, in the driver before compensating')]
     residual = LiveResidual(model)
     residual.add(rows)
-    verdict = residual.verdict()
+    verdict = residual.monitor.verdict()
     level, do = WARNING, 'check torque constant and gear ratio, then refine the model'
     if residual.blind:
         level, do = NOTE, ''
