@@ -1,9 +1,11 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Converts the values of a column to numbers, dates to seconds, and arguments to pairs."""
+"""Converts the values of a column to numbers, dates to seconds, and columns to text."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+import io
 import re
 
 import numpy as np
@@ -61,6 +63,14 @@ def date_in_seconds(text: str) -> float:
     date = np.datetime64(f'{day}T{(clock or "00:00").replace(",", ".")}', 'ns')
     ahead = 60.0 * (60.0 * int(zone[0]) + int(zone[1])) if sign else 0.0
     return float(date.astype(np.int64) * 1e-9) - (ahead if sign == '+' else -ahead)
+
+
+def to_csv(columns: Mapping[str, np.ndarray], digits: int) -> str:
+    """Return columns as CSV with some significant digits, the first, times in s, to the ns."""
+    stream = io.StringIO()
+    np.savetxt(stream, np.column_stack(list(columns.values())), delimiter=',', comments='',
+               header=','.join(columns), fmt=['%.9f', *[f'%.{digits}g'] * (len(columns) - 1)])
+    return stream.getvalue()
 
 
 def read_pairs(text: str, what: str, form: str = 'SIGNAL=NAME, for instance time=t,position=q_2'

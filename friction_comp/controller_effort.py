@@ -62,8 +62,7 @@ def _rate(time: np.ndarray, values: np.ndarray, usable: np.ndarray) -> np.ndarra
     if len(knots) < 4:
         return np.zeros(len(time))
     spline = make_interp_spline(knots, values[usable][first], 3)
-    rate: np.ndarray = spline(np.where(np.isfinite(time), time, knots[0]), 1)
-    return rate
+    return spline(np.where(np.isfinite(time), time, knots[0]), 1)
 
 
 def _viscous_friction(effort: np.ndarray, position: np.ndarray, velocity: np.ndarray,

@@ -25,6 +25,15 @@ def errors_name(thing: object) -> Iterator[None]:
         raise InputError(f'{thing}: {error}') from None
 
 
+@contextmanager
+def os_errors_name(thing: object, what: str = '') -> Iterator[None]:
+    """Turn an error of the operating system into an InputError: origin, `what` failed, and why."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f'{thing}: {what}{error.strerror or error}') from None
+
+
 def one_line(error: BaseException) -> str:
     """Return an error's message in one line, or its type if it has none."""
     return ' '.join(str(error).split()) or type(error).__name__

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import math
 import os
 from pathlib import Path
@@ -16,7 +17,7 @@ import uuid
 
 import yaml
 
-from friction_comp.errors import InputError, one_line
+from friction_comp.errors import InputError, one_line, os_errors_name
 
 
 def library_for(path: Path, name: str, extra: str, files: str) -> Any:
@@ -90,7 +91,7 @@ def read_yaml(path: str | Path) -> Any:
     Raises InputError if it cannot be read, is not a regular file, is too large or not valid.
     """
     path = Path(path)
-    try:
+    with os_errors_name(path):
         # Do not wait for a writer if it is a pipe: there may never be one.
         handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
         with os.fdopen(handle, 'rb') as stream:
@@ -100,14 +101,21 @@ def read_yaml(path: str | Path) -> Any:
             if not stat.S_ISREG(kind.st_mode):
                 raise InputError(f'{path}: not a regular file')
             data = stream.read(_LARGEST + 1)
-    except OSError as error:
-        raise InputError(f'{path}: {error.strerror or error}') from None
     if len(data) > _LARGEST:
         raise InputError(f'{path}: more than {_LARGEST // 1000} kB')
     try:
         return yaml.load(data.decode('utf-8'), Loader=_PlainLoader)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise InputError(f'{path}: not a YAML document: {one_line(error)}') from None
+
+
+def read_json(path: str | Path) -> Any:
+    """Return the content of a JSON file; raises InputError if it cannot be read or is not valid."""
+    with os_errors_name(path, 'cannot be read: '):
+        try:
+            return json.loads(Path(path).read_text(encoding='utf-8'))
+        except ValueError as error:
+            raise InputError(f'{path}: not a JSON document: {error}') from None
 
 
 def encodable(text: str) -> str:
@@ -123,7 +131,7 @@ def write_atomically(path: str | Path, content: str | bytes, sync: bool = True) 
     """
     path = Path(path)
     data = encodable(content).encode('utf-8') if isinstance(content, str) else content
-    try:
+    with os_errors_name(path, 'cannot be written: '):
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.exists() and not path.is_file():
             # Do not wait until a pipe has a reader, but then wait for a slow one.
@@ -142,8 +150,6 @@ def write_atomically(path: str | Path, content: str | bytes, sync: bool = True) 
             draft.replace(path)
         finally:
             draft.unlink(missing_ok=True)
-    except OSError as error:
-        raise InputError(f'{path}: cannot be written: {error.strerror or error}') from None
 
 
 def to_yaml(document: Any) -> str:
@@ -179,7 +185,7 @@ def plain(value: Any, not_finite: float | None = math.nan) -> Any:
 def check_folder(path: str | Path) -> None:
     """Raise InputError if files cannot be written into a folder; it is not created."""
     folder = Path(path).absolute()
-    try:
+    with os_errors_name(path, 'cannot be written to: '):
         while not folder.exists() and folder != folder.parent:
             folder = folder.parent
         if not folder.is_dir():
@@ -187,18 +193,14 @@ def check_folder(path: str | Path) -> None:
         # Permissions are not sufficient: a file system may be full or read-only.
         with tempfile.TemporaryFile(dir=folder):
             pass
-    except OSError as error:
-        raise InputError(f'{path}: cannot be written to: {error.strerror or error}') from None
 
 
 def check_file(path: str | Path) -> None:
     """Raise InputError if a file cannot be written; existing devices are accepted."""
     path = Path(path)
-    try:
+    with os_errors_name(path, 'cannot be written to: '):
         if path.is_dir():
             raise InputError(f'{path}: is a folder, not a file')
         if path.exists() and not path.is_file():
             return
-    except OSError as error:
-        raise InputError(f'{path}: cannot be written to: {error.strerror or error}') from None
     check_folder(path.parent)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from friction_comp.errors import InputError
+from friction_comp.errors import InputError, os_errors_name
 from friction_comp.stamps import NANO
 
 _STATES = ('positions', 'velocities', 'accelerations')
@@ -31,12 +31,11 @@ class Trajectory:
     @classmethod
     def load(cls, path: str | Path) -> Trajectory:
         """Read a message from a YAML file; raises InputError if it is not valid."""
+        # The C loader reads a minute of motion in a tenth of the time.
+        loader = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
         try:
-            # The C loader reads a minute of motion in a tenth of the time.
-            loader = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
-            document: Any = yaml.load(Path(path).read_text(encoding='utf-8'), loader)
-        except OSError as error:
-            raise InputError(f'{path}: cannot be read: {error.strerror}') from None
+            with os_errors_name(path, 'cannot be read: '):
+                document: Any = yaml.load(Path(path).read_text(encoding='utf-8'), loader)
         except (yaml.YAMLError, UnicodeDecodeError):
             raise InputError(f'{path}: not a YAML file') from None
         try:

@@ -16,29 +16,21 @@ from friction_comp.errors import InputError
 
 T = TypeVar('T')
 _TURN = 2.0 * math.pi
-_POUND, _STANDARD = 0.45359237, 9.80665     # kg, m/s²
+_STANDARD = 9.80665                 # N of a kg
+_POUND = 0.45359237 * _STANDARD     # N
 _INCH = 0.0254
 # Symbol to factor and dimension; those of the second table take prefixes.
-_WORDS = {
-    'deg': (_TURN / 360.0, 'angle'), 'degree': (_TURN / 360.0, 'angle'),
-    'degrees': (_TURN / 360.0, 'angle'), '°': (_TURN / 360.0, 'angle'),
-    'turn': (_TURN, 'angle'), 'turns': (_TURN, 'angle'), 'rev': (_TURN, 'angle'),
-    'revolution': (_TURN, 'angle'), 'revolutions': (_TURN, 'angle'), 'revs': (_TURN, 'angle'),
-    'rotation': (_TURN, 'angle'), 'rotations': (_TURN, 'angle'), 'rot': (_TURN, 'angle'),
-    'rpm': (_TURN / 60.0, 'angle/time'),
-    'RPM': (_TURN / 60.0, 'angle/time'), 'dps': (_TURN / 360.0, 'angle/time'),
-    'rps': (_TURN, 'angle/time'), 'radps': (1.0, 'angle/time'), 'rads': (1.0, 'angle/time'),
-    'radian': (1.0, 'angle'), 'radians': (1.0, 'angle'),
-    'inch': (_INCH, 'length'), 'in': (_INCH, 'length'), 'ft': (12.0 * _INCH, 'length'),
-    'meter': (1.0, 'length'), 'metre': (1.0, 'length'),
-    'min': (60.0, 'time'), 'h': (3600.0, 'time'), 'sec': (1.0, 'time'), 'seconds': (1.0, 'time'),
-    'millis': (1e-3, 'time'), 'milliseconds': (1e-3, 'time'), 'micros': (1e-6, 'time'),
-    'microseconds': (1e-6, 'time'),
-    'lbf': (_POUND * _STANDARD, 'force'), 'lb': (_POUND * _STANDARD, 'force'),
-    'oz': (_POUND * _STANDARD / 16.0, 'force'), 'ozf': (_POUND * _STANDARD / 16.0, 'force'),
-    'kip': (1e3 * _POUND * _STANDARD, 'force'), 'kgf': (_STANDARD, 'force'),
-    'gf': (1e-3 * _STANDARD, 'force'), 'kg': (_STANDARD, 'force'),
-    'C': (1.0, 'temperature'), '°C': (1.0, 'temperature'), 'degC': (1.0, 'temperature')}
+_WORDS = {word: (factor, dimension) for dimension, factor, words in (
+    ('angle', _TURN / 360.0, 'deg degree degrees °'), ('angle', 1.0, 'radian radians'),
+    ('angle', _TURN, 'turn turns rev revs revolution revolutions rotation rotations rot'),
+    ('angle/time', _TURN / 60.0, 'rpm RPM'), ('angle/time', _TURN / 360.0, 'dps'),
+    ('angle/time', _TURN, 'rps'), ('angle/time', 1.0, 'radps rads'),
+    ('length', _INCH, 'inch in'), ('length', 12.0 * _INCH, 'ft'), ('length', 1.0, 'meter metre'),
+    ('time', 1.0, 'sec seconds'), ('time', 60.0, 'min'), ('time', 3600.0, 'h'),
+    ('time', 1e-3, 'millis milliseconds'), ('time', 1e-6, 'micros microseconds'),
+    ('force', _STANDARD, 'kgf kg'), ('force', 1e-3 * _STANDARD, 'gf'), ('force', _POUND, 'lbf lb'),
+    ('force', _POUND / 16.0, 'oz ozf'), ('force', 1e3 * _POUND, 'kip'),
+    ('temperature', 1.0, 'C °C degC')) for word in words.split()}
 _PER_MINUTE = {'1/min', 'r/min', 'U/min', 'min-1', 'min^-1', 'min⁻¹'}
 _WITH_PREFIX = {'rad': 'angle', 'm': 'length', 's': 'time', 'N': 'force', 'Nm': 'torque',
                 'A': 'current'}

@@ -91,8 +91,8 @@ def test_figures_of_each_condition():
         square = expected ** 2 * 0.05 * np.sqrt(np.pi / 2) + 0.2 ** 2 * CRUISE
         assert condition.rms_torque == pytest.approx(np.sqrt(square / MOVE), rel=0.02)
         assert condition.false_starts == 0
-    assert evaluation.peak_reduction == pytest.approx(1 - 0.4 / 1.2, rel=1e-3)
-    assert 0.0 < evaluation.rms_reduction < evaluation.peak_reduction
+    assert evaluation.reduction('peak_torque') == pytest.approx(1 - 0.4 / 1.2, rel=1e-3)
+    assert 0.0 < evaluation.reduction('rms_torque') < evaluation.reduction('peak_torque')
 
 
 def test_averages_and_deviations_over_repetitions():
@@ -113,14 +113,14 @@ def test_conditions_of_several_recordings_are_merged():
     conditions = by_key(evaluation)
     assert conditions[0, 'positive'].repetitions == 3
     assert conditions[0, 'positive'].peak_torque == pytest.approx(4 / 3, rel=1e-3)
-    assert evaluation.peak_reduction == pytest.approx(1 - 0.5 * 3 / 4, rel=1e-3)
+    assert evaluation.reduction('peak_torque') == pytest.approx(1 - 0.5 * 3 / 4, rel=1e-3)
 
 
 def test_direction_against_the_movement_is_not_compared():
     evaluation = evaluate([trial([1.0] * 2), trial([3.0] * 2, directions=[-1, 1])])
     assert by_key(evaluation)[-1, 'positive'].peak_torque == pytest.approx(3.0, rel=1e-3)
-    assert evaluation.peak_reduction is None
-    assert evaluation.rms_reduction is None
+    assert evaluation.reduction('peak_torque') is None
+    assert evaluation.reduction('rms_torque') is None
 
 
 def test_a_joint_that_starts_by_itself_is_seen():

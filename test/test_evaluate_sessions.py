@@ -66,7 +66,7 @@ def test_laws_models_and_settings_are_never_averaged():
         'd = ±1 · continuous · b.yaml': 0.3,
         'd = ±1 · continuous, breakaway_gain 0.5 · a.yaml': 0.7}
     # Without a condition d = 0 there is no statement about an improvement over it.
-    assert evaluation.peak_reduction is None
+    assert evaluation.reduction('peak_torque') is None
     differences = {(c.first.label, c.second.label): c
                    for c in evaluation.comparisons if c.figure == 'peak_torque'}
     # One difference at a time: another model, law or setting, and never two of them.
@@ -104,7 +104,7 @@ def test_the_verdict_compares_with_the_least_help_there_is():
         first, second = evaluation.pair()
         assert second.law == 'continuous'
         assert first.law == ('kinetic' if other is KINETIC else 'none')
-        assert evaluation.peak_reduction == pytest.approx(0.6, abs=0.05)
+        assert evaluation.reduction('peak_torque') == pytest.approx(0.6, abs=0.05)
 
 
 def test_the_verdict_says_what_was_compared_and_how_sure_it_is():
@@ -140,7 +140,7 @@ def test_a_joint_that_stuck_took_more_than_was_given():
     assert not other.is_bound
     # The second torque may be more than the bound.
     words = summary(other)
-    assert ('at most **' if other.peak_reduction >= 0.0 else 'at least **') in words
+    assert ('at most **' if other.reduction('peak_torque') >= 0.0 else 'at least **') in words
     neither = evaluate([stuck, stuck.with_(load=0.5 * stuck.load)], about=[KINETIC, LAW])
     words = summary(neither)
     assert 'less**, of torques that did not always suffice' in words

@@ -101,7 +101,7 @@ def test_what_stands_beside_episodes_holds_for_all_or_is_left_out(tmp_path):
 
 
 def test_blocks_of_an_hdf5_file_are_its_whole(tmp_path):
-    from friction_comp.recordings.table_files import open_table, whole_columns
+    from friction_comp.recordings.table_files import open_table
 
     table = open_table(h5_file(tmp_path / 'x.h5', **{
         f'demo_{k}__q': np.arange(7.0) + 7.0 * k for k in range(5)}, demo_0__only=np.ones(7)))
@@ -113,7 +113,7 @@ def test_blocks_of_an_hdf5_file_are_its_whole(tmp_path):
             np.concatenate([b['episode'] for b in blocks]), np.repeat(np.arange(5.0), 7))
         assert list(shares) == sorted(shares)
         assert shares[-1] == 1.0
-    assert len(whole_columns(table, ['episode'])['episode']) == 35
+    assert len(table.whole(['episode'])['episode']) == 35
 
 
 @pytest.mark.parametrize(('datasets', 'said'), [

@@ -27,7 +27,7 @@ from friction_comp.nodes.identification import IdentificationNode
 from friction_comp.nodes.plant import PlantNode
 from friction_comp.nodes.recorder import RecorderNode
 from friction_comp.nodes.refinement import RefinementNode
-from friction_comp.ros.remappings import unknown_remappings
+from friction_comp.ros.misspelt import unknown_remappings
 
 ONE = {'joints': ['elbow'], 'model_files': MODELS[:1]}
 BROKEN_MODEL = 'format: friction_comp_model\nversion: 1\njoint: [\n'

@@ -10,7 +10,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+import csv
 from dataclasses import dataclass, field, replace
+import io
 from itertools import product
 import math
 from typing import Any, TYPE_CHECKING
@@ -160,44 +162,41 @@ class Evaluation:
     @property
     def is_bound(self) -> bool:
         """Whether the peak's reduction is a lower bound: the joint did not start without d."""
-        conditions, change = self.pair(), self.peak_reduction
+        conditions, change = self.pair(), self.reduction('peak_torque')
         return (conditions is not None and change is not None and change >= 0.0
                 and bool(self.stuck(conditions[0])) and not self.stuck(conditions[1]))
 
-    def _reduction(self, name: str) -> float | None:
+    def reduction(self, name: str) -> float | None:
+        """Return the relative reduction of a torque with d = ±1; None where it is unknown."""
         pair = self.compared(name)
         return 1.0 - pair[1] / pair[0] if pair and pair[0] > 0 else None
-
-    @property
-    def peak_reduction(self) -> float | None:
-        """Relative reduction of the peak torque with d = ±1."""
-        return self._reduction('peak_torque')
-
-    @property
-    def rms_reduction(self) -> float | None:
-        """Relative reduction of the RMS torque with d = ±1."""
-        return self._reduction('rms_torque')
 
     def as_dict(self) -> dict[str, Any]:
         """Return the content of report.json."""
         return {
             'joint': self.joint, 'conditions': [c.as_dict() for c in self.conditions],
-            'peak_reduction': self.peak_reduction, 'rms_reduction': self.rms_reduction,
+            'peak_reduction': self.reduction('peak_torque'),
+            'rms_reduction': self.reduction('rms_torque'),
             'reduction_is_bound': self.is_bound, 'model': self.model,
             'torque_measured': self.measured,
             'comparisons': [c.as_dict() for c in self.comparisons],
             'trends': [t.as_dict() for t in self.trends], 'notes': self.notes,
         }
 
-    def table(self) -> list[list[Any]]:
-        """Return a header and one row for each repetition."""
-        header = ['joint', 'recording', 'day', 'begin', 'duration', 'movement', 'direction', 'law',
-                  'model', *FIGURES, 'moved', 'false_start', 'settings']
-        return [header, *([
-            self.joint, r.recording, r.day, round(r.begin, 4), round(r.duration, 4),
-            NAMES[r.movement.sign], r.movement.direction, r.compensation.law, r.compensation.model,
-            *(f'{r.figures[name]:.6g}' if name in r.figures else '' for name in FIGURES),
-            int(r.moved), int(r.false_start), r.compensation.settings] for r in self.repetitions)]
+
+def repetitions_csv(evaluations: Sequence[Evaluation]) -> str:
+    """Return a table with a row for each repetition."""
+    stream = io.StringIO()
+    csv.writer(stream, lineterminator='\n').writerows([
+        ['joint', 'recording', 'day', 'begin', 'duration', 'movement', 'direction', 'law', 'model',
+         *FIGURES, 'moved', 'false_start', 'settings'], *([
+             one.joint, r.recording, r.day, round(r.begin, 4), round(r.duration, 4),
+             NAMES[r.movement.sign], r.movement.direction, r.compensation.law,
+             r.compensation.model,
+             *(f'{r.figures[name]:.6g}' if name in r.figures else '' for name in FIGURES),
+             int(r.moved), int(r.false_start), r.compensation.settings]
+             for one in evaluations for r in one.repetitions)])
+    return stream.getvalue()
 
 
 def evaluate(recordings: Sequence[Samples], names: Sequence[str] | None = None,

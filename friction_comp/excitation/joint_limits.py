@@ -11,7 +11,7 @@ from pathlib import Path
 import xml.etree.ElementTree as ElementTree
 
 from friction_comp.checks import check_number
-from friction_comp.errors import InputError
+from friction_comp.errors import InputError, os_errors_name
 from friction_comp.files import read_yaml
 
 
@@ -71,12 +71,11 @@ def from_urdf(path: str | Path, acceleration: float,
     Not of joints that mimic another; a URDF does not state the acceleration, rad/s². Raises
     InputError if the file cannot be used, or a joint has no limits of position.
     """
-    try:
-        root = ElementTree.parse(path).getroot()
-    except OSError as error:
-        raise InputError(f'{path}: cannot be read: {error.strerror}') from None
-    except (ElementTree.ParseError, ValueError) as error:
-        raise InputError(f'{path}: not a usable URDF file: {error}') from None
+    with os_errors_name(path, 'cannot be read: '):
+        try:
+            root = ElementTree.parse(path).getroot()
+        except (ElementTree.ParseError, ValueError) as error:
+            raise InputError(f'{path}: not a usable URDF file: {error}') from None
     found = {str(one.get('name')): one for one in root.findall('joint')
              if one.get('type') == 'revolute'}
     revolute = {name: one.find('limit') for name, one in found.items() if one.find('mimic') is None}

@@ -20,7 +20,7 @@ import numpy as np
 
 from friction_comp.checks import check_document
 from friction_comp.errors import errors_name, InputError
-from friction_comp.files import plain
+from friction_comp.files import plain, read_json
 from friction_comp.fleet.common_model import CommonModel, Compared
 from friction_comp.fleet.spread import FEWEST_UNITS, spread_of, units_from_recordings
 from friction_comp.model.friction_model import FrictionModel
@@ -137,12 +137,7 @@ def read_fleet(path: str | Path, joint: str | None = None) -> list[Population]:
 
     Raises InputError if the file cannot be used, or does not hold the joint.
     """
-    try:
-        document = json.loads(Path(path).read_text(encoding='utf-8'))
-    except OSError as error:
-        raise InputError(f'{path}: {error.strerror or error}') from None
-    except ValueError as error:
-        raise InputError(f'{path}: not a JSON document: {error}') from None
+    document = read_json(path)
     with errors_name(path):
         check_document(document, 'the fleet.json that refine --each writes', FORMAT, VERSION)
         try:

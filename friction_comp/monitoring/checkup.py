@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from friction_comp import signal_checks
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.monitoring.live_residual import LiveResidual
 from friction_comp.monitoring.network import NO_PEER
@@ -20,15 +21,6 @@ from friction_comp.monitoring.observation import (
     PROBLEM,
     StatesSeen,
     WARNING,
-)
-from friction_comp.signal_checks import (
-    beyond,
-    current_answer,
-    current_fault,
-    LIMITS,
-    STANDSTILL,
-    velocity_fault,
-    velocity_ratios,
 )
 from friction_comp.topics import TOPICS
 
@@ -160,19 +152,19 @@ def _values(states: StatesSeen, joint: str) -> Iterator[Finding]:
                           f'finite {name}', do)
     for name in ('position', 'velocity'):
         values = getattr(states, name)
-        if (impossible := beyond(name, values)).any():
+        if (impossible := signal_checks.beyond(name, values)).any():
             yield Finding(PROBLEM, joint, f'a {name} of {values[impossible][0]:.3g} '
-                          f'{LIMITS[name][1]} is impossible', 'check how the driver converts its '
-                          'sensor values, and how it reports a failed sensor')
+                          f'{signal_checks.LIMITS[name][1]} is impossible', 'check how the '
+                          'driver converts its sensor values, and how it reports a failed sensor')
     if not np.isfinite(states.velocity).any():
         yield Finding(NOTE, joint, 'joint_states hold no velocity; position is differentiated')
         return
     time = states.stamp if states.stamp.any() else states.received
-    ratios = velocity_ratios(time, states.position[:, 0], states.velocity[:, 0])
+    ratios = signal_checks.velocity_ratios(time, states.position[:, 0], states.velocity[:, 0])
     if len(ratios) < _FEWEST_BLOCKS:
         yield Finding(NOTE, joint, 'it hardly moved: signs and units could not be checked',
                       'run doctor again while it is moved')
-    elif fault := velocity_fault(ratios, _LARGEST_RATIO):
+    elif fault := signal_checks.velocity_fault(ratios, _LARGEST_RATIO):
         yield Finding(PROBLEM, joint, fault, 'let the driver give both in rad and rad/s at the '
                       'joint, with one sign; velocity may be left empty')
     else:
@@ -322,7 +314,7 @@ def _check_current(seen: Observation, states: StatesSeen, joint: str, model: Fri
     smallest = _SMALL * model.drive.current_limit
     if len(command) < _FEWEST_SAMPLES or np.mean(command ** 2) < smallest ** 2:
         return []
-    gain, correlation = current_answer(command, measured)
+    gain, correlation = signal_checks.current_answer(command, measured)
     if abs(correlation) < _LEAST_CORRELATION:
         return [Finding(WARNING, joint, 'the measured current does not follow the commanded one',
                         "check the driver's mode and limits, and whether another node commands")]
@@ -332,7 +324,7 @@ def _check_current(seen: Observation, states: StatesSeen, joint: str, model: Fri
                         'driver, or that of the command, whichever is wrong: a positive current '
                         'must push the joint towards larger positions')]
     if not _GAINS[0] < gain < _GAINS[1]:
-        why = current_fault(gain, model.drive)
+        why = signal_checks.current_fault(gain, model.drive)
         return [Finding(WARNING, joint, f'the measured current is {gain:.3g} times the '
                         'commanded one' + (f': {why}' if why else ''),
                         'effort is k_t · n · current in N·m: compare torque constant and gear '
@@ -344,7 +336,7 @@ def _check_fit(seen: Observation, joint: str, model: FrictionModel, rows: np.nda
                ) -> list[Finding]:
     """Compare a joint's model with rows for `LiveResidual`."""
     _, _, velocity, current, load, _ = rows.T
-    moving = (np.abs(velocity) > STANDSTILL) & np.isfinite(current)
+    moving = (np.abs(velocity) > signal_checks.STANDSTILL) & np.isfinite(current)
     if moving.sum() < _FEWEST_SAMPLES:
         return [Finding(NOTE, joint, 'too little motion to compare it with its model',
                         'run doctor again while it is moved')]
@@ -363,7 +355,7 @@ def _check_fit(seen: Observation, joint: str, model: FrictionModel, rows: np.nda
                         'that of position and velocity, in the driver before compensating')]
     residual = LiveResidual(model)
     residual.add(rows)
-    verdict = residual.verdict()
+    verdict = residual.monitor.verdict()
     level, do = WARNING, 'check torque constant and gear ratio, then refine the model'
     if residual.blind:
         level, do = NOTE, ''

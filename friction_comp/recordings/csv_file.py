@@ -22,21 +22,19 @@ import numpy as np
 from friction_comp.column_names import read_name
 from friction_comp.column_values import date_in_seconds, NOT_A_SIGNAL
 from friction_comp.errors import InputError
-from friction_comp.recordings.joint_rows import Labels
+from friction_comp.recordings.table_base import Columns, Table
 from friction_comp.units import parse_unit
 
-Columns = dict[str, np.ndarray]
 _COMMENTS = ('#', '%')
 # Lines in which the header is looked for, and bytes by which the encoding is told.
 _FIRST_LINES, _FIRST_BYTES = 200, 65536
 
 
-class Csv:
+class Csv(Table):
     """A text file with one row per line; the separator is the most frequent one in its header."""
 
     def __init__(self, path: Path) -> None:
-        self._path = path
-        self.labels: dict[str, Labels] = {}     # columns whose values are numbered
+        super().__init__(path)
         self._encoding = _encoding(path)
         with path.open('rb') as file:
             lines = list(islice(self._text(file), _FIRST_LINES))
@@ -82,14 +80,13 @@ class Csv:
             len(known) == len(cells) == len(self.names)) else [])
 
     def _text(self, file: IO[bytes]) -> IO[str]:
-        return io.TextIOWrapper(_opened(self._path, file), encoding=self._encoding,
+        return io.TextIOWrapper(_opened(self.path, file), encoding=self._encoding,
                                 errors='replace', newline='')
 
     def blocks(self, wanted: Sequence[str], rows: int) -> Iterator[tuple[Columns, float]]:
-        """Yield blocks of columns and the share of the file that has been read."""
         indices = [self._index[name] for name in wanted]
-        size = self._path.stat().st_size
-        with self._path.open('rb') as file:
+        size = self.path.stat().st_size
+        with self.path.open('rb') as file:
             text = self._text(file)
             first_line = sum(1 for _ in islice(text, self._skip))
             while lines := list(islice(text, rows)):
@@ -141,7 +138,7 @@ class Csv:
             name = next(name for name, place in self._index.items() if place == index)
             hint = {'time': ', nor a date such as 2026-03-04T09:59:50.5 or 4.3.2026 09:59:50.5',
                     'direction': f': {NOT_A_SIGNAL}'}.get(read_name(name).signal, '')
-            raise InputError(f'{self._path}: line {line}, column {name!r}: {cell!r} is not a number'
+            raise InputError(f'{self.path}: line {line}, column {name!r}: {cell!r} is not a number'
                              f'{hint}') from None
 
 

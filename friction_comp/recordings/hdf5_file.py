@@ -15,11 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.column_values import to_numbers
 from friction_comp.errors import InputError
 from friction_comp.files import library_for
-from friction_comp.recordings.episodes import EPISODE, is_episode
-from friction_comp.recordings.joint_rows import Labels
+from friction_comp.recordings.row_groups import EPISODE, is_episode
+from friction_comp.recordings.table_base import Columns, Table
 
 # More than this are the points of a picture, no joints.
 _MOST_COLUMNS = 64
@@ -36,14 +35,13 @@ def is_hdf5(path: Path) -> bool:
         return _SIGNATURE in file.read(1024)
 
 
-class Hdf5:
+class Hdf5(Table):
     """An HDF5 file; only what is asked for is read."""
 
     def __init__(self, path: Path) -> None:
-        self._path = path
+        super().__init__(path)
         self._file = library_for(
             path, 'h5py', 'hdf5', 'HDF5 files, and MATLAB files of version 7.3,').File(path, 'r')
-        self.labels: dict[str, Labels] = {}     # columns whose values are numbered
         self._episodes: dict[str, dict[str, _Place]] = {}
         self._file.visititems(self._add)
         if not self._episodes:
@@ -73,9 +71,8 @@ class Hdf5:
         elif min(item.shape) <= _MOST_COLUMNS:
             columns.update({f'{label}_{k + 1}': (name, k) for k in range(min(item.shape))})
 
-    def blocks(self, wanted: Sequence[str], rows: int) -> Iterator[tuple[dict[str, Any], float]]:
-        """Yield blocks of columns and the share of the file that has been read."""
-        waiting: list[dict[str, np.ndarray]] = []
+    def blocks(self, wanted: Sequence[str], rows: int) -> Iterator[tuple[Columns, float]]:
+        waiting: list[Columns] = []
         for number, episode in enumerate(sorted(self._episodes, key=_natural)):
             size = self._rows(self._episodes[episode], wanted)
             for first in range(0, size, rows):
@@ -87,10 +84,9 @@ class Hdf5:
         if waiting:
             yield self._joined(waiting), 1.0
 
-    def _joined(self, parts: list[dict[str, np.ndarray]]) -> dict[str, Any]:
-        whole = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-        return {name: self.labels[name].codes(values) if name in self.labels
-                else to_numbers(values, name, self._path) for name, values in whole.items()}
+    def _joined(self, parts: list[Columns]) -> Columns:
+        return {name: self.numbers(np.concatenate([part[name] for part in parts]), name)
+                for name in parts[0]}
 
     def _rows(self, places: dict[str, _Place], wanted: Sequence[str]) -> int:
         # Of its own, the number of an episode has no length.
@@ -98,7 +94,7 @@ class Hdf5:
                  for name in ([*wanted] if {*wanted} & {*places} else self.names) if name in places}
         size = max(sizes.values(), default=0)
         if set(sizes.values()) - {1, size}:
-            raise InputError(f'{self._path}: its datasets differ in length: ' + ', '.join(
+            raise InputError(f'{self.path}: its datasets differ in length: ' + ', '.join(
                 f'{name} {count}' for name, count in sizes.items()))
         return size
 

@@ -13,7 +13,7 @@ from friction_comp.columns import assign
 from friction_comp.errors import errors_name, InputError
 from friction_comp.layout import Layout
 from friction_comp.recordings.storage import unreadable_on_error
-from friction_comp.recordings.table_files import is_table, open_table, whole_columns
+from friction_comp.recordings.table_files import is_table, open_table
 from friction_comp.samples import JointStates, Samples
 from friction_comp.trajectory import Trajectory
 
@@ -53,7 +53,7 @@ def read_plan(path: Path, layout: Layout | None = None) -> dict[str, Samples] | 
     use = plans[0]
     wanted = [column.name for column in use.columns if column.name != _EFFORT]
     with unreadable_on_error(path):
-        values = whole_columns(table, wanted)
+        values = table.whole(wanted)
     time = use.signal_in(values, 'time', '')
     with errors_name(path):
         joints = {name: Samples.from_arrays(

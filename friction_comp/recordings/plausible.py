@@ -197,6 +197,5 @@ def _rate(samples: Samples) -> np.ndarray:
     index = np.arange(len(samples))
     later, earlier = np.minimum(index + half, len(index) - 1), np.maximum(index - half, 0)
     step = samples.time[later] - samples.time[earlier]
-    rate: np.ndarray = np.divide(samples.position[later] - samples.position[earlier], step,
-                                 out=np.zeros(len(index)), where=step > 0)
-    return rate
+    return np.divide(samples.position[later] - samples.position[earlier], step,
+                     out=np.zeros(len(index)), where=step > 0)

@@ -5,19 +5,26 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from friction_comp.column_names import is_target
-from friction_comp.recordings import cdr, dynamic_states
+from friction_comp.recordings import cdr
 from friction_comp.recordings.activity import Activity, ActivityLog, DIAGNOSTICS
 from friction_comp.recordings.storage import Storage, unpack, unreadable_on_error
 from friction_comp.topics import TOPICS, TORQUE_UNIT
 
+# Joint states with any interfaces, as ros2_control's joint_state_broadcaster publishes them: used
+# where the usual ones have no effort.
+_DYNAMIC = 'dynamic_joint_states'
+# Column of a track to the names of an interface, the first that is there.
+_INTERFACES = (('position',), ('velocity',), ('effort', 'torque'), ('current',),
+               ('temperature', 'motor_temperature'))
+_EFFORT, _CURRENT, _TEMPERATURE = 2, 3, 4
 # Message type of each signal that is read.
-_TYPES = {**TOPICS, dynamic_states.SIGNAL: cdr.DYNAMIC_STATE}
+_TYPES = {**TOPICS, _DYNAMIC: cdr.DYNAMIC_STATE}
 
 
 @dataclass
@@ -126,8 +133,8 @@ def values_of(signal: str, names: tuple[str, ...], fields: dict[str, np.ndarray]
     if 'data' in fields:
         unit = TORQUE_UNIT if names == (TORQUE_UNIT,) else ''
         return (), {unit: fields['data'].astype(float)}
-    if signal == dynamic_states.SIGNAL:
-        values = dynamic_states.interface_values(names, fields)
+    if signal == _DYNAMIC:
+        values = _interface_values(names, fields)
         if joint in values:
             values = {joint: values[joint]}
         return tuple(values), values
@@ -145,6 +152,46 @@ def values_of(signal: str, names: tuple[str, ...], fields: dict[str, np.ndarray]
                 if k < fields[part].shape[1]:
                     values[name][:, column] = fields[part][:, k]
     return names, values
+
+
+def _interface_values(names: Sequence[str], fields: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return the values of each joint, shape (N, 5), in the order of `_INTERFACES`; NaN if none."""
+    values: dict[str, np.ndarray] = {}
+    column: dict[str, int] = {}
+    for name in names:
+        joint, _, interface = name.rpartition('/')
+        k = column[joint] = column.get(joint, -1) + 1
+        own = values.setdefault(joint, np.full((len(fields[joint]), len(_INTERFACES)), np.nan))
+        for place, known in enumerate(_INTERFACES):
+            if interface in known and k < fields[joint].shape[1]:
+                own[:, place] = fields[joint][:, k]
+    return {joint: own for joint, own in values.items() if np.isfinite(own[:, 0]).any()}
+
+
+def _with_effort(tracks: Sequence[Track]) -> tuple[list[Track], bool, list[str]]:
+    """Replace joint states without effort by dynamic ones.
+
+    Returns the tracks, whether efforts are currents in A, and notes.
+    """
+    usual = [track for track in tracks if track.signal != _DYNAMIC]
+    dynamic = [track for track in tracks if track.signal == _DYNAMIC]
+    known = any(np.isfinite(values[:, 2]).any() for track in usual
+                if track.signal == 'joint_states' for values in track.values.values())
+    if not dynamic or known:
+        return usual, False, []
+    in_ampere = not any(np.isfinite(values[:, _EFFORT]).any() for track in dynamic
+                        for values in track.values.values())
+    effort = _CURRENT if in_ampere else _EFFORT
+    kept = [track for track in usual if track.signal != 'joint_states']
+    for track in dynamic:
+        kept.append(replace(track, signal='joint_states', values={
+            joint: values[:, [0, 1, effort]] for joint, values in track.values.items()}))
+        warm = {joint: values[:, [_TEMPERATURE]] for joint, values in track.values.items()
+                if np.isfinite(values[:, _TEMPERATURE]).any()}
+        if warm and not any(one.signal == 'motor_temperature' for one in usual):
+            kept.append(replace(track, topic=f'{track.topic}, temperature',
+                                signal='motor_temperature', values=warm))
+    return kept, in_ampere, [f'{dynamic[0].topic} is used, since no joint_states hold an effort']
 
 
 class MessageScanner:
@@ -185,7 +232,7 @@ class MessageScanner:
                 reader.messages.append((receive, index, raw))
                 if len(reader.messages) >= self._batch:
                     reader.decode()
-                    if reader.signal in ('joint_states', dynamic_states.SIGNAL):
+                    if reader.signal in ('joint_states', _DYNAMIC):
                         yield self._scan()
             if self._called_otherwise():
                 yield from self.scans()
@@ -194,7 +241,7 @@ class MessageScanner:
 
     def _signal(self, topic: str, kind: str) -> str | None:
         signal = signal_of(topic, kind)
-        if self._states is None or signal not in (None, 'joint_states', dynamic_states.SIGNAL):
+        if self._states is None or signal not in (None, 'joint_states', _DYNAMIC):
             return signal
         own = signal or ('joint_states' if kind == cdr.JOINT_STATE else None)
         return own if topic == self._states else None
@@ -208,7 +255,7 @@ class MessageScanner:
         others = [topic for topic, (kind, _) in self._storage.topics.items()
                   if kind == cdr.JOINT_STATE and not is_target(topic.rsplit('/', 1)[-1])]
         if (self._states or len(others) != 1
-                or {'joint_states', dynamic_states.SIGNAL} & states):
+                or {'joint_states', _DYNAMIC} & states):
             return False
         self._states, = others
         self._storage, self._topics = Storage(self._storage.path), {}
@@ -223,7 +270,7 @@ class MessageScanner:
         notes = storage.notes + [
             f'{reader.broken} of the messages of {reader.topic} left out: broken, or more than '
             f'{cdr.MOST_VALUES} values' for reader in readers if reader.broken]
-        tracks, in_ampere, more = dynamic_states.resolved(tracks)
+        tracks, in_ampere, more = _with_effort(tracks)
         return Scan(storage.path, tracks, storage.topics, notes + more, storage.custom,
                     list(self._activity.changes), effort_is_current=in_ampere, linear=self._linear)
 

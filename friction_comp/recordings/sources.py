@@ -9,7 +9,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from friction_comp.errors import InputError
+from friction_comp.errors import InputError, os_errors_name
 from friction_comp.layout import Layout, TABLES
 from friction_comp.recordings.scan import MessageScanner
 from friction_comp.recordings.storage import AnyPath, is_split_recording, is_storage, METADATA
@@ -41,12 +41,10 @@ def find_recordings(paths: AnyPath | Sequence[AnyPath]) -> list[Path]:
     unique: dict[Path, Path] = {}
     given = list(map(Path, [paths] if isinstance(paths, (str, PathLike)) else paths))
     for path in with_parts(given):
-        try:
+        with os_errors_name(path, 'cannot be read: '):
             if not all(part.exists() for part in parts_of(path) or [path]):
                 raise InputError(f'{path}: no such file or folder')
             recordings = list(_expand(path))
-        except OSError as error:
-            raise InputError(f'{path}: cannot be read: {error.strerror or error}') from None
         if not recordings:
             kind = 'not a recording (a rosbag2 folder, an .mcap file or a table is needed: ' \
                 f'{", ".join(TABLES)})'

@@ -18,15 +18,14 @@ from typing import Any
 import numpy as np
 
 from friction_comp.column_names import read_name
-from friction_comp.column_values import to_numbers
 from friction_comp.errors import InputError
 from friction_comp.files import library_for
 from friction_comp.layout import TABLES
-from friction_comp.recordings.csv_file import Columns, Csv
-from friction_comp.recordings.episodes import EPISODE
+from friction_comp.recordings.csv_file import Csv
 from friction_comp.recordings.hdf5_file import Hdf5, is_hdf5
 from friction_comp.recordings.item_names import item_names
-from friction_comp.recordings.joint_rows import Labels
+from friction_comp.recordings.row_groups import EPISODE
+from friction_comp.recordings.table_base import Columns, Table
 
 
 def is_table(path: Path) -> bool:
@@ -34,7 +33,7 @@ def is_table(path: Path) -> bool:
     return path.name.lower().endswith(TABLES) or bool(parts_of(path))
 
 
-def open_table(path: Path) -> Csv | Parquet | Hdf5 | Arrays:
+def open_table(path: Path) -> Table:
     """Return the reader of a table; raises InputError if it is none."""
     parts = parts_of(path)
     if parts:
@@ -101,7 +100,7 @@ def _joined(path: Path, parts: Sequence[Path]) -> Columns:
     names = _names(parts)
     for part in parts:
         table = open_table(part)
-        for k, (name, values) in enumerate(whole_columns(table, table.names).items()):
+        for k, (name, values) in enumerate(table.whole(table.names).items()):
             own = read_name(name).signal
             columns[name if own else names[part] if len(table.names) == 1
                     else f'{names[part]}_{k + 1}'] = values
@@ -116,22 +115,15 @@ def _joined(path: Path, parts: Sequence[Path]) -> Columns:
          for k in range(len(values) // times)] for name, values in columns.items()))
 
 
-def whole_columns(table: Csv | Parquet | Hdf5 | Arrays, names: Sequence[str]) -> Columns:
-    """Return columns of a table in memory."""
-    blocks = [block for block, _ in table.blocks(names, 250_000)]
-    return {name: np.concatenate([np.empty(0), *(block[name] for block in blocks)])
-            for name in names}
-
-
-class Parquet:
+class Parquet(Table):
     """A Parquet file, read with pyarrow.
 
     The items of a column of lists are NAME[0] and so on, or have the names of `item_names`.
     """
 
     def __init__(self, path: Path) -> None:
-        self._file, self._path = pyarrow_of(path).parquet.ParquetFile(path), path
-        self.labels: dict[str, Labels] = {}     # columns whose values are numbered
+        super().__init__(path)
+        self._file = pyarrow_of(path).parquet.ParquetFile(path)
         self._source: dict[str, tuple[str, int | None]] = {}
         first: Any = None
         called = item_names(path)
@@ -147,10 +139,9 @@ class Parquet:
                 names = [str(k) for k in range(len(items or ()))]
             self._source.update({f'{field.name}[{name}]': (field.name, k)
                                  for k, name in enumerate(names)})
-        self.names: list[str] = list(self._source)
+        self.names = list(self._source)
 
     def blocks(self, wanted: Sequence[str], rows: int) -> Iterator[tuple[Columns, float]]:
-        """Yield blocks of columns and the share of the file that has been read."""
         read, total = 0, max(self._file.metadata.num_rows, 1)
         sources = list(dict.fromkeys(self._source[name][0] for name in wanted))
         for batch in self._file.iter_batches(batch_size=rows, columns=sources):
@@ -163,8 +154,7 @@ class Parquet:
         if item is not None:
             values = np.array([row[item] if row is not None and len(row) > item else np.nan
                                for row in values])
-        labels = self.labels.get(name)
-        return labels.codes(values) if labels else to_numbers(values, name, self._path)
+        return self.numbers(values, name)
 
 
 def pyarrow_of(path: Path) -> Any:
@@ -172,30 +162,23 @@ def pyarrow_of(path: Path) -> Any:
     return library_for(path, 'pyarrow.parquet', 'parquet', 'Parquet files')
 
 
-class Arrays:
+class Arrays(Table):
     """Columns in memory."""
 
     def __init__(self, path: Path, columns: Columns) -> None:
-        self._path, self._columns = path, columns
-        self.names = list(columns)
-        self.labels: dict[str, Labels] = {}     # columns whose values are numbered
+        super().__init__(path)
+        self._columns, self.names = columns, list(columns)
 
     def blocks(self, wanted: Sequence[str], rows: int) -> Iterator[tuple[Columns, float]]:
-        """Yield blocks of columns and the share of them that has been read."""
         sizes = {name: len(self._columns[name]) for name in wanted if self._columns[name].ndim}
         size = max(sizes.values(), default=0)
         if set(sizes.values()) - {size}:
-            raise InputError(f'{self._path}: its arrays differ in length: ' + ', '.join(
+            raise InputError(f'{self.path}: its arrays differ in length: ' + ', '.join(
                 f'{name} {count}' for name, count in sizes.items()))
         for first in range(0, size, rows):
             part = slice(first, first + rows)
-            yield ({name: self._values(name, size, part) for name in wanted},
-                   min((first + rows) / size, 1.0))
-
-    def _values(self, name: str, size: int, part: slice) -> np.ndarray:
-        values = np.broadcast_to(self._columns[name], size)[part]
-        labels = self.labels.get(name)
-        return labels.codes(values) if labels else to_numbers(values, name, self._path)
+            yield ({name: self.numbers(np.broadcast_to(self._columns[name], size)[part], name)
+                    for name in wanted}, min((first + rows) / size, 1.0))
 
 
 def _flat(items: Iterable[tuple[str, Any]]) -> Columns:

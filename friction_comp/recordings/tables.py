@@ -13,16 +13,16 @@ import re
 import numpy as np
 
 from friction_comp.column_names import in_turns_of, is_of_motor, skeleton
+from friction_comp.column_values import to_csv
 from friction_comp.columns import assign
 from friction_comp.errors import InputError
 from friction_comp.files import write_atomically
 from friction_comp.layout import Layout
-from friction_comp.recordings.csv_file import Columns
-from friction_comp.recordings.episodes import column_of_episodes, Episodes
-from friction_comp.recordings.joint_rows import column_of_joints
+from friction_comp.recordings.row_groups import column_of_episodes, column_of_joints, Episodes
 from friction_comp.recordings.row_times import in_no_order
 from friction_comp.recordings.scan import Scan, Track
 from friction_comp.recordings.storage import unreadable_on_error
+from friction_comp.recordings.table_base import Columns
 from friction_comp.recordings.table_files import open_table, pyarrow_of
 from friction_comp.recordings.told_units import angle_fault, time_fault, unit_of_dates
 from friction_comp.samples import Samples
@@ -288,9 +288,7 @@ def write_table(path: Path, joints: Sequence[Samples]) -> None:
         arrow = pyarrow_of(path)
         arrow.parquet.write_table(arrow.table(columns), stream)
     elif name.endswith('.csv'):
-        stream.write((','.join(columns) + '\n').encode())
-        np.savetxt(stream, np.column_stack(list(columns.values())), delimiter=',',
-                   fmt=['%.9f', *['%.12g'] * (len(columns) - 1)])
+        stream.write(to_csv(columns, 12).encode())
     else:
         raise InputError(f'{path}: a table is .csv, .parquet or .npz')
     write_atomically(path, stream.getvalue())

@@ -48,8 +48,7 @@ class Shifts:
     def apply(self, times: np.ndarray, order: np.ndarray) -> np.ndarray:
         """Return the shifted times of messages in ns, shape (N,)."""
         index = np.searchsorted(self.at, order, side='right')
-        shifted: np.ndarray = times + np.array([0, *self.by], dtype=np.int64)[index]
-        return shifted
+        return times + np.array([0, *self.by], dtype=np.int64)[index]
 
 
 def message_times(track: Track, notes: list[str]) -> np.ndarray:
@@ -84,8 +83,7 @@ def outliers(times: np.ndarray) -> np.ndarray:
         return np.zeros(len(times), dtype=bool)
     elapsed = (times - times[0]).astype(float)
     neighbours = np.lib.stride_tricks.sliding_window_view(np.pad(elapsed, 2, mode='edge'), 5)
-    is_outlier: np.ndarray = np.abs(elapsed - np.median(neighbours, axis=1)) > _FAR_OFF
-    return is_outlier
+    return np.abs(elapsed - np.median(neighbours, axis=1)) > _FAR_OFF
 
 
 def clock_shifts(times: np.ndarray, order: np.ndarray, receive: np.ndarray,
@@ -190,9 +188,7 @@ class TimeBase:
         """Return the latest value at each joint state (zero-order hold); `before` if none yet."""
         times, other_times, values = self._finite_values(track, values)
         index = np.searchsorted(other_times, times, side='right') - 1
-        held: np.ndarray = np.where(
-            index >= 0, values[index.clip(0)] if len(values) else before, before)
-        return held
+        return np.where(index >= 0, values[index.clip(0)] if len(values) else before, before)
 
     def interpolate(self, track: Track, values: np.ndarray, hole: float = np.inf
                     ) -> np.ndarray | None:

@@ -17,7 +17,7 @@ from mcap.writer import CompressionType, Writer
 from rosbags.typesys import get_typestore, Stores
 import zstandard
 
-from friction_comp.errors import InputError
+from friction_comp.errors import InputError, os_errors_name
 from friction_comp.files import write_atomically
 from friction_comp.recordings.metadata import dump_yaml
 from friction_comp.recordings.storage import AnyPath, METADATA
@@ -85,13 +85,10 @@ class RecordingWriter:
         self._files: list[_McapFile] = []
         self._is_open = True
         self.message_count = 0
-        try:
+        if self.path.exists():
+            raise InputError(f'{self.path}: already exists, a recording needs a new folder')
+        with os_errors_name(self.path, 'cannot be written: '):
             self.path.mkdir(parents=True)
-        except FileExistsError:
-            raise InputError(
-                f'{self.path}: already exists, a recording needs a new folder') from None
-        except OSError as error:
-            raise InputError(f'{self.path}: cannot be written: {error.strerror or error}') from None
         with self._closed_on_error():
             self._begin_file()
 

@@ -44,7 +44,7 @@ class _Peaks(NamedTuple):
 
 
 def _peaks(evaluation: Evaluation) -> _Peaks | None:
-    torques, change = evaluation.compared('peak_torque'), evaluation.peak_reduction
+    torques, change = evaluation.compared('peak_torque'), evaluation.reduction('peak_torque')
     pair = evaluation.pair()
     if torques is None or change is None or pair is None:
         return None

@@ -25,8 +25,7 @@ from rclpy.utilities import remove_ros_args
 from friction_comp.errors import InputError
 from friction_comp.monitoring.network import alone
 from friction_comp.ros.executor import StreamExecutor
-from friction_comp.ros.parameters import unknown_parameters
-from friction_comp.ros.remappings import unknown_remappings
+from friction_comp.ros.misspelt import unknown_parameters, unknown_remappings
 from friction_comp.ros.ros_start import start_ros, steady_timer, without_source_locations
 
 _FINAL_SPINS = 10

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from difflib import get_close_matches
 from typing import Any, TYPE_CHECKING
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
@@ -58,23 +57,6 @@ def _form(default: Any) -> str:
         return f'a list, such as {default if default not in ([], [""]) else ["elbow"]}'
     return {bool: 'true or false', int: 'a whole number',
             float: 'a number with a point, such as 1.0'}.get(type(default), 'a text')
-
-
-def unknown_parameters(node: Any) -> list[str]:
-    """Return what to say of each parameter that a node was given and does not have.
-
-    ROS ignores these, so that a misspelt limit would leave the default in place.
-    """
-    # Also holds what a file says of all nodes.
-    given = getattr(node, '_parameter_overrides', {})
-    known = list(node.get_parameters_by_prefix(''))
-    said = []
-    for name in sorted(given):
-        if name not in known and not name.startswith('qos_overrides.'):
-            alike = get_close_matches(name, known, 1)
-            said.append(f'parameter {name} does not exist, and has no effect' + (
-                f': is it {alike[0]}?' if alike else ''))
-    return said
 
 
 def declare_choice(node: Any, name: str, choices: Sequence[str], description: str) -> str:

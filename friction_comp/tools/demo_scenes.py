@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import replace
 import importlib.util
 import math
@@ -13,6 +12,7 @@ from typing import Any
 
 from friction_comp.arm.whole_arm import refine_arm
 from friction_comp.errors import InputError
+from friction_comp.evaluation.conditions import repetitions_csv
 from friction_comp.evaluation.sessions import evaluate_recordings
 from friction_comp.exercise.exercise_script import load_exercise
 from friction_comp.files import write_yaml
@@ -171,8 +171,8 @@ def play_wear(system: DemoSystem) -> None:
         'error_after': result.error_after, 'report': result.report,
         'found': [f'{name.replace("_", " ")} ({variable})'
                   for name, variable in zip(result.effects, result.variables)]}
-    with (system.output / 'repetitions.csv').open('w', newline='', encoding='utf-8') as stream:
-        csv.writer(stream, lineterminator='\n').writerows(evaluation.table())
+    (system.output / 'repetitions.csv').write_text(
+        repetitions_csv([evaluation]), encoding='utf-8')
     system.finish(
         pages.wear_report(evaluation, phases, marks, facts, recorded(system.recording('session')),
                     BINDING),

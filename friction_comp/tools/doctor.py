@@ -20,14 +20,13 @@ from typing import TYPE_CHECKING
 
 from friction_comp.errors import InputError
 from friction_comp.monitoring import network
-from friction_comp.monitoring.observation import Finding, NOTE, OK, PROBLEM, WARNING
+from friction_comp.monitoring.observation import Finding, NOTE, Observation, OK, PROBLEM, WARNING
 from friction_comp.package_files import add_environment_to_ament_path, middlewares
 from friction_comp.results import to_json
 from friction_comp.tools.common import Arguments, positive, progress
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.monitoring.observation import Observation
 
 # Module, distribution on PyPI, purpose, and whether the package works without it.
 _PACKAGES = (

@@ -4,9 +4,7 @@
 
 from __future__ import annotations
 
-import csv
 from functools import partial
-import io
 import os
 from pathlib import Path
 
@@ -31,6 +29,7 @@ def main(argv: list[str] | None = None) -> int:
         help='model file of one joint or of an arm, to show the missing current, also without a '
         'torque sensor')
     arguments = parser.parse(argv)
+    from friction_comp.evaluation.conditions import repetitions_csv
     from friction_comp.evaluation.sessions import evaluate_pieces, pieces_of
     from friction_comp.recordings.sources import size_of
 
@@ -49,12 +48,8 @@ def main(argv: list[str] | None = None) -> int:
         content = evaluations[0].as_dict()
         if len(evaluations) > 1:
             content['joints'] = [evaluation.as_dict() for evaluation in evaluations]
-        table = io.StringIO()
-        rows = [evaluation.table() for evaluation in evaluations]
-        csv.writer(table, lineterminator='\n').writerows(
-            [rows[0][0], *(row for part in rows for row in part[1:])])
         write_results(arguments, content, evaluation_report(evaluations),
-                      files={'repetitions.csv': table.getvalue()})
+                      files={'repetitions.csv': repetitions_csv(evaluations)})
     lines = []
     for evaluation in evaluations:
         lines += [f'{evaluation.joint}:'] * (len(evaluations) > 1)

@@ -11,13 +11,13 @@ from __future__ import annotations
 
 from argparse import Namespace
 from dataclasses import replace
-import json
 import math
 from pathlib import Path
-from typing import Any, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 from friction_comp import __version__
 from friction_comp.errors import InputError
+from friction_comp.files import read_json
 from friction_comp.tools.common import (
     Arguments,
     positive,
@@ -159,10 +159,4 @@ def _pairs(arguments: Namespace) -> list[Pair]:
 
     if arguments.ambiguous is None:
         return pairs_of(arguments.effects.split(',') if arguments.effects else DEFAULT)
-    try:
-        report: Any = json.loads(arguments.ambiguous.read_text(encoding='utf-8'))
-    except OSError as error:
-        raise InputError(f'{arguments.ambiguous}: cannot be read: {error.strerror}') from None
-    except ValueError:
-        raise InputError(f'{arguments.ambiguous}: is not valid JSON') from None
-    return pairs_in(report, str(arguments.ambiguous))
+    return pairs_in(read_json(arguments.ambiguous), str(arguments.ambiguous))

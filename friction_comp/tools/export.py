@@ -17,6 +17,8 @@ from pathlib import Path
 from typing import Any, TYPE_CHECKING
 from xml.sax.saxutils import quoteattr
 
+import numpy as np
+
 from friction_comp import __version__
 from friction_comp.errors import errors_name, InputError
 from friction_comp.files import plain, read_yaml, to_yaml, write_atomically
@@ -25,8 +27,6 @@ from friction_comp.tools.refine_arguments import layout_of, OF_TABLE
 from friction_comp.units import in_own_units
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.model.simulator_joint import Loss, SimulatorJoint
     from friction_comp.samples import Samples
@@ -111,8 +111,6 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _write_table(arguments: Namespace, model: FrictionModel) -> int:
-    import numpy as np
-
     from friction_comp.model.simulator_joint import (
         cautions_of,
         FrictionTable,
@@ -249,8 +247,6 @@ def recorded_motion(arguments: Namespace, model: FrictionModel
 
     The recording is the one named, else the first that the model was refined from.
     """
-    import numpy as np
-
     from friction_comp.model.simulator_joint import LINKS
     from friction_comp.recordings import find_recordings, read_recording_with_info
 

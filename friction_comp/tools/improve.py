@@ -18,6 +18,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.recorded_drive.given import drive_of, Given
 from friction_comp.recorded_drive.refine_recordings import showing_friction
@@ -28,7 +29,6 @@ from friction_comp.tools.processes import IN_LOCKSTEP, Nodes, only_user, plant_p
 from friction_comp.tools.ros_domain import private_domain
 
 if TYPE_CHECKING:
-    from friction_comp.drive import Drive
     from friction_comp.excitation.improve import Improvement
     from friction_comp.excitation.plan import JointPlan
     from friction_comp.ros.tool_client import ToolClient

@@ -11,10 +11,12 @@ needs, as feed-forward.
 from __future__ import annotations
 
 from contextlib import suppress
-import io
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from friction_comp.column_values import to_csv
 from friction_comp.errors import errors_name, InputError
 from friction_comp.files import write_atomically
 from friction_comp.tools.common import Arguments, keep_inputs, progress
@@ -22,8 +24,6 @@ from friction_comp.tools.refine_arguments import layout_of
 from friction_comp.units import in_own_units
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.recordings import RecordingInfo
     from friction_comp.samples import Samples
@@ -108,15 +108,9 @@ def compared(model: FrictionModel, samples: Samples, measured: np.ndarray,
 def table(samples: Samples, info: RecordingInfo, measured: np.ndarray,
           predicted: np.ndarray) -> str:
     """Return the CSV text: one row for every joint state, unusable ones as those before them."""
-    import numpy as np
-
     received, rows = np.asarray(info.stamps, dtype=float), np.asarray(info.rows, dtype=int)
     last = np.full(len(received), -1)
     last[rows] = np.arange(len(rows))
     last = np.maximum(np.maximum.accumulate(last), 0)
     stamps = np.where(np.isfinite(received), received, samples.time[last]) + info.start
-    stream = io.StringIO()
-    stream.write('time,measured,predicted\n')
-    np.savetxt(stream, np.column_stack((stamps, measured[last], predicted[last])),
-               fmt=('%.9f', '%.9g', '%.9g'), delimiter=',')
-    return stream.getvalue()
+    return to_csv({'time': stamps, 'measured': measured[last], 'predicted': predicted[last]}, 9)

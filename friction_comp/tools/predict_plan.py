@@ -5,11 +5,11 @@
 from __future__ import annotations
 
 from argparse import Namespace
-import io
 from pathlib import Path
 
 import numpy as np
 
+from friction_comp.column_values import to_csv
 from friction_comp.errors import errors_name, InputError
 from friction_comp.files import read_yaml, write_atomically
 from friction_comp.model.differentiation import as_recorded, differentiate
@@ -48,11 +48,7 @@ def predict_plan(arguments: Namespace, plan: dict[str, Samples]) -> int:
         if unit == 'A' or gain is None:
             what = 'current' if unit == 'A' else 'effort'
             columns[f'{prefix}{what}'], units[what] = current, unit
-    stream = io.StringIO()
-    stream.write(','.join(columns) + '\n')
-    np.savetxt(stream, np.column_stack(list(columns.values())), delimiter=',',
-               fmt=['%.9f', *['%.9g'] * (len(columns) - 1)])
-    write_atomically(arguments.output, stream.getvalue())
+    write_atomically(arguments.output, to_csv(columns, 9))
     print(f'{arguments.recording}: has no effort, so it is taken as a plan')
     if left_out:
         print(f"left out, since a plan does not tell their signals: {', '.join(left_out)}")

@@ -16,7 +16,7 @@ import sys
 import time
 from typing import Any
 
-from friction_comp.errors import InputError
+from friction_comp.errors import InputError, os_errors_name
 from friction_comp.parallel import interrupts_deferred
 
 SAMPLE_TIME = 4e-3
@@ -54,11 +54,9 @@ def ros_arguments(parameters: Mapping[str, Any],
 @contextmanager
 def only_user(folder: Path) -> Iterator[None]:
     """Make a folder, and keep other tools that run nodes out of it, by a lock of the kernel."""
-    try:
+    with os_errors_name(folder):
         folder.mkdir(parents=True, exist_ok=True)
         handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    except OSError as error:
-        raise InputError(f'{folder}: {error.strerror or error}') from None
     try:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)

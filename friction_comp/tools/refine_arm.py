@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from argparse import Namespace
 from pathlib import Path
+from typing import Any
 
 from friction_comp.arm.whole_arm import ArmResult, refine_arm
 from friction_comp.errors import InputError
@@ -18,7 +19,7 @@ from friction_comp.refinement import Origin
 from friction_comp.reports.refinement_overviews import arm_report
 from friction_comp.reports.refinement_report import refinement_report
 from friction_comp.results import output_folder, write_report
-from friction_comp.tools.common import progress
+from friction_comp.tools.common import print_results, progress
 from friction_comp.tools.refine_arguments import folder_names, given_of, summary_lines
 
 
@@ -67,16 +68,10 @@ def refine_whole_arm(arguments: Namespace) -> int:
             raise InputError(f'{"" if named else f"{names[0]}: "}{error}') from None
         report(0.9, 'writing')
         with output_folder(arguments.output) as folder:
-            _write(folder, result, names, arguments)
-    if arguments.json:
-        print((arguments.output / 'report.json').read_text(encoding='utf-8'), end='')
-        return 0
-    for line in result.notes:
-        print(f'note: {line}')
-    for name, one in result.results.items():
-        print(f'{name}:', *summary_lines(one.report), sep='\n')
-    print(arguments.output / 'report.html')
-    return 0
+            content = _write(folder, result, names, arguments)
+    return print_results(arguments, content, [*(f'note: {line}' for line in result.notes), *(
+        line for name, one in result.results.items()
+        for line in (f'{name}:', *summary_lines(one.report)))])
 
 
 def _start_models(arguments: Namespace) -> dict[str, FrictionModel]:
@@ -93,7 +88,9 @@ def _start_models(arguments: Namespace) -> dict[str, FrictionModel]:
     return {name: FrictionModel.load(arguments.model, name) for name in joints}
 
 
-def _write(folder: Path, result: ArmResult, names: list[str], arguments: Namespace) -> None:
+def _write(folder: Path, result: ArmResult, names: list[str], arguments: Namespace
+           ) -> dict[str, Any]:
+    """Write the files of each joint, and those of the whole arm; return the main report."""
     arm, joint, command = result.report(), arguments.joint, arguments.command
     folders = {name: folder if joint else folder / own
                for name, own in zip(result.results, folder_names(result.results))}
@@ -103,10 +100,11 @@ def _write(folder: Path, result: ArmResult, names: list[str], arguments: Namespa
         write_report(folders[name], own, refinement_report(one, names), command)
         one.model.save(folders[name] / 'model.yaml')
     if joint:
-        return
+        return own
     whole = {'unit': next(iter(result.results.values())).report.unit, 'arm': arm,
              'joints': {name: one.report.content() for name, one in result.results.items()}}
     write_report(folder, whole, arm_report(
         result, names, {name: own.name for name, own in folders.items()}), command)
     write_yaml(folder / 'model.yaml', arm_document(
         {name: one.model.to_dict() for name, one in result.results.items()}))
+    return whole

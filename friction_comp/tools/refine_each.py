@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field, replace
@@ -21,13 +21,18 @@ from friction_comp import __version__
 from friction_comp.errors import InputError
 from friction_comp.evaluation.sessions import Piece, pieces_of
 from friction_comp.files import encodable, plain, to_yaml
-from friction_comp.fleet.population import fleet_json, Population
+from friction_comp.fleet.common_model import CommonModel
+from friction_comp.fleet.population import fleet_json, Population, population_of
+from friction_comp.fleet.spread import FEWEST_UNITS
+from friction_comp.model.friction_model import FrictionModel
 from friction_comp.parallel import attempt, Failure, interrupts_deferred, run_each, Runner
-from friction_comp.recorded_drive.refine_recordings import refine_recordings
+from friction_comp.recorded_drive.given import Given
+from friction_comp.recorded_drive.refine_recordings import refine_recordings, showing_friction
+from friction_comp.recordings.condense import read_condensed
+from friction_comp.refinement.block_sums import BlockSums
 from friction_comp.results import output_folder, Page, to_json
 from friction_comp.tools.common import progress, write_results
 from friction_comp.tools.refine_arguments import folder_names, given_of, layout_of
-from friction_comp.tools.refined_fleet import fleet_of, RefinedPiece
 
 # Recordings from which processes save more time than their start takes, some seconds each.
 MIN_SHARED = 8
@@ -41,9 +46,33 @@ _NEUTRAL = ('recordings', 'joint', 'output', 'jobs', 'json', 'command', 'ros', '
 _REFINING = 0.9
 
 
+@dataclass(frozen=True)
+class _Refined:
+    """One joint of one recording that was refined."""
+
+    piece: Piece
+    robot: str
+    row: dict[str, Any]
+    model: FrictionModel
+
+    @property
+    def group(self) -> tuple[str, str]:
+        """Joint, and unit of the figures."""
+        return self.row['joint'], self.row['unit']
+
+
+@dataclass(frozen=True)
+class _Summed:
+    one: _Refined
+    common: CommonModel
+
+    def __str__(self) -> str:
+        return str(self.one.piece)
+
+
 @dataclass
 class _Batch:
-    done: dict[int, RefinedPiece] = field(default_factory=dict)
+    done: dict[int, _Refined] = field(default_factory=dict)
     failed: list[str] = field(default_factory=list)
     earlier: int = 0
     interrupted: bool = False
@@ -67,7 +96,7 @@ def refine_each(arguments: Namespace) -> int:
         try:
             with _runner(arguments, len(pieces)) as run:
                 _refine_pieces(arguments, pieces, batch, run, show)
-                populations = fleet_of(
+                populations = _fleet_of(
                     arguments, [batch.done[index] for index in sorted(batch.done)], run,
                     lambda done, count: show(_REFINING + (1.0 - _REFINING) * done / count,
                                              f'comparing: {done} of {count}'))
@@ -108,17 +137,15 @@ def _runner(arguments: Namespace, count: int) -> Iterator[Runner]:
 def _refine_pieces(arguments: Namespace, pieces: Sequence[Piece], batch: _Batch, run: Runner,
                    show: Callable[..., None]) -> None:
     places = _places(pieces)
-    folders, units = _folders(pieces, places), [place[0] for place in places]
+    folders, robots = _folders(pieces, places), [place[0] for place in places]
     keys = [_fingerprint(arguments, piece) for piece in pieces]
     for index, (folder, key) in enumerate(zip(folders, keys)):
         found = _earlier_result(arguments.output / folder, key)
         if found is not None:
-            batch.done[index] = RefinedPiece(
-                pieces[index], units[index], found['row'], found['model'])
+            batch.done[index] = _Refined(pieces[index], robots[index], found['row'],
+                                         FrictionModel.from_dict(found['model']))
     batch.earlier = len(batch.done)
     waiting = [index for index in range(len(pieces)) if index not in batch.done]
-    if not waiting:
-        return
     # The names of all recordings need not go to each process with each recording.
     own = Namespace(**{**vars(arguments), 'recordings': []})
     work: Callable[[Piece], Any] = partial(_refine_one, own, len(pieces) <= MOST_PAGES)
@@ -137,7 +164,8 @@ def _refine_pieces(arguments: Namespace, pieces: Sequence[Piece], batch: _Batch,
                 # A folder that is written must also be in the page on all.
                 with interrupts_deferred():
                     _write(arguments.output / folders[index], {**files, _DONE: known})
-                    batch.done[index] = RefinedPiece(pieces[index], units[index], row, model)
+                    batch.done[index] = _Refined(pieces[index], robots[index], row,
+                                                 FrictionModel.from_dict(model))
             show(_REFINING * done / len(pieces), f'{done} of {len(pieces)}: {pieces[index]}')
 
 
@@ -177,6 +205,47 @@ def _refine_one(arguments: Namespace, with_page: bool, piece: Piece
         'unexplained': [entry['variable'] for entry in report['unexplained']],
         'page': with_page, 'seconds': time.monotonic() - begin}
     return row, model, files
+
+
+def _fleet_of(arguments: Namespace, refined: Sequence[_Refined], run: Runner,
+              show: Callable[[int, int], None]) -> list[Population]:
+    """Return the population of each joint that enough units have; `show` gets done and all.
+
+    Each recording is read once more, where it was refined, and only its sums come back. Recordings
+    without a signal of the common model are left out.
+    """
+    groups: dict[tuple[str, str], list[_Refined]] = defaultdict(list)
+    for one in refined:
+        groups[one.group].append(one)
+    groups = {key: group for key, group in groups.items()
+              if len({one.robot for one in group}) >= FEWEST_UNITS}
+    items = [_Summed(one, common) for group in groups.values()
+             for common in [CommonModel.of([one.model for one in group])] for one in group]
+    sums: dict[int, BlockSums] = {}
+    work = partial(attempt, partial(_sums_of_one, given_of(arguments)))
+    with closing(run(work, items)) as outcomes:
+        for done, (index, outcome) in enumerate(outcomes, 1):
+            if not isinstance(outcome, Failure):
+                sums[index] = outcome
+            show(done, len(items))
+    populations = []
+    for key, group in groups.items():
+        own = [index for index in sorted(sums) if items[index].one.group == key]
+        if len({items[index].one.robot for index in own}) >= FEWEST_UNITS:
+            populations.append(population_of(
+                [(items[index].one.robot, sums[index]) for index in own], items[own[0]].common,
+                group[0].model, key[1], len(groups)))
+    return populations
+
+
+def _sums_of_one(given: Given, item: _Summed) -> BlockSums:
+    piece, model = item.one.piece, item.one.model
+    recordings = read_condensed([piece.path], piece.joint, model.drive.torque_constant,
+                                model.drive.gear_ratio, layout=given.layout)
+    usable, = showing_friction({piece.joint or '': recordings}).values()
+    declared = bool(given.model or given.torque_constant or given.gear_ratio
+                    or model.notes.get('unit') == 'N·m')
+    return item.common.sums([samples for samples, _ in usable], model, declared)
 
 
 def _fingerprint(arguments: Namespace, piece: Piece) -> str:

@@ -15,7 +15,7 @@ from friction_comp.columns import Column
 from friction_comp.errors import errors_name, InputError
 from friction_comp.identification.steady_state import fit_steady_states, SteadyStates
 from friction_comp.recorded_drive.given import drive_of, figures_unit
-from friction_comp.recordings.joint_rows import column_of_joints
+from friction_comp.recordings.row_groups import column_of_joints
 from friction_comp.recordings.table_files import open_table
 from friction_comp.refinement import thresholds
 from friction_comp.reports.html import units_of_axis
@@ -72,10 +72,9 @@ def _values(path: Path, columns: tuple[Column, Column], joint: str | None) -> li
     """Return the columns in SI units, of one joint's rows where a column says whose they are."""
     table, names = open_table(path), [column.name for column in columns]
     whose = column_of_joints(table, names, None)
-    blocks = [block for block, _ in table.blocks([*names, *([whose] if whose else [])], 250_000)]
-    if not blocks:
+    read = table.whole([*names, *([whose] if whose else [])])
+    if not len(read[names[0]]):
         raise InputError(f'{path}: has no row below its header')
-    read = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
     values = [column.factor * read[column.name] for column in columns]
     if whose is None:
         return values

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from friction_comp.errors import errors_name, InputError
 from friction_comp.files import to_yaml, write_atomically
 from friction_comp.tools.common import Arguments, keep_inputs, progress
@@ -28,8 +30,6 @@ def main(argv: list[str] | None = None) -> int:
     arguments = parser.parse(argv)
     keep_inputs(arguments.output, arguments.recording,
                 *([arguments.limits] if arguments.limits else []))
-    import numpy as np
-
     from friction_comp.excitation.joint_limits import from_yaml
     from friction_comp.exercise.exercise_script import exercise_of
     from friction_comp.exercise.taught_exercise import teach

@@ -17,7 +17,7 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from friction_comp.drive import Drive
-from friction_comp.errors import InputError
+from friction_comp.errors import InputError, os_errors_name
 from friction_comp.package_files import add_environment_to_ament_path
 from friction_comp.tools.common import Arguments, progress, whole_number
 
@@ -68,11 +68,9 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _serve(server_class: Any, page: Any, port: int) -> None:
-    try:
+    with os_errors_name(f'--port {port}'):
         # Without further origins, only pages from localhost and this very port may connect.
         server = server_class({'/': page}, port=port, address='localhost')
-    except OSError as error:
-        raise InputError(f'--port {port}: {error.strerror or error}') from None
     server.start()
     print(f'http://localhost:{server.port}/   (Ctrl+C ends it)', flush=True)
 
