@@ -4,6 +4,7 @@
 #   make demo    the whole loop over ROS 2 on this machine, with a report at the end
 #   make check   while you work: the checks of style and the quick tests, in one to one and a half minutes
 #   make test    the checks of style and types, and every test
+#   make check-ubuntu   the quick tests with the older packages that Ubuntu 24.04 has, in .venv-ubuntu/
 #   make setup   only the environment in .venv/, which the others make by themselves
 #   make lint    only the checks of style and types
 #   make docs    the documentation as pages, build/docs/index.html
@@ -49,7 +50,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 unexport LD_LIBRARY_PATH
 endif
 
-.PHONY: demo check test setup lint docs bench bench-full clean
+.PHONY: demo check check-ubuntu test setup lint docs bench bench-full clean
 .DELETE_ON_ERROR:
 
 setup: $(VENV)/installed
@@ -76,6 +77,12 @@ test: setup
 	@$(MAKE) --no-print-directory -j 2 lint build/bytecode
 	@$(shared) $(TESTS)
 
+check-ubuntu: export PIP_CONSTRAINT = $(CURDIR)/requirements/ubuntu-24.04.txt
+check-ubuntu: export UV_CONSTRAINT = $(PIP_CONSTRAINT)
+check-ubuntu:
+	@$(MAKE) --no-print-directory setup VENV=.venv-ubuntu
+	@.venv-ubuntu/bin/python -m pytest -q -n 3 --dist loadfile -m 'not slow and not processes' $(TESTS)
+
 build/bytecode: $(VENV)/requirements
 	@$(pytest) -q --collect-only >/dev/null; touch $@
 
@@ -92,7 +99,7 @@ bench-full: setup
 	@set -e; for file in $(filter-out bench/bench_tools.py,$(wildcard bench/*.py)); do echo "$$file"; $(BIN)/python "$$file"; done
 
 clean:
-	rm -rf $(VENV) build install log
+	rm -rf $(VENV) .venv-ubuntu build install log
 
 # A new environment when ROS 2 is sourced where it was not, or the other way round.
 $(MADE):
