@@ -259,7 +259,9 @@ def _guessed(names: Sequence[str], named: Sequence[Column], own: tuple[str, ...]
                 continue
             column = _column(name, reading, layout)
             kind = _kind(column.signal)
+            # What is in V or % is used where nothing is in a unit of effort.
             found.append(((SIGNALS.index(kind), kind == 'effort' and not reading.measured,
+                           column.stated and not column.dimension,
                            SIGNALS.index(column.signal), reading.rank, place), column))
     best: dict[tuple[str, tuple[str, ...]], Column] = {}
     in_ampere = any(c.dimension == 'current' for c in named if _kind(c.signal) == 'effort')

@@ -24,7 +24,7 @@ from friction_comp.recordings.row_times import in_no_order
 from friction_comp.recordings.scan import Scan, Track
 from friction_comp.recordings.storage import unreadable_on_error
 from friction_comp.recordings.table_files import open_table, pyarrow_of
-from friction_comp.recordings.told_units import angle_fault, time_fault, unit_of_dates
+from friction_comp.recordings.told_units import angle_fault, rate_fault, time_fault, unit_of_dates
 from friction_comp.samples import Samples
 from friction_comp.topics import TOPICS, TORQUE_UNIT
 from friction_comp.units import unit_factor
@@ -164,6 +164,8 @@ class TableScanner:
                                  f'in {column.unit}: give their unit, for instance --unit time=ns')
             elif not column.stated and (fault := time_fault(values)):
                 raise InputError(f'{said} {fault}, or the rows per second with --rate')
+            elif 'time' not in self._layout.units and (fault := rate_fault(values, column.unit)):
+                raise InputError(f'{said} {fault}')
 
     def _leave_out_raw(self, columns: Columns) -> None:
         """Deal with whole numbers without a unit, such as a register's: they are no SI values.
