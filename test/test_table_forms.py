@@ -81,8 +81,12 @@ UR = ['timestamp', *(f'{name}_{k}' for name in ('actual_q', 'actual_qd', 'actual
     ('Strom_A', 'current', '', 'A'), ('Position (Grad)', 'position', '', 'Grad'),
     # No unit, and no signal.
     ('theta_in', 'position', 'in', ''), ('q_m', 'position', 'm', ''), ('phase_A', '', '', ''),
-    ('error_deg', '', '', ''), ('latency_ms', '', '', ''), ('id [A]', '', '', ''),
-    ('us_1', '', '', ''), ('test', '', '', ''), ('bus_current', '', '', '')])
+    ('error_deg', '', '', ''),
+    # A preposition before a unit is no inch; a unit also holds for a signal that the user names.
+    ('Force (in N)', 'effort', '', 'N'), ('position (in deg)', 'position', '', 'deg'),
+    ('Torque (in lb)', 'effort', '', 'in lb'), ('Laser (in mm)', '', '', 'mm'),
+    ('stroke_mm', '', '', 'mm'), ('latency_ms', '', '', 'ms'), ('id [A]', '', '', 'A'),
+    ('us_1', '', '', 'us'), ('test', '', '', ''), ('bus_current', '', '', '')])
 def test_a_name_tells_signal_joint_and_unit(name, signal, joint, unit):
     reading = read_name(name)
     assert (reading.signal, reading.joint, reading.unit) == (signal, joint, unit)
@@ -104,6 +108,19 @@ def test_units_have_factors_products_and_quotients(text, signal, factor):
 @pytest.mark.parametrize('text', ['V', 'rad/s/s', 'counts/0', '0mA', 'Nm/Nm/s', ''])
 def test_what_is_no_unit_is_none(text):
     assert parse_unit(text) is None
+
+
+@pytest.mark.parametrize(('position', 'factor'), [
+    ('Laser (in mm)', 1e-3), ('stroke_mm', 1e-3), ('Reading [deg]', math.pi / 180.0), ('x7', 1.0)])
+def test_a_column_that_the_user_names_has_the_unit_in_its_name(position, factor):
+    use = assign(['time', position, 'Force (in V)', 'Force (in N)'],
+                 Layout({'position': position}), 'log')
+    assert use.of('position', '').factor == pytest.approx(factor)
+    assert use.linear == (factor == 1e-3)
+    # Of one quantity in two units, the one that is a unit of it.
+    assert use.of('effort', '').name == 'Force (in N)'
+    with pytest.raises(InputError, match="'V' does not tell what a position of 1 is"):
+        assign(['time', 'Laser (in V)', 'tau'], Layout({'position': 'Laser (in V)'}), 'log')
 
 
 def test_siblings_of_named_columns_are_other_joints():

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 import re
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from friction_comp.recordings.joint_rows import Labels
 # More than this are the points of a picture, no joints.
 _MOST_COLUMNS = 64
 _SIGNATURE = b'\x89HDF\r\n\x1a\n'
+T = TypeVar('T')
 _Place = tuple[str, int | None]     # a dataset, and which of its columns; None if it is one
 
 
@@ -36,6 +37,29 @@ def is_hdf5(path: Path) -> bool:
         return _SIGNATURE in file.read(1024)
 
 
+def one_length(sizes: dict[str, int], path: Path) -> int:
+    """Return the length of columns with these; raises InputError if they have several."""
+    size = max(sizes.values(), default=0)
+    if set(sizes.values()) - {size}:
+        raise InputError(
+            f'{path}: its arrays differ in length: ' + ', '.join(
+                f'{name} {count}' for name, count in sizes.items())
+            + '; name those of one clock with --columns time=NAME,position=NAME,effort=NAME')
+    return size
+
+
+def no_objects(names: Sequence[str], path: Path, columns: T) -> T:
+    """Return a MATLAB file's columns; raises InputError if it has but objects, with these names.
+
+    Only MATLAB knows what its objects hold, such as a timeseries or a Dataset of Simulink.
+    """
+    if names and not columns:
+        raise InputError(
+            f'{path}: {names[0]!r} is an object of MATLAB, which only MATLAB reads: save it as a '
+            f'table, for instance writetimetable(extractTimetable({names[0]}), "log.csv")')
+    return columns
+
+
 class Hdf5:
     """An HDF5 file; only what is asked for is read."""
 
@@ -45,7 +69,9 @@ class Hdf5:
             path, 'h5py', 'hdf5', 'HDF5 files, and MATLAB files of version 7.3,').File(path, 'r')
         self.labels: dict[str, Labels] = {}     # columns whose values are numbered
         self._episodes: dict[str, dict[str, _Place]] = {}
+        self._objects: list[str] = []
         self._file.visititems(self._add)
+        no_objects(self._objects, path, self._episodes)
         if not self._episodes:
             raise InputError(f'{path}: holds no table of numbers')
         if len(self._episodes) > 1:
@@ -63,6 +89,9 @@ class Hdf5:
         # What MATLAB calls #refs# is no signal.
         if getattr(item, 'dtype', None) is None or item.dtype.kind not in 'biuf' or (
                 item.ndim > 2 or not item.size or '#' in name):
+            return
+        if 'MATLAB_object_decode' in item.attrs:
+            self._objects.append(name)
             return
         parts = name.split('/')
         own = [part for part in parts if re.search(r'\d', part) and is_episode(part)]
@@ -94,13 +123,18 @@ class Hdf5:
 
     def _rows(self, places: dict[str, _Place], wanted: Sequence[str]) -> int:
         # Of its own, the number of an episode has no length.
-        sizes = {name: max(self._file[places[name][0]].shape, default=1)
-                 for name in ([*wanted] if {*wanted} & {*places} else self.names) if name in places}
-        size = max(sizes.values(), default=0)
-        if set(sizes.values()) - {1, size}:
-            raise InputError(f'{self._path}: its datasets differ in length: ' + ', '.join(
-                f'{name} {count}' for name, count in sizes.items()))
-        return size
+        sizes = self._sizes(places, wanted if {*wanted} & {*places} else self.names)
+        return one_length({name: size for name, size in sizes.items() if size > 1},
+                          self._path) or max(sizes.values(), default=0)
+
+    def sizes(self, names: Sequence[str]) -> dict[str, int]:
+        """Return how many values each column has in the first episode, 1 for a number."""
+        return {**dict.fromkeys(names, 1),
+                **self._sizes(next(iter(self._episodes.values())), names)}
+
+    def _sizes(self, places: dict[str, _Place], names: Sequence[str]) -> dict[str, int]:
+        return {name: max(self._file[places[name][0]].shape, default=1)
+                for name in names if name in places}
 
     def _values(self, number: int, places: dict[str, _Place], wanted: Sequence[str], first: int,
                 last: int) -> dict[str, np.ndarray]:

@@ -21,10 +21,10 @@ from friction_comp.column_names import read_name
 from friction_comp.column_values import to_numbers
 from friction_comp.errors import InputError
 from friction_comp.files import library_for
-from friction_comp.layout import TABLES
+from friction_comp.layout import column_called, Layout, TABLES
 from friction_comp.recordings.csv_file import Columns, Csv
 from friction_comp.recordings.episodes import EPISODE
-from friction_comp.recordings.hdf5_file import Hdf5, is_hdf5
+from friction_comp.recordings.hdf5_file import Hdf5, is_hdf5, no_objects, one_length
 from friction_comp.recordings.item_names import item_names
 from friction_comp.recordings.joint_rows import Labels
 
@@ -48,6 +48,19 @@ def open_table(path: Path) -> Csv | Parquet | Hdf5 | Arrays:
         if name.endswith(suffix):
             return Arrays(path, load(path))
     return Csv(path)
+
+
+def of_one_clock(table: Csv | Parquet | Hdf5 | Arrays, layout: Layout, where: str) -> list[str]:
+    """Return a table's columns without those of other lengths than what the user named.
+
+    A log may hold signals of several clocks: those of another are none of the named one's.
+    """
+    named = [column_called(name, table.names, where) for name in layout.columns.values()]
+    if not named or not isinstance(table, (Arrays, Hdf5)):
+        return table.names
+    sizes = table.sizes(table.names)
+    most = max(sizes[name] for name in named)
+    return [name for name in table.names if sizes[name] in (1, most) or name in named]
 
 
 def with_parts(paths: Sequence[Path]) -> list[Path]:
@@ -180,13 +193,14 @@ class Arrays:
         self.names = list(columns)
         self.labels: dict[str, Labels] = {}     # columns whose values are numbered
 
+    def sizes(self, names: Sequence[str]) -> dict[str, int]:
+        """Return how many values each column has, 1 for a number."""
+        return {name: self._columns[name].size for name in names}
+
     def blocks(self, wanted: Sequence[str], rows: int) -> Iterator[tuple[Columns, float]]:
         """Yield blocks of columns and the share of them that has been read."""
-        sizes = {name: len(self._columns[name]) for name in wanted if self._columns[name].ndim}
-        size = max(sizes.values(), default=0)
-        if set(sizes.values()) - {size}:
-            raise InputError(f'{self._path}: its arrays differ in length: ' + ', '.join(
-                f'{name} {count}' for name, count in sizes.items()))
+        size = one_length(self.sizes([name for name in wanted if self._columns[name].ndim]),
+                          self._path)
         for first in range(0, size, rows):
             part = slice(first, first + rows)
             yield ({name: self._values(name, size, part) for name in wanted},
@@ -282,12 +296,16 @@ def _npy(path: Path) -> Columns:
 
 def _mat(path: Path) -> Columns:
     from scipy.io import loadmat
+    from scipy.io.matlab import MatlabOpaque
 
     try:
         content = loadmat(path, struct_as_record=True, squeeze_me=True)
     except (IndexError, TypeError, ValueError):
         raise InputError(f'{path}: not a readable MATLAB file') from None
-    return _flat((name, value) for name, value in content.items() if not name.startswith('__'))
+    objects = [name for name, value in content.items() if isinstance(value, MatlabOpaque)]
+    return no_objects(objects, path, _flat(
+        (name, value) for name, value in content.items()
+        if not name.startswith('__') and name not in objects))
 
 
 def _json(path: Path) -> Columns:

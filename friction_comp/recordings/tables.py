@@ -23,7 +23,7 @@ from friction_comp.recordings.joint_rows import column_of_joints
 from friction_comp.recordings.row_times import in_no_order
 from friction_comp.recordings.scan import Scan, Track
 from friction_comp.recordings.storage import unreadable_on_error
-from friction_comp.recordings.table_files import open_table, pyarrow_of
+from friction_comp.recordings.table_files import of_one_clock, open_table, pyarrow_of
 from friction_comp.recordings.told_units import angle_fault, rate_fault, time_fault, unit_of_dates
 from friction_comp.samples import Samples
 from friction_comp.topics import TOPICS, TORQUE_UNIT
@@ -51,6 +51,7 @@ class TableScanner:
         self._layout = layout or Layout()
         with unreadable_on_error(path):
             self._table = open_table(path)
+        self._table.names = of_one_clock(self._table, self._layout, str(path))
         self._use = assign(self._table.names, layout, str(path))
         self._whose = self._column_of_joints()
         self._episode, self._episodes = self._column_of_episodes(), Episodes()
