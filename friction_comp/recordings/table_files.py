@@ -105,19 +105,23 @@ def _names(files: Sequence[Path]) -> dict[Path, str]:
 
 
 def _one_signal(path: Path) -> bool:
-    """Return whether no two columns of a file name different signals."""
-    return len({read_name(name).signal for name in open_table(path).names} - {''}) <= 1
+    """Return whether no two columns of a file name different signals, but for its time."""
+    signals = {read_name(name).signal for name in open_table(path).names}
+    return len(signals - {''}) <= 1 or len(signals - {'', 'time'}) <= 1
 
 
 def _joined(path: Path, parts: Sequence[Path]) -> Columns:
-    columns: Columns = {}
     names = _names(parts)
+    tables: list[Columns] = []
     for part in parts:
         table = open_table(part)
-        for k, (name, values) in enumerate(whole_columns(table, table.names).items()):
-            own = read_name(name).signal
-            columns[name if own else names[part] if len(table.names) == 1
-                    else f'{names[part]}_{k + 1}'] = values
+        own = [name for name in table.names if read_name(name).signal]
+        number = {name: k + 1 for k, name in enumerate(n for n in table.names if n not in own)}
+        tables.append({
+            name if name in own else names[part] if len(table.names) == 1
+            else f'{names[part]}_{number[name]}': values
+            for name, values in whole_columns(table, table.names).items()})
+    columns = _by_time(tables)
     sizes = {len(values) for values in columns.values()}
     times = min(sizes)
     if len(sizes) != 2 or max(sizes) % times:
@@ -127,6 +131,25 @@ def _joined(path: Path, parts: Sequence[Path]) -> Columns:
         [(name, values)] if len(values) == times else
         [(f'{name}_{k + 1}', values[k::len(values) // times])
          for k in range(len(values) // times)] for name, values in columns.items()))
+
+
+def _by_time(tables: Sequence[Columns]) -> Columns:
+    """Return the columns of tables; with other times each, a row has the values of one of them."""
+    clocks = [next((name for name in table if read_name(name).signal == 'time'), '')
+              for table in tables]
+    times = [table.get(clock, np.empty(0)) for table, clock in zip(tables, clocks)]
+    if not all(clocks) or all(np.array_equal(times[0], time) for time in times):
+        return {name: values for table in tables for name, values in table.items()
+                if name == clocks[0] or name not in clocks}
+    every = np.concatenate(times)
+    order, ends = np.argsort(every, kind='stable'), np.cumsum([len(time) for time in times])
+    sparse = {clocks[0]: every}
+    for table, clock, end in zip(tables, clocks, ends):
+        for name in table:
+            if name != clock:
+                sparse[name] = np.full(len(every), np.nan)
+                sparse[name][end - len(table[name]):end] = table[name]
+    return {name: values[order] for name, values in sparse.items()}
 
 
 def whole_columns(table: Csv | Parquet | Hdf5 | Arrays, names: Sequence[str]) -> Columns:

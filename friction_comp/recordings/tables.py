@@ -22,6 +22,7 @@ from friction_comp.recordings.episodes import column_of_episodes, Episodes
 from friction_comp.recordings.joint_rows import column_of_joints
 from friction_comp.recordings.row_times import in_no_order
 from friction_comp.recordings.scan import Scan, Track
+from friction_comp.recordings.sparse_rows import gathered
 from friction_comp.recordings.storage import unreadable_on_error
 from friction_comp.recordings.table_files import of_one_clock, open_table, pyarrow_of
 from friction_comp.recordings.told_units import angle_fault, rate_fault, time_fault, unit_of_dates
@@ -98,7 +99,8 @@ class TableScanner:
                     if not rows:
                         self._check_first(columns)
                     self._leave_out_raw(columns)
-                    time, order = self._times(columns, rows), rows + np.arange(size)
+                    columns, time = self._whole_rows(columns, self._times(columns, rows))
+                    order = rows + np.arange(len(time))
                     if self._episode is not None:
                         time = self._episodes.apart(columns[self._episode], time)
                     tracks = list(self._tracks(columns, time, order) if self._whose is None
@@ -167,6 +169,18 @@ class TableScanner:
                 raise InputError(f'{said} {fault}, or the rows per second with --rate')
             elif 'time' not in self._layout.units and (fault := rate_fault(values, column.unit)):
                 raise InputError(f'{said} {fault}')
+
+    def _whole_rows(self, columns: Columns, time: np.ndarray) -> tuple[Columns, np.ndarray]:
+        """Return rows that hold position and effort, and their times, s, where none of these do."""
+        needed = [column.name for column in self._use.columns
+                  if column.signal in ('position', 'effort')]
+        if self._whose is not None:
+            return columns, time
+        columns, time, rarest = gathered(columns, time, needed)
+        note = (f'rows hold few values each: those with {rarest} are used, the others are '
+                'interpolated to their times')
+        self._use.notes += [note] if rarest and note not in self._use.notes else []
+        return columns, time
 
     def _leave_out_raw(self, columns: Columns) -> None:
         """Deal with whole numbers without a unit, such as a register's: they are no SI values.

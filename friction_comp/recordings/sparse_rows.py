@@ -1,0 +1,47 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Reads rows that hold a value or two each, as they came, with empty cells for the other signals.
+
+So logs of several topics are written as one table, and several files with times of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+# Share of the rows of the rarest signal that hold the others, too, where rows are whole.
+_WHOLE = 0.5
+# Usual times between two values of a signal, over which it is interpolated.
+_FARTHEST = 10.0
+
+
+def gathered(columns: Mapping[str, np.ndarray], time: np.ndarray, needed: Sequence[str]
+             ) -> tuple[dict[str, np.ndarray], np.ndarray, str]:
+    """Return columns, each of shape (T,), and times, s, of the rows that hold the rarest signal.
+
+    Signals that these rows lack are interpolated. Where rows hold all the `needed` columns
+    together, all are returned as they are. The third item is the rarest column, '' then.
+    """
+    known = {name: np.isfinite(columns[name]) & np.isfinite(time) for name in needed}
+    rarest = min(needed, key=lambda name: int(known[name].sum()), default='')
+    fewest = int(known[rarest].sum()) if rarest else 0
+    if not fewest or np.all([known[name] for name in needed], axis=0).sum() > _WHOLE * fewest:
+        return dict(columns), time, ''
+    at = np.sort(time[known[rarest]])
+    return {name: _at(values, time, at) for name, values in columns.items()}, at, rarest
+
+
+def _at(values: np.ndarray, time: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Return values at other times, NaN where the nearest ones are too far apart."""
+    known = np.isfinite(values) & np.isfinite(time)
+    order = np.argsort(time[known], kind='stable')
+    own, values = time[known][order], values[known][order]
+    if len(own) < 2:
+        return np.full(len(at), values[0] if len(own) else np.nan)
+    later = np.clip(np.searchsorted(own, at), 1, len(own) - 1)
+    apart = own[later] - own[later - 1]
+    far = apart > _FARTHEST * max(float(np.median(np.diff(own))), 1e-9)
+    return np.where(far & (at != own[later]) & (at != own[later - 1]), np.nan,
+                    np.interp(at, own, values, left=np.nan, right=np.nan))
