@@ -133,6 +133,11 @@ def test_siblings_of_named_columns_are_other_joints():
     # Names that say nothing are siblings by their numbers.
     other = assign(['t', 'x7', 'x8', 'y7', 'y8'], Layout({'position': 'x8', 'effort': 'y8'}), 'log')
     assert (other.joints, other.chosen, other.of('effort', '7').name) == (['7', '8'], '8', 'y7')
+    # So they are where words beside the numbers differ.
+    read = [f'{what}_{k}' for what in ('pos_read', 'curr') for k in (1, 2)]
+    motor = assign(read, Layout({'position': 'pos_read_2', 'effort': 'curr_2'}, rate=1.0), 'log')
+    assert len(motor.joints) == 2
+    assert motor.of('effort', motor.joints[0]).name == 'curr_1'
     # The user may name the joint.
     layout = Layout({'position': 'actual_q_1', 'current': 'actual_current_1'}, joint='elbow')
     assert assign(UR, layout, 'log').joints == ['0', 'elbow']

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 import re
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +24,6 @@ from friction_comp.recordings.joint_rows import Labels
 # More than this are the points of a picture, no joints.
 _MOST_COLUMNS = 64
 _SIGNATURE = b'\x89HDF\r\n\x1a\n'
-T = TypeVar('T')
 _Place = tuple[str, int | None]     # a dataset, and which of its columns; None if it is one
 
 
@@ -48,16 +47,10 @@ def one_length(sizes: dict[str, int], path: Path) -> int:
     return size
 
 
-def no_objects(names: Sequence[str], path: Path, columns: T) -> T:
-    """Return a MATLAB file's columns; raises InputError if it has but objects, with these names.
-
-    Only MATLAB knows what its objects hold, such as a timeseries or a Dataset of Simulink.
-    """
-    if names and not columns:
-        raise InputError(
-            f'{path}: {names[0]!r} is an object of MATLAB, which only MATLAB reads: save it as a '
-            f'table, for instance writetimetable(extractTimetable({names[0]}), "log.csv")')
-    return columns
+def fault_of_objects(names: Sequence[str]) -> str:
+    """Return why objects of MATLAB, such as a timeseries or a Dataset of Simulink, are no table."""
+    return (f'{names[0]!r} is an object of MATLAB, which only MATLAB reads: save it as a table, '
+            f'for instance writetimetable(extractTimetable({names[0]}), "log.csv")')
 
 
 class Hdf5:
@@ -71,9 +64,9 @@ class Hdf5:
         self._episodes: dict[str, dict[str, _Place]] = {}
         self._objects: list[str] = []
         self._file.visititems(self._add)
-        no_objects(self._objects, path, self._episodes)
         if not self._episodes:
-            raise InputError(f'{path}: holds no table of numbers')
+            raise InputError(f'{path}: ' + (fault_of_objects(self._objects) if self._objects
+                                            else 'holds no table of numbers'))
         if len(self._episodes) > 1:
             # Beside episodes only numbers are of use, which hold for all of them.
             for name, place in self._episodes.pop('', {}).items():
@@ -123,16 +116,14 @@ class Hdf5:
 
     def _rows(self, places: dict[str, _Place], wanted: Sequence[str]) -> int:
         # Of its own, the number of an episode has no length.
-        sizes = self._sizes(places, wanted if {*wanted} & {*places} else self.names)
+        sizes = self.sizes(wanted if {*wanted} & {*places} else self.names, places)
         return one_length({name: size for name, size in sizes.items() if size > 1},
                           self._path) or max(sizes.values(), default=0)
 
-    def sizes(self, names: Sequence[str]) -> dict[str, int]:
-        """Return how many values each column has in the first episode, 1 for a number."""
-        return {**dict.fromkeys(names, 1),
-                **self._sizes(next(iter(self._episodes.values())), names)}
-
-    def _sizes(self, places: dict[str, _Place], names: Sequence[str]) -> dict[str, int]:
+    def sizes(self, names: Sequence[str], places: dict[str, _Place] | None = None
+              ) -> dict[str, int]:
+        """Return how many values columns have in an episode, the first by default."""
+        places = places or next(iter(self._episodes.values()))
         return {name: max(self._file[places[name][0]].shape, default=1)
                 for name in names if name in places}
 

@@ -24,7 +24,7 @@ from friction_comp.files import library_for
 from friction_comp.layout import column_called, Layout, TABLES
 from friction_comp.recordings.csv_file import Columns, Csv
 from friction_comp.recordings.episodes import EPISODE
-from friction_comp.recordings.hdf5_file import Hdf5, is_hdf5, no_objects, one_length
+from friction_comp.recordings.hdf5_file import fault_of_objects, Hdf5, is_hdf5, one_length
 from friction_comp.recordings.item_names import item_names
 from friction_comp.recordings.joint_rows import Labels
 
@@ -59,8 +59,8 @@ def of_one_clock(table: Csv | Parquet | Hdf5 | Arrays, layout: Layout, where: st
     if not named or not isinstance(table, (Arrays, Hdf5)):
         return table.names
     sizes = table.sizes(table.names)
-    most = max(sizes[name] for name in named)
-    return [name for name in table.names if sizes[name] in (1, most) or name in named]
+    most = max(sizes.get(name, 1) for name in named)
+    return [name for name in table.names if sizes.get(name, 1) in (1, most) or name in named]
 
 
 def with_parts(paths: Sequence[Path]) -> list[Path]:
@@ -326,9 +326,11 @@ def _mat(path: Path) -> Columns:
     except (IndexError, TypeError, ValueError):
         raise InputError(f'{path}: not a readable MATLAB file') from None
     objects = [name for name, value in content.items() if isinstance(value, MatlabOpaque)]
-    return no_objects(objects, path, _flat(
-        (name, value) for name, value in content.items()
-        if not name.startswith('__') and name not in objects))
+    columns = _flat((name, value) for name, value in content.items()
+                    if not name.startswith('__') and name not in objects)
+    if objects and not columns:
+        raise InputError(f'{path}: {fault_of_objects(objects)}')
+    return columns
 
 
 def _json(path: Path) -> Columns:

@@ -171,9 +171,10 @@ class TableScanner:
                 raise InputError(f'{said} {fault}')
 
     def _whole_rows(self, columns: Columns, time: np.ndarray) -> tuple[Columns, np.ndarray]:
-        """Return rows that hold position and effort, and their times, s, where none of these do."""
-        needed = [column.name for column in self._use.columns
-                  if column.signal in ('position', 'effort')]
+        """Return columns and times, s, of rows that hold position and effort."""
+        # An effort, whose noise counts, rather than a position, where both are as rare.
+        needed = [column.name for signal in ('effort', 'position')
+                  for column in self._use.columns if column.signal == signal]
         if self._whose is not None:
             return columns, time
         columns, time, rarest = gathered(columns, time, needed)
