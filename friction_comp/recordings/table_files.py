@@ -140,7 +140,7 @@ def _by_time(tables: Sequence[Columns]) -> Columns:
     times = [table.get(clock, np.empty(0)) for table, clock in zip(tables, clocks)]
     if not all(clocks) or all(np.array_equal(times[0], time) for time in times):
         return {name: values for table in tables for name, values in table.items()
-                if name == clocks[0] or name not in clocks}
+                if name == max(clocks, key=bool) or name not in clocks}
     every = np.concatenate(times)
     order, ends = np.argsort(every, kind='stable'), np.cumsum([len(time) for time in times])
     sparse = {clocks[0]: every}
