@@ -92,6 +92,16 @@ def test_rows_that_hold_a_value_each_are_one_recording(tmp_path):
     np.testing.assert_allclose(samples.current, np.cos(kept), atol=1e-9)
 
 
+def test_rows_of_one_joint_each_stay_as_they_were_measured(tmp_path):
+    time, position, velocity = swing(600, 0.005)
+    rows = [(f'{t:.3f}', *(('', '') if k % 2 else ()), repr(q), repr(v), *(() if k % 2 else ('', '')))
+            for k, (t, q, v) in enumerate(zip(time, position.tolist(), velocity.tolist()))]
+    path = lines(tmp_path / 'log.csv', ('t', 'q_1', 'tau_1', 'q_2', 'tau_2'), rows)
+    for joint in (1, 2):
+        samples, = read_recording(path, str(joint))
+        np.testing.assert_allclose(samples.current, velocity[joint - 1::2])
+
+
 @pytest.mark.parametrize('late', [0.0, 0.003])
 def test_files_of_one_signal_with_a_time_each_are_one_recording(tmp_path, late):
     time, position, velocity = swing(300, 0.01)

@@ -17,18 +17,20 @@ _WHOLE = 0.5
 _FARTHEST = 10.0
 
 
-def gathered(columns: Mapping[str, np.ndarray], time: np.ndarray, needed: Sequence[str]
-             ) -> tuple[dict[str, np.ndarray], np.ndarray, str]:
+def gathered(columns: Mapping[str, np.ndarray], time: np.ndarray,
+             pairs: Sequence[tuple[str, str]]) -> tuple[dict[str, np.ndarray], np.ndarray, str]:
     """Return columns, each of shape (T,), and times, s, of the rows that hold the rarest signal.
 
-    Signals that these rows lack are interpolated. Where rows hold all the `needed` columns
-    together, all are returned as they are. The third item is the rarest column, '' then.
+    Signals that these rows lack are interpolated. Where rows hold the effort and the position of
+    each of the `pairs` together, all are returned as they are. The third item is the rarest column,
+    '' then. Of an effort, whose noise counts, and a position that is as rare, it is the effort.
     """
-    known = {name: np.isfinite(columns[name]) & np.isfinite(time) for name in needed}
-    rarest = min(needed, key=lambda name: int(known[name].sum()), default='')
-    fewest = int(known[rarest].sum()) if rarest else 0
-    if not fewest or np.all([known[name] for name in needed], axis=0).sum() > _WHOLE * fewest:
+    known = {name: np.isfinite(columns[name]) & np.isfinite(time)
+             for pair in pairs for name in pair}
+    if all((known[one] & known[other]).sum() > _WHOLE * min(known[one].sum(), known[other].sum())
+           for one, other in pairs) or not all(values.any() for values in known.values()):
         return dict(columns), time, ''
+    rarest = min(known, key=lambda name: int(known[name].sum()))
     at = np.sort(time[known[rarest]])
     return {name: _at(values, time, at) for name, values in columns.items()}, at, rarest
 

@@ -172,12 +172,12 @@ class TableScanner:
 
     def _whole_rows(self, columns: Columns, time: np.ndarray) -> tuple[Columns, np.ndarray]:
         """Return columns and times, s, of rows that hold position and effort."""
-        # An effort, whose noise counts, rather than a position, where both are as rare.
-        needed = [column.name for signal in ('effort', 'position')
-                  for column in self._use.columns if column.signal == signal]
+        of = self._use.of
+        pairs = [(effort.name, position.name) for joint in self._use.joints
+                 if (effort := of('effort', joint)) and (position := of('position', joint))]
         if self._whose is not None:
             return columns, time
-        columns, time, rarest = gathered(columns, time, needed)
+        columns, time, rarest = gathered(columns, time, pairs)
         note = (f'rows hold few values each: those with {rarest} are used, the others are '
                 'interpolated to their times')
         self._use.notes += [note] if rarest and note not in self._use.notes else []
