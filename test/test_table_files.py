@@ -94,7 +94,7 @@ def test_rows_that_hold_a_value_each_are_one_recording(tmp_path):
 
 def test_rows_of_one_joint_each_stay_as_they_were_measured(tmp_path):
     time, position, velocity = swing(600, 0.005)
-    rows = [(f'{t:.3f}', *(('', '') if k % 2 else ()), repr(q), repr(v), *(() if k % 2 else ('', '')))
+    rows = [(f'{t:.3f}', *['', ''] * (k % 2), repr(q), repr(v), *['', ''] * (1 - k % 2))
             for k, (t, q, v) in enumerate(zip(time, position.tolist(), velocity.tolist()))]
     path = lines(tmp_path / 'log.csv', ('t', 'q_1', 'tau_1', 'q_2', 'tau_2'), rows)
     for joint in (1, 2):
@@ -124,7 +124,8 @@ def test_a_tool_for_one_recording_takes_its_files(tmp_path, refuses):
     with np.load(tmp_path / 'log.npz') as file:
         np.testing.assert_allclose(file['effort'], velocity)
     other = write(tmp_path / 'other.csv', t=time, q=position, tau=velocity)
-    refuses('a recording too many: give one, or the tables with a signal each', 'convert', paths[0], other)
+    refuses('a recording too many: give one, or the tables with a signal each', 'convert',
+            paths[0], other)
 
 
 def test_a_bag_of_ros_1_is_read(tmp_path):

@@ -11,10 +11,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from friction_comp.recordings.time_base import gap_length
+
 # Share of the rows of the rarest signal that hold the others, too, where rows are whole.
 _WHOLE = 0.5
-# Usual times between two values of a signal, over which it is interpolated.
-_FARTHEST = 10.0
 
 
 def gathered(columns: Mapping[str, np.ndarray], time: np.ndarray,
@@ -36,14 +36,13 @@ def gathered(columns: Mapping[str, np.ndarray], time: np.ndarray,
 
 
 def _at(values: np.ndarray, time: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Return values at other times, NaN where the nearest ones are too far apart."""
+    """Return values at other times, NaN in gaps."""
     known = np.isfinite(values) & np.isfinite(time)
     order = np.argsort(time[known], kind='stable')
     own, values = time[known][order], values[known][order]
     if len(own) < 2:
         return np.full(len(at), values[0] if len(own) else np.nan)
     later = np.clip(np.searchsorted(own, at), 1, len(own) - 1)
-    apart = own[later] - own[later - 1]
-    far = apart > _FARTHEST * max(float(np.median(np.diff(own))), 1e-9)
-    return np.where(far & (at != own[later]) & (at != own[later - 1]), np.nan,
+    gap = own[later] - own[later - 1] > gap_length(np.diff(own))
+    return np.where(gap & (at != own[later]) & (at != own[later - 1]), np.nan,
                     np.interp(at, own, values, left=np.nan, right=np.nan))
