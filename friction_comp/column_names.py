@@ -81,6 +81,8 @@ _OTHER_UNITS = {'%', 'percent', 'pct', 'v', 'mv', 'w', 'lsb', 'tick', 'ticks', '
 # Units that are more often something else, unless they are the last word.
 _LAST_ONLY = {'A', 's', 'C', 'sec', 'seconds'}
 _NEVER = {'m', 'N', 'h', 'in', 'rot', 'rotation'}   # of a motor, of an input, of what rotates
+# In brackets before a unit, this is no inch, unless an inch-pound or inch-ounce: `Force (in N)`.
+_PREPOSITION = re.compile(r'^in\s+(?!lb|oz)', re.IGNORECASE)
 _DAYS = {'date', 'datum'}           # less than the time of the day beside them
 # What no name of a joint holds: brackets with such a mark hold a unit, though an unknown one.
 _MARK = re.compile(r'[^\w\s.,:_-]')
@@ -93,7 +95,7 @@ class Reading:
     signal: str = ''        # one of columns.SIGNALS, or '' if the name tells none
     key: tuple[str, ...] = ()   # identifies the joint among all spellings, () if there is none
     joint: str = ''
-    unit: str = ''          # as written; '' if the name has none
+    unit: str = ''          # as written, also where the signal is not told; '' if there is none
     torque: bool = False    # whether a command is a torque rather than a current
     rank: int = 0           # of several columns for one signal, the lowest is used
     measured: bool = False  # whether it says that it is: of effort and current, this one is used
@@ -118,9 +120,10 @@ def read_name(name: str) -> Reading:
     """Return what a column's name says."""
     name = name.strip()
     match = _BRACKET.search(name)
-    if match and (parse_unit(match[1]) is not None or _MARK.search(match[1])
-                  or match[1].strip().lower() in _OTHER_UNITS):
-        return _read_plain(name[:match.start()], match[1].strip())
+    text = _PREPOSITION.sub('', match[1].strip()) if match else ''
+    if match and (parse_unit(text) is not None or _MARK.search(text)
+                  or text.lower() in _OTHER_UNITS):
+        return _read_plain(name[:match.start()], text)
     return _read_plain(name)
 
 
@@ -170,7 +173,7 @@ def _read_words(bare: str, unit: str) -> Reading:
     if quantity is None and lower == ['d']:
         return Reading('direction')
     if quantity == '':
-        return Reading()
+        return Reading(unit=unit)
     by_unit = quantity is None
     if quantity is None:
         unit, of_unit = (unit, set()) if unit else _unit_in(words, used, '')
@@ -180,7 +183,7 @@ def _read_words(bare: str, unit: str) -> Reading:
             # `reference` alone is the position, `command` alone the current.
             quantity = 'current' if sources & {'command', 'commanded', 'cmd'} else 'target'
         if quantity is None:
-            return Reading()
+            return Reading(unit=unit)
     signal, special = _signal(quantity, lower, aims)
     if not by_unit:
         unit, of_unit = (unit, set()) if unit else _unit_in(words, used, signal)
@@ -189,8 +192,7 @@ def _read_words(bare: str, unit: str) -> Reading:
         or (aims and lower[:2] == ['q', 'd'] and k == 1))]
     if signal == 'time':
         clocks = {lower[k] for k in rest} <= _NEUTRAL | _CLOCK
-        return Reading(signal, unit=unit, rank=int(bool(_DAYS & set(lower)))) if clocks else (
-            Reading())
+        return Reading(signal if clocks else '', unit=unit, rank=int(bool(_DAYS & set(lower))))
     key = _distinctive([lower[k] for k in rest])
     rank = 2 * by_unit + any(word in _SECOND_CHOICE for word in lower)
     return Reading(signal, key, _label(bare, words, lower, rest) if key else '', unit,

@@ -187,6 +187,11 @@ def _named(layout: Layout, where: str) -> list[Column]:
     first = next((layout.columns[signal] for signal in ('position', 'effort', 'current', 'velocity')
                   if signal in layout.columns), '')
     key = _key(first)
+    names = [name for signal, name in layout.columns.items() if signal != 'time']
+    if numbers(first) and {_key(name) for name in names} != {key} and all(
+            numbers(name) == numbers(first) for name in names):
+        # Where words differ, as in pos_read_1 and curr_1, the number is the joint.
+        key = numbers(first)
     readings = {name: Reading(signal, () if signal == 'time' else key,
                               read_name(name).joint or '_'.join(key), read_name(name).unit)
                 for signal, name in layout.columns.items()}
@@ -245,13 +250,15 @@ def _guessed(names: Sequence[str], named: Sequence[Column], own: tuple[str, ...]
                 if skeleton(column.name) and column.signal != 'time'}
     taken = {column.name for column in named}
     signals = {_kind(column.signal) for column in named}
+    by_number = own in [numbers(c.name) for c in named if c.signal != 'time']
     found: list[tuple[tuple[int, ...], Column]] = []
     for place, name in enumerate(names):
         reading = read_name(name)
         if of_plan:
             reading = replace(reading, signal=reading.signal.removeprefix('reference_'))
         if skeleton(name) in patterns:
-            reading = replace(reading, signal=patterns[skeleton(name)], key=_key(name),
+            key = numbers(name) if by_number else _key(name)
+            reading = replace(reading, signal=patterns[skeleton(name)], key=key,
                               joint=reading.joint or '_'.join(numbers(name)))
         named_already = _kind(reading.signal) in signals and reading.key in (own, ())
         if reading.signal and name not in taken and not named_already:
@@ -259,7 +266,9 @@ def _guessed(names: Sequence[str], named: Sequence[Column], own: tuple[str, ...]
                 continue
             column = _column(name, reading, layout)
             kind = _kind(column.signal)
+            # What is in V or % is used where nothing is in a unit of effort.
             found.append(((SIGNALS.index(kind), kind == 'effort' and not reading.measured,
+                           column.stated and not column.dimension,
                            SIGNALS.index(column.signal), reading.rank, place), column))
     best: dict[tuple[str, tuple[str, ...]], Column] = {}
     in_ampere = any(c.dimension == 'current' for c in named if _kind(c.signal) == 'effort')

@@ -15,7 +15,7 @@ from friction_comp.model.measured import Recorded
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.model.sliding_friction import line_of
 from friction_comp.refinement import refine
-from friction_comp.reports.friction_words import number_lines
+from friction_comp.reports.friction_words import number_lines, number_rows
 from friction_comp.samples import Samples
 
 TRUTH = {'coulomb': 0.5, 'viscous': 0.15, 'offset': 0.04, 'inertia': 0.023}
@@ -46,6 +46,9 @@ def test_the_numbers_are_those_of_the_drive_and_their_intervals_hold_them(refine
         assert getattr(friction, name) == pytest.approx(value, rel=0.03, abs=0.01)
     assert friction.torque_per_current == 1.0
     assert friction.breakaway is None
+    # A torque from another unit stands beside it, but a force in N is none.
+    for unit, stands in (('A', True), ('N·m', False), ('N', False)):
+        assert any(row.torque for row in number_rows(replace(friction, unit=unit))) == stands
     # Without an effect and without a model given, there are intervals as well.
     assert refined.model.recorded.speeds[-1] == pytest.approx(4.0, rel=0.1)
 

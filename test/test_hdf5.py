@@ -6,6 +6,8 @@ import sys
 
 import numpy as np
 import pytest
+from scipy.io import savemat
+from scipy.io.matlab import MatlabOpaque
 from table_maker import swing, write
 
 from friction_comp import InputError, Layout, read_recording
@@ -119,10 +121,41 @@ def test_blocks_of_an_hdf5_file_are_its_whole(tmp_path):
 @pytest.mark.parametrize(('datasets', 'said'), [
     ({'picture': np.zeros((9, 9, 9))}, 'holds no table of numbers'),
     ({'t': np.arange(5.0), 'q': np.arange(7.0), 'tau': np.arange(5.0)},
-     'its datasets differ in length: t 5, q 7, tau 5'),
+     'its arrays differ in length: t 5, q 7, tau 5; name those of one clock with --columns'),
     ({'t': np.arange(5.0), 'q': np.arange(5.0)}, 'which column is the effort or current?')])
 def test_what_cannot_be_read_is_said(tmp_path, refuses, datasets, said):
     refuses(said, 'refine', h5_file(tmp_path / 'log.h5', **datasets))
+
+
+@pytest.mark.parametrize('suffix', ['h5', 'mat'])
+def test_signals_of_another_clock_than_the_named_ones_are_left_out(tmp_path, suffix):
+    time, position, velocity = swing(300, 0.004)
+    signals = {'hip__t': time, 'hip__q': position, 'hip__tau': velocity, 'knee__t': time[:250],
+               'knee__q': position[:250], 'knee__tau': velocity[:250]}
+    if suffix == 'h5':
+        path = h5_file(tmp_path / 'log.h5', **signals)
+    else:
+        path = tmp_path / 'log.mat'
+        savemat(path, {leg: {name: signals[f'{leg}__{name}'] for name in ('t', 'q', 'tau')}
+                       for leg in ('hip', 'knee')})
+    for leg, rows in (('hip', 300), ('knee', 250)):
+        samples, = read_recording(path, layout=Layout(
+            {signal: f'{leg}.{name}' for signal, name in (
+                ('time', 't'), ('position', 'q'), ('effort', 'tau'))}))
+        np.testing.assert_allclose(samples.current, velocity[:rows])
+
+
+def test_objects_of_matlab_are_refused_with_what_to_do(tmp_path, refuses, monkeypatch):
+    h5py = pytest.importorskip('h5py')
+    said = 'an object of MATLAB, which only MATLAB reads: save it as a table, for instance'
+    with h5py.File(tmp_path / 'log.mat', 'w', userblock_size=512) as file:
+        data = file.create_dataset('data', data=np.arange(6, dtype='uint32')[None])
+        data.attrs['MATLAB_object_decode'] = np.int32(3)
+    refuses(said, 'refine', tmp_path / 'log.mat')
+    savemat(tmp_path / 'old.mat', {'q': 1.0})
+    monkeypatch.setattr('scipy.io.loadmat', lambda *_, **__: {'data': MatlabOpaque(np.zeros(
+        (), dtype=[(name, object) for name in ('s0', 's1', 's2', 'arr')]))})
+    refuses(said, 'refine', tmp_path / 'old.mat')
 
 
 def test_a_broken_file_and_a_missing_library_are_no_traceback(tmp_path, refuses, monkeypatch):

@@ -316,6 +316,20 @@ def test_times_that_cannot_be_seconds_are_asked(tmp_path, refuses, per_second, u
         np.testing.assert_allclose(samples.time, time, atol=1e-9)
 
 
+def test_times_too_close_for_the_unit_in_their_name_are_asked(tmp_path, refuses):
+    time, position, velocity = swing(300, 0.004)
+    columns = {'time [ms]': time, 'q': position, 'tau': velocity}
+    path = write(tmp_path / 'log.csv', **columns)
+    refuses('too close to be ms: give its unit, for instance --unit time=s, or time=ms', 'refine',
+            path)
+    # Rows of several joints may follow each other at once.
+    burst = np.repeat(time, 3) + np.tile([0.0, 1e-6, 2e-6], len(time))
+    path = write(tmp_path / 'bus.csv', t=burst, motor_id=np.tile([1.0, 2.0, 3.0], len(time)),
+                 q=np.repeat(position, 3), tau=np.repeat(velocity, 3))
+    samples, = read_recording(path, joint='2')
+    assert samples.sample_time == pytest.approx(0.004)
+
+
 def test_a_stamp_in_two_columns_is_one_time(tmp_path):
     time, position, velocity = swing(3000, 0.001)
     seconds = np.floor(time + 0.5)

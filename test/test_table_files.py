@@ -71,6 +71,63 @@ def test_files_of_one_signal_each_are_one_recording(tmp_path):
     assert find_recordings(whole) == whole
 
 
+def lines(path, names, rows):
+    """Write rows of texts below names; return the path."""
+    path.write_text('\n'.join(','.join(row) for row in (names, *rows)) + '\n')
+    return path
+
+
+def test_rows_that_hold_a_value_each_are_one_recording(tmp_path):
+    # As topics come: a position every 2 ms, an effort every 5 ms, and a hole in the positions.
+    t, e = 0.002 * np.arange(1500), 0.0013 + 0.005 * np.arange(600)
+    rows = [(s, f'{math.sin(s):.12g}', '') for s in t if not 1.0 < s < 1.2]
+    rows += [(s, '', f'{math.cos(s):.12g}') for s in e]
+    path = lines(tmp_path / 'log.csv', ('time_s', 'elbow_pos', 'tau_meas'),
+                 [(f'{s:.9f}', *cells) for s, *cells in sorted(rows)])
+    (samples, info), = read_recording_with_info(path)
+    assert any('those with tau_meas are used' in note for note in info.notes)
+    kept = e[(e < 1.0) | (e > 1.2)]
+    np.testing.assert_allclose(samples.time, kept - kept[0], atol=1e-6)
+    np.testing.assert_allclose(samples.position, np.sin(kept), atol=1e-5)
+    np.testing.assert_allclose(samples.current, np.cos(kept), atol=1e-9)
+
+
+def test_rows_of_one_joint_each_stay_as_they_were_measured(tmp_path):
+    time, position, velocity = swing(600, 0.005)
+    rows = [(f'{t:.3f}', *['', ''] * (k % 2), repr(q), repr(v), *['', ''] * (1 - k % 2))
+            for k, (t, q, v) in enumerate(zip(time, position.tolist(), velocity.tolist()))]
+    path = lines(tmp_path / 'log.csv', ('t', 'q_1', 'tau_1', 'q_2', 'tau_2'), rows)
+    for joint in (1, 2):
+        samples, = read_recording(path, str(joint))
+        np.testing.assert_allclose(samples.current, velocity[joint - 1::2])
+
+
+@pytest.mark.parametrize('late', [0.0, 0.003])
+def test_files_of_one_signal_with_a_time_each_are_one_recording(tmp_path, late):
+    time, position, velocity = swing(300, 0.01)
+    paths = [write(tmp_path / f'run_{name}.csv', t=own, **{
+        f'- arm_1_{name}': values, f'- arm_2_{name}': 2.0 * values}) for name, own, values in (
+            ('position', time, position), ('effort', time + late, velocity))]
+    samples, = read_recording(paths, 'arm_2')
+    shared = time[:-1] + late if late else time
+    np.testing.assert_allclose(samples.current, 2.0 * velocity[:len(shared)])
+    np.testing.assert_allclose(samples.position, 0.8 * np.sin(2.0 * shared), atol=1e-4)
+
+
+def test_a_tool_for_one_recording_takes_its_files(tmp_path, refuses):
+    from friction_comp.__main__ import main
+
+    time, position, velocity = swing(300, 0.01)
+    paths = [str(write(tmp_path / f'{name}.csv', t=time, **{name: values}))
+             for name, values in (('q', position), ('tau', velocity))]
+    assert main(['convert', *paths, '--output', str(tmp_path / 'log.npz')]) == 0
+    with np.load(tmp_path / 'log.npz') as file:
+        np.testing.assert_allclose(file['effort'], velocity)
+    other = write(tmp_path / 'other.csv', t=time, q=position, tau=velocity)
+    refuses('a recording too many: give one, or the tables with a signal each', 'convert',
+            paths[0], other)
+
+
 def test_a_bag_of_ros_1_is_read(tmp_path):
     from rosbags.rosbag1 import Writer
     from rosbags.typesys import get_typestore, Stores

@@ -81,8 +81,12 @@ UR = ['timestamp', *(f'{name}_{k}' for name in ('actual_q', 'actual_qd', 'actual
     ('Strom_A', 'current', '', 'A'), ('Position (Grad)', 'position', '', 'Grad'),
     # No unit, and no signal.
     ('theta_in', 'position', 'in', ''), ('q_m', 'position', 'm', ''), ('phase_A', '', '', ''),
-    ('error_deg', '', '', ''), ('latency_ms', '', '', ''), ('id [A]', '', '', ''),
-    ('us_1', '', '', ''), ('test', '', '', ''), ('bus_current', '', '', '')])
+    ('error_deg', '', '', ''),
+    # A preposition before a unit is no inch; a unit also holds for a signal that the user names.
+    ('Force (in N)', 'effort', '', 'N'), ('position (in deg)', 'position', '', 'deg'),
+    ('Torque (in lb)', 'effort', '', 'in lb'), ('Laser (in mm)', '', '', 'mm'),
+    ('stroke_mm', '', '', 'mm'), ('latency_ms', '', '', 'ms'), ('id [A]', '', '', 'A'),
+    ('us_1', '', '', 'us'), ('test', '', '', ''), ('bus_current', '', '', '')])
 def test_a_name_tells_signal_joint_and_unit(name, signal, joint, unit):
     reading = read_name(name)
     assert (reading.signal, reading.joint, reading.unit) == (signal, joint, unit)
@@ -106,6 +110,19 @@ def test_what_is_no_unit_is_none(text):
     assert parse_unit(text) is None
 
 
+@pytest.mark.parametrize(('position', 'factor'), [
+    ('Laser (in mm)', 1e-3), ('stroke_mm', 1e-3), ('Reading [deg]', math.pi / 180.0), ('x7', 1.0)])
+def test_a_column_that_the_user_names_has_the_unit_in_its_name(position, factor):
+    use = assign(['time', position, 'Force (in V)', 'Force (in N)'],
+                 Layout({'position': position}), 'log')
+    assert use.of('position', '').factor == pytest.approx(factor)
+    assert use.linear == (factor == 1e-3)
+    # Of one quantity in two units, the one that is a unit of it.
+    assert use.of('effort', '').name == 'Force (in N)'
+    with pytest.raises(InputError, match="'V' does not tell what a position of 1 is"):
+        assign(['time', 'Laser (in V)', 'tau'], Layout({'position': 'Laser (in V)'}), 'log')
+
+
 def test_siblings_of_named_columns_are_other_joints():
     use = assign(UR, Layout({'position': 'actual_q_1', 'current': 'actual_current_1'}), 'log')
     assert (use.joints, use.chosen) == (['0', '1'], '1')
@@ -116,6 +133,11 @@ def test_siblings_of_named_columns_are_other_joints():
     # Names that say nothing are siblings by their numbers.
     other = assign(['t', 'x7', 'x8', 'y7', 'y8'], Layout({'position': 'x8', 'effort': 'y8'}), 'log')
     assert (other.joints, other.chosen, other.of('effort', '7').name) == (['7', '8'], '8', 'y7')
+    # So they are where words beside the numbers differ.
+    read = [f'{what}_{k}' for what in ('pos_read', 'curr') for k in (1, 2)]
+    motor = assign(read, Layout({'position': 'pos_read_2', 'effort': 'curr_2'}, rate=1.0), 'log')
+    assert len(motor.joints) == 2
+    assert motor.of('effort', motor.joints[0]).name == 'curr_1'
     # The user may name the joint.
     layout = Layout({'position': 'actual_q_1', 'current': 'actual_current_1'}, joint='elbow')
     assert assign(UR, layout, 'log').joints == ['0', 'elbow']

@@ -68,6 +68,20 @@ def test_a_friction_below_zero_is_no_friction(ends, found):
     assert ('negative_friction' in said) == found
 
 
+@pytest.mark.parametrize(('size', 'code', 'grade'), [
+    (1e-4, 'hardly_moved', 'record again'), (0.1, 'coarse', 'trust in part')])
+def test_a_joint_that_only_gave_way_has_shown_no_friction(size, code, grade):
+    # Torques that bend a gear over 20 steps of an encoder, and the same over as many coarse steps.
+    motion = swings(3)
+    step = np.ptp(motion.position) / 20.0
+    steps = step * np.round(motion.position / step + 0.2 * noise(motion, 1.0))
+    current = np.tanh(motion.velocity / 0.02) + motion.velocity + motion.position + noise(motion)
+    report = refine([motion.with_(position=size * steps, current=current, velocity=None,
+                                  acceleration=None)], drive=DRIVE).report
+    assert code in codes(report)
+    assert (report.verdict == 'record again') == (grade == 'record again')
+
+
 def test_a_load_of_the_other_sign_does_not_double_the_weight():
     """The link's torque, as the sensor shows it, is what the motor carries, and no push."""
     motion = swings(2, 60.0)

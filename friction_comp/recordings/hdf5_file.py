@@ -35,6 +35,23 @@ def is_hdf5(path: Path) -> bool:
         return _SIGNATURE in file.read(1024)
 
 
+def one_length(sizes: dict[str, int], path: Path) -> int:
+    """Return the length of columns with these; raises InputError if they have several."""
+    size = max(sizes.values(), default=0)
+    if set(sizes.values()) - {size}:
+        raise InputError(
+            f'{path}: its arrays differ in length: ' + ', '.join(
+                f'{name} {count}' for name, count in sizes.items())
+            + '; name those of one clock with --columns time=NAME,position=NAME,effort=NAME')
+    return size
+
+
+def fault_of_objects(names: Sequence[str]) -> str:
+    """Return why objects of MATLAB, such as a timeseries or a Dataset of Simulink, are no table."""
+    return (f'{names[0]!r} is an object of MATLAB, which only MATLAB reads: save it as a table, '
+            f'for instance writetimetable(extractTimetable({names[0]}), "log.csv")')
+
+
 class Hdf5(Table):
     """An HDF5 file; only what is asked for is read."""
 
@@ -43,9 +60,11 @@ class Hdf5(Table):
         self._file = library_for(
             path, 'h5py', 'hdf5', 'HDF5 files, and MATLAB files of version 7.3,').File(path, 'r')
         self._episodes: dict[str, dict[str, _Place]] = {}
+        self._objects: list[str] = []
         self._file.visititems(self._add)
         if not self._episodes:
-            raise InputError(f'{path}: holds no table of numbers')
+            raise InputError(f'{path}: ' + (fault_of_objects(self._objects) if self._objects
+                                            else 'holds no table of numbers'))
         if len(self._episodes) > 1:
             # Beside episodes only numbers are of use, which hold for all of them.
             for name, place in self._episodes.pop('', {}).items():
@@ -61,6 +80,9 @@ class Hdf5(Table):
         # What MATLAB calls #refs# is no signal.
         if getattr(item, 'dtype', None) is None or item.dtype.kind not in 'biuf' or (
                 item.ndim > 2 or not item.size or '#' in name):
+            return
+        if 'MATLAB_object_decode' in item.attrs:
+            self._objects.append(name)
             return
         parts = name.split('/')
         own = [part for part in parts if re.search(r'\d', part) and is_episode(part)]
@@ -90,13 +112,16 @@ class Hdf5(Table):
 
     def _rows(self, places: dict[str, _Place], wanted: Sequence[str]) -> int:
         # Of its own, the number of an episode has no length.
-        sizes = {name: max(self._file[places[name][0]].shape, default=1)
-                 for name in ([*wanted] if {*wanted} & {*places} else self.names) if name in places}
-        size = max(sizes.values(), default=0)
-        if set(sizes.values()) - {1, size}:
-            raise InputError(f'{self.path}: its datasets differ in length: ' + ', '.join(
-                f'{name} {count}' for name, count in sizes.items()))
-        return size
+        sizes = self.sizes(wanted if {*wanted} & {*places} else self.names, places)
+        return one_length({name: size for name, size in sizes.items() if size > 1},
+                          self.path) or max(sizes.values(), default=0)
+
+    def sizes(self, names: Sequence[str], places: dict[str, _Place] | None = None
+              ) -> dict[str, int]:
+        """Return how many values columns have in an episode, the first by default."""
+        places = places or next(iter(self._episodes.values()))
+        return {name: max(self._file[places[name][0]].shape, default=1)
+                for name in names if name in places}
 
     def _values(self, number: int, places: dict[str, _Place], wanted: Sequence[str], first: int,
                 last: int) -> dict[str, np.ndarray]:

@@ -20,9 +20,9 @@ import numpy as np
 from friction_comp.column_names import read_name
 from friction_comp.errors import InputError
 from friction_comp.files import library_for
-from friction_comp.layout import TABLES
+from friction_comp.layout import column_called, Layout, TABLES
 from friction_comp.recordings.csv_file import Csv
-from friction_comp.recordings.hdf5_file import Hdf5, is_hdf5
+from friction_comp.recordings.hdf5_file import fault_of_objects, Hdf5, is_hdf5, one_length
 from friction_comp.recordings.item_names import item_names
 from friction_comp.recordings.row_groups import EPISODE
 from friction_comp.recordings.table_base import Columns, Table
@@ -47,6 +47,19 @@ def open_table(path: Path) -> Table:
         if name.endswith(suffix):
             return Arrays(path, load(path))
     return Csv(path)
+
+
+def of_one_clock(table: Table, layout: Layout, where: str) -> list[str]:
+    """Return a table's columns without those of other lengths than what the user named.
+
+    A log may hold signals of several clocks: those of another are none of the named one's.
+    """
+    named = [column_called(name, table.names, where) for name in layout.columns.values()]
+    if not named or not isinstance(table, (Arrays, Hdf5)):
+        return table.names
+    sizes = table.sizes(table.names)
+    most = max(sizes.get(name, 1) for name in named)
+    return [name for name in table.names if sizes.get(name, 1) in (1, most) or name in named]
 
 
 def with_parts(paths: Sequence[Path]) -> list[Path]:
@@ -91,19 +104,23 @@ def _names(files: Sequence[Path]) -> dict[Path, str]:
 
 
 def _one_signal(path: Path) -> bool:
-    """Return whether no two columns of a file name different signals."""
-    return len({read_name(name).signal for name in open_table(path).names} - {''}) <= 1
+    """Return whether no two columns of a file name different signals, but for its time."""
+    signals = {read_name(name).signal for name in open_table(path).names}
+    return len(signals - {''}) <= 1 or len(signals - {'', 'time'}) <= 1
 
 
 def _joined(path: Path, parts: Sequence[Path]) -> Columns:
-    columns: Columns = {}
     names = _names(parts)
+    tables: list[Columns] = []
     for part in parts:
         table = open_table(part)
-        for k, (name, values) in enumerate(table.whole(table.names).items()):
-            own = read_name(name).signal
-            columns[name if own else names[part] if len(table.names) == 1
-                    else f'{names[part]}_{k + 1}'] = values
+        own = [name for name in table.names if read_name(name).signal]
+        number = {name: k + 1 for k, name in enumerate(n for n in table.names if n not in own)}
+        tables.append({
+            name if name in own else names[part] if len(table.names) == 1
+            else f'{names[part]}_{number[name]}': values
+            for name, values in table.whole(table.names).items()})
+    columns = _by_time(tables)
     sizes = {len(values) for values in columns.values()}
     times = min(sizes)
     if len(sizes) != 2 or max(sizes) % times:
@@ -113,6 +130,25 @@ def _joined(path: Path, parts: Sequence[Path]) -> Columns:
         [(name, values)] if len(values) == times else
         [(f'{name}_{k + 1}', values[k::len(values) // times])
          for k in range(len(values) // times)] for name, values in columns.items()))
+
+
+def _by_time(tables: Sequence[Columns]) -> Columns:
+    """Return the columns of tables; with other times each, a row has the values of one of them."""
+    clocks = [next((name for name in table if read_name(name).signal == 'time'), '')
+              for table in tables]
+    times = [table.get(clock, np.empty(0)) for table, clock in zip(tables, clocks)]
+    if not all(clocks) or all(np.array_equal(times[0], time) for time in times):
+        return {name: values for table in tables for name, values in table.items()
+                if name == max(clocks, key=bool) or name not in clocks}
+    every = np.concatenate(times)
+    order, ends = np.argsort(every, kind='stable'), np.cumsum([len(time) for time in times])
+    sparse = {clocks[0]: every}
+    for table, clock, end in zip(tables, clocks, ends):
+        for name in table:
+            if name != clock:
+                sparse[name] = np.full(len(every), np.nan)
+                sparse[name][end - len(table[name]):end] = table[name]
+    return {name: values[order] for name, values in sparse.items()}
 
 
 class Parquet(Table):
@@ -169,12 +205,13 @@ class Arrays(Table):
         super().__init__(path)
         self._columns, self.names = columns, list(columns)
 
+    def sizes(self, names: Sequence[str]) -> dict[str, int]:
+        """Return how many values each column has, 1 for a number."""
+        return {name: self._columns[name].size for name in names}
+
     def blocks(self, wanted: Sequence[str], rows: int) -> Iterator[tuple[Columns, float]]:
-        sizes = {name: len(self._columns[name]) for name in wanted if self._columns[name].ndim}
-        size = max(sizes.values(), default=0)
-        if set(sizes.values()) - {size}:
-            raise InputError(f'{self.path}: its arrays differ in length: ' + ', '.join(
-                f'{name} {count}' for name, count in sizes.items()))
+        size = one_length(self.sizes([name for name in wanted if self._columns[name].ndim]),
+                          self.path)
         for first in range(0, size, rows):
             part = slice(first, first + rows)
             yield ({name: self.numbers(np.broadcast_to(self._columns[name], size)[part], name)
@@ -265,12 +302,18 @@ def _npy(path: Path) -> Columns:
 
 def _mat(path: Path) -> Columns:
     from scipy.io import loadmat
+    from scipy.io.matlab import MatlabOpaque
 
     try:
         content = loadmat(path, struct_as_record=True, squeeze_me=True)
     except (IndexError, TypeError, ValueError):
         raise InputError(f'{path}: not a readable MATLAB file') from None
-    return _flat((name, value) for name, value in content.items() if not name.startswith('__'))
+    objects = [name for name, value in content.items() if isinstance(value, MatlabOpaque)]
+    columns = _flat((name, value) for name, value in content.items()
+                    if not name.startswith('__') and name not in objects)
+    if objects and not columns:
+        raise InputError(f'{path}: {fault_of_objects(objects)}')
+    return columns
 
 
 def _json(path: Path) -> Columns:

@@ -21,10 +21,11 @@ from friction_comp.layout import Layout
 from friction_comp.recordings.row_groups import column_of_episodes, column_of_joints, Episodes
 from friction_comp.recordings.row_times import in_no_order
 from friction_comp.recordings.scan import Scan, Track
+from friction_comp.recordings.sparse_rows import gathered
 from friction_comp.recordings.storage import unreadable_on_error
 from friction_comp.recordings.table_base import Columns
-from friction_comp.recordings.table_files import open_table, pyarrow_of
-from friction_comp.recordings.told_units import angle_fault, time_fault, unit_of_dates
+from friction_comp.recordings.table_files import of_one_clock, open_table, pyarrow_of
+from friction_comp.recordings.told_units import angle_fault, rate_fault, time_fault, unit_of_dates
 from friction_comp.samples import Samples
 from friction_comp.topics import TOPICS, TORQUE_UNIT
 from friction_comp.units import unit_factor
@@ -51,6 +52,7 @@ class TableScanner:
         self._layout = layout or Layout()
         with unreadable_on_error(path):
             self._table = open_table(path)
+        self._table.names = of_one_clock(self._table, self._layout, str(path))
         self._use = assign(self._table.names, layout, str(path))
         self._whose = self._column_of_joints()
         self._episode, self._episodes = self._column_of_episodes(), Episodes()
@@ -97,7 +99,8 @@ class TableScanner:
                     if not rows:
                         self._check_first(columns)
                     self._leave_out_raw(columns)
-                    time, order = self._times(columns, rows), rows + np.arange(size)
+                    columns, time = self._whole_rows(columns, self._times(columns, rows))
+                    order = rows + np.arange(len(time))
                     if self._episode is not None:
                         time = self._episodes.apart(columns[self._episode], time)
                     tracks = list(self._tracks(columns, time, order) if self._whose is None
@@ -164,6 +167,21 @@ class TableScanner:
                                  f'in {column.unit}: give their unit, for instance --unit time=ns')
             elif not column.stated and (fault := time_fault(values)):
                 raise InputError(f'{said} {fault}, or the rows per second with --rate')
+            elif 'time' not in self._layout.units and (fault := rate_fault(values, column.unit)):
+                raise InputError(f'{said} {fault}')
+
+    def _whole_rows(self, columns: Columns, time: np.ndarray) -> tuple[Columns, np.ndarray]:
+        """Return columns and times, s, of rows that hold position and effort."""
+        of = self._use.of
+        pairs = [(effort.name, position.name) for joint in self._use.joints
+                 if (effort := of('effort', joint)) and (position := of('position', joint))]
+        if self._whose is not None:
+            return columns, time
+        columns, time, rarest = gathered(columns, time, pairs)
+        note = (f'rows hold few values each: those with {rarest} are used, the others are '
+                'interpolated to their times')
+        self._use.notes += [note] if rarest and note not in self._use.notes else []
+        return columns, time
 
     def _leave_out_raw(self, columns: Columns) -> None:
         """Deal with whole numbers without a unit, such as a register's: they are no SI values.

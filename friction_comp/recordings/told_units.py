@@ -13,6 +13,7 @@ import math
 import numpy as np
 
 from friction_comp.statistics import smallest_step
+from friction_comp.units import unit_factor
 
 # Turns of units other than rad: values wrap around at them, and encoders divide them.
 _TURNS = {'turn': 1.0, 'deg': 360.0}
@@ -25,6 +26,8 @@ _ON_GRID, _OFF_GRID = 0.05, 0.2
 _FEWEST_STEPS = 100
 # Dates of recordings, s since 1970: 1990 to 2040; and the times between two rows of one, s.
 _DATES, _ROWS = (6.3e8, 2.2e9), (1e-6, 1.0)
+# Shortest time from row to row that the states of a joint have, on average, s.
+_SHORTEST = 1e-5
 # A weight in another unit must leave so much less than one in rad, and than none, of the variance.
 _LESS = 0.25
 # Time over which rates are averaged before accelerations are compared, s.
@@ -101,6 +104,21 @@ def unit_of_dates(time: np.ndarray) -> str:
                 and _ROWS[0] < factor * np.median(steps) < _ROWS[1]):
             return unit
     return ''
+
+
+def rate_fault(time: np.ndarray, unit: str) -> str:
+    """Return what tells that times, shape (N,), are not in the unit that their name says, or in s.
+
+    It is '' if nothing does.
+    """
+    time = time[np.isfinite(time)]
+    mean = float(np.ptp(time)) / (len(time) - 1) if len(time) > 1 else 0.0
+    if not 0.0 < mean * unit_factor('time', unit) < _SHORTEST:
+        return ''
+    other = next(other for other in reversed(_UNITS_OF_TIME) if (
+        other == 's' or _UNITS_OF_TIME[other] * mean >= _SHORTEST))
+    return (f'has rows {mean:.3g} apart, too close to be {unit}: give its unit, for instance '
+            f'--unit time={other}, or time={unit}')
 
 
 def time_fault(time: np.ndarray) -> str:

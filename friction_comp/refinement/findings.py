@@ -72,6 +72,10 @@ _FINDINGS = {
         'units of velocity'),
     'coarse': (
         IN_PART, '{reason}', 'record the motor-side encoder, or move over a wider range'),
+    'hardly_moved': (
+        AGAIN, 'The joint hardly moved: over {steps:.0f} steps of its encoder, at {speed:.2g} '
+        'rad/s at most. It may only have given way, and what is called friction may be elastic.',
+        'move further and faster, until the joint slides'),
     'one_direction': (
         IN_PART, 'Motion was in one direction only: Coulomb friction cannot be distinguished from '
         'an offset.', 'move in both directions'),

@@ -28,7 +28,7 @@ from friction_comp.refinement.result import Errors, Finding, FoundEffect, Predic
 from friction_comp.refinement.search import Search
 from friction_comp.refinement.stability import Disagreement, POSTURE, RECORDING
 from friction_comp.samples import Samples
-from friction_comp.signal_checks import velocity_fault, velocity_ratios
+from friction_comp.signal_checks import STANDSTILL, velocity_fault, velocity_ratios
 from friction_comp.statistics import rms, robust_std
 
 STEPS = 'steps of the velocity'
@@ -291,7 +291,9 @@ def findings_on_recording(rows: Rows, raw: Samples) -> Iterator[Finding]:
     if is_helped_person(raw):
         yield finding('helped_person')
     coarse = too_coarse(coverage)
-    if coarse:
+    if coarse and coverage.speed < STANDSTILL:
+        yield finding('hardly_moved', steps=coverage.distinct_positions, speed=coverage.speed)
+    elif coarse:
         yield finding('coarse', reason=coarse)
     if coverage.passed_again < thresholds.PASSED_AGAIN:
         yield finding('passed_once')

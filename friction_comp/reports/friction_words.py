@@ -53,7 +53,8 @@ def _row(friction: FrictionNumbers, key: str, remark: str) -> NumberRow:
     in_torque = 'kg·m²' if key == 'inertia' else own_unit.replace('A', 'N·m', 1)
     own = in_torque if unit == 'N·m' else own_unit.replace('A', unit, 1)
     torque = ''
-    if gain and unit != 'N·m':
+    # A force in N is that of a linear axis, whose N·m are N.
+    if gain and unit not in ('N·m', 'N'):
         scaled = None if ends is None else [gain * end for end in ends]
         text, interval = _texts(gain * value, scaled, in_torque)
         torque = f'{text} ({interval})' if scaled else text

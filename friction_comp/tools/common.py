@@ -41,6 +41,20 @@ class _Once(argparse.Action):
         setattr(namespace, self.dest, values)
 
 
+class _OneRecording(argparse.Action):
+    """Several files are one recording if they hold a signal each."""
+
+    def __call__(self, parser: Any, namespace: Namespace, values: Any,
+                 option: str | None = None) -> None:
+        from friction_comp.recordings.table_files import with_parts
+
+        whole = with_parts(values) if len(values) > 1 else values
+        if len(whole) > 1:
+            raise InputError(f'{whole[1]}: a recording too many: give one, or the tables with a '
+                             'signal each that are one')
+        setattr(namespace, self.dest, whole[0])
+
+
 class _Joined(argparse.Action):
     """Joins the pairs of an option that is given several times."""
 
@@ -89,7 +103,7 @@ class Arguments(argparse.ArgumentParser):
         """Add the arguments for recordings: RECORDING, --joint, --columns and --unit."""
         self.add_argument(
             'recordings' if several else 'recording', metavar='RECORDING',
-            type=Path, nargs='+' if several else None,
+            type=Path, nargs='+', action='store' if several else _OneRecording,
             help='rosbag2 folder, .mcap or .bag file, table (.csv, .txt, .parquet, .npz, .npy, '
             '.mat, .h5, .hdf5, .json, .jsonl; several with a signal each are one)' + (
                 ', or folder of recordings other than tables' if several else ''))

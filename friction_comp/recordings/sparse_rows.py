@@ -1,0 +1,48 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Reads rows that hold a value or two each, as they came, with empty cells for the other signals.
+
+So logs of several topics are written as one table, and several files with times of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from friction_comp.recordings.time_base import gap_length
+
+# Share of the rows of the rarest signal that hold the others, too, where rows are whole.
+_WHOLE = 0.5
+
+
+def gathered(columns: Mapping[str, np.ndarray], time: np.ndarray,
+             pairs: Sequence[tuple[str, str]]) -> tuple[dict[str, np.ndarray], np.ndarray, str]:
+    """Return columns, each of shape (T,), and times, s, of the rows that hold the rarest signal.
+
+    Signals that these rows lack are interpolated. Where rows hold the effort and the position of
+    each of the `pairs` together, all are returned as they are. The third item is the rarest column,
+    '' then. Of an effort, whose noise counts, and a position that is as rare, it is the effort.
+    """
+    known = {name: np.isfinite(columns[name]) & np.isfinite(time)
+             for pair in pairs for name in pair}
+    if all((known[one] & known[other]).sum() > _WHOLE * min(known[one].sum(), known[other].sum())
+           for one, other in pairs) or not all(values.any() for values in known.values()):
+        return dict(columns), time, ''
+    rarest = min(known, key=lambda name: int(known[name].sum()))
+    at = np.sort(time[known[rarest]])
+    return {name: _at(values, time, at) for name, values in columns.items()}, at, rarest
+
+
+def _at(values: np.ndarray, time: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Return values at other times, NaN in gaps."""
+    known = np.isfinite(values) & np.isfinite(time)
+    order = np.argsort(time[known], kind='stable')
+    own, values = time[known][order], values[known][order]
+    if len(own) < 2:
+        return np.full(len(at), values[0] if len(own) else np.nan)
+    later = np.clip(np.searchsorted(own, at), 1, len(own) - 1)
+    gap = own[later] - own[later - 1] > gap_length(np.diff(own))
+    return np.where(gap & (at != own[later]) & (at != own[later - 1]), np.nan,
+                    np.interp(at, own, values, left=np.nan, right=np.nan))
