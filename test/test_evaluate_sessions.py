@@ -17,11 +17,9 @@ from test_evaluate import PERIOD, REST, trial as made_trial
 
 from friction_comp.__main__ import run
 from friction_comp.errors import InputError
-from friction_comp.evaluation.compare import share_interval
 from friction_comp.evaluation.conditions import evaluate
 from friction_comp.evaluation.ensemble import Ensemble
 from friction_comp.evaluation.movements import spectral_arc_length
-from friction_comp.evaluation.neighbours import mean_interval
 from friction_comp.evaluation.sessions import evaluate_pieces, evaluate_recordings, pieces_of
 from friction_comp.files import write_yaml
 from friction_comp.model.friction_model import arm_document
@@ -146,31 +144,6 @@ def test_a_joint_that_stuck_took_more_than_was_given():
     assert 'less**, of torques that did not always suffice' in words
     assert 'at least' not in words
     assert 'at most' not in words
-
-
-def test_a_difference_is_found_and_chance_is_not_taken_for_one():
-    plain, helped = trial([1.2 + 0.05 * k for k in range(10)]), both([0.5] * 10)
-    evaluation = evaluate([plain, helped])
-    comparison = next(c for c in evaluation.comparisons if c.figure == 'peak_torque')
-    assert comparison.significant
-    assert comparison.difference.high < -0.5
-    assert comparison.pairs == 10
-    wrong = 0
-    for seed in range(20):
-        random = np.random.default_rng(seed)
-        first = trial(1.0 + 0.1 * random.normal(size=8))
-        second = trial(1.0 + 0.1 * random.normal(size=8), directions=[1, -1] * 4)
-        wrong += any(c.significant for c in evaluate([first, second]).comparisons
-                     if c.figure == 'peak_torque')
-    # At most one in twenty by design; more than three would be one in sixty runs.
-    assert wrong <= 3
-
-
-def test_a_single_value_and_a_share_have_the_intervals_they_can_have():
-    assert mean_interval([2.0]).low is None
-    share = share_interval(0, 10)
-    assert (share.mean, share.low) == (0.0, pytest.approx(0.0, abs=1e-12))
-    assert 0.2 < share.high < 0.35
 
 
 def test_averages_end_with_their_shortest_repetition():

@@ -54,9 +54,9 @@ class Chain:
             if joint.nv != 1:
                 raise InputError(f'joint {joints[index - 1]!r} of the URDF is neither revolute '
                                  'nor prismatic')
-            own = joint.createData()
-            joint.calc(own, self._library.neutral(self._model)[joint.idx_q:joint.idx_q + joint.nq])
-            subspace = np.asarray(own.S, dtype=float).reshape(6)
+            # In the joint's own frame, its column of its Jacobian is how it moves.
+            subspace = self._library.computeJointJacobian(
+                self._model, self._data, self._library.neutral(self._model), index)[:, joint.idx_v]
             prismatic = not subspace[3:].any()
             kinds.append('prismatic' if prismatic else 'revolute')
             axes.append(subspace[:3] if prismatic else subspace[3:])
