@@ -123,8 +123,8 @@ def decode(type_name: str, payloads: Sequence[bytes]
     lengths = np.fromiter(map(len, payloads), dtype=np.int64, count=len(payloads))
     for length in np.unique(lengths):
         index = np.nonzero(lengths == length)[0]
-        block = np.frombuffer(b''.join([payloads[int(i)] for i in index]), dtype=np.uint8)
-        block = block.reshape(len(index), length)
+        block = np.frombuffer(b''.join([payloads[int(i)] for i in index]), dtype=np.uint8
+                              ).reshape(len(index), length)
         while len(index):
             try:
                 cursor = _Cursor(bytes(block[0]))

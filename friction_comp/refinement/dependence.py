@@ -102,8 +102,8 @@ def explained_share(residual: np.ndarray, cells: np.ndarray, block: np.ndarray) 
     longer than the correlation time, so that without a dependence their signs are independent.
     """
     count, rows = int(cells.max()) + 1, int(block.max()) + 1
-    table = np.bincount(block * count + cells, residual, minlength=rows * count)
-    table = table.reshape(rows, count)
+    table = np.bincount(block * count + cells, residual, minlength=rows * count
+                        ).reshape(rows, count)
     weight = 1.0 / np.maximum(np.bincount(cells, minlength=count), 1)
     power = float(residual @ residual)
     explained = float(weight @ np.sum(table, axis=0) ** 2) / power

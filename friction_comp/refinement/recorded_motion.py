@@ -56,7 +56,7 @@ def plain_columns(samples: Samples, transitions: Sequence[float] = (),
     v, q = np.asarray(samples.velocity), samples.position
     transitions = transitions or np.percentile(np.abs(v), 95) * np.array(TRANSITIONS)
     columns = [np.ones_like(v), *(np.tanh(v / width) for width in transitions), v,
-               samples.acceleration, np.cos(q), np.sin(q)]
+               np.asarray(samples.acceleration), np.cos(q), np.sin(q)]
     if np.ptp(q) < 2.0:
         columns.append(q)
     for load in (samples.load, samples.rigid_body):
