@@ -235,8 +235,9 @@ def test_a_joint_state_passes_few_files_on_its_way_to_the_port():
         assert desk.state()[0] > 0.1
     finally:
         sys.setprofile(None)
-    assert files == {'compensation_loop', 'inputs', 'joint_states', 'watchdog', 'slow_inputs',
-                     'law', 'law_kernel'}
+    # From Python 3.12 on, compiled code does not show.
+    assert files - {'law_kernel'} == {
+        'compensation_loop', 'inputs', 'joint_states', 'watchdog', 'slow_inputs', 'law'}
 
 
 def test_a_late_or_repeated_state_changes_nothing():
