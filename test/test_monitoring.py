@@ -44,7 +44,7 @@ def watched(data, batch=100, model=MODEL):
     for begin in range(0, len(data), batch):
         part = data[begin:begin + batch]
         residual.add(part)
-        yield part[-1, 0], residual.monitor.verdict()
+        yield part[-1, 0], residual.verdict()
 
 
 @pytest.mark.slow
@@ -120,7 +120,7 @@ def test_a_signal_that_the_model_needs_and_nobody_measures_is_said():
     residual = LiveResidual(model)
     residual.add(rows(30.0))
     assert 'load' in residual.blind
-    assert not residual.monitor.verdict().known
+    assert not residual.verdict().known
     # However long it lasts, what cannot be compared is not kept.
     residual.add(rows(60.0)[len(rows(30.0)):])
     assert len(residual._rows) < len(rows(5.0))
@@ -135,8 +135,8 @@ def test_the_verdict_does_not_depend_on_how_samples_are_grouped(sizes, seed):
     for size in [*sizes, len(data)]:
         parts.add(data[begin:begin + size])
         begin += size
-    assert parts.monitor.verdict().known == whole.monitor.verdict().known
-    assert parts.monitor.verdict().share == pytest.approx(whole.monitor.verdict().share, abs=0.02)
+    assert parts.verdict().known == whole.verdict().known
+    assert parts.verdict().share == pytest.approx(whole.verdict().share, abs=0.02)
 
 
 def test_time_that_begins_anew_and_rows_without_numbers_do_no_harm():
@@ -147,7 +147,7 @@ def test_time_that_begins_anew_and_rows_without_numbers_do_no_harm():
     residual.add(np.empty((0, 6)))
     residual.add(broken)
     residual.add(data)
-    assert residual.monitor.verdict().fits
+    assert residual.verdict().fits
 
 
 def test_a_tolerance_of_nothing_is_refused():

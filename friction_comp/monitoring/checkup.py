@@ -355,7 +355,7 @@ def _check_fit(seen: Observation, joint: str, model: FrictionModel, rows: np.nda
                         'that of position and velocity, in the driver before compensating')]
     residual = LiveResidual(model)
     residual.add(rows)
-    verdict = residual.monitor.verdict()
+    verdict = residual.verdict()
     level, do = WARNING, 'check torque constant and gear ratio, then refine the model'
     if residual.blind:
         level, do = NOTE, ''

@@ -12,7 +12,7 @@ import numpy as np
 from friction_comp.errors import InputError
 from friction_comp.model.differentiation import as_recorded, DEFAULT_SETTINGS, differentiate
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.monitoring.residual_monitor import ResidualMonitor
+from friction_comp.monitoring.residual_monitor import ModelFit, ResidualMonitor
 from friction_comp.samples import Samples
 
 # s before the new rows that are computed again to let filters and effect states settle, and s at
@@ -103,6 +103,10 @@ class LiveResidual:
             if np.isfinite(rows[:, index]).all()}
         samples = Samples(time=rows[:, 0], position=rows[:, 1], current=rows[:, 3], **measured)
         return samples.with_(current=self.model.measured(samples))
+
+    def verdict(self) -> ModelFit:
+        """Return the verdict of the monitor."""
+        return self.monitor.verdict()
 
 
 class JointWatch:

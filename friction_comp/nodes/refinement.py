@@ -179,7 +179,7 @@ class RefinementNode(Node):
         ended = watch.end_trial()
         if ended is not None:
             self._to_unload[joint] = watch.file, *ended
-        verdict = watch.residual.monitor.verdict()
+        verdict = watch.residual.verdict()
         if verdict.fits != self._fits[joint]:
             self._fits[joint] = verdict.fits
             log = self.get_logger().info if verdict.fits else self.get_logger().warning
@@ -296,7 +296,7 @@ class RefinementNode(Node):
                   'last goal': self._last_result, 'last refusal': self._last_refusal}
         misfits = []
         for joint, watch in self._watches.items():
-            verdict = watch.residual.monitor.verdict()
+            verdict = watch.residual.verdict()
             text = watch.residual.blind or verdict.text
             values.update({f'{joint}: residual': text,
                            f'{joint}: error as a share of the friction': float(verdict.share),
