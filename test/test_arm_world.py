@@ -24,6 +24,8 @@ def seed(request):
 @pytest.fixture(scope='module')
 def drawn(pinocchio, seed):
     from arm_world.recording import case
+    if SEEDS[seed] == 'swing' and not hasattr(pinocchio.Model, 'armature'):
+        pytest.skip('Pinocchio 2 knows no rotors in forward dynamics')
     found = case(seed, LONGEST)
     assert found.kind == SEEDS[seed]
     return found
