@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from friction_comp.recordings.time_base import gap_length
+from friction_comp.recordings.time_base import at_times
 
 # Share of the rows of the rarest signal that hold the others, too, where rows are whole.
 _WHOLE = 0.5
@@ -36,13 +36,11 @@ def gathered(columns: Mapping[str, np.ndarray], time: np.ndarray,
 
 
 def _at(values: np.ndarray, time: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Return values at other times, NaN in gaps."""
+    """Return values at other times, NaN in gaps and beyond the ends; a single value is constant."""
     known = np.isfinite(values) & np.isfinite(time)
     order = np.argsort(time[known], kind='stable')
-    own, values = time[known][order], values[known][order]
-    if len(own) < 2:
-        return np.full(len(at), values[0] if len(own) else np.nan)
-    later = np.clip(np.searchsorted(own, at), 1, len(own) - 1)
-    gap = own[later] - own[later - 1] > gap_length(np.diff(own))
-    return np.where(gap & (at != own[later]) & (at != own[later - 1]), np.nan,
-                    np.interp(at, own, values, left=np.nan, right=np.nan))
+    if not len(order):
+        return np.full(len(at), np.nan)
+    own = time[known][order]
+    beyond = (len(own) > 1) & ((at < own[0]) | (at > own[-1]))
+    return np.where(beyond, np.nan, at_times(at, own, values[known][order]))

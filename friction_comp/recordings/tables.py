@@ -172,11 +172,11 @@ class TableScanner:
 
     def _whole_rows(self, columns: Columns, time: np.ndarray) -> tuple[Columns, np.ndarray]:
         """Return columns and times, s, of rows that hold position and effort."""
+        if self._whose is not None:
+            return columns, time
         of = self._use.of
         pairs = [(effort.name, position.name) for joint in self._use.joints
                  if (effort := of('effort', joint)) and (position := of('position', joint))]
-        if self._whose is not None:
-            return columns, time
         columns, time, rarest = gathered(columns, time, pairs)
         note = (f'rows hold few values each: those with {rarest} are used, the others are '
                 'interpolated to their times')

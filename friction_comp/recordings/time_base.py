@@ -121,6 +121,23 @@ def gap_length(steps: np.ndarray) -> float:
     return max(_GAP_STEPS * float(np.median(steps)), _GAP) if len(steps) else _GAP
 
 
+def at_times(times: np.ndarray, own: np.ndarray, values: np.ndarray, hole: float = 0.0
+             ) -> np.ndarray:
+    """Return values, shape (N,), interpolated from their `own` times, rising, to others, s.
+
+    They are NaN farther than a gap beyond the ends, and in gaps longer than `hole`, s.
+    """
+    interpolated: np.ndarray = np.interp(times, own, values)
+    if len(own) > 1:
+        steps = np.diff(own)
+        gap = gap_length(steps)
+        beyond = np.maximum(own[0] - times, times - own[-1])
+        following = np.searchsorted(own, times).clip(1, len(steps))
+        within = (steps[following - 1] > max(gap, hole)) & ~np.isin(times, own)
+        interpolated[(beyond > gap) | ((beyond <= 0.0) & within)] = np.nan
+    return interpolated
+
+
 def note_gaps(times: np.ndarray, notes: list[str]) -> None:
     """Note gaps in joint states; times in s, ascending, shape (N,)."""
     steps = np.diff(times)
@@ -204,15 +221,7 @@ class TimeBase:
         covered = (times >= other_times[0]) & (times <= other_times[-1])
         if len(other_times) > 1 and covered.mean() < 0.5:
             return None
-        interpolated: np.ndarray = np.interp(times - origin, other_times - origin, values)
-        if len(other_times) > 1:
-            steps = np.diff(other_times) / NANO
-            gap = gap_length(steps)
-            beyond = np.maximum(other_times[0] - times, times - other_times[-1])
-            following = np.searchsorted(other_times, times).clip(1, len(steps))
-            within = (steps[following - 1] > max(gap, hole)) & ~np.isin(times, other_times)
-            interpolated[(beyond > NANO * gap) | (covered & within)] = np.nan
-        return interpolated
+        return at_times((times - origin) / NANO, (other_times - origin) / NANO, values, hole)
 
 
 def other_signals(scan: Scan, joint: str, joints: list[str], base: TimeBase,
