@@ -246,7 +246,7 @@ def repeated(rng, period, times, joints, step=0.02):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('seed', [1, 5])
+@pytest.mark.parametrize('seed', [2, 4])
 def test_the_error_on_another_path_is_said_where_the_path_does_not_tell_the_terms(seed):
     """Parts of a path that is driven three times say nothing: of five joints, many terms fit it."""
     rng = np.random.default_rng(seed)

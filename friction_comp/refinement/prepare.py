@@ -156,13 +156,28 @@ def clipped(current: np.ndarray) -> np.ndarray:
     return mark
 
 
+def _cut(points: np.ndarray, parts: int) -> np.ndarray:
+    """Return which of equal parts across their longest axis points, shape (R, J), belong to."""
+    longest = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][0]
+    rank = np.argsort(np.argsort(points @ longest, kind='stable'), kind='stable')
+    return rank * parts // len(points)
+
+
 def regions_of(position: np.ndarray, count: float = thresholds.REGIONS) -> np.ndarray:
-    """Return the region of posture of each row, shape (R,), by joint positions, shape (R, J)."""
+    """Return the region of posture of each row, shape (R,), by joint positions, shape (R, J).
+
+    k-means starts from thirds of equal parts (by principal axes, like PCA-Part by Su and Dy 2007),
+    since random starts differ between versions of SciPy. `count` is a multiple of three.
+    """
     scaled = (position - position.mean(axis=0)) / (position.std(axis=0) + 1e-9)
+    region = 3 * _cut(scaled, int(count) // 3)
+    for part in range(0, int(count), 3):
+        region[region == part] += _cut(scaled[region == part], 3)
+    means = np.array([scaled[region == part].mean(axis=0) for part in range(int(count))])
     with warnings.catch_warnings():
         # Regions may be empty.
         warnings.simplefilter('ignore', UserWarning)
-        return np.asarray(kmeans2(scaled, int(count), minit='++', seed=0)[1])
+        return np.asarray(kmeans2(scaled, means, iter=20, minit='matrix')[1])
 
 
 def samples_per_row(samples: Samples, usable: int) -> int:
