@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 from test_evaluate import PERIOD, REST
-from test_evaluate_sessions import both, info_of, trial
+from test_evaluate_sessions import both, info_of
 
 from friction_comp.evaluation.compare import compare, share_interval, trends
 from friction_comp.evaluation.conditions import evaluate, MeasuredJoint
@@ -266,24 +266,6 @@ def test_a_direction_that_no_law_hears_is_no_second_way_to_do_without():
     evaluation = judged(repetitions)
     assert evaluation.pair() == (PLAIN, HELPED)
     assert 'not tested' not in verdict(evaluation)
-
-
-def test_a_difference_is_found_and_chance_is_not_taken_for_one():
-    plain, helped = trial([1.2 + 0.05 * k for k in range(10)]), both([0.5] * 10)
-    evaluation = evaluate([plain, helped])
-    comparison = next(c for c in evaluation.comparisons if c.figure == 'peak_torque')
-    assert comparison.significant
-    assert comparison.difference.high < -0.5
-    assert comparison.pairs == 10
-    wrong = 0
-    for seed in range(20):
-        random = np.random.default_rng(seed)
-        first = trial(1.0 + 0.1 * random.normal(size=8))
-        second = trial(1.0 + 0.1 * random.normal(size=8), directions=[1, -1] * 4)
-        wrong += any(c.significant for c in evaluate([first, second]).comparisons
-                     if c.figure == 'peak_torque')
-    # At most one in twenty by design; more than three would be one in sixty runs.
-    assert wrong <= 3
 
 
 def test_a_single_value_and_a_share_have_the_intervals_they_can_have():

@@ -146,14 +146,6 @@ def test_a_joint_that_stuck_took_more_than_was_given():
     assert 'at most' not in words
 
 
-def test_averages_end_with_their_shortest_repetition():
-    samples = trial([1.0] * 6)
-    evaluation = evaluate([samples.take(slice(0, -round(1.5 / STEP)))])
-    for condition in evaluation.conditions:
-        assert np.isfinite(condition.torque).all()
-        assert np.abs(np.diff(condition.torque)).max() < 0.3
-
-
 def test_without_a_torque_sensor_motion_and_current_still_speak():
     # The joint follows the reference, announced 0.5 s ahead, by a tenth of a second.
     samples = trial([1.0] * 8, directions=[1, -1] * 4)
@@ -339,15 +331,6 @@ def test_the_compensators_diagnostics_determine_the_condition(tmp_path):
         assert {(c.compensation.law, c.compensation.model, c.repetitions)
                 for c in evaluation.conditions} == {
             ('paper', 'old.yaml', 2), ('continuous', 'new.yaml', 2)}
-
-
-def test_each_joint_has_its_own_model_of_several():
-    both_files = Activity(0, 'active', 'paper', 'a.yaml, b.yaml', 'shoulder, elbow')
-    assert both_files.of('elbow').model == 'b.yaml'
-    assert both_files.of('shoulder').model == 'a.yaml'
-    assert both_files.of('wrist') == both_files
-    alone = Activity(0, 'active', 'paper', 'a.yaml')
-    assert alone.of('elbow') == alone
 
 
 def phase(message):

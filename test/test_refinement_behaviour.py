@@ -37,12 +37,6 @@ FED_BACK = {
     'temperature': ({'coefficient': 0.025, 'reference': 25.0}, 'temperature'),
     'hysteresis': ({'torque': 0.6, 'stiffness': 12.0}, 'history'),
 }
-# Effect of the library that describes it.
-LEFT_OUT = {
-    'inertia': ({'inertia': 0.2}, 'inertia'),
-    'torque_constant': ({'factor': 0.8}, 'load_torque'),
-    'warm_up': ({'share': 0.6, 'time_constant': 40.0}, 'warm_up'),
-}
 # Effects that influence the breakaway level, or seem to.
 STANDSTILL = ('stribeck', 'hysteresis', 'friction_ripple', 'direction')
 # Recorded under the servo, whose joint has inertia and stiction for refinement to tell apart as
@@ -166,17 +160,3 @@ def test_the_refined_model_makes_the_drive_easier_to_move(declared, name):
             assert farthest_untouched(
                 declared, with_breakaway_error(result.model), name, parameters,
                 direction) < np.radians(allowed)
-
-
-@pytest.mark.parametrize('name', LEFT_OUT)
-def test_what_cannot_be_fed_back_is_left_out_with_a_reason(declared, name):
-    parameters, described = LEFT_OUT[name]
-    result = refine(recordings(declared, name, parameters, 1), model=declared)
-    assert described in {effect.name for effect in result.model.effects}
-    reasons = {left: reason for _, left, reason in CompensationLaw([result.model]).left_out}
-    assert reasons[described]
-    # What is left of the model is still a compensation: the plain loop runs and stays finite.
-    torque, peak = moved_by_hand(declared, result.model, name, parameters)
-    torque_none, _ = moved_by_hand(declared, replace(result.model, effects=[]), name, parameters)
-    assert np.isfinite(peak)
-    assert torque < 1.2 * torque_none

@@ -8,7 +8,6 @@ import math
 
 import numpy as np
 import pytest
-from scipy.io import savemat
 from table_maker import swing, write
 
 from friction_comp import InputError, Layout, read_recording
@@ -102,15 +101,6 @@ def test_a_current_without_a_unit_is_taken_for_granted_too(tmp_path):
                  current=159.5 * np.sign(velocity))
     (_, info), = read_recording_with_info(path)
     assert 'current in A' in info.assumed
-
-
-def test_structs_of_structs_are_columns(tmp_path):
-    time, position, velocity = swing()
-    path = tmp_path / 'log.mat'
-    savemat(path, {'log': {'time': time[:, None], 'note': 'knee', 'joint': {
-        'q': position[:, None], 'motor': {'tau': np.sign(velocity)[:, None]}}}})
-    samples, = read_recording(path)
-    assert samples.position == pytest.approx(position)
 
 
 @pytest.mark.parametrize('name', ['log.xlsx', 'log.XLS', 'log.ods'])

@@ -224,15 +224,6 @@ def test_every_case_shows_in_a_recording_of_its_own(name):
     assert random_drive(11).model == drive.model
 
 
-def test_recordings_repeat_for_a_seed_and_differ_between_seeds():
-    drive = random_drive(2, ('stribeck',))
-    short = Excitation(duration=10.0, servo=True)
-    one, again, other = (record(drive, seed, short)[0].samples for seed in (1, 1, 2))
-    np.testing.assert_array_equal(one.current, again.current)
-    np.testing.assert_array_equal(one.position, again.position)
-    assert not np.array_equal(one.position, other.position)
-
-
 def test_example_file_is_read():
     extra = Undeclared.from_file(Path(__file__).parents[1] / 'config' / 'undeclared_example.yaml')
     assert len(extra.table) == 2

@@ -76,17 +76,6 @@ def test_the_current_at_rest_is_predicted_or_a_reason_stands_beside_it(name, dat
     assert bool(law.left_out) == bool(abs(said) > limit + 1e-9 or effect.not_fed_back)
 
 
-def test_the_weight_of_an_arm_is_that_of_the_same_gravity():
-    """5 kg at 0.2 m, with a drive of 11.9 N·m per A."""
-    torque = 5.0 * 9.81 * 0.2
-    per_torque = 1.0 / note_model(1).drive.torque_per_current
-    bodies = EFFECTS['rigid_body']({'coefficients': [per_torque]})
-    gravity = EFFECTS['gravity']({'coefficients': [torque * per_torque, 0.0]})
-    currents = [at_rest(CompensationLaw([loaded(effect, arm)]), 0.3) for effect, arm in (
-        (bodies, pendulum(5.0, 0.2)), (gravity, None))]
-    assert currents == pytest.approx([torque * per_torque * math.cos(0.3)] * 2)
-
-
 def test_what_a_limit_takes_from_the_weight_is_said():
     law = CompensationLaw([loaded(EFFECTS['rigid_body']({'coefficients': [0.1]}),
                                   pendulum(5.0, 0.5), 1.5)])
