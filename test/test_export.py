@@ -43,15 +43,6 @@ def exported(tmp_path, model, form):
     return path.read_text(encoding='utf-8')
 
 
-def test_friction_that_simulators_support_is_exported_exactly():
-    joint = simulator_joint(PLAIN)
-    assert joint.coulomb == pytest.approx(0.2 * GAIN, rel=1e-6)
-    assert joint.viscous == pytest.approx(0.1 * GAIN, rel=1e-6)
-    assert joint.inertia == pytest.approx(0.01 * GAIN)
-    assert loss_of(PLAIN, joint, 'mujoco').torque < 1e-6
-    assert joint.left_out == ['gravity: belongs to the links and what they touch']
-
-
 @pytest.mark.parametrize('steepness', [20.0, 126.0, 5000.0])
 def test_a_smooth_sign_change_is_not_read_as_viscous_friction(steepness):
     model = replace(PLAIN, effects=[], sigmoid=replace(PLAIN.sigmoid, steepness=steepness))

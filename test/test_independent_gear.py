@@ -235,31 +235,32 @@ def test_draws_are_reproducible_and_differ_between_the_halves():
     assert not np.any(first.gears['stiffness'] == other.gears['stiffness'])
 
 
-def quickly_identified(kind, seed, monkeypatch, sample_time=2e-3):
-    """Return what identification found of a gear by four ramps a direction, at 500 samples/s.
+@pytest.fixture
+def quickly_identified(monkeypatch):
+    """Return what identifies gears by four ramps a direction, at 500 samples/s.
 
-    The plant takes as many steps as at 1000.
+    The plant takes as many steps as at 1000. How other kinds of contact are read is tested in
+    `test_identification_ramps.py` and `test_presliding.py`.
     """
     monkeypatch.setattr('law_judge.identification.CYCLES', 4)
     seldom = SimpleNamespace(**{**vars(world), 'Plant': functools.partial(
-        Plant, sample_time=sample_time, steps=round(sample_time / 5e-5))})
-    return identification(replace(make_bank(world, [kind], 1, seed, 8), world=seldom))
+        Plant, sample_time=2e-3, steps=40)})
+    return lambda kind, seed: identification(
+        replace(make_bank(world, [kind], 1, seed, 8), world=seldom))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(('kind', 'seed'), [('maxwell_slip', 27), ('lugre', 25), ('dahl', 23)])
-def test_identification_finds_the_breakaway_of_a_gear_with_presliding(kind, seed, monkeypatch):
+def test_identification_finds_the_breakaway_of_a_gear_with_presliding(quickly_identified):
     """The motion before the slide, a millimetre or more at the rim, is not taken for the slide."""
-    # Friction of Dahl's kind creeps near its level; at 500 samples/s it is found 5 % too low.
-    for row in quickly_identified(
-            kind, seed, monkeypatch, *((1e-3,) if kind == 'dahl' else ())):
+    for row in quickly_identified('lugre', 25):
         # The floor for the presliding distance is not met yet: it is known to a third.
         assert row.met or ('presliding' in row.floor and row.value < 35.0), row
 
 
 @pytest.mark.slow
-def test_a_link_much_heavier_than_its_rotor_does_not_rattle_through_identification(monkeypatch):
-    rows = {row.floor: row for row in quickly_identified('lugre', 6, monkeypatch)}
+def test_a_link_much_heavier_than_its_rotor_does_not_rattle_through_identification(
+        quickly_identified):
+    rows = {row.floor: row for row in quickly_identified('lugre', 6)}
     assert rows['identification: kinetic off, worst'].value < 3.0, rows
 
 

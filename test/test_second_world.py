@@ -144,13 +144,6 @@ def test_same_seed_same_recording_and_another_seed_another():
         assert len(first) != len(other) or np.any(first.current != other.current)
 
 
-def test_fit_and_score_are_of_one_drive_in_other_motion():
-    case = draw('cogging', 0)
-    assert case.motions[0] != case.motions[1]
-    fit, score = (make(case, part)[1].recordings[0] for part in ('fit', 'score'))
-    assert len(fit) != len(score) or np.any(fit.position != score.position)
-
-
 @pytest.mark.parametrize('family', sorted(FAMILIES))
 def test_every_family_gives_finite_recordings(family):
     case = draw(family, 4)
@@ -161,12 +154,6 @@ def test_every_family_gives_finite_recordings(family):
         assert np.all(np.isfinite(one.current))
         assert np.all(np.isfinite(one.position))
         assert np.all(np.diff(one.time) >= 0)
-
-
-def test_coarse_encoders_have_tens_of_positions():
-    _, seen = make(draw('coarse_encoder', 0), 'fit')
-    positions = np.concatenate([s.position for s in seen.recordings])
-    assert 10 < len(np.unique(positions)) < 100
 
 
 def report(effects=(), unexplained=(), warnings=()):

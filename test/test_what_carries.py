@@ -76,6 +76,12 @@ def test_the_current_at_rest_is_predicted_or_a_reason_stands_beside_it(name, dat
     assert bool(law.left_out) == bool(abs(said) > limit + 1e-9 or effect.not_fed_back)
 
 
+def test_what_is_no_torque_or_must_not_be_fed_back_is_left_out():
+    """A rising feedback of load or acceleration, or a drift that is none, would push the joint."""
+    assert {name for name, kind in EFFECTS.items() if kind.not_fed_back} == {
+        'inertia', 'load_torque', 'offset_drift', 'warm_up'}
+
+
 def test_what_a_limit_takes_from_the_weight_is_said():
     law = CompensationLaw([loaded(EFFECTS['rigid_body']({'coefficients': [0.1]}),
                                   pendulum(5.0, 0.5), 1.5)])
