@@ -4,7 +4,6 @@
 
 from dataclasses import replace
 import math
-import time
 
 from helpers import follow, note_model, SLOPES
 import numpy as np
@@ -13,7 +12,7 @@ import pytest
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.identification.goal import IdentificationError, IdentificationGoal
-from friction_comp.identification.kinetic import constant_velocity_currents, Sample, sample_rows
+from friction_comp.identification.kinetic import constant_velocity_currents
 from friction_comp.identification.run import IdentificationRun
 from friction_comp.model.friction_model import Breakaway, FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
@@ -44,21 +43,6 @@ def quick():
         marks.append((sample[0], run.progress, run.remaining, run.phase))
         return sample
     return model, identify(model, IdentificationGoal(**QUICK), alter=note)[0], marks
-
-
-def test_a_long_motion_is_evaluated_between_two_samples():
-    """Else the joint states of a 20 s cycle at 1 kHz, evaluated at its end, wait to be read."""
-    def least(function):
-        times = []
-        for _ in range(7):
-            begin = time.thread_time()
-            function(samples)
-            times.append(time.thread_time() - begin)
-        return min(times)
-
-    samples = [Sample(1e-3 * k, 0.1 * k, math.nan) for k in range(20_000)]
-    np.testing.assert_array_equal(sample_rows(samples), np.array(samples))
-    assert least(sample_rows) < 0.6 * least(np.array)
 
 
 @pytest.mark.parametrize(('number', 'inertia'), [(1, 0.05), (2, 3.0), (3, 0.3)])
@@ -318,15 +302,14 @@ def test_ramps_above_the_current_limit_are_refused():
         IdentificationRun(goal, note_model(1).drive)
 
 
-@pytest.mark.parametrize('counts', [None, 4000])
-def test_presliding_of_an_encoder_coarser_than_stated_is_not_made_up(counts):
+def test_presliding_of_an_encoder_coarser_than_stated_is_not_made_up():
     model = note_model(1)
     coarse = 2.0 * math.pi / (200 * model.drive.gear_ratio)
 
     def measured(run, sample):
         sample[1] = round(sample[1] / coarse) * coarse
         return sample
-    model.drive = replace(model.drive, encoder_counts=counts)
+    model.drive = replace(model.drive, encoder_counts=4000)
     run, _, _ = identify(model, IdentificationGoal(**QUICK), alter=measured)
     assert run.result().presliding is None
 

@@ -27,21 +27,19 @@ pytestmark = pytest.mark.slow
 THERMAL = {'ambient': 22.0, 'heating': 200.0, 'time_constant': 60.0}
 
 # Case for the recording's excitation, effect, and the variable under which it must be found. The
-# drive's friction is 1.2 N·m. One of each kind: speed, direction, place, temperature, history; that
+# drive's friction is 1.2 N·m. One of each kind: speed, place, temperature, history; that
 # each effect is fed back as it was found, test_effect_properties.py says.
 FED_BACK = {
     'stribeck': ({'amplitude': 0.5, 'velocity': 0.15}, 'velocity'),
-    'direction': ({'viscous': 1.2}, 'direction'),
-    'cogging': ({'amplitude': 0.5, 'frequency': 14.0, 'phase': 0.7}, 'position'),
     'friction_ripple': ({'amplitude': 0.5, 'frequency': 14.0, 'phase': 0.7}, 'position'),
     'temperature': ({'coefficient': 0.025, 'reference': 25.0}, 'temperature'),
     'hysteresis': ({'torque': 0.6, 'stiffness': 12.0}, 'history'),
 }
 # Effects that influence the breakaway level, or seem to.
-STANDSTILL = ('stribeck', 'hysteresis', 'friction_ripple', 'direction')
+STANDSTILL = ('stribeck', 'hysteresis', 'friction_ripple')
 # Recorded under the servo, whose joint has inertia and stiction for refinement to tell apart as
 # well; the others follow their path exactly.
-UNDER_SERVO = ('stribeck', 'direction', 'friction_ripple')
+UNDER_SERVO = ('stribeck', 'friction_ripple')
 ENOUGH = 60.0  # s of recording
 SAMPLE_TIME = 4e-3  # s, of plant and law in the loop
 

@@ -25,10 +25,10 @@ QUOTED = json.loads((Path(__file__).resolve().parent.parent / 'docs' / 'figures'
 @pytest.mark.slow
 def test_whole_tool(tmp_path, monkeypatch):
     """Every floor holds, and the page and the numbers are there."""
-    # Two minutes instead of an hour, a quarter of the samples, and no process: that one is the
+    # Two minutes instead of an hour, an eighth of the samples, and no process: that one is the
     # next test's.
     monkeypatch.setattr(condition_runs, 'STANDSTILLS', 12)
-    monkeypatch.setattr(identify, 'SAMPLE_TIME', 4e-3)
+    monkeypatch.setattr(identify, 'SAMPLE_TIME', 8e-3)
     monkeypatch.setattr(experiment_set, 'child_process', lambda: ThreadPoolExecutor(1))
     assert run('reproduce', ['--cycles', '100', '--output', str(tmp_path / 'out')]) == 0
     page = (tmp_path / 'out' / 'report.html').read_text(encoding='utf-8')

@@ -137,13 +137,6 @@ def test_an_effect_that_is_not_there_does_not_show_and_one_that_is_does():
     assert oracle.shown(case, trace, seen, {'bump': 0.0}) < 1e-9
 
 
-def test_same_seed_same_recording_and_another_seed_another():
-    for family in ('ripple', 'other_joints'):
-        first, again, other = (make(draw(family, s), 'fit')[1].recordings[0] for s in (2, 2, 4))
-        np.testing.assert_array_equal(first.current, again.current)
-        assert len(first) != len(other) or np.any(first.current != other.current)
-
-
 @pytest.mark.parametrize('family', sorted(FAMILIES))
 def test_every_family_gives_finite_recordings(family):
     case = draw(family, 4)
@@ -174,16 +167,6 @@ def test_judgement_of_names():
     assert wrong['false'] == ['warm_up (time)']
     assert said_right(case, case.hidden, report([('bump', 'position')]))['false']
     assert not said_right(case, case.hidden, report())['first']
-
-
-def test_presliding_is_no_false_name_where_the_encoder_sees_it():
-    case = draw('cogging', 0)
-    said = report([('cogging', 'position'), ('hysteresis', 'history')])
-    assert case.fit_sensors.quantum > 2 * case.joint.slip
-    assert said_right(case, case.hidden, said)['false'] == ['hysteresis (history)']
-    fine = draw('gravity', 0)
-    assert fine.fit_sensors.quantum < 2 * fine.joint.slip
-    assert not said_right(fine, fine.hidden, said)['false']
 
 
 def test_judgement_of_what_no_library_knows_and_of_warnings():

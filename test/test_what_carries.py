@@ -51,7 +51,7 @@ def at_rest(law, position, seconds=3.0, **signals):
 
 
 @pytest.mark.parametrize('name', EFFECTS)
-@settings(max_examples=10, phases=[Phase.generate])
+@settings(max_examples=6, phases=[Phase.generate])
 @given(data=st.data())
 def test_the_current_at_rest_is_predicted_or_a_reason_stands_beside_it(name, data):
     position, temperature = data.draw(st.floats(-9.0, 9.0)), data.draw(st.floats(-20.0, 90.0))
