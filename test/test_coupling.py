@@ -41,14 +41,14 @@ def test_the_weight_of_the_next_link_is_found_without_a_urdf():
     rng = np.random.default_rng(0)
     names = ('shoulder', 'elbow', 'wrist')
     currents, motion = planar(rng, 1000)
-    for joint, current in zip(names, currents):
+    for joint, current in (('shoulder', currents[0]), ('wrist', currents[2])):
         result = refine([seen_by(joint, names, current, motion)])
         assert result.report.after.held_out_rmse < 0.03
         if joint == 'wrist':
             assert 'other_joints' not in {effect.name for effect in result.report.effects}
             continue
         found = {effect.variable: effect.in_words for effect in result.report.effects}
-        assert 'elbow' in found['other joints'] or 'shoulder' in found['other joints']
+        assert 'elbow' in found['other joints']
         coupling = result.model.arm.source
         weights = [group.angles for group in coupling.groups if group.kind == 'weight']
         assert (('shoulder', 1), ('elbow', 1)) in weights
@@ -272,7 +272,7 @@ def test_the_error_on_another_path_is_said_where_the_path_does_not_tell_the_term
 def test_where_the_motion_tells_the_terms_no_larger_error_is_said():
     rng = np.random.default_rng(4)
     names = ('shoulder', 'elbow', 'wrist')
-    currents, motion = planar(rng, 2000)
+    currents, motion = planar(rng, 1200)
     report = refine([seen_by('elbow', names, currents[1], motion)]).report
     assert report.thirds['posture'] < 1.1
     assert report.after.elsewhere_rmse < 1.2 * report.after.held_out_rmse

@@ -35,6 +35,25 @@ def rippled():
     return table_of(samples.with_(current=samples.current + 0.1 * np.cos(14.0 * samples.position)))
 
 
+def test_terms_that_take_the_place_of_others_have_their_own_sums(rippled):
+    first, stays, last = (Term(EFFECTS[name], constants) for name, constants in (
+        ('cogging', COGGING), ('gravity', {}), ('friction_ripple', COGGING)))
+    rippled.add([first, stays])
+    rippled.keep([stays])
+    rippled.add([last, Term(EFFECTS['inertia'])])
+    terms = [*rippled.columns_of]
+    assert first not in terms
+    assert len(terms) == 3
+    rippled.set_transition(100.0, 0.001)
+    fresh = table_of(rippled.rows.samples)
+    fresh.set_transition(100.0, 0.001)
+    fresh.add(terms)
+    assert rippled.sums.part(rippled.indices(terms)).gram == pytest.approx(
+        fresh.sums.part(fresh.indices(terms)).gram, rel=1e-9, abs=1e-9)
+    part = rippled.part([last, stays])
+    assert part.block_errors([stays, last]) == pytest.approx(fresh.block_errors([stays, last]))
+
+
 def test_of_two_forms_of_an_effect_a_search_compares_the_better_one():
     """Else one more effect displaces another from those that are compared."""
     where = {'distance': 0.05, 'transition': 0.01}

@@ -208,6 +208,11 @@ def test_weeks_of_sessions_are_a_trend(tmp_path, capsys):
     (tmp_path / 'sessions' / 'broken.mcap').write_bytes(b'no recording')
     assert run('evaluate', [str(tmp_path / 'sessions'), '--output', str(tmp_path / 'out')]) == 0
     report = json.loads((tmp_path / 'out' / 'report.json').read_text())
+    assert (report['joint'], report['model']) == ('elbow', 'm.yaml')
+    assert report['peak_reduction'] == pytest.approx(0.65, abs=0.03)
+    assert {c['repetitions'] for c in report['conditions']} == {12}
+    assert sorted(p.name for p in (tmp_path / 'out').iterdir()) == [
+        'repetitions.csv', 'report.html', 'report.json']
     trends = {t['announced']: t for t in report['trends']}
     assert trends[1]['per_week']['mean'] == pytest.approx(0.14, abs=0.02)
     assert trends[1]['p_value'] < 0.001
@@ -215,11 +220,13 @@ def test_weeks_of_sessions_are_a_trend(tmp_path, capsys):
     assert list(trends[1]['days'])[:2] == ['2026-03-02', '2026-03-03']
     assert trends[1]['days']['2026-03-02']['count'] == 4
     out = capsys.readouterr().out
+    assert '65 % less' in out
     assert 'rises by 0.1' in out
     assert 'left out: ' in out
     assert 'broken.mcap' in out
     page = (tmp_path / 'out' / 'report.html').read_text(encoding='utf-8')
     assert 'Day by day' in page
+    assert 'm.yaml' in page
     with (tmp_path / 'out' / 'repetitions.csv').open(encoding='utf-8') as stream:
         rows = list(csv.DictReader(stream))
     assert len(rows) == 6 * 2 * 4

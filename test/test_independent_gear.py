@@ -166,17 +166,6 @@ def test_the_encoder_is_a_count_off_at_most_and_delays_are_samples():
     assert np.all(np.abs(error) <= gears['resolution'])
 
 
-def test_a_joint_left_alone_stays_and_a_firm_person_is_stable():
-    gears = plain_gears(draws=1)
-    persons = draw_persons([FIRM] * len(gears), gears['static'], EVEN)
-    for who in (nobody(len(gears)), persons):
-        plant = Plant(gears, who, EVEN)
-        plant.states['link_velocity'] = 0.01 if who is persons else 0.0
-        push(plant, lambda time: np.zeros(len(gears)), 2.0)
-        assert np.all(np.abs(plant.states['link_velocity']) < 1e-3)
-        assert np.all(np.abs(plant.states['link']) < 2e-3)
-
-
 @pytest.fixture(params=['gear', 'mujoco_gear'])
 def each_world(request):
     """Return the module of a world, and one of its gears of each kind."""
