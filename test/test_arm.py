@@ -191,7 +191,7 @@ def test_an_arm_mounted_on_a_wall_is_recognised(pinocchio, tmp_path):
         '<robot name="small"><link name="room"/><joint name="mount" type="fixed"><parent '
         f'link="room"/><child link="base"/><origin xyz="0 0 0" rpy="0 {np.pi / 2} 0"/></joint>'))
     rng = np.random.default_rng(9)
-    joints = recorded(mounted, PLANE, waves(rng, 400, 3, 0.01), SCALES, FRICTION, rng)
+    joints = recorded(mounted, PLANE, waves(rng, 600, 3, 0.01), SCALES, FRICTION, rng)
     found = fit_arm(chain_of(tmp_path, small_arm(), PLANE), joints)
     assert found.tree.gravity / 9.81 == pytest.approx((1, 0, 0), abs=1e-9)
     assert (found.held_out < 0.05).all()
