@@ -75,6 +75,7 @@ def test_a_low_pass_is_told_from_a_delay_and_named_only_if_the_drive_has_it(
     samples = recorded(2, **late)
     error = samples.current - FrictionModel.load(tmp_path / 'model.yaml').predict(samples)
     assert rms(error[result.usable]) == pytest.approx(result.report.after.fit_rmse, rel=1e-6)
+    assert rms(error[result.usable]) < 1.7 * NOISE
     assert result.report.after.held_out_rmse < 1.7 * NOISE
 
 

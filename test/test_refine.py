@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from recording_maker import DATA, needs_data, record_with_diagnostics
 from scipy.signal import butter, sosfiltfilt
+from table_maker import write
 from test_prepare import swings
 
 from friction_comp.drive import Drive
@@ -162,6 +163,21 @@ def test_predict_counts_motion_as_refinement_does():
     short = Samples(time=time[:100], position=samples.position[:100], current=speed[:100])
     with pytest.raises(InputError, match='hardly moves'):
         moving(short, note_model())
+
+
+@pytest.mark.slow
+def test_a_load_takes_the_current_that_it_takes_where_the_drive_is_unknown(tmp_path):
+    """Of a table of current and load, without k_t and n: no coefficient is assumed."""
+    samples = swings(3)
+    load = 5.0 * np.sin(0.37 * samples.time) + 2.0 * np.sin(1.1 * samples.time)
+    write(tmp_path / 'run.csv', time=samples.time, position=samples.position,
+          velocity=samples.velocity, current=samples.current - 0.1 * load, load=load)
+    assert run_refine([str(tmp_path / 'run.csv'), '--output', str(tmp_path / 'out')]) == 0
+    report = json.loads((tmp_path / 'out' / 'report.json').read_text())
+    assert report['unit'] == 'A'
+    assert report['after']['held_out_rmse'] < 0.025
+    effect, = report['effects']
+    assert effect['parameters']['coefficients'] == pytest.approx([-0.1], rel=0.05)
 
 
 @pytest.mark.slow

@@ -32,12 +32,16 @@ def rows(factor=1.0, offset=0.0):
     return [';'.join(f'{value:.6f}' for value in row).replace('.', ',') for row in table]
 
 
+def read_lines(folder, *lines, encoding='utf-8'):
+    """Return what is read from a file of these lines."""
+    (folder / 'log.csv').write_text('\n'.join(lines), encoding=encoding)
+    return read_recording(folder / 'log.csv')[0]
+
+
 @pytest.mark.parametrize('encoding', ['utf-8', 'utf-8-sig', 'utf-16', 'cp1252'])
 def test_the_mark_of_a_unit_is_read_in_any_encoding(tmp_path, encoding):
-    path = tmp_path / 'log.csv'
-    path.write_text('\n'.join(['Zeit (s);Winkel (°);Drehmoment (N·m)', *rows(180.0 / math.pi)]),
-                    encoding=encoding)
-    samples, = read_recording(path)
+    samples = read_lines(tmp_path, 'Zeit (s);Winkel (°);Drehmoment (N·m)', *rows(180.0 / math.pi),
+                         encoding=encoding)
     assert samples.position == pytest.approx(swing()[1], abs=1e-6)
 
 
@@ -45,17 +49,13 @@ def test_the_mark_of_a_unit_is_read_in_any_encoding(tmp_path, encoding):
     ['Logger v3', 'Date: 2026-03-04', ''], ['sep=;'], ['Knee'], ['Export;of'], ['', ''],
     ['Patient;7;left'], ['# a comment', 'Motion of a joint, measured;twice']])
 def test_lines_above_the_header_are_no_header(tmp_path, above):
-    path = tmp_path / 'log.csv'
-    path.write_text('\n'.join([*above, 'Time;Position;Torque', *rows()]))
-    samples, = read_recording(path)
+    samples = read_lines(tmp_path, *above, 'Time;Position;Torque', *rows())
     assert len(samples) == 2000
     assert samples.position == pytest.approx(swing()[1], abs=1e-6)
 
 
 def test_a_header_with_other_cells_than_the_rows_stays_one(tmp_path):
-    path = tmp_path / 'log.csv'
-    path.write_text('\n'.join(['Time;Position;Torque;;', *rows()]))
-    assert len(read_recording(path)[0]) == 2000
+    assert len(read_lines(tmp_path, 'Time;Position;Torque;;', *rows())) == 2000
 
 
 @pytest.mark.parametrize(('head', 'form'), [
@@ -64,20 +64,16 @@ def test_a_header_with_other_cells_than_the_rows_stays_one(tmp_path):
     ('Datum/Uhrzeit;Winkel;Drehmoment', '%d.%m.%Y %H:%M:%S.%f')])
 def test_days_and_times_of_the_day_are_times(tmp_path, head, form):
     begin = datetime(2026, 3, 4, 9, 59, 59)
-    path = tmp_path / 'log.csv'
-    path.write_text('\n'.join([head, *(
+    samples = read_lines(tmp_path, head, *(
         f'{(begin + timedelta(milliseconds=k)).strftime(form)};{row.partition(";")[2]}'
-        for k, row in enumerate(rows()))]))
-    samples, = read_recording(path)
+        for k, row in enumerate(rows())))
     assert np.diff(samples.time) == pytest.approx(1e-3, abs=1e-6)
 
 
 def test_a_day_with_points_is_a_date_and_one_with_strokes_is_asked(tmp_path):
     assert date_in_seconds('4.3.2026 09:59:50.5') == date_in_seconds('2026-03-04T09:59:50.5')
-    path = tmp_path / 'log.csv'
-    path.write_text('\n'.join(['Date;q;tau', *('03/04/2026;0;1' for _ in range(9))]))
     with pytest.raises(InputError, match="'03/04/2026' is not a number, nor a date such as"):
-        read_recording(path)
+        read_lines(tmp_path, 'Date;q;tau', *('03/04/2026;0;1' for _ in range(9)))
 
 
 @pytest.mark.parametrize(('name', 'unit'), [
