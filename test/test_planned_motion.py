@@ -93,12 +93,12 @@ def test_predict_says_where_the_model_does_not_hold(tmp_path, capsys, speed, fri
     model = replace(MODEL, effects=[], recorded=Recorded((0.2, 1.0, 1.9)))
     model.save(tmp_path / 'model.yaml')
     time, q, v, _ = motion()
-    columns = {'time': time, 'elbow.position': q * speed}
+    columns = {'t': time, 'elbow.position': q * speed}
     for name, effort in (('plan', {}), ('log', {
             'elbow.effort': friction * GAIN * (0.2 * np.sign(v) + 0.1 * v * speed)})):
         predicted(tmp_path, 'model.yaml', **columns, **effort)
         shown = capsys.readouterr().out
-        assert ('columns guessed' in shown) == (name == 'log')
+        assert ('columns guessed from their names: time=t' in shown) == (name == 'log')
         expected = said - ({'does not hold for this recording'} if name == 'plan' else set())
         assert {remark for remark in remarks if remark in shown} == expected
 
