@@ -162,21 +162,16 @@ def test_joints_at_rest_contribute_only_their_weight():
             coupling.current(names, q, 0.0 * q, 0.0 * q)[0])
 
 
-@pytest.mark.parametrize('share', [0.0, 1.0])
-def test_joints_that_move_together_cannot_be_told_apart(share):
+def test_joints_that_move_together_cannot_be_told_apart():
     """What is held out of such motion is predicted as well, but other motion need not be."""
     rng = np.random.default_rng(5)
-    q, v, a = (np.column_stack((x[:, 0], share * x[:, 0] + (1.0 - share) * x[:, 1]))
-               for x in waves(rng, 1500, 2, 0.01))
+    q, v, a = (np.column_stack((x[:, 0], x[:, 0])) for x in waves(rng, 1500, 2, 0.01))
     current = (2.0 * np.cos(q[:, 0]) + 0.8 * np.cos(q[:, 0] + q[:, 1])
                + 0.3 * np.tanh(v[:, 0] / 0.01) + 0.2 * v[:, 0] + 0.05 * a[:, 0]
                + 0.02 * rng.standard_normal(len(q)))
     report = refine([seen_by('shoulder', ('shoulder', 'elbow'), current, (q, v, a))]).report
-    assert report.verdict == ('record again' if share else 'trust in part')
-    assert ('moves_as_one' in {one.code for one in report.findings}) is (share == 1.0)
-    if share == 0.0:
-        assert 'other_joints' in {effect.name for effect in report.effects}
-        assert report.after.held_out_rmse < 0.022
+    assert report.verdict == 'record again'
+    assert 'moves_as_one' in {one.code for one in report.findings}
 
 
 NAMES = ('pitch', 'roll')

@@ -97,7 +97,7 @@ def test_a_delay_of_several_hundredths_of_a_second_is_found(delay):
     assert not missed(result.report.friction)
 
 
-@pytest.mark.parametrize('seed', [1, 2, 3])
+@pytest.mark.parametrize('seed', [1, 3])
 def test_one_sine_does_not_tell_inertia_from_weight(seed):
     report = refine([recorded(seed, 3.0, one_sine)]).report
     assert not missed(report.friction)

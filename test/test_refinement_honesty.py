@@ -125,7 +125,7 @@ def test_a_bump_that_a_fold_crosses_one_way_only_is_still_found():
     assert rms(error) < 1.3 * NOISE
 
 
-@pytest.mark.parametrize('scale, said', [(1.0, False), (1.02, False), (1.6, True), (0.6, True)])
+@pytest.mark.parametrize('scale, said', [(1.02, False), (1.6, True), (0.6, True)])
 def test_velocity_that_is_not_the_slope_of_position_is_said(scale, said):
     t, q, v, _ = strokes(2, duration=40.0)
     report = refine([recorded(t, q, friction(v), 2, velocity=v / scale)], drive=DRIVE).report
