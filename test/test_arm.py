@@ -246,12 +246,6 @@ def test_a_negative_mass_is_refused(pinocchio, tmp_path):
         chain_of(tmp_path, small_arm(masses=(4.0, 3.0, -2.0)), PLANE)
 
 
-def test_a_gripper_that_the_urdf_lacks_is_left_out(pinocchio, tmp_path):
-    chain = chain_of(tmp_path, small_arm(), (*PLANE, 'gripper'))
-    assert chain.unknown == ['gripper']
-    assert chain.tree.joints == PLANE
-
-
 def test_joints_that_are_not_recorded_are_locked(pinocchio, tmp_path):
     chain = chain_of(tmp_path, small_arm(), PLANE[:2])
     assert chain.locked == ['bend']

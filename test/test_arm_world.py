@@ -66,18 +66,6 @@ def test_velocity_and_acceleration_are_derivatives(drawn):
             assert np.median(off) < 0.01 * rms(rate)
 
 
-def test_the_same_seed_gives_the_same_case(seed, drawn):
-    from arm_world.recording import case
-    again = case(seed, LONGEST)
-    assert (again.kind, again.joint, again.noise) == (drawn.kind, drawn.joint, drawn.noise)
-    for one, other in zip(drawn.fit + drawn.score, again.fit + again.score, strict=True):
-        np.testing.assert_array_equal(one.encoder, other.encoder)
-        np.testing.assert_array_equal(one.measured, other.measured)
-        assert (one.velocity is None) == (other.velocity is None)
-        if one.velocity is not None:
-            np.testing.assert_array_equal(one.velocity, other.velocity)
-
-
 def test_samples_hold_what_was_measured_of_all_joints(drawn):
     recording = drawn.fit[0]
     samples = drawn.samples(recording)

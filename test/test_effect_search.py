@@ -8,7 +8,7 @@ from test_prepare import swings
 
 from friction_comp.drive import Drive
 from friction_comp.model.effects import EFFECTS
-from friction_comp.refinement.effect_columns import eq6_columns, proposals, Table, Term
+from friction_comp.refinement.effect_columns import proposals, Table, Term
 from friction_comp.refinement.prepare import prepare
 from friction_comp.refinement.search import adjust_constants, Search, total
 from friction_comp.refinement.stability import intervals, repeat_search
@@ -33,22 +33,6 @@ def rippled():
     """Return the table of a drive with cogging of 0.1 A, 14 times a turn."""
     samples = swings(2)
     return table_of(samples.with_(current=samples.current + 0.1 * np.cos(14.0 * samples.position)))
-
-
-def test_the_columns_of_a_term_are_its_effect_and_their_sums_those_of_the_rows(rippled):
-    terms = [Term(EFFECTS['gravity']), Term(EFFECTS['cogging'], COGGING)]
-    assert rippled.add(terms) == terms
-    assert rippled.add(terms) == terms
-    rows = rippled.rows
-    matrix = np.column_stack([rows.averaged(eq6_columns(rows, 200.0, 0.0)),
-                              *(rows.averaged(term.columns(rows)) for term in terms)])
-    assert rippled.columns[rippled.indices(terms)] == pytest.approx(matrix.T)
-    full = np.column_stack((matrix, rippled.target))
-    wanted = np.array([full[rows.block == k].T @ full[rows.block == k] for k in range(16)])
-    assert rippled.sums.part(rippled.indices(terms)).gram == pytest.approx(
-        wanted, rel=1e-9, abs=1e-9)
-    fit = np.linalg.lstsq(matrix, rippled.target, rcond=None)[0]
-    assert rippled.residual(terms) == pytest.approx(rippled.target - matrix @ fit, abs=1e-4)
 
 
 def test_terms_that_take_the_place_of_others_have_their_own_sums(rippled):

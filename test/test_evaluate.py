@@ -3,7 +3,6 @@
 """The evaluation of trials with known torques returns these torques."""
 
 import html
-import json
 
 import numpy as np
 import pytest
@@ -196,36 +195,6 @@ def test_recordings_without_what_is_needed():
     evaluation = evaluate([samples.with_(direction=None)])
     assert {c.direction for c in evaluation.conditions} == {0}
     assert any('d = 0 is assumed' in note for note in evaluation.notes)
-
-
-@pytest.mark.slow
-def test_the_tool_from_recordings_to_report(tmp_path, capsys):
-    write_samples(tmp_path / 'plain', trial([1.0] * 2), custom_data={'model_file': 'elbow.yaml'})
-    write_samples(tmp_path / 'assisted', trial([0.25] * 2, directions=[1, -1]),
-                  namespace='arm', compression='message')
-    status = run('evaluate', [str(tmp_path / 'plain'), str(tmp_path / 'assisted'),
-                              '--output', str(tmp_path / 'out')])
-    assert status == 0
-    report = json.loads((tmp_path / 'out' / 'report.json').read_text())
-    assert set(report) == {
-        'version', 'joint', 'conditions', 'peak_reduction', 'rms_reduction', 'reduction_is_bound',
-        'model', 'torque_measured', 'comparisons', 'trends', 'notes'}
-    assert (report['joint'], report['model']) == ('elbow', 'elbow.yaml')
-    assert report['peak_reduction'] == pytest.approx(0.75, abs=1e-3)
-    assert len(report['conditions']) == 4
-    for condition in report['conditions']:
-        assert set(condition) == {
-            'direction', 'movement', 'repetitions', 'stuck', 'peak_torque', 'peak_torque_std',
-            'peak_time', 'rms_torque', 'mean_torque_constant_velocity', 'false_starts', 'law',
-            'model', 'settings', 'figures', 'false_start_share'}
-        assert condition['repetitions'] == 1
-        assert condition['peak_torque_std'] == 0.0
-    page = (tmp_path / 'out' / 'report.html').read_text(encoding='utf-8')
-    assert '75 %' in page
-    assert 'elbow.yaml' in page
-    assert '75 % less' in capsys.readouterr().out
-    assert sorted(p.name for p in (tmp_path / 'out').iterdir()) == [
-        'repetitions.csv', 'report.html', 'report.json']
 
 
 def stuck_trial(set_out=None):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 from test_evaluate import PERIOD, REST
-from test_evaluate_sessions import both, info_of, trial
+from test_evaluate_sessions import both, info_of
 
 from friction_comp.evaluation.compare import compare, share_interval, trends
 from friction_comp.evaluation.conditions import evaluate, MeasuredJoint
@@ -99,11 +99,11 @@ def test_intervals_hold_the_truth_as_often_as_they_say(alike):
     """Also where neighbours are alike; Student's t alone is right 87 % of the time at 0.6."""
     random = np.random.default_rng(0)
     held = 0
-    for _ in range(600):
+    for _ in range(300):
         values = lfilter([np.sqrt(1 - alike ** 2)], [1, -alike], random.normal(size=40))[20:]
         interval = mean_interval(list(3.0 + values[::2]), 2 * np.arange(10))
         held += interval.low <= 3.0 <= interval.high
-    assert 0.9 * 600 <= held <= 0.98 * 600
+    assert 0.9 * 300 <= held <= 0.98 * 300
 
 
 @pytest.mark.parametrize('order', ORDERS)
@@ -111,8 +111,8 @@ def test_intervals_hold_the_truth_as_often_as_they_say(alike):
 def test_sessions_without_a_difference_seldom_show_one(order, change):
     """Of pairs of n-th repetitions in blocks, drift shows one in most, likeness in every fourth."""
     found = sum(peaks_of(session(ORDERS[order], np.random.default_rng(seed), **change)).significant
-                for seed in range(150))
-    assert found <= 0.13 * 150
+                for seed in range(75))
+    assert found <= 0.13 * 75
 
 
 def test_few_repetitions_show_a_difference_far_larger_than_people_change():
@@ -266,24 +266,6 @@ def test_a_direction_that_no_law_hears_is_no_second_way_to_do_without():
     evaluation = judged(repetitions)
     assert evaluation.pair() == (PLAIN, HELPED)
     assert 'not tested' not in verdict(evaluation)
-
-
-def test_a_difference_is_found_and_chance_is_not_taken_for_one():
-    plain, helped = trial([1.2 + 0.05 * k for k in range(10)]), both([0.5] * 10)
-    evaluation = evaluate([plain, helped])
-    comparison = next(c for c in evaluation.comparisons if c.figure == 'peak_torque')
-    assert comparison.significant
-    assert comparison.difference.high < -0.5
-    assert comparison.pairs == 10
-    wrong = 0
-    for seed in range(20):
-        random = np.random.default_rng(seed)
-        first = trial(1.0 + 0.1 * random.normal(size=8))
-        second = trial(1.0 + 0.1 * random.normal(size=8), directions=[1, -1] * 4)
-        wrong += any(c.significant for c in evaluate([first, second]).comparisons
-                     if c.figure == 'peak_torque')
-    # At most one in twenty by design; more than three would be one in sixty runs.
-    assert wrong <= 3
 
 
 def test_a_single_value_and_a_share_have_the_intervals_they_can_have():

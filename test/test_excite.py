@@ -86,7 +86,7 @@ def test_the_same_seed_gives_the_same_plan_and_another_another(plan):
 
 
 @pytest.mark.parametrize('pair', [
-    ('stribeck', 'viscous_shape'), ('viscous_shape', 'warm_up'), ('hysteresis', 'rest_time')])
+    ('stribeck', 'viscous_shape'), ('hysteresis', 'rest_time')])
 def test_a_plan_tells_more_apart_than_a_staircase_or_a_fourier_series(pair):
     pairs = pairs_of(pair)
     coverage = coverage_within(ELBOW, 40.0)

@@ -34,6 +34,9 @@ PLAIN = replace(MODEL, joint='elbow', sigmoid=Sigmoid(
     upper=0.2, lower=-0.2, steepness=5000.0, viscous=0.1), simulation={}, effects=[
         EFFECTS['inertia']({'coefficients': [0.01]}), EFFECTS['gravity']({
             'coefficients': [0.3, 0.0]})])
+RIPPLE = EFFECTS['friction_ripple']({
+    'coefficients': [0.05, 0.0], 'frequency': 24.0, 'growth': 0.0, 'speed': 1.0,
+    'transition': 1e-4})
 
 
 def exported(tmp_path, model, form):
@@ -41,15 +44,6 @@ def exported(tmp_path, model, form):
     path = tmp_path / f'out.{form}'
     assert run('export', [str(tmp_path / 'model.yaml'), '--to', form, '--output', str(path)]) == 0
     return path.read_text(encoding='utf-8')
-
-
-def test_friction_that_simulators_support_is_exported_exactly():
-    joint = simulator_joint(PLAIN)
-    assert joint.coulomb == pytest.approx(0.2 * GAIN, rel=1e-6)
-    assert joint.viscous == pytest.approx(0.1 * GAIN, rel=1e-6)
-    assert joint.inertia == pytest.approx(0.01 * GAIN)
-    assert loss_of(PLAIN, joint, 'mujoco').torque < 1e-6
-    assert joint.left_out == ['gravity: belongs to the links and what they touch']
 
 
 @pytest.mark.parametrize('steepness', [20.0, 126.0, 5000.0])
@@ -65,10 +59,7 @@ def test_a_smooth_sign_change_is_not_read_as_viscous_friction(steepness):
 
 
 def test_the_stated_export_error_is_that_of_the_missing_effect():
-    ripple = EFFECTS['friction_ripple']({
-        'coefficients': [0.05, 0.0], 'frequency': 24.0, 'growth': 0.0, 'speed': 1.0,
-        'transition': 1e-4})
-    model = replace(PLAIN, effects=[ripple])
+    model = replace(PLAIN, effects=[RIPPLE])
     joint = simulator_joint(model)
     assert loss_of(model, joint, 'mujoco').torque == pytest.approx(
         0.05 * GAIN / np.sqrt(2.0), rel=0.02)
@@ -137,10 +128,7 @@ def test_the_table_gives_the_models_torque(tmp_path):
 
 
 def test_a_table_says_what_lies_between_its_rows(tmp_path, capsys):
-    ripple = EFFECTS['friction_ripple']({
-        'coefficients': [0.05, 0.0], 'frequency': 24.0, 'growth': 0.0, 'speed': 1.0,
-        'transition': 1e-4})
-    exported(tmp_path, replace(PLAIN, effects=[ripple]), 'csv')
+    exported(tmp_path, replace(PLAIN, effects=[RIPPLE]), 'csv')
     missed = float(re.search(r'misses the model by (\S+) N·m', capsys.readouterr().out)[1])
     # Between 15 rows a wave lie one or two per cent of it.
     assert missed < 0.02 * 0.05 * GAIN

@@ -10,7 +10,7 @@ from scipy.io import savemat
 from scipy.io.matlab import MatlabOpaque
 from table_maker import swing, write
 
-from friction_comp import InputError, Layout, read_recording
+from friction_comp import Layout, read_recording
 from friction_comp.recordings import read_recording_with_info
 
 # Joints, of which each swings as many times as wide as the first.
@@ -217,34 +217,3 @@ def test_notes_on_many_recordings_are_said_once(tmp_path):
     notes = notes_on(read_recording_with_info(paths))
     assert len(notes) == len(set(notes)) == 3
     assert all(note.startswith(f'{paths[0]} and 2 more: ') for note in notes)
-
-
-def test_one_joint_in_two_topics_is_named_with_its_topic(tmp_path):
-    from rosbags.rosbag1 import Writer
-    from rosbags.typesys import get_typestore, Stores
-
-    store = get_typestore(Stores.ROS1_NOETIC)
-    kinds = store.types
-    state, header, time = (kinds[name] for name in (
-        'sensor_msgs/msg/JointState', 'std_msgs/msg/Header', 'builtin_interfaces/msg/Time'))
-    _, position, velocity = swing(300, 0.02)
-    path = tmp_path / 'arm.bag'
-    with Writer(path) as bag:
-        topics = {k: bag.add_connection(f'/{name}/joint_states', state.__msgtype__, typestore=store)
-                  for k, name in enumerate(('leader', 'follower'))}
-        for row in range(300):
-            stamp = 10**18 + row * 20_000_000
-            for k, connection in topics.items():
-                message = state(header(row, time(*divmod(stamp, 10**9)), ''), ['elbow', 'wrist'],
-                                np.array([position[row] + k, 0.0]), np.array([velocity[row], 0.0]),
-                                np.array([np.sign(velocity[row]), 0.0]))
-                bag.write(connection, stamp, store.serialize_ros1(message, state.__msgtype__))
-    with pytest.raises(InputError, match='--joint: /leader/joint_states/elbow, /follower/joint_'):
-        read_recording(path, 'elbow')
-    for k, name in enumerate(('leader', 'follower')):
-        samples, = read_recording(path, f'/{name}/joint_states/elbow')
-        np.testing.assert_allclose(samples.position, position + k)
-        assert samples.joint == 'elbow'
-        assert samples.arm.joints == ('elbow', 'wrist')
-    with pytest.raises(InputError, match='no topic /other/joint_states in it, but /follower/joint'):
-        read_recording(path, '/other/joint_states/elbow')

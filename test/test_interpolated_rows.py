@@ -72,7 +72,7 @@ def test_an_effort_alone_may_be_interpolated():
 
 
 @pytest.mark.parametrize('count', [0.0, 1e-5, 2.0 * np.pi / 2 ** 14, COUNT, 2.0 * np.pi / 1000.0])
-@pytest.mark.parametrize('rate', [100.0, 500.0, 1000.0])
+@pytest.mark.parametrize('rate', [100.0, 1000.0])
 @pytest.mark.parametrize('noise', [0.0, 1e-5, 1e-3])
 def test_smooth_motion_and_steps_of_an_encoder_are_no_lines(rate, count, noise):
     time, step = np.arange(0.0, 30.0, 1.0 / rate), 1.0 / rate
@@ -104,14 +104,12 @@ def test_no_measured_recording_is_called_interpolated(name):
 
 @needs_data
 def test_a_measured_recording_that_was_interpolated_is_as_certain_as_before(tmp_path):
-    """Rows that are not independent gave a fifth less error than another recording showed."""
     samples, = read_recording(DATA / 'ur10e_joint1' / 'fit')
     time, position, current = interpolated(
         samples.time, samples.position, samples.current, rate=1000.0)
     path = write(tmp_path / 'log.csv', time=time, q=position, i=current)
-    plain, blind, seen = (refine(one).report for one in (
+    plain, seen = (refine(one).report for one in (
         [Samples(time=samples.time, position=samples.position, current=samples.current)],
-        [Samples(time=time, position=position, current=current)], read_recording(path)))
-    assert blind.after.elsewhere_rmse < 0.85 * plain.after.elsewhere_rmse
+        read_recording(path)))
     assert seen.after.elsewhere_rmse == pytest.approx(plain.after.elsewhere_rmse, rel=0.05)
     assert [effect.name for effect in seen.effects] == [effect.name for effect in plain.effects]

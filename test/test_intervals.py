@@ -83,8 +83,7 @@ def test_intervals_are_narrow_where_nothing_is_in_doubt():
     assert 'not_told_apart' not in codes(report)
 
 
-@pytest.mark.parametrize('seed', [1, 3])
-@pytest.mark.parametrize('slow', [0.006, 0.012])
+@pytest.mark.parametrize(('seed', 'slow'), [(1, 0.006), (3, 0.012)])
 def test_a_current_that_the_drive_filters_is_in_the_intervals(seed, slow):
     friction = refine([recorded(seed, slow=slow)]).report.friction
     assert not missed(friction)
@@ -98,16 +97,15 @@ def test_a_delay_of_several_hundredths_of_a_second_is_found(delay):
     assert not missed(result.report.friction)
 
 
-@pytest.mark.parametrize('seed', [1, 2, 3])
+@pytest.mark.parametrize('seed', [1, 3])
 def test_one_sine_does_not_tell_inertia_from_weight(seed):
     report = refine([recorded(seed, 3.0, one_sine)]).report
     assert not missed(report.friction)
     assert width(report.friction, 'inertia') > 0.1
 
 
-@pytest.mark.parametrize('seed', [1, 2])
-def test_a_controller_that_responds_to_encoder_steps_does_not_set_the_inertia(seed):
-    report = refine([recorded(seed, count=math.radians(0.2))]).report
+def test_a_controller_that_responds_to_encoder_steps_does_not_set_the_inertia():
+    report = refine([recorded(1, count=math.radians(0.2))]).report
     assert 0.5 < report.friction.inertia / TRUTH['inertia'] < 2.0
     assert not missed(report.friction)
     assert 'not_told_apart' in codes(report)

@@ -38,7 +38,7 @@ def rows(seconds, change=lambda t, q, heat, v: 1.0, carried=None, seed=0):
     return np.column_stack((t, q, v, current, load, heat))
 
 
-def watched(data, batch=100, model=MODEL):
+def watched(data, batch=2000, model=MODEL):
     """Give (time, verdict) after each batch of measurements."""
     residual = LiveResidual(model)
     for begin in range(0, len(data), batch):

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Trajectories over DDS, and robots that take a torque at the joint instead of a motor current."""
 
+from dataclasses import replace
 import sys
 import threading
 import time
@@ -12,18 +13,7 @@ from node_process import Process, ROOT
 import numpy as np
 import pytest
 from rclpy.task import Future
-from ros_system import (
-    compensator,
-    FakeDriver,
-    Goals,
-    joint_state,
-    MODELS,
-    probe_node,
-    RELIABLE,
-    tick,
-    value_of,
-)
-from rosgraph_msgs.msg import Clock
+from ros_system import compensator, FakeDriver, joint_state, MODELS, probe_node, RELIABLE, value_of
 from sensor_msgs.msg import JointState
 import yaml
 
@@ -39,12 +29,42 @@ from friction_comp.recordings import read_recording
 from friction_comp.ros import tool_client
 from friction_comp.ros.joint_io import command_unit
 from friction_comp.ros.tool_client import message_of, ToolClient
-from friction_comp.simulation.joint import Plant
 from friction_comp.topics import TORQUE_UNIT
 
-JOINT = 'elbow'
+JOINT = 'shoulder_pan_joint'
 LIMITS = JointLimits(JOINT, -0.5, 0.6, 1.0, 5.0)
 DRIVE = FrictionModel.load(MODELS[0]).drive
+
+
+ARMS = {file.stem: file
+        for file in sorted((ROOT / 'examples' / 'torque_controlled').glob('*.yaml'))}
+# Sample rates of such arms, independently of the files.
+RATES = {'franka_like': 1000, 'ur_like': 500}
+
+
+def of_the_arm(file, tmp_path, drive, node):
+    """Check an arm's file and write models of its joints.
+
+    Return the joints, and parameters and arguments for a node with the file.
+    """
+    document = yaml.safe_load(file.read_text(encoding='utf-8'))
+    parameters = {name.strip('/*'): own['ros__parameters'] for name, own in document.items()}
+    controller, rate = parameters['torque_controller'], RATES[file.stem]
+    joints = controller['joints']
+    assert controller['interface_name'] == 'effort'
+    assert parameters['controller_manager']['update_rate'] == rate
+    # A few lost packets do not count as a timeout.
+    for each in ('compensator', 'identification'):
+        assert parameters[each]['joints'] == joints
+        assert 10 <= rate * parameters[each]['joint_state_timeout'] <= 50
+    model = replace(FrictionModel.load(MODELS[0]), drive=drive)
+    files = [str(tmp_path / f'{joint}.yaml') for joint in joints]
+    for joint, path in zip(joints, files):
+        replace(model, joint=joint).save(path)
+    # On a busy machine no state may be late, nor lost: each has one answer.
+    return joints, {f'{node}:model_files': files, f'{node}:joint_state_timeout': 10.0,
+                    f'{node}:input_reliability': 'reliable'}, [
+                        '--ros-args', '--params-file', str(file)]
 
 
 def motion():
@@ -56,19 +76,24 @@ def motion():
 
 
 def test_the_tool_moves_a_joint_along_the_trajectory_by_torque(tmp_path):
-    """On a plant that takes torques, as a robot's controller does; the recording has currents."""
-    common = {'joints': [JOINT, 'wrist'], 'model_files': MODELS[:2],
-              'command_interface': 'effort'}
+    """On a plant that takes torques, as the controller of an arm does whose file the node reads.
+
+    What `effort` holds and what is commanded agree, or the first ramp would end the goal. The
+    recording has currents.
+    """
+    joints, parameters, arguments = of_the_arm(ARMS['ur_like'], tmp_path, DRIVE, 'identification')
     file, recorded = tmp_path / 'trajectory.yaml', tmp_path / 'recorded'
     file.write_text(motion().to_yaml('for a test'), encoding='utf-8')
-    with probe_node() as probe, Process(tmp_path, 'plant', {
-            **common, 'clock': 'lockstep', 'seed': 4, 'sample_time': 8e-3, 'wrench_period': 0.032,
-            'wait_for_listeners': 2}), Process(tmp_path, 'identification', {
-                **common, 'use_sim_time': True, 'input_reliability': 'reliable',
-                'output_folder': str(tmp_path), 'joint_state_timeout': 10.0}), Process(
-                    tmp_path, 'recorder', {
-                        'output': str(recorded), 'use_sim_time': True,
-                        'input_reliability': 'reliable'}):
+    with probe_node() as probe, Process(tmp_path / 'run', 'plant', {
+            'joints': joints, 'model_files': parameters['identification:model_files'],
+            'command_interface': 'effort', 'clock': 'lockstep', 'seed': 4, 'sample_time': 8e-3,
+            'wrench_period': 0.032, 'wait_for_listeners': 2}), Process(
+                tmp_path / 'run', 'identification', {
+                    **parameters, 'identification:use_sim_time': True,
+                    'identification:output_folder': str(tmp_path)}, arguments=arguments), Process(
+                        tmp_path / 'run', 'recorder', {
+                            'output': str(recorded), 'use_sim_time': True,
+                            'input_reliability': 'reliable'}):
         probe.status_of('recorder', lambda one: int(
             value_of(one, 'publishers of joint_states') or 0) > 0)
         assert run('play', [str(file)]) == 0
@@ -81,7 +106,7 @@ def test_the_tool_moves_a_joint_along_the_trajectory_by_torque(tmp_path):
     assert np.corrcoef(samples.command[moving], samples.current[moving])[0, 1] > 0.9
     assert np.std(samples.command[moving]) == pytest.approx(
         np.std(samples.current[moving]), rel=0.2)
-    other, = read_recording(recorded, 'wrist', DRIVE.torque_constant, DRIVE.gear_ratio)
+    other, = read_recording(recorded, 'elbow_joint', DRIVE.torque_constant, DRIVE.gear_ratio)
     assert not np.nan_to_num(other.command).any(), 'the other joint is left alone'
 
 
@@ -165,11 +190,6 @@ def test_a_result_is_not_waited_for_when_its_node_is_gone(monkeypatch):
     assert 100.0 < clock[0] < 101.0
 
 
-ARMS = sorted((ROOT / 'examples' / 'torque_controlled').glob('*.yaml'))
-# For such arms, independently of the files: sample rate, and meaning of `effort`.
-SEMANTICS = {'franka_like': (1000, 'torque'), 'ur_like': (500, 'torque')}
-
-
 def test_torques_are_the_currents_of_the_law_times_the_torque_constants(tmp_path):
     models = [FrictionModel.load(model) for model in MODELS[:2]]
     gains = np.array([model.drive.torque_per_current for model in models])
@@ -189,106 +209,11 @@ def test_torques_are_the_currents_of_the_law_times_the_torque_constants(tmp_path
     assert min(np.abs(torques[-1])) > 0.2
 
 
-class TorqueController(FakeDriver):
-    """Stands in for the torque controller of an arm; one of its joints is simulated.
-
-    It takes N·m, shows states at the arm's rate, in `effort` what such an arm shows, and leaves a
-    joint that it hears nothing for without torque.
-    """
-
-    def __init__(self, probe, file, joints, node, model):
-        super().__init__(probe, joints, node=node)
-        rate, holds = SEMANTICS[file.stem]
-        self.step = 1.0 / rate
-        self.gain = model.drive.torque_per_current
-        self.effort = self.gain if holds == 'torque' else 1.0
-        self.plant = Plant([model], 3, None, self.step)
-        # It uses its own clock: on a busy machine a state takes longer than on the arm.
-        self.count, self.clock = 0, probe.talk(Clock, '/clock')
-        self.in_step = False
-
-    def catch_up(self):
-        """Let all answers to earlier states arrive: from then on each state has the next one."""
-        heard = -1
-        while len(self.commands) > heard:
-            heard = len(self.commands)
-            self.probe.spin_for(1.0)
-        self.in_step = True
-
-    def go_on(self, answered):
-        """Show one state, and apply the torque that answers it, if one must."""
-        if answered() and not self.in_step:
-            self.catch_up()
-        rest = [0.0] * (len(self.joints) - 1)
-        state, before = self.plant.state, len(self.commands)
-        self.count += 1
-        stamp = 10**9 + round(1e9 * self.step * self.count)
-        self.clock.publish(tick(stamp))
-        self.states.publish(joint_state(
-            stamp, self.joints, [*state.position, *rest], [*state.velocity, *rest],
-            [*(self.effort * state.current), *rest]))
-        if answered():
-            self.probe.until(lambda: self._answers_from(before) or not answered(), 'a command')
-        else:
-            self.probe.spin_for(0.002)
-        heard = self._answers_from(before)
-        torque = heard[-1].data[0] if heard else 0.0
-        assert all(command_unit(message) == TORQUE_UNIT for message in heard)
-        self.plant.step(np.array([torque / self.gain]), None, None, None)
-
-
-def of_the_arm(file, tmp_path, drive, node):
-    """Check an arm's file and write models of its joints.
-
-    Return the joints, one of the models, and arguments for a node with the file.
-    """
-    document = yaml.safe_load(file.read_text(encoding='utf-8'))
-    parameters = {name.strip('/*'): own['ros__parameters'] for name, own in document.items()}
-    controller, rate = parameters['torque_controller'], SEMANTICS[file.stem][0]
-    joints = controller['joints']
-    assert controller['interface_name'] == 'effort'
-    assert parameters['controller_manager']['update_rate'] == rate
-    # A few lost packets do not count as a timeout.
-    for each in ('compensator', 'identification'):
-        assert parameters[each]['joints'] == joints
-        assert 10 <= rate * parameters[each]['joint_state_timeout'] <= 50
-    model = FrictionModel.load(MODELS[0])
-    model.drive = drive or model.drive
-    files = [str(tmp_path / f'{joint}.yaml') for joint in joints]
-    for model.joint, path in zip(joints, files):
-        model.save(path)
-    return joints, model, {f'{node}:model_files': files,
-                   # On a busy machine no state may be late, nor lost: each has one answer.
-                   f'{node}:joint_state_timeout': 10.0, f'{node}:input_reliability': 'reliable',
-                   }, ['--ros-args', '--params-file', str(file)]
-
-
-def test_a_joint_of_an_arm_is_moved_by_its_torque_controller(tmp_path):
-    """What `effort` holds and what is commanded agree, or the first ramp would end the goal."""
-    file = next(file for file in ARMS if file.stem == 'ur_like')
-    joints, model, parameters, arguments = of_the_arm(file, tmp_path, None, 'identification')
-    with probe_node() as probe, Process(
-            tmp_path / 'run', 'identification', {
-                **parameters, 'identification:use_sim_time': True}, arguments=arguments):
-        arm = TorqueController(probe, file, joints, 'identification', model)
-        plan = JointPlan(LIMITS, 0.0, (Move.within(0.05, 0.0, 0.2, 0.8, 4.0),), 0.7, {})
-        message = message_of(trajectory_of([plan], 50.0))
-        message.joint_names = [arm.joints[0]]
-        goals = Goals(probe, PlayTrajectory, 'play_trajectory', {})
-        handle = goals.begin(lambda: arm.go_on(lambda: False), trajectory=message, ramp_slope=0.4)
-        outcome = handle.get_result_async()
-        while not outcome.done():
-            arm.go_on(lambda: bool(arm.commands) and arm.commanders and not outcome.done())
-        assert outcome.result().result.success, outcome.result().result.message
-        assert arm.plant.state.position[0] == pytest.approx(0.2, abs=0.02)
-        goals.close()
-
-
-@pytest.mark.parametrize('file', ARMS, ids=lambda file: file.stem)
-def test_a_compensator_runs_with_the_parameters_of_an_arm(file, tmp_path):
+@pytest.mark.parametrize('name', ARMS)
+def test_a_compensator_runs_with_the_parameters_of_an_arm(name, tmp_path):
     """The files of docs/torque_controlled_robots.md are files that ROS 2 can read."""
-    joints, _, parameters, arguments = of_the_arm(
-        file, tmp_path, Drive(1.0, 1.0, current_limit=40.0), 'compensator')
+    joints, parameters, arguments = of_the_arm(
+        ARMS[name], tmp_path, Drive(1.0, 1.0, current_limit=40.0), 'compensator')
     with probe_node() as probe, Process(
             tmp_path / 'run', 'compensator', parameters, arguments=arguments):
         driver = FakeDriver(probe, joints)

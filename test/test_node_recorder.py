@@ -128,7 +128,8 @@ def test_it_ends_well_while_the_driver_goes_on(tmp_path):
         # wait for its processor.
         while recorder.running:
             states.publish(joint_state(
-                1_000_000_000 + count * 1_000_000, ['elbow'], [0.0], effort=[float(count)]))
+                1_000_000_000 + count * 1_000_000, ['elbow'], [1e-3 * count],
+                effort=[float(count)]))
             count += 1
             probe.spin_for(2e-4)
         assert recorder.wait() == 0, recorder.text

@@ -24,7 +24,7 @@ def test_white_noise_gives_at_most_as_many_alarms_as_stated():
 def test_three_seconds_show_the_scatter_of_any_noise_well_enough(kind):
     random = np.random.default_rng(1)
     false = 0
-    for _ in range(40):
+    for _ in range(20):
         count = 300 + 100 * 60
         noise = random.normal(size=count)
         if kind == 'low pass':
@@ -38,7 +38,7 @@ def test_three_seconds_show_the_scatter_of_any_noise_well_enough(kind):
                 false += 1
                 test.settle(0.0)
             test.follow()
-    # 40 minutes at 0.25 an hour and channel.
+    # 20 minutes at 0.25 an hour and channel.
     assert false <= 1
 
 

@@ -37,8 +37,12 @@ def motion(name='', phase=0.0):
     return time, q, v, a
 
 
-def rows_of(path):
-    names, *rows = path.read_text(encoding='utf-8').splitlines()
+def predicted(folder, model, **columns):
+    """Write a table, and return the columns that `predict` makes of it."""
+    write(folder / 'plan.csv', **columns)
+    assert run('predict', [str(folder / 'plan.csv'), '--model', str(folder / model),
+                           '--output', str(folder / 'out.csv')]) == 0
+    names, *rows = (folder / 'out.csv').read_text(encoding='utf-8').splitlines()
     return dict(zip(names.split(','), np.array([row.split(',') for row in rows], float).T))
 
 
@@ -70,11 +74,7 @@ def test_what_gives_no_torque_is_refused():
 def test_a_plan_of_time_and_position_gives_the_torque(tmp_path, capsys, name):
     time, q, v, a = motion()
     MODEL.save(tmp_path / 'model.yaml')
-    write(tmp_path / 'plan.csv', **{'time [ms]': 1e3 * time, name: np.degrees(q)})
-    out = tmp_path / 'torque.csv'
-    assert run('predict', [str(tmp_path / 'plan.csv'), '--model', str(tmp_path / 'model.yaml'),
-                           '--output', str(out)]) == 0
-    rows = rows_of(out)
+    rows = predicted(tmp_path, 'model.yaml', **{'time [ms]': 1e3 * time, name: np.degrees(q)})
     assert list(rows) == ['time', 'torque', 'current']
     np.testing.assert_allclose(rows['time'], time, atol=1e-8)
     inside = (np.abs(v) > 0.3) & (time > 0.3) & (time < 3.7)
@@ -93,13 +93,12 @@ def test_predict_says_where_the_model_does_not_hold(tmp_path, capsys, speed, fri
     model = replace(MODEL, effects=[], recorded=Recorded((0.2, 1.0, 1.9)))
     model.save(tmp_path / 'model.yaml')
     time, q, v, _ = motion()
-    columns = {'time': time, 'elbow.position': q * speed}
+    columns = {'t': time, 'elbow.position': q * speed}
     for name, effort in (('plan', {}), ('log', {
             'elbow.effort': friction * GAIN * (0.2 * np.sign(v) + 0.1 * v * speed)})):
-        write(tmp_path / f'{name}.csv', **columns, **effort)
-        assert run('predict', [str(tmp_path / f'{name}.csv'), '--model', str(
-            tmp_path / 'model.yaml'), '--output', str(tmp_path / 'out.csv')]) == 0
+        predicted(tmp_path, 'model.yaml', **columns, **effort)
         shown = capsys.readouterr().out
+        assert ('columns guessed from their names: time=t' in shown) == (name == 'log')
         expected = said - ({'does not hold for this recording'} if name == 'plan' else set())
         assert {remark for remark in remarks if remark in shown} == expected
 
@@ -110,12 +109,8 @@ def test_a_plan_of_an_arm_gives_the_torque_of_each_joint(tmp_path):
         {model.joint: model.to_dict() for model in (MODEL, other)}))
     time, q, *_ = motion()
     _, q2, v2, _ = motion(phase=1.0)
-    write(tmp_path / 'plan.csv', **{
+    rows = predicted(tmp_path, 'arm.yaml', **{
         'time': time, 'elbow.position': q, 'wrist.position': q2})
-    out = tmp_path / 'torque.csv'
-    assert run('predict', [str(tmp_path / 'plan.csv'), '--model', str(tmp_path / 'arm.yaml'),
-                           '--output', str(out)]) == 0
-    rows = rows_of(out)
     assert {'elbow.torque', 'wrist.torque'} <= set(rows)
     moves = np.abs(v2) > 0.3
     np.testing.assert_allclose(rows['wrist.torque'][moves], 0.25 * np.sign(v2[moves]), atol=1e-4)

@@ -134,12 +134,6 @@ def test_blocks_are_long_pieces_of_time_one_after_the_other(recordings, seed):
     assert sizes.min() > 0.3 * len(start) / 16
 
 
-def test_edges_of_blocks_are_where_recordings_end():
-    samples = Samples.concatenate([swings(k, 10.0) for k in range(16)])
-    block = blocks_of(samples, np.arange(len(samples)))
-    assert np.array_equal(block, samples.recording - samples.recording[0])
-
-
 def test_rows_are_averages_of_samples_that_belong_together():
     samples = swings(3, duration=400.0, step=0.001)
     usable = np.abs(samples.velocity) > 0.02

@@ -283,3 +283,20 @@ def test_messages_of_other_joints_are_not_left_out_as_not_finite(tmp_path):
     assert len(samples) == 199
     assert [note for note in info.notes if 'left out' in note] == [
         '1 joint states left out: not finite']
+
+
+def test_one_joint_in_two_topics_is_named_with_its_topic(tmp_path):
+    messages = [(f'/{name}/joint_states', stamp, joint_state(
+        stamp, ['elbow', 'wrist'], [np.sin(0.04 * k) + place, 0.0], [], [1.0, 0.0]))
+        for k, stamp in enumerate(range(10**9, 7 * 10**9, 20_000_000))
+        for place, name in enumerate(('leader', 'follower'))]
+    path = record(tmp_path / 'r', messages)
+    with pytest.raises(InputError, match='--joint: /leader/joint_states/elbow, /follower/joint_'):
+        read_recording(path, 'elbow')
+    for place, name in enumerate(('leader', 'follower')):
+        samples, = read_recording(path, f'/{name}/joint_states/elbow')
+        np.testing.assert_allclose(samples.position, np.sin(0.04 * np.arange(300)) + place)
+        assert samples.joint == 'elbow'
+        assert samples.arm.joints == ('elbow', 'wrist')
+    with pytest.raises(InputError, match='no topic /other/joint_states in it, but /follower/joint'):
+        read_recording(path, '/other/joint_states/elbow')

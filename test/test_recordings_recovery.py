@@ -317,7 +317,7 @@ def test_a_recording_whose_only_values_are_far_off_is_refused(tmp_path):
 
 
 @pytest.mark.slow
-@settings(max_examples=15)
+@settings(max_examples=8)
 @given(st.floats(0.5, 30.0), st.integers(1, 3))
 def test_a_stream_is_the_recording_in_stretches(long_recording, seconds, files):
     folder = long_recording[files]

@@ -27,27 +27,19 @@ pytestmark = pytest.mark.slow
 THERMAL = {'ambient': 22.0, 'heating': 200.0, 'time_constant': 60.0}
 
 # Case for the recording's excitation, effect, and the variable under which it must be found. The
-# drive's friction is 1.2 N·m. One of each kind: speed, direction, place, temperature, history; that
+# drive's friction is 1.2 N·m. One of each kind: speed, place, temperature, history; that
 # each effect is fed back as it was found, test_effect_properties.py says.
 FED_BACK = {
     'stribeck': ({'amplitude': 0.5, 'velocity': 0.15}, 'velocity'),
-    'direction': ({'viscous': 1.2}, 'direction'),
-    'cogging': ({'amplitude': 0.5, 'frequency': 14.0, 'phase': 0.7}, 'position'),
     'friction_ripple': ({'amplitude': 0.5, 'frequency': 14.0, 'phase': 0.7}, 'position'),
     'temperature': ({'coefficient': 0.025, 'reference': 25.0}, 'temperature'),
     'hysteresis': ({'torque': 0.6, 'stiffness': 12.0}, 'history'),
 }
-# Effect of the library that describes it.
-LEFT_OUT = {
-    'inertia': ({'inertia': 0.2}, 'inertia'),
-    'torque_constant': ({'factor': 0.8}, 'load_torque'),
-    'warm_up': ({'share': 0.6, 'time_constant': 40.0}, 'warm_up'),
-}
 # Effects that influence the breakaway level, or seem to.
-STANDSTILL = ('stribeck', 'hysteresis', 'friction_ripple', 'direction')
+STANDSTILL = ('stribeck', 'hysteresis', 'friction_ripple')
 # Recorded under the servo, whose joint has inertia and stiction for refinement to tell apart as
 # well; the others follow their path exactly.
-UNDER_SERVO = ('stribeck', 'direction', 'friction_ripple')
+UNDER_SERVO = ('stribeck', 'friction_ripple')
 ENOUGH = 60.0  # s of recording
 SAMPLE_TIME = 4e-3  # s, of plant and law in the loop
 
@@ -166,17 +158,3 @@ def test_the_refined_model_makes_the_drive_easier_to_move(declared, name):
             assert farthest_untouched(
                 declared, with_breakaway_error(result.model), name, parameters,
                 direction) < np.radians(allowed)
-
-
-@pytest.mark.parametrize('name', LEFT_OUT)
-def test_what_cannot_be_fed_back_is_left_out_with_a_reason(declared, name):
-    parameters, described = LEFT_OUT[name]
-    result = refine(recordings(declared, name, parameters, 1), model=declared)
-    assert described in {effect.name for effect in result.model.effects}
-    reasons = {left: reason for _, left, reason in CompensationLaw([result.model]).left_out}
-    assert reasons[described]
-    # What is left of the model is still a compensation: the plain loop runs and stays finite.
-    torque, peak = moved_by_hand(declared, result.model, name, parameters)
-    torque_none, _ = moved_by_hand(declared, replace(result.model, effects=[]), name, parameters)
-    assert np.isfinite(peak)
-    assert torque < 1.2 * torque_none

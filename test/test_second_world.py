@@ -137,20 +137,6 @@ def test_an_effect_that_is_not_there_does_not_show_and_one_that_is_does():
     assert oracle.shown(case, trace, seen, {'bump': 0.0}) < 1e-9
 
 
-def test_same_seed_same_recording_and_another_seed_another():
-    for family in ('ripple', 'other_joints'):
-        first, again, other = (make(draw(family, s), 'fit')[1].recordings[0] for s in (2, 2, 4))
-        np.testing.assert_array_equal(first.current, again.current)
-        assert len(first) != len(other) or np.any(first.current != other.current)
-
-
-def test_fit_and_score_are_of_one_drive_in_other_motion():
-    case = draw('cogging', 0)
-    assert case.motions[0] != case.motions[1]
-    fit, score = (make(case, part)[1].recordings[0] for part in ('fit', 'score'))
-    assert len(fit) != len(score) or np.any(fit.position != score.position)
-
-
 @pytest.mark.parametrize('family', sorted(FAMILIES))
 def test_every_family_gives_finite_recordings(family):
     case = draw(family, 4)
@@ -161,12 +147,6 @@ def test_every_family_gives_finite_recordings(family):
         assert np.all(np.isfinite(one.current))
         assert np.all(np.isfinite(one.position))
         assert np.all(np.diff(one.time) >= 0)
-
-
-def test_coarse_encoders_have_tens_of_positions():
-    _, seen = make(draw('coarse_encoder', 0), 'fit')
-    positions = np.concatenate([s.position for s in seen.recordings])
-    assert 10 < len(np.unique(positions)) < 100
 
 
 def report(effects=(), unexplained=(), warnings=()):
@@ -187,16 +167,6 @@ def test_judgement_of_names():
     assert wrong['false'] == ['warm_up (time)']
     assert said_right(case, case.hidden, report([('bump', 'position')]))['false']
     assert not said_right(case, case.hidden, report())['first']
-
-
-def test_presliding_is_no_false_name_where_the_encoder_sees_it():
-    case = draw('cogging', 0)
-    said = report([('cogging', 'position'), ('hysteresis', 'history')])
-    assert case.fit_sensors.quantum > 2 * case.joint.slip
-    assert said_right(case, case.hidden, said)['false'] == ['hysteresis (history)']
-    fine = draw('gravity', 0)
-    assert fine.fit_sensors.quantum < 2 * fine.joint.slip
-    assert not said_right(fine, fine.hidden, said)['false']
 
 
 def test_judgement_of_what_no_library_knows_and_of_warnings():

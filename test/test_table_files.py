@@ -24,6 +24,27 @@ def save_lists(path, columns):
     path.write_text(json.dumps({name: list(values) for name, values in columns.items()}))
 
 
+def save_vectors(path, columns):
+    path.write_text(json.dumps([
+        {'t': t, 'q': [0.0, q], 'tau': [1.0, e]} for t, q, e in zip(*columns.values())]))
+
+
+def save_lines(path, columns):
+    path.write_text('\n'.join(json.dumps(
+        {'time': t, 'position': q, 'torque': e}) for t, q, e in zip(*columns.values())))
+
+
+def save_structs(path, columns):
+    time, position, effort = (values[:, None] for values in columns.values())
+    savemat(path, {'log': {'time': time, 'note': 'knee', 'joint': {
+        'q': position, 'motor': {'tau': effort}}}})
+
+
+def save_axes(path, columns):
+    np.savez(path, time=columns['t'], **{name: np.column_stack((2.0 * columns[name], columns[name]))
+                                         for name in ('q', 'tau')})
+
+
 def save_parquet(path, columns):
     arrow = pytest.importorskip('pyarrow')
     parquet = pytest.importorskip('pyarrow.parquet')
@@ -34,7 +55,9 @@ def save_parquet(path, columns):
 
 @pytest.mark.parametrize(('name', 'save', 'layout', 'joint'), [
     ('log.json', save_json, {}, None), ('log.json', save_lists, {}, None),
-    ('log.parquet', save_parquet, {}, '0'),
+    ('log.json', save_vectors, {}, '2'), ('log.jsonl', save_lines, {}, None),
+    ('log.parquet', save_parquet, {}, '0'), ('log.npz', save_axes, {}, '2'),
+    ('log.mat', save_structs, {}, None),
     ('log.mat', lambda path, columns: savemat(path, {'log': {
         name: values[:, None] for name, values in columns.items()}}), {}, None),
     ('log.npy', lambda path, columns: np.save(path, np.column_stack(list(columns.values()))),
@@ -177,19 +200,3 @@ def test_records_of_json_that_hold_lists_are_trials(tmp_path, sizes):
     assert samples.position == pytest.approx(np.concatenate([one['pos'] for one in trials]))
     assert "column 'episode' says which episode each row is of" in info.notes
     assert np.count_nonzero(np.diff(samples.time) > 0.5) == len(sizes) - 1
-
-
-def test_records_of_json_that_hold_vectors_are_rows(tmp_path):
-    rows = [{'t': 0.02 * k, 'q': [0.0, math.sin(0.02 * k)], 'tau': [1.0, math.cos(0.02 * k)]}
-            for k in range(300)]
-    (tmp_path / 'log.json').write_text(json.dumps(rows))
-    samples, = read_recording(tmp_path / 'log.json', '2')
-    assert samples.position == pytest.approx(np.sin(0.02 * np.arange(300)))
-
-
-def test_lines_of_json_are_a_table(tmp_path):
-    time = 0.01 * np.arange(400)
-    (tmp_path / 'log.jsonl').write_text('\n'.join(json.dumps(
-        {'time': t, 'position': math.sin(t), 'torque': math.cos(t)}) for t in time.tolist()))
-    samples, = read_recording(tmp_path / 'log.jsonl')
-    assert samples.position == pytest.approx(np.sin(time))

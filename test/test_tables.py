@@ -186,27 +186,13 @@ def test_joints_of_one_table_are_told_apart(tmp_path):
         read_recording(tmp_path / 'arm.npz')
 
 
-def test_an_array_with_two_axes_holds_a_joint_a_column(tmp_path):
-    one = moving()
-    np.savez(tmp_path / 'arm.npz', time=one.time, q=np.column_stack((one.position, one.position)),
-             tau=np.column_stack((one.current, 2 * one.current)))
-    np.testing.assert_allclose(read_recording(tmp_path / 'arm.npz', '2')[0].current,
-                               2 * one.current)
-
-
 def test_stretches_together_are_the_whole(tmp_path):
-    path = write_csv(tmp_path / 'log.csv', moving(6000))
-    parts = [part for part, _ in stream_recording_with_info(path, seconds=1.0) if len(part)]
-    assert len(parts) > 2
-    assert_alike(Samples.concatenate(parts), moving(6000))
-
-
-def test_a_joint_without_a_name_keeps_the_given_one_in_every_stretch(tmp_path):
     path = write_csv(tmp_path / 'log.csv', moving(6000))
     parts = list(stream_recording_with_info(path, 'elbow', seconds=1.0))
     assert len(parts) > 3
+    # Without a name of its own, the joint has the given one in each of them.
     assert {info.joint for _, info in parts} == {'elbow'}
-    assert sum(len(part) for part, _ in parts) == 6000
+    assert_alike(Samples.concatenate([part for part, _ in parts if len(part)]), moving(6000))
 
 
 def test_rows_that_lack_something_are_left_out(tmp_path):
@@ -289,14 +275,6 @@ def test_arrays_and_frames_are_samples():
         Samples.from_arrays(one.time, one.position[1:], current=one.current)
     with pytest.raises(InputError, match='does not contain numbers'):
         Samples.from_frame(frame, Layout({'position': 'remark'}))
-
-
-def test_predict_takes_a_table_and_gives_a_row_for_each(tmp_path, capsys):
-    path = write_csv(tmp_path / 'log.csv', moving())
-    assert main(['predict', str(path), '--model', 'config/armin_configuration_2.yaml',
-                 '--output', str(tmp_path / 'current.csv')]) == 0
-    assert 'columns guessed' in capsys.readouterr().out
-    assert len((tmp_path / 'current.csv').read_text().splitlines()) == 2001
 
 
 def test_the_notebook_runs_from_top_to_bottom(tmp_path, monkeypatch, capsys):

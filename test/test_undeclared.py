@@ -4,7 +4,6 @@
 
 from dataclasses import replace
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +12,6 @@ from friction_comp.errors import InputError
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.undeclared import Undeclared, undeclared_torque, warmed_up
 from friction_comp.statistics import rms
-from simulated_recordings.cases import CASES
 from simulated_recordings.drives import Excitation, random_drive, record, SimulatedDrive
 
 # Formulas as a reader of the file format would write them: torque N·m that the motor has to
@@ -210,33 +208,6 @@ def test_friction_never_turns_into_drive():
         plant.step([0.0])
     assert moving > 0.01
     assert abs(plant.state.velocity[0]) < 1e-9
-
-
-@pytest.mark.parametrize('name', CASES)
-def test_every_case_shows_in_a_recording_of_its_own(name):
-    drive = random_drive(11, (name,))
-    assert len(drive.variables) == 1
-    excitation = replace(Excitation(duration=40.0), **{
-        key: value for key, value in CASES[name].needs.items() if key in ('load', 'temperature')})
-    found = record(drive, 3, excitation)[0]
-    bare = record(replace(drive, effects=[]), 3, excitation)[0]
-    assert np.std(found.noise_free - bare.noise_free) > drive.noise
-    assert random_drive(11).model == drive.model
-
-
-def test_recordings_repeat_for_a_seed_and_differ_between_seeds():
-    drive = random_drive(2, ('stribeck',))
-    short = Excitation(duration=10.0, servo=True)
-    one, again, other = (record(drive, seed, short)[0].samples for seed in (1, 1, 2))
-    np.testing.assert_array_equal(one.current, again.current)
-    np.testing.assert_array_equal(one.position, again.position)
-    assert not np.array_equal(one.position, other.position)
-
-
-def test_example_file_is_read():
-    extra = Undeclared.from_file(Path(__file__).parents[1] / 'config' / 'undeclared_example.yaml')
-    assert len(extra.table) == 2
-    assert extra.thermal[1] == 25.0
 
 
 @pytest.mark.parametrize(('text', 'reason'), [

@@ -131,24 +131,6 @@ def slow_strokes():
                    current=0.15 * np.tanh(velocity / 0.001) + 0.05 * velocity)
 
 
-def certain(coefficients, draws):
-    """Return whether two equal columns with these fits to resampled parts are certain."""
-    columns = np.ones((2, 100))
-    table = SimpleNamespace(columns=columns, columns_of={'term': [0, 1]}, rows=SimpleNamespace(
-        blocks=16), sums=SimpleNamespace(
-            signs=np.zeros(2), beside=lambda own, others: columns[own] @ columns[own].T))
-    ends = {k: (value - 20.0, value + 20.0) for k, value in enumerate(coefficients)}
-    return Intervals(ends, {}, draws, 2.13, contributions=draws).excludes_zero(table, 'term')
-
-
-def test_a_sum_may_be_certain_where_no_coefficient_is():
-    """At one speed Coulomb and viscous friction stand in for each other, but one of them is."""
-    rng = np.random.default_rng(0)
-    split, whole = 5.0 * rng.normal(size=200), 1.0 + 0.1 * rng.normal(size=200)
-    assert certain((0.5, 0.5), np.column_stack((0.5 * whole + split, 0.5 * whole - split)))
-    assert not certain((0.5, 0.5), 0.5 + rng.normal(size=(200, 2)))
-
-
 def test_what_is_found_but_not_named_is_said(monkeypatch):
     motion = slow_strokes()
     warm = motion.with_(current=motion.current * (1.0 + 0.6 * np.exp(-motion.time / 16.0))

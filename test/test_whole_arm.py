@@ -43,10 +43,14 @@ def refined(tmp_path_factory):
     (folder / 'arm.urdf').write_text(small_arm(), encoding='utf-8')
     write_samples(folder / 'fit', trial(1))
     write_samples(folder / 'score', trial(2))
-    assert refine_tool.main([
-        str(folder / 'fit'), '--urdf', str(folder / 'arm.urdf'), '--unit', 'A', '--output',
-        str(folder / 'out')]) == 0
+    refined_to(folder / 'out', folder / 'fit', '--urdf', folder / 'arm.urdf', '--unit', 'A')
     return folder
+
+
+def refined_to(output, *arguments):
+    """Run refine; return its report."""
+    assert refine_tool.main([*map(str, arguments), '--output', str(output)]) == 0
+    return json.loads((output / 'report.json').read_text(encoding='utf-8'))
 
 
 def errors_of(table):
@@ -107,11 +111,8 @@ def test_a_recording_without_the_other_joints_is_refused(refined, tmp_path, refu
 
 def test_one_joint_of_an_arm_has_the_usual_files(refined, tmp_path):
     write_samples(tmp_path / 'short', trial(1, 400))
-    assert refine_tool.main([
-        str(tmp_path / 'short'), '--urdf', str(refined / 'arm.urdf'), '--unit', 'A', '--joint',
-        'bend', '--output',
-        str(tmp_path / 'out')]) == 0
-    report = json.loads((tmp_path / 'out' / 'report.json').read_text(encoding='utf-8'))
+    report = refined_to(tmp_path / 'out', tmp_path / 'short', '--urdf', refined / 'arm.urdf',
+                        '--unit', 'A', '--joint', 'bend')
     assert report['joint'] == 'bend'
     assert FrictionModel.load(tmp_path / 'out' / 'model.yaml').arm.joints == PLANE
 
@@ -159,10 +160,8 @@ def test_a_joint_that_stands_still_is_left_out_and_a_gripper_may_be_there(refine
         joints = recorded(small_arm(MASSES), PLANE, motion, SCALES, FRICTION, rng)
         finger = joints[0].with_(joint='finger', current=np.zeros(400), arm=None)
         write_samples(tmp_path / name, [*joints, finger])
-    assert refine_tool.main([
-        str(tmp_path / 'one'), str(tmp_path / 'two'), '--urdf', str(refined / 'arm.urdf'),
-        '--output', str(tmp_path / 'out')]) == 0
-    whole = json.loads((tmp_path / 'out' / 'report.json').read_text(encoding='utf-8'))
+    whole = refined_to(
+        tmp_path / 'out', tmp_path / 'one', tmp_path / 'two', '--urdf', refined / 'arm.urdf')
     assert list(whole['joints']) == ['bend']
     assert whole['joints']['bend']['after']['held_out_rmse'] < 0.04
     assert "'finger' is not in the URDF" in capsys.readouterr().out
@@ -221,9 +220,7 @@ def test_a_joint_alone_does_not_guess_the_weight_of_the_arm(refined):
 
 def test_other_joints_are_named_where_no_urdf_says_more(refined, tmp_path):
     fresh = read_arm(refined / 'score')
-    assert refine_tool.main([
-        str(refined / 'fit'), '--joint', 'lift', '--output', str(tmp_path)]) == 0
-    report = json.loads((tmp_path / 'report.json').read_text(encoding='utf-8'))
+    report = refined_to(tmp_path, refined / 'fit', '--joint', 'lift')
     found = {effect['variable']: effect['in_words'] for effect in report['effects']}
     assert 'bend' in found['other joints']
     assert any('--urdf' in line for line in report['record_again'])
