@@ -228,7 +228,7 @@ class FrictionModel:
             document['position_limits'] = self.position_limits
         document['effects'] = [effect.to_dict() for effect in self.effects]
         if self.recorded is not None:
-            document['recorded'] = vars(self.recorded)
+            document['recorded'] = self.recorded.to_dict()
         for name in ('lookup_table', 'differentiation', 'simulation', 'notes'):
             if getattr(self, name):
                 document[name] = getattr(self, name)
