@@ -96,10 +96,10 @@ LARGER, USELESS = 'that refine expected', 'does not hold for this recording'
         'position', 'speed', 'acceleration'}),
     # The same speeds, to and fro in a fifth of the time.
     ({'speed': 5.0, 'size': 0.2}, {'acceleration'}),
-    ({'friction': 1.2}, {LARGER}), ({'weight': 5.0}, {LARGER, USELESS})])
+    ({'temperature': 15.0}, {'temperature'}), ({'friction': 1.2}, {LARGER}),
+    ({'weight': 5.0}, {LARGER, USELESS})])
 def test_predict_says_where_the_model_does_not_hold(tmp_path, capsys, change, said):
     speed, size, friction = (change.get(name, 1.0) for name in ('speed', 'size', 'friction'))
-    # No term of the model reads a temperature, whatever it was.
     recorded = Recorded((0.2, 1.0, 1.9), {}, {
         'position': (-1.0, 1.0), 'speed': (0.0, 2.0), 'acceleration': (0.0, 4.0),
         'temperature': (20.0, 21.0)}, error=0.02)
@@ -109,7 +109,8 @@ def test_predict_says_where_the_model_does_not_hold(tmp_path, capsys, change, sa
     time = np.arange(0.0, 4.0, 0.002)
     q, v, a = (size * speed ** k * wave for k, wave in enumerate((
         np.sin(2 * speed * time), 2 * np.cos(2 * speed * time), -4 * np.sin(2 * speed * time))))
-    columns = {'time': time, 'elbow.position': q, 'elbow.temperature': 40.0 + time}
+    columns = {'time': time, 'elbow.position': q, 'elbow.temperature': 22.0 + change.get(
+        'temperature', 0.0) + 0.0 * time}
     torque = (needed(q, v, a) + change.get('weight', 0.0)
               + (friction - 1.0) * GAIN * (0.2 * np.sign(v) + 0.1 * v))
     for name, effort in (('plan', {}), ('log', {'elbow.effort': torque})):
@@ -118,7 +119,7 @@ def test_predict_says_where_the_model_does_not_hold(tmp_path, capsys, change, sa
             tmp_path / 'model.yaml'), '--output', str(tmp_path / 'out.csv')]) == 0
         shown = capsys.readouterr().out
         expected = {BEYOND.get(one, one) for one in said
-                    if name == 'log' or one not in (LARGER, USELESS)}
+                    if name == 'log' or one not in ('temperature', LARGER, USELESS)}
         assert {one for one in (*BEYOND.values(), LARGER, USELESS) if one in shown} == expected
 
 
@@ -129,10 +130,12 @@ def test_the_range_of_a_signal_counts_where_a_term_depends_on_its_value():
                             'transition': 0.1, 'coefficients': [1.0]})
     slip = EFFECTS['hysteresis']({
         'distance': 1e-3, 'exponent': 1.0, 'transition': 1e-3, 'coefficients': [0.5, 0.0]})
-    assert set(signals_read(samples, [])) == set(signals_read(samples, [slip])) == {'speed'}
-    assert set(signals_read(samples, [bump])) == {'speed', 'position'}
+    assert set(signals_read(samples, [])) == set(signals_read(samples, [slip])) == {
+        'speed', 'load', 'temperature'}
+    assert set(signals_read(samples, [bump])) == {
+        'speed', 'load', 'temperature', 'position'}
     assert set(signals_read(samples, MODEL.effects)) == {
-        'speed', 'acceleration', 'position', 'load'}
+        'speed', 'acceleration', 'position', 'load', 'temperature'}
     # A turn is all there is of an angle, but not of a way.
     known = Recorded(ranges={'position': (0.0, 6.5)})
     far = samples.with_(position=np.full(4, 20.0))

@@ -78,19 +78,24 @@ _SIZES = {'speed': ('velocity', 'rad/s'), 'acceleration': ('acceleration', 'rad/
 _UNITS = {'position': 'rad', 'load': 'N·m', 'temperature': '°C', 'rigid_body': 'N·m'}
 _WORDS = {'rigid_body': "torque of the arm's links"}
 _OF_OTHER = 'position of '
+# Change of a signal that is too small to matter: of a temperature, as of one that hardly varied,
+# and of another joint's position, whose sine is the weight's.
+_NO_CHANGE = {'temperature': 2.0, _OF_OTHER: 0.1}
 
 
 def signals_read(samples: Samples, effects: Iterable[Effect]) -> dict[str, np.ndarray]:
     """Return each signal, (N,), that a sum of the sigmoid and effects depends on, but time.
 
-    Speed and acceleration are sizes. What other joints cause depends on their positions.
+    Speed and acceleration are sizes. A load, a temperature and the positions of other joints count
+    even if no effect depends on them: where they hardly varied, nothing is known of that.
     """
-    names = set[str]().union(*(effect.reads() for effect in effects))
+    names = {'load', 'temperature'}.union(*(effect.reads() for effect in effects))
     signals = {name: np.abs(values) for name, (own, _) in _SIZES.items()
                if name in {'speed', *names} and (values := getattr(samples, own)) is not None}
     signals |= {name: values for name in _UNITS
                 if name in names and (values := getattr(samples, name)) is not None}
-    if 'coupling' in names and samples.arm is not None:
+    # Their torque counts, where a URDF tells it.
+    if samples.rigid_body is None and samples.arm is not None:
         signals |= {f'{_OF_OTHER}{joint}': values for joint, values in zip(
             samples.arm.joints, samples.arm.position.T) if joint != samples.joint}
     return signals
@@ -106,11 +111,12 @@ class Recorded:
     # Lowest and highest value in motion, of each of `signals_read`.
     ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
     error: float | None = None  # to expect in motion of another recording, RMS, A
+    load: float = 0.0  # mean measured load in motion, N·m
 
     @classmethod
     def from_dict(cls, section: Any) -> Recorded:
         """Read the section `recorded` of a model file."""
-        check_mapping(section, 'recorded', ('speeds', 'intervals', 'ranges', 'error'))
+        check_mapping(section, 'recorded', ('speeds', 'intervals', 'ranges', 'error', 'load'))
         speeds = tuple(check_number(value, 'recorded.speeds', above=0.0) for value in check_list(
             section.get('speeds'), 'recorded.speeds'))
         intervals = check_mapping(section.get('intervals') or {}, 'recorded.intervals',
@@ -121,7 +127,8 @@ class Recorded:
                      for name, ends in intervals.items()},
             {str(name): check_interval(ends, f'recorded.ranges.{name}') for name, ends in
              check_mapping(section.get('ranges') or {}, 'recorded.ranges').items()},
-            None if error is None else check_number(error, 'recorded.error', least=0.0))
+            None if error is None else check_number(error, 'recorded.error', least=0.0),
+            check_number(section.get('load', 0.0), 'recorded.load'))
 
     def with_ranges(self, samples: Samples, effects: Iterable[Effect]) -> Recorded:
         """Return it with the ranges of samples in motion, which effects were fitted to."""
@@ -129,21 +136,24 @@ class Recorded:
         for name, values in signals_read(samples, effects).items():
             low, high = np.quantile(values, (_TAIL, 1.0 - _TAIL))
             ranges[name] = (0.0 if name in _SIZES else float(low), float(high))
-        return replace(self, ranges=ranges)
+        return replace(self, ranges=ranges, load=(
+            0.0 if samples.load is None else float(np.mean(samples.load))))
 
-    def beyond(self, samples: Samples, effects: Iterable[Effect], linear: bool = False
-               ) -> list[str]:
+    def beyond(self, samples: Samples, effects: Iterable[Effect], linear: bool = False,
+               torque_per_current: float = 1.0) -> list[str]:
         """Return a note on each signal of which much of a motion is beyond the recorded range.
 
-        Like other effects, friction is believed for a quarter of the range beyond it. Of an angle,
-        a turn is all there is.
+        Like other effects, friction is believed for a quarter of the range beyond it, and a load
+        for the error to expect. Of an angle, a turn is all there is.
         """
+        least = {**_NO_CHANGE, 'load': (self.error or 0.0) * torque_per_current}
         # Files of earlier versions have the speeds alone.
         ranges = self.ranges or ({'speed': (0.0, self.speeds[-1])} if self.speeds else {})
         notes = []
         for name, values in signals_read(samples, effects).items():
             low, high = ranges.get(name, (-math.inf, math.inf))
-            more = _BEYOND * (high - low)
+            more = max(_BEYOND * (high - low), least.get(name, least[_OF_OTHER] * name.startswith(
+                _OF_OTHER)))
             if not len(values) or (not linear and name.startswith('position')
                                    and high - low >= 2.0 * math.pi):
                 continue

@@ -102,6 +102,10 @@ _FINDINGS = {
         TRUST, 'No load was recorded: effects of load, and an error of the torque constant, cannot '
         'be seen, and what a hand gives to the motion is missing from friction.', ''),
     'not_seen': (TRUST, '{reason}', ''),
+    'one_load': (
+        IN_PART, '{load} hardly varied, {low:.3g} to {high:.3g} N·m: friction and offset that '
+        'depend on it cannot be told from those that do not, and hold at such loads only.',
+        'record several loads, and none'),
     'negative_friction': (
         IN_PART, 'The straight line through friction has {name} below zero, {value:.3g}, '
         'which no drive has: neither its Coulomb nor its viscous friction is that of the drive.',

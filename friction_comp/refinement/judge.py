@@ -238,6 +238,7 @@ def findings(fit: Fit, raw: Samples, after: Errors, growth: dict[str, float],
     if -sum(fit.lag) >= rows.samples.sample_time:
         yield finding('late_current', lag=-1e3 * sum(fit.lag))
     yield from findings_on_recording(rows, raw)
+    yield from loads_that_hardly_varied(rows, after.elsewhere_motion_rmse)
     yield from notes_on_coverage(rows.samples, rows.coverage)
     # The fit's error comes from block sums, that of the model from `predict` on the recording. Rows
     # average noise out, and samples outside all rows may have larger errors.
@@ -303,6 +304,23 @@ def findings_on_recording(rows: Rows, raw: Samples) -> Iterator[Finding]:
         limits = raw.current[rows.clipped]
         ends = dict.fromkeys(f'{end:.4g} A' for end in (limits.min(), limits.max()))
         yield finding('ceiling', ends=' and '.join(ends), percent=100 * rows.clipped.mean())
+
+
+def loads_that_hardly_varied(rows: Rows, error: float) -> Iterator[Finding]:
+    """Yield each load, of those that exceed an error, A, which is far from zero against its range.
+
+    What it does to offset and friction cannot be told from these then, nor by which power of it:
+    all look like a constant. Locally, the model may be right.
+    """
+    for load, values in (('The load', rows.samples.load),
+                         ("The torque of the arm's links", rows.samples.rigid_body)):
+        if values is None:
+            continue
+        low, high = np.quantile(values[rows.usable], (0.01, 0.99))
+        small, large = sorted((abs(low), abs(high)))
+        if (low * high > 0.0 and large < thresholds.ONE_LOAD * small
+                and small > error * rows.torque_per_current):
+            yield finding('one_load', load=load, low=low, high=high)
 
 
 def notes_on_coverage(samples: Samples, coverage: Coverage) -> Iterator[Finding]:

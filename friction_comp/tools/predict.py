@@ -107,7 +107,7 @@ def compared(model: FrictionModel, samples: Samples, measured: np.ndarray,
                                'movements: the model does not describe all of this recording')
             moved = model.differentiated(model.with_arm(samples)).take(moves)
             remarks += [in_own_units(note, model.is_linear) for note in known.beyond(
-                moved, model.effects, model.is_linear)]
+                moved, model.effects, model.is_linear, model.drive.torque_per_current)]
     return errors, remarks
 
 
