@@ -98,6 +98,12 @@ _FINDINGS = {
         AGAIN, 'A compensator helped a person, whose torque was not recorded: the current is what '
         'the motor gave, which is a part of friction.',
         "the person's torque (interaction_wrench), or a motion by the motor alone"),
+    'may_have_helped': (
+        IN_PART, 'The motor gave just what was commanded while direction 0 was announced: where a '
+        'compensator commanded it and a person moved the joint, which this recording does not '
+        'tell, the current is only a part of friction.',
+        "the person's torque (interaction_wrench), /diagnostics, or a motion without the "
+        'compensator'),
     'no_load': (
         TRUST, 'No load was recorded: effects of load, and an error of the torque constant, cannot '
         'be seen, and what a hand gives to the motion is missing from friction.', ''),

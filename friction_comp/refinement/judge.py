@@ -262,19 +262,22 @@ def findings_on_numbers(friction: FrictionNumbers) -> Iterator[Finding]:
         yield finding('not_told_apart', names=' and '.join(wide))
 
 
-def is_helped_person(samples: Samples) -> bool:
-    """Return whether a compensator helped a person, whose own torque was not recorded.
+def helped_person(samples: Samples) -> Finding | None:
+    """Return the finding that a compensator helped a person, whose own torque was not recorded.
 
     It acts on announced directions, and the motor does what it commands and nothing else. (Under
-    another controller, which moves the joint, the motor does more.)
+    another controller, which moves the joint, the motor does more.) Where it hears that none is
+    meant, it may help as well, or something else may command the motor.
     """
-    if samples.load is not None or samples.command is None or not np.any(samples.direction):
-        return False
+    if samples.load is not None or samples.command is None or samples.direction is None:
+        return None
     both = np.isfinite(samples.command) & np.isfinite(samples.current)
     command, current = samples.command[both], samples.current[both]
     if len(command) < 2 or not np.ptp(command) > 0.0 or not np.ptp(current) > 0.0:
-        return False
-    return bool(np.corrcoef(command, current)[0, 1] > thresholds.DOES_AS_COMMANDED)
+        return None
+    if np.corrcoef(command, current)[0, 1] <= thresholds.DOES_AS_COMMANDED:
+        return None
+    return finding('helped_person' if np.any(samples.direction) else 'may_have_helped')
 
 
 def findings_on_recording(rows: Rows, raw: Samples) -> Iterator[Finding]:
@@ -289,8 +292,8 @@ def findings_on_recording(rows: Rows, raw: Samples) -> Iterator[Finding]:
         raw.time, raw.position, raw.velocity, coverage.resolution), thresholds.VELOCITY_RATIO)
     if fault:
         yield finding('velocity', fault=fault[0].upper() + fault[1:])
-    if is_helped_person(raw):
-        yield finding('helped_person')
+    if (helped := helped_person(raw)):
+        yield helped
     coarse = too_coarse(coverage)
     if coarse and coverage.speed < STANDSTILL:
         yield finding('hardly_moved', steps=coverage.distinct_positions, speed=coverage.speed)
