@@ -15,8 +15,9 @@ from friction_comp.errors import InputError
 from friction_comp.files import write_yaml
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import arm_document, FrictionModel
-from friction_comp.model.measured import Recorded
+from friction_comp.model.measured import Recorded, signals_read
 from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.samples import Samples
 
 MODEL = FrictionModel(
     Drive(0.1, 50.0), Sigmoid(0.2, -0.2, 200.0, viscous=0.1), joint='elbow', effects=[
@@ -85,22 +86,60 @@ def test_a_plan_of_time_and_position_gives_the_torque(tmp_path, capsys, name):
     assert 'taken as a plan' in said
 
 
-@pytest.mark.parametrize(('speed', 'friction', 'said'), [
-    (1.0, 1.0, set()), (3.0, 1.0, {'is faster than 2.38 rad/s'}),
-    (1.0, -3.0, {'does not hold for this recording'})])
-def test_predict_says_where_the_model_does_not_hold(tmp_path, capsys, speed, friction, said):
-    remarks = {'is faster than 2.38 rad/s', 'does not hold for this recording'}
-    model = replace(MODEL, effects=[], recorded=Recorded((0.2, 1.0, 1.9)))
+BEYOND = {name: f'a quarter beyond the {name} that' for name in (
+    'speed', 'acceleration', 'position', 'temperature')}
+LARGER, USELESS = 'that refine expected', 'does not hold for this recording'
+
+
+@pytest.mark.parametrize(('change', 'said'), [
+    ({}, set()), ({'speed': 3.0}, {'speed', 'acceleration'}), ({'size': 3.0}, {
+        'position', 'speed', 'acceleration'}),
+    # The same speeds, to and fro in a fifth of the time.
+    ({'speed': 5.0, 'size': 0.2}, {'acceleration'}),
+    ({'temperature': 15.0}, {'temperature'}), ({'friction': 1.2}, {LARGER}),
+    ({'weight': 5.0}, {LARGER, USELESS})])
+def test_predict_says_where_the_model_does_not_hold(tmp_path, capsys, change, said):
+    speed, size, friction = (change.get(name, 1.0) for name in ('speed', 'size', 'friction'))
+    recorded = Recorded((0.2, 1.0, 1.9), {}, {
+        'position': (-1.0, 1.0), 'speed': (0.0, 2.0), 'acceleration': (0.0, 4.0),
+        'temperature': (20.0, 21.0)}, error=0.02)
+    model = replace(MODEL, effects=MODEL.effects[:2], recorded=recorded)
     model.save(tmp_path / 'model.yaml')
-    time, q, v, _ = motion()
-    columns = {'t': time, 'elbow.position': q * speed}
-    for name, effort in (('plan', {}), ('log', {
-            'elbow.effort': friction * GAIN * (0.2 * np.sign(v) + 0.1 * v * speed)})):
+    assert FrictionModel.load(tmp_path / 'model.yaml').recorded == recorded
+    time = np.arange(0.0, 4.0, 0.002)
+    q, v, a = (size * speed ** k * wave for k, wave in enumerate((
+        np.sin(2 * speed * time), 2 * np.cos(2 * speed * time), -4 * np.sin(2 * speed * time))))
+    columns = {'t': time, 'elbow.position': q, 'elbow.temperature': 22.0 + change.get(
+        'temperature', 0.0) + 0.0 * time}
+    torque = (needed(q, v, a) + change.get('weight', 0.0)
+              + (friction - 1.0) * GAIN * (0.2 * np.sign(v) + 0.1 * v))
+    for name, effort in (('plan', {}), ('log', {'elbow.effort': torque})):
         predicted(tmp_path, 'model.yaml', **columns, **effort)
         shown = capsys.readouterr().out
         assert ('columns guessed from their names: time=t' in shown) == (name == 'log')
-        expected = said - ({'does not hold for this recording'} if name == 'plan' else set())
-        assert {remark for remark in remarks if remark in shown} == expected
+        expected = {BEYOND.get(one, one) for one in said
+                    if name == 'log' or one not in ('temperature', LARGER, USELESS)}
+        assert {one for one in (*BEYOND.values(), LARGER, USELESS) if one in shown} == expected
+
+
+def test_the_range_of_a_signal_counts_where_a_term_depends_on_its_value():
+    samples = Samples(*np.ones((3, 4)), velocity=np.ones(4), acceleration=np.ones(4),
+                      load=np.ones(4), temperature=np.ones(4))
+    bump = EFFECTS['bump']({'position': 9.0, 'width': 0.1, 'exponent': 2.0, 'directional': 0.0,
+                            'transition': 0.1, 'coefficients': [1.0]})
+    slip = EFFECTS['hysteresis']({
+        'distance': 1e-3, 'exponent': 1.0, 'transition': 1e-3, 'coefficients': [0.5, 0.0]})
+    assert set(signals_read(samples, [])) == set(signals_read(samples, [slip])) == {
+        'speed', 'load', 'temperature'}
+    assert set(signals_read(samples, [bump])) == {
+        'speed', 'load', 'temperature', 'position'}
+    assert set(signals_read(samples, MODEL.effects)) == {
+        'speed', 'acceleration', 'position', 'load', 'temperature'}
+    # A turn is all there is of an angle, but not of a way.
+    known = Recorded(ranges={'position': (0.0, 6.5)})
+    far = samples.with_(position=np.full(4, 20.0))
+    assert not known.beyond(far, MODEL.effects)
+    assert known.beyond(far, MODEL.effects, linear=True)
 
 
 def test_a_plan_of_an_arm_gives_the_torque_of_each_joint(tmp_path):

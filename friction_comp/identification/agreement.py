@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from friction_comp.identification.inertia import without_lag
+from friction_comp.identification.inertia import Inertia, without_lag
 from friction_comp.identification.kinetic import (
     constant_velocity_currents,
     constant_velocity_windows,
@@ -33,6 +33,9 @@ _UNEVEN = 0.1
 _UNSETTLED = 0.03
 # A lag between current and position that is worth a word, s.
 _LAG = 0.005
+# Share by which inertias at different speeds may differ, and that inertia may leave unexplained,
+# without a word: rigid joints with fine encoders stay below 0.01.
+_SWINGS = 0.05
 # Standard errors of the difference of two means by which it must be larger.
 _ERRORS = 3.0
 # Ranges of position that are compared, and fewest samples in each.
@@ -251,6 +254,17 @@ def say_lag(lag: float) -> list[str]:
     late, early = ('current', 'position') if lag > 0.0 else ('position', 'current')
     return [f'the measured {late} is {abs(lag):.2g} s later than the {early}, as behind a low '
             'pass in the drive; friction and inertia are without this lag']
+
+
+def say_swing(inertia: Inertia | None) -> list[str]:
+    """Return a warning if inertia differs between speeds, or leaves some current unexplained."""
+    doubt = max(inertia.differs, inertia.unexplained) if inertia else 0.0
+    if doubt < _SWINGS:
+        return []
+    return [f'the acceleration per current may be off by {doubt:.0%}: at different speeds it is as '
+            'different, or does not explain as much. The joint swings, as one with an elastic or '
+            'heavy link, whose acceleration is not that of the motor, or its encoder is coarse. '
+            'Presliding of a joint that swings may be up to 30 % short']
 
 
 def say_unsettled(accelerated: Sequence[Cycle], plain: Sequence[Cycle]) -> list[str]:

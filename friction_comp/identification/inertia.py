@@ -21,8 +21,8 @@ from scipy.signal import lfilter
 
 from friction_comp.identification.kinetic import Sample
 
-CYCLES = 3
-"""So many of the fastest cycles are used: they have the largest accelerations."""
+# So many cycles of neighbouring speeds are used together.
+_CYCLES = 3
 
 _TRANSIENT = 2.5e-3  # s that the current controller takes after a step of current
 # Each of three averages takes this share of a cycle.
@@ -35,6 +35,8 @@ _LAGS = (-0.06, -0.04, -0.02, -0.01, -0.005, 0.0, 0.005, 0.01, 0.02, 0.04, 0.06)
 # A lag must leave so much less unexplained than none, and so much less to be sure of it; inertia
 # must explain this share.
 _LESS, _SURE, _EXPLAINED = 0.7, 0.4, 0.8
+# Others are compared if inertia explains this share of them.
+_COMPARED = 0.5
 
 
 class Inertia(NamedTuple):
@@ -47,6 +49,8 @@ class Inertia(NamedTuple):
     acceleration_per_current: float     # k_t·n/J, rad/s² per A
     lag: float
     sure: bool                          # whether there certainly is such a lag
+    unexplained: float = 0.0            # share of the current's variance, beside friction
+    differs: float = 0.0                # from that of cycles at other speeds, at most, as a share
 
 
 def acceleration_of_push(pushed: Sequence[Sample], coasted: Sequence[Sample], strength: float,
@@ -94,8 +98,32 @@ def inertia_of_cycles(cycles: Sequence[np.ndarray]) -> Inertia | None:
     At a given speed and direction, friction is the same whether the joint accelerates or
     decelerates: the difference is due to inertia. None if inertia is too small a part of it.
     """
-    prepared = [_smoothed(cycle) for cycle in cycles]
+    found = _inertia_of([_smoothed(cycle) for cycle in cycles])
+    return found if found and found.unexplained <= 1.0 - _EXPLAINED else None
 
+
+def steadiest_inertia(cycles: Sequence[np.ndarray]) -> Inertia | None:
+    """Return the inertia of the neighbouring speeds at which it explains the current best.
+
+    Faster cycles have larger accelerations, which noise and an encoder's counts hide less; but an
+    elastic or heavy link swings after them, and the motor then accelerates less than all links, or
+    more. `cycles` are those of all speeds as of `inertia_of_cycles`, the lowest first; the slowest
+    third, near presliding, is left out where there are enough.
+    """
+    prepared = [_smoothed(cycle) for cycle in cycles]
+    last = max(len(prepared) - _CYCLES, 0)
+    found = [one for k in range(min(len(prepared) // 3, last), last + 1)
+             if (one := _inertia_of(prepared[k:k + _CYCLES]))]
+    best = min(found, key=lambda one: one.unexplained, default=None)
+    if best is None or best.unexplained > 1.0 - _EXPLAINED:
+        return None
+    return best._replace(differs=max(
+        abs(math.log(one.acceleration_per_current / best.acceleration_per_current))
+        for one in found if one.unexplained <= _COMPARED))
+
+
+def _inertia_of(prepared: Sequence[tuple[np.ndarray, np.ndarray, float]]) -> Inertia | None:
+    """Return inertia and lag of smoothed cycles; None if inertia is not positive."""
     def left(lag: float) -> float:
         return _explain(prepared, lag)[1]
     k = int(np.argmin([left(lag) for lag in _LAGS]))
@@ -106,9 +134,9 @@ def inertia_of_cycles(cycles: Sequence[np.ndarray]) -> Inertia | None:
     if share > _LESS or not 0.95 * _LAGS[0] < lag < 0.95 * _LAGS[-1]:
         lag, share = 0.0, 1.0
     per_acceleration, unexplained = _explain(prepared, lag)
-    if not per_acceleration > 0.0 or unexplained > 1.0 - _EXPLAINED:
+    if not per_acceleration > 0.0:
         return None
-    return Inertia(1.0 / per_acceleration, lag, share < _SURE)
+    return Inertia(1.0 / per_acceleration, lag, share < _SURE, unexplained)
 
 
 def without_lag(samples: np.ndarray, lag: float) -> np.ndarray:

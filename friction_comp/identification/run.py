@@ -28,6 +28,7 @@ from friction_comp.identification.agreement import (
     position_slopes,
     say_drift,
     say_lag,
+    say_swing,
     say_unsettled,
     why_unreliable,
     without_drift,
@@ -37,7 +38,7 @@ from friction_comp.identification.goal import (
     IdentificationGoal,
     IdentificationResult,
 )
-from friction_comp.identification.inertia import CYCLES, Inertia, inertia_of_cycles, without_lag
+from friction_comp.identification.inertia import Inertia, steadiest_inertia, without_lag
 from friction_comp.identification.kinetic import (
     cycle_position,
     cycle_velocity,
@@ -317,7 +318,7 @@ class IdentificationRun(SupervisedRun):
     def _evaluate(self) -> IdentificationResult:
         slopes = position_slopes(self.cycles)
         inertia = self._inertia(levelled(self.cycles, slopes))
-        acceleration, lag, _ = inertia or (self.acceleration, 0.0, False)
+        acceleration, lag = inertia[:2] if inertia else (self.acceleration, 0.0)
         # An inertia that is not known must not correct anything.
         cycles, repeated = (
             levelled([cycle.again(acceleration if inertia else math.inf, lag) for cycle in driven],
@@ -345,7 +346,7 @@ class IdentificationRun(SupervisedRun):
                       *([_TYPICAL] if self._inertia_is_typical and not inertia else []),
                       *check_currents(cycles), *say_lag(lag if inertia and inertia.sure else 0.0),
                       *([] if inertia else say_unsettled(self.cycles, cycles)),
-                      *say_drift(drift),
+                      *say_swing(inertia), *say_drift(drift),
                       *([_ONE_RAMP] if self.goal.breakaway_cycles == 1 else []),
                       *ramps.warnings, *([doubtful] if doubtful else []),
                       *check_positions(self.cycles, self.repeated),
@@ -359,7 +360,7 @@ class IdentificationRun(SupervisedRun):
 
     def _inertia(self, cycles: Sequence[Cycle]) -> Inertia | None:
         """Return k_t·n/J and the lag of the current from the cycles, if they show it."""
-        found = inertia_of_cycles([cycle.samples for cycle in cycles[-CYCLES:]])
+        found = steadiest_inertia([cycle.samples for cycle in cycles])
         # A push that moved the joint is right within tens of percent, unless a sensor is late.
         wide = 50.0 if self._inertia_is_typical else 5.0
         ratio = found.acceleration_per_current / self.acceleration if found else 0.0

@@ -188,13 +188,14 @@ class FrictionModel:
     def measured(self, samples: Samples) -> np.ndarray:
         """Return the measured current in A, shape (N,), with which `predict` is compared.
 
-        Motor and person overcome friction together: where the load was recorded, the person's share
-        ``τ_b/(k_t·n)`` is added, unless an effect of the load torque describes it.
+        Motor and person overcome friction together: a recorded load's share ``τ_b/(k_t·n)`` is
+        added, beyond that in what was fitted, unless an effect of the load torque describes it.
         """
         if samples.load is None or any(
                 effect.known_coefficients(self.drive) is not None for effect in self.effects):
             return samples.current
-        return samples.current + np.nan_to_num(samples.load) / self.drive.torque_per_current
+        load = samples.load - (self.recorded.load if self.recorded else 0.0)
+        return samples.current + np.nan_to_num(load) / self.drive.torque_per_current
 
     def largest_speed(self, default: float) -> float:
         """Return the largest speed in rad/s of the look-up table; a default where it has none."""
@@ -228,7 +229,7 @@ class FrictionModel:
             document['position_limits'] = self.position_limits
         document['effects'] = [effect.to_dict() for effect in self.effects]
         if self.recorded is not None:
-            document['recorded'] = vars(self.recorded)
+            document['recorded'] = self.recorded.to_dict()
         for name in ('lookup_table', 'differentiation', 'simulation', 'notes'):
             if getattr(self, name):
                 document[name] = getattr(self, name)

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 import math
 from typing import Any
@@ -12,6 +13,8 @@ import numpy as np
 
 from friction_comp.checks import check_interval, check_list, check_mapping, check_number
 from friction_comp.errors import InputError
+from friction_comp.model.effects.base import Effect
+from friction_comp.samples import Samples
 
 
 @dataclass(frozen=True)
@@ -63,10 +66,39 @@ class Presliding:
                 check_number(value, f'presliding.{name}', above=0.0)
 
 
-# Factor of the highest of the recorded speeds, and share of a motion beyond it, worth a note.
-_BEYOND, _FASTER = 1.25, 0.1
+# Share of its range by which a signal may be beyond it, as effects are believed there, and share of
+# a motion beyond that worth a note; factor of the expected error worth one, too.
+_BEYOND, _MUCH, LARGER = 0.25, 0.1, 1.5
+# Share of the samples beyond each end of a range.
+_TAIL = 0.01
 LINE = ('offset', 'coulomb', 'viscous')
 """Parameters of the line, in A, A and A·s/rad."""
+# Signals with a range that starts at zero: nothing is known of either sign alone.
+_SIZES = {'speed': ('velocity', 'rad/s'), 'acceleration': ('acceleration', 'rad/s²')}
+_UNITS = {'position': 'rad', 'load': 'N·m', 'temperature': '°C', 'rigid_body': 'N·m'}
+_WORDS = {'rigid_body': "torque of the arm's links"}
+_OF_OTHER = 'position of '
+# Change of a signal that is too small to matter: of a temperature, as of one that hardly varied,
+# and of another joint's position, whose sine is the weight's.
+_NO_CHANGE = {'temperature': 2.0, _OF_OTHER: 0.1}
+
+
+def signals_read(samples: Samples, effects: Iterable[Effect]) -> dict[str, np.ndarray]:
+    """Return each signal, (N,), that a sum of the sigmoid and effects depends on, but time.
+
+    Speed and acceleration are sizes. A load, a temperature and the positions of other joints count
+    even if no effect depends on them: where they hardly varied, nothing is known of that.
+    """
+    names = {'load', 'temperature'}.union(*(effect.reads() for effect in effects))
+    signals = {name: np.abs(values) for name, (own, _) in _SIZES.items()
+               if name in {'speed', *names} and (values := getattr(samples, own)) is not None}
+    signals |= {name: values for name in _UNITS
+                if name in names and (values := getattr(samples, name)) is not None}
+    # Their torque counts, where a URDF tells it.
+    if samples.rigid_body is None and samples.arm is not None:
+        signals |= {f'{_OF_OTHER}{joint}': values for joint, values in zip(
+            samples.arm.joints, samples.arm.position.T) if joint != samples.joint}
+    return signals
 
 
 @dataclass(frozen=True)
@@ -76,32 +108,70 @@ class Recorded:
     speeds: tuple[float, ...] = ()  # quantiles of the speed in motion, rad/s, the lowest first
     # 95 % intervals by parameter, in the model's unit of current, of `LINE`, inertia, transition.
     intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
+    # Lowest and highest value in motion, of each of `signals_read`.
+    ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
+    error: float | None = None  # to expect in motion of another recording, RMS, A
+    load: float = 0.0  # mean measured load in motion, N·m
 
     @classmethod
     def from_dict(cls, section: Any) -> Recorded:
         """Read the section `recorded` of a model file."""
-        check_mapping(section, 'recorded', ('speeds', 'intervals'))
+        check_mapping(section, 'recorded', ('speeds', 'intervals', 'ranges', 'error', 'load'))
         speeds = tuple(check_number(value, 'recorded.speeds', above=0.0) for value in check_list(
             section.get('speeds'), 'recorded.speeds'))
         intervals = check_mapping(section.get('intervals') or {}, 'recorded.intervals',
                                   (*LINE, 'inertia', 'transition'))
-        return cls(speeds, {name: check_interval(ends, f'recorded.intervals.{name}')
-                            for name, ends in intervals.items()})
+        error = section.get('error')
+        return cls(
+            speeds, {name: check_interval(ends, f'recorded.intervals.{name}')
+                     for name, ends in intervals.items()},
+            {str(name): check_interval(ends, f'recorded.ranges.{name}') for name, ends in
+             check_mapping(section.get('ranges') or {}, 'recorded.ranges').items()},
+            None if error is None else check_number(error, 'recorded.error', least=0.0),
+            check_number(section.get('load', 0.0), 'recorded.load'))
 
-    def faster(self, speed: np.ndarray) -> str:
-        """Return a note if much of a motion with these speeds, rad/s, is faster than the recorded.
+    def with_ranges(self, samples: Samples, effects: Iterable[Effect]) -> Recorded:
+        """Return it with the ranges of samples in motion, which effects were fitted to."""
+        ranges = {}
+        for name, values in signals_read(samples, effects).items():
+            low, high = np.quantile(values, (_TAIL, 1.0 - _TAIL))
+            ranges[name] = (0.0 if name in _SIZES else float(low), float(high))
+        return replace(self, ranges=ranges, load=(
+            0.0 if samples.load is None else float(np.mean(samples.load))))
 
-        Like other effects, friction is believed for a quarter of the range beyond it.
+    def beyond(self, samples: Samples, effects: Iterable[Effect], linear: bool = False,
+               torque_per_current: float = 1.0) -> list[str]:
+        """Return a note on each signal of which much of a motion is beyond the recorded range.
+
+        Like other effects, friction is believed for a quarter of the range beyond it, and a load
+        for the error to expect. Of an angle, a turn is all there is.
         """
-        if not self.speeds or not len(speed):
-            return ''
-        share = float(np.mean(np.abs(speed) > _BEYOND * self.speeds[-1]))
-        return '' if share < _FASTER else (
-            f'{100.0 * share:.0f} % of this motion is faster than {_BEYOND * self.speeds[-1]:.3g} '
-            f'rad/s, and the model was fitted to speeds of up to {self.speeds[-1]:.3g} rad/s: '
-            'friction is extrapolated, and the error may be larger than the report expects')
+        least = {**_NO_CHANGE, 'load': (self.error or 0.0) * torque_per_current}
+        # Files of earlier versions have the speeds alone.
+        ranges = self.ranges or ({'speed': (0.0, self.speeds[-1])} if self.speeds else {})
+        notes = []
+        for name, values in signals_read(samples, effects).items():
+            low, high = ranges.get(name, (-math.inf, math.inf))
+            more = max(_BEYOND * (high - low), least.get(name, least[_OF_OTHER] * name.startswith(
+                _OF_OTHER)))
+            if not len(values) or (not linear and name.startswith('position')
+                                   and high - low >= 2.0 * math.pi):
+                continue
+            share = float(np.mean((values < low - more) | (values > high + more)))
+            if share >= _MUCH:
+                unit = _SIZES[name][1] if name in _SIZES else _UNITS.get(name, 'rad')
+                notes.append(
+                    f'{100.0 * share:.0f} % of this motion is more than a quarter beyond the '
+                    f'{_WORDS.get(name, name)} that the model was fitted to, {low:.3g} to '
+                    f'{high:.3g} {unit}: it is extrapolated, and the error may be larger than the '
+                    'report expects')
+        return notes
 
     def interval(self, name: str, value: float) -> tuple[float, float] | None:
         """Return a parameter's interval; None if it does not hold the value, as after a change."""
         low, high = self.intervals.get(name, (math.nan, math.nan))
         return (low, high) if low <= value <= high else None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the section of a model file."""
+        return {name: value for name, value in vars(self).items() if value not in ({}, None)}

@@ -20,8 +20,6 @@ from friction_comp.samples import JointStates, Samples
 from friction_comp.statistics import smallest_step
 from friction_comp.topics import TOPICS
 
-# A jump by nearly a turn, rad, within this time, s, is a wrapped angle.
-WRAP_TIME, _WRAP = 0.02, (1.8 * np.pi, 2.2 * np.pi)
 # A joint whose position covers more, rad or m, moved.
 _MOVED = 0.01
 # A position that is so many times as far from its neighbours as is usual is a glitch, if these are
@@ -230,14 +228,10 @@ def _glitches(position: np.ndarray) -> np.ndarray:
 
 
 def _unwrap(time: np.ndarray, position: np.ndarray, notes: list[str]) -> np.ndarray:
-    jumps = np.diff(position)
-    size = np.abs(jumps)
-    wraps = (size > _WRAP[0]) & (size < _WRAP[1]) & (np.diff(time) < WRAP_TIME)
-    # Jumps are wraps only if the joint is slow otherwise.
-    if not wraps.any() or np.quantile(size, 0.9) > 0.1 * np.pi:
+    turns = time_base.turns_of(time, position)
+    if not turns.any():
         return position
-    notes.append(f'position wraps around {np.count_nonzero(wraps)} times: turns are added')
-    turns = np.concatenate(([0.0], np.cumsum(np.where(wraps, -np.sign(jumps), 0.0))))
+    notes.append(f'position wraps around {np.count_nonzero(np.diff(turns))} times: turns are added')
     return position + 2.0 * np.pi * turns
 
 

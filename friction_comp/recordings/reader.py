@@ -272,7 +272,8 @@ class _Turns:
             return samples
         position = samples.position + self._offset
         # As within a stretch, only a jump between neighbours is a wrapped angle.
-        if self._last is not None and samples.time[0] - self._last[0] < joint_samples.WRAP_TIME:
+        if self._last is not None and samples.time[0] - self._last[0] <= gap_length(
+                np.diff(samples.time)):
             turns = 2.0 * np.pi * round((position[0] - self._last[1]) / (2.0 * np.pi))
             self._offset, position = self._offset - turns, position - turns
         self._offset += info.turns

@@ -18,12 +18,14 @@ _WHOLE = 0.5
 
 
 def gathered(columns: Mapping[str, np.ndarray], time: np.ndarray,
-             pairs: Sequence[tuple[str, str]]) -> tuple[dict[str, np.ndarray], np.ndarray, str]:
+             pairs: Sequence[tuple[str, str]], turns: Mapping[str, float]
+             ) -> tuple[dict[str, np.ndarray], np.ndarray, str]:
     """Return columns, each of shape (T,), and times, s, of the rows that hold the rarest signal.
 
     Signals that these rows lack are interpolated. Where rows hold the effort and the position of
     each of the `pairs` together, all are returned as they are. The third item is the rarest column,
     '' then. Of an effort, whose noise counts, and a position that is as rare, it is the effort.
+    `turns` are those of angles, in the unit of each column; they may wrap around, and still do.
     """
     known = {name: np.isfinite(columns[name]) & np.isfinite(time)
              for pair in pairs for name in pair}
@@ -32,10 +34,11 @@ def gathered(columns: Mapping[str, np.ndarray], time: np.ndarray,
         return dict(columns), time, ''
     rarest = min(known, key=lambda name: int(known[name].sum()))
     at = np.sort(time[known[rarest]])
-    return {name: _at(values, time, at) for name, values in columns.items()}, at, rarest
+    return {name: _at(values, time, at, turns.get(name, 0.0))
+            for name, values in columns.items()}, at, rarest
 
 
-def _at(values: np.ndarray, time: np.ndarray, at: np.ndarray) -> np.ndarray:
+def _at(values: np.ndarray, time: np.ndarray, at: np.ndarray, turn: float) -> np.ndarray:
     """Return values at other times, NaN in gaps and beyond the ends; a single value is constant."""
     known = np.isfinite(values) & np.isfinite(time)
     order = np.argsort(time[known], kind='stable')
@@ -43,4 +46,9 @@ def _at(values: np.ndarray, time: np.ndarray, at: np.ndarray) -> np.ndarray:
         return np.full(len(at), np.nan)
     own = time[known][order]
     beyond = (len(own) > 1) & ((at < own[0]) | (at > own[-1]))
-    return np.where(beyond, np.nan, at_times(at, own, values[known][order]))
+    given = values[known][order]
+    found = np.where(beyond, np.nan, at_times(at, own, given, turn=turn))
+    # As in other tables, which wrap around: a table is read in batches, each with turns of its own.
+    low = float(given.min())
+    return np.where(found > given.max(), low + np.mod(found - low, turn), np.where(
+        found < low, low + np.mod(found - low, turn), found)) if turn else found

@@ -177,7 +177,9 @@ class TableScanner:
         of = self._use.of
         pairs = [(effort.name, position.name) for joint in self._use.joints
                  if (effort := of('effort', joint)) and (position := of('position', joint))]
-        columns, time, rarest = gathered(columns, time, pairs)
+        turns = {column.name: 2.0 * np.pi / abs(column.factor) for column in self._use.columns
+                 if column.signal in ('position', 'reference_position')}
+        columns, time, rarest = gathered(columns, time, pairs, turns)
         note = (f'rows hold few values each: those with {rarest} are used, the others are '
                 'interpolated to their times')
         self._use.notes += [note] if rarest and note not in self._use.notes else []

@@ -22,6 +22,8 @@ _SET_BACK = 20
 _FAR_OFF = NANO
 # A gap is longer than both: a number of median time steps, and a time in s.
 _GAP_STEPS, _GAP = 5.0, 0.02
+# A jump by about so much of a turn is a wrapped angle, if others are no larger than a share of it.
+_WRAP, _SLOW = (0.9, 1.1), 0.05
 # Time for which a person's torque or the motion may be interpolated, s.
 HOLE = 0.1
 GAPS = ' gaps in the joint states'
@@ -121,12 +123,29 @@ def gap_length(steps: np.ndarray) -> float:
     return max(_GAP_STEPS * float(np.median(steps)), _GAP) if len(steps) else _GAP
 
 
-def at_times(times: np.ndarray, own: np.ndarray, values: np.ndarray, hole: float = 0.0
-             ) -> np.ndarray:
+def turns_of(time: np.ndarray, angle: np.ndarray, turn: float = 2.0 * np.pi) -> np.ndarray:
+    """Return the whole turns to add to an angle, which may wrap around, each of shape (N,).
+
+    Times are in s; a `turn` is in the angle's unit. Across a gap the joint may have moved.
+    """
+    jumps, steps = np.diff(angle), np.diff(time)
+    size = np.abs(jumps) / turn
+    wraps = (size > _WRAP[0]) & (size < _WRAP[1]) & (steps <= gap_length(steps))
+    # Jumps are wraps only if the joint is slow otherwise.
+    if not wraps.any() or np.quantile(size, 0.9) > _SLOW:
+        return np.zeros(len(angle))
+    return np.concatenate(([0.0], np.cumsum(np.where(wraps, -np.sign(jumps), 0.0))))
+
+
+def at_times(times: np.ndarray, own: np.ndarray, values: np.ndarray, hole: float = 0.0,
+             turn: float = 0.0) -> np.ndarray:
     """Return values, shape (N,), interpolated from their `own` times, rising, to others, s.
 
-    They are NaN farther than a gap beyond the ends, and in gaps longer than `hole`, s.
+    They are NaN farther than a gap beyond the ends, and in gaps longer than `hole`, s. Those of an
+    angle that may wrap around at a `turn` are continued over it.
     """
+    if turn:
+        values = values + turn * turns_of(own, values, turn)
     interpolated: np.ndarray = np.interp(times, own, values)
     if len(own) > 1:
         steps = np.diff(own)
@@ -207,12 +226,12 @@ class TimeBase:
         index = np.searchsorted(other_times, times, side='right') - 1
         return np.where(index >= 0, values[index.clip(0)] if len(values) else before, before)
 
-    def interpolate(self, track: Track, values: np.ndarray, hole: float = np.inf
-                    ) -> np.ndarray | None:
+    def interpolate(self, track: Track, values: np.ndarray, hole: float = np.inf,
+                    turn: float = 0.0) -> np.ndarray | None:
         """Return the signal at each joint state, or None if it covers less than half of them.
 
         It is NaN where it ends earlier, or begins later, than at a gap from the joint states, and
-        in gaps longer than `hole`, s.
+        in gaps longer than `hole`, s; see `at_times`.
         """
         times, other_times, values = self._finite_values(track, values)
         if not len(values):
@@ -221,7 +240,7 @@ class TimeBase:
         covered = (times >= other_times[0]) & (times <= other_times[-1])
         if len(other_times) > 1 and covered.mean() < 0.5:
             return None
-        return at_times((times - origin) / NANO, (other_times - origin) / NANO, values, hole)
+        return at_times((times - origin) / NANO, (other_times - origin) / NANO, values, hole, turn)
 
 
 def other_signals(scan: Scan, joint: str, joints: list[str], base: TimeBase,
@@ -240,7 +259,8 @@ def other_signals(scan: Scan, joint: str, joints: list[str], base: TimeBase,
             if np.isfinite(column).any() or len(names) == 1:
                 # A person's torque may have been anything meanwhile.
                 signals[name] = base.interpolate(
-                    track, column, HOLE if name == 'load' else np.inf)
+                    track, column, HOLE if name == 'load' else np.inf,
+                    2.0 * np.pi if name == 'reference_position' else 0.0)
                 if signals[name] is None:
                     notes.append(f'{track.topic}: its '
                                  f'{np.count_nonzero(np.isfinite(column))} values cover less than '

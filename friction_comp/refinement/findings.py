@@ -98,10 +98,20 @@ _FINDINGS = {
         AGAIN, 'A compensator helped a person, whose torque was not recorded: the current is what '
         'the motor gave, which is a part of friction.',
         "the person's torque (interaction_wrench), or a motion by the motor alone"),
+    'may_have_helped': (
+        IN_PART, 'The motor gave just what was commanded while direction 0 was announced: where a '
+        'compensator commanded it and a person moved the joint, which this recording does not '
+        'tell, the current is only a part of friction.',
+        "the person's torque (interaction_wrench), /diagnostics, or a motion without the "
+        'compensator'),
     'no_load': (
         TRUST, 'No load was recorded: effects of load, and an error of the torque constant, cannot '
         'be seen, and what a hand gives to the motion is missing from friction.', ''),
     'not_seen': (TRUST, '{reason}', ''),
+    'one_load': (
+        IN_PART, '{load} hardly varied, {low:.3g} to {high:.3g} N·m: friction and offset that '
+        'depend on it cannot be told from those that do not, and hold at such loads only.',
+        'record several loads, and none'),
     'negative_friction': (
         IN_PART, 'The straight line through friction has {name} below zero, {value:.3g}, '
         'which no drive has: neither its Coulomb nor its viscous friction is that of the drive.',

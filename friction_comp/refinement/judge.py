@@ -238,6 +238,7 @@ def findings(fit: Fit, raw: Samples, after: Errors, growth: dict[str, float],
     if -sum(fit.lag) >= rows.samples.sample_time:
         yield finding('late_current', lag=-1e3 * sum(fit.lag))
     yield from findings_on_recording(rows, raw)
+    yield from loads_that_hardly_varied(rows, after.elsewhere_motion_rmse)
     yield from notes_on_coverage(rows.samples, rows.coverage)
     # The fit's error comes from block sums, that of the model from `predict` on the recording. Rows
     # average noise out, and samples outside all rows may have larger errors.
@@ -261,19 +262,22 @@ def findings_on_numbers(friction: FrictionNumbers) -> Iterator[Finding]:
         yield finding('not_told_apart', names=' and '.join(wide))
 
 
-def is_helped_person(samples: Samples) -> bool:
-    """Return whether a compensator helped a person, whose own torque was not recorded.
+def helped_person(samples: Samples) -> Finding | None:
+    """Return the finding that a compensator helped a person, whose own torque was not recorded.
 
     It acts on announced directions, and the motor does what it commands and nothing else. (Under
-    another controller, which moves the joint, the motor does more.)
+    another controller, which moves the joint, the motor does more.) Where it hears that none is
+    meant, it may help as well, or something else may command the motor.
     """
-    if samples.load is not None or samples.command is None or not np.any(samples.direction):
-        return False
+    if samples.load is not None or samples.command is None or samples.direction is None:
+        return None
     both = np.isfinite(samples.command) & np.isfinite(samples.current)
     command, current = samples.command[both], samples.current[both]
     if len(command) < 2 or not np.ptp(command) > 0.0 or not np.ptp(current) > 0.0:
-        return False
-    return bool(np.corrcoef(command, current)[0, 1] > thresholds.DOES_AS_COMMANDED)
+        return None
+    if np.corrcoef(command, current)[0, 1] <= thresholds.DOES_AS_COMMANDED:
+        return None
+    return finding('helped_person' if np.any(samples.direction) else 'may_have_helped')
 
 
 def findings_on_recording(rows: Rows, raw: Samples) -> Iterator[Finding]:
@@ -288,8 +292,8 @@ def findings_on_recording(rows: Rows, raw: Samples) -> Iterator[Finding]:
         raw.time, raw.position, raw.velocity, coverage.resolution), thresholds.VELOCITY_RATIO)
     if fault:
         yield finding('velocity', fault=fault[0].upper() + fault[1:])
-    if is_helped_person(raw):
-        yield finding('helped_person')
+    if (helped := helped_person(raw)):
+        yield helped
     coarse = too_coarse(coverage)
     if coarse and coverage.speed < STANDSTILL:
         yield finding('hardly_moved', steps=coverage.distinct_positions, speed=coverage.speed)
@@ -303,6 +307,23 @@ def findings_on_recording(rows: Rows, raw: Samples) -> Iterator[Finding]:
         limits = raw.current[rows.clipped]
         ends = dict.fromkeys(f'{end:.4g} A' for end in (limits.min(), limits.max()))
         yield finding('ceiling', ends=' and '.join(ends), percent=100 * rows.clipped.mean())
+
+
+def loads_that_hardly_varied(rows: Rows, error: float) -> Iterator[Finding]:
+    """Yield each load, of those that exceed an error, A, which is far from zero against its range.
+
+    What it does to offset and friction cannot be told from these then, nor by which power of it:
+    all look like a constant. Locally, the model may be right.
+    """
+    for load, values in (('The load', rows.samples.load),
+                         ("The torque of the arm's links", rows.samples.rigid_body)):
+        if values is None:
+            continue
+        low, high = np.quantile(values[rows.usable], (0.01, 0.99))
+        small, large = sorted((abs(low), abs(high)))
+        if (low * high > 0.0 and large < thresholds.ONE_LOAD * small
+                and small > error * rows.torque_per_current):
+            yield finding('one_load', load=load, low=low, high=high)
 
 
 def notes_on_coverage(samples: Samples, coverage: Coverage) -> Iterator[Finding]:

@@ -29,7 +29,7 @@ _MOST_LOG = 1.0
 
 
 def recorded_of(fit: Fit, model: FrictionModel) -> Recorded:
-    """Return the speeds of the recordings, and the intervals of the numbers of a fit's model.
+    """Return the speeds and ranges of the recordings, and the intervals of a fit's numbers.
 
     An interval contains the scatter over parts drawn at random, with what the recordings hardly
     tell (see `unsettled`), and how far a number moves if the slow, the middle or the fast third of
@@ -69,7 +69,8 @@ def recorded_of(fit: Fit, model: FrictionModel) -> Recorded:
     if 0.0 < spread <= _MOST_LOG:
         transition = 2.0 / model.sigmoid.steepness
         intervals['transition'] = (transition * math.exp(-spread), transition * math.exp(spread))
-    return Recorded(recorded.speeds, intervals)
+    return replace(recorded, intervals=intervals).with_ranges(
+        rows.samples.take(rows.usable), model.effects)
 
 
 def _without_thirds(fit: Fit) -> np.ndarray:

@@ -57,6 +57,7 @@ class Rows:
     motion: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
     joints: tuple[str, ...] = ()  # names of these joints
     time_constant: float = 0.0  # of the drive's low pass, s, see `differentiation.as_recorded`
+    torque_per_current: float = 1.0  # N·m/A at the joint, 1 where it is not known
 
     @property
     def blocks(self) -> int:
@@ -229,7 +230,7 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
     unknown = motion if samples.rigid_body is None else None
     region = regions_of(unknown[0][start]) if unknown else np.zeros_like(block)
     rows = Rows(moved, target, usable, at_limit, coverage, start, length, block, region, load,
-                motion, joints, slow)
+                motion, joints, slow, drive.torque_per_current)
     return replace(rows, coverage=replace(coverage, transition=choose_transition(rows))), settings
 
 

@@ -107,7 +107,10 @@ def refine(recorded: Samples | Sequence[Samples], model: FrictionModel | None = 
     if rms(refined.held_out[rows.usable]) >= rms(start.held_out[rows.usable]):
         refined = start
     report = report_of(problem, fit, start, refined, origin)
-    written = replace(refined.model, notes={
+    # Of a model given that is kept, the file says what it was fitted to.
+    known = None if refined.model is model else refined.model.recorded
+    written = replace(refined.model, recorded=known and replace(
+        known, error=report.after.elsewhere_motion_rmse), notes={
         **refined.model.notes, **origin.notes, 'unit': origin.unit, 'verdict': report.verdict,
         'reasons': [] if report.verdict == TRUST else report.reasons, 'assumed': report.assumed})
     return RefineResult(report, written, start.model, rows.samples, rows.usable, start.held_out,

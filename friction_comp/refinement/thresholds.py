@@ -102,6 +102,8 @@ USELESS_ERROR = Threshold(
     0.9, 'of the error of a constant', 'with a larger error elsewhere, a constant predicts as well')
 SAME_LOAD = Threshold(
     0.02, 'of -1/(k_t·n)', 'if the load coefficient deviates by more, the torque constant is wrong')
+ONE_LOAD = Threshold(
+    1.5, 'times', 'the smallest load: what it does cannot be told from offset and friction below')
 UNCERTAIN = Threshold(
     0.2, 'of a number', 'half an interval that is larger is said in words')
 WRITTEN_ERROR = Threshold(

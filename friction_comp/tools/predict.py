@@ -86,6 +86,7 @@ def compared(model: FrictionModel, samples: Samples, measured: np.ndarray,
              predicted: np.ndarray) -> tuple[list[str], list[str]]:
     """Return the errors in words, and remarks on where the model cannot be believed."""
     from friction_comp.excitation.improve import moving
+    from friction_comp.model.measured import LARGER
     from friction_comp.statistics import rms
 
     residual, unit = measured - predicted, model.unit
@@ -98,10 +99,15 @@ def compared(model: FrictionModel, samples: Samples, measured: np.ndarray,
         if error > constant:
             remarks.append(f'where the joint moves, a constant is only {constant:.4g} {unit} off: '
                            'the model does not hold for this recording')
-        velocity = model.differentiated(samples).velocity
-        if model.recorded is not None and velocity is not None and (
-                note := model.recorded.faster(velocity[moves])):
-            remarks.append(in_own_units(note, model.is_linear))
+        known = model.recorded
+        if known is not None:
+            if known.error and error > LARGER * known.error:
+                remarks.append(f'where the joint moves, the error is {error / known.error:.2g} '
+                               f'times the {known.error:.4g} {unit} that refine expected in other '
+                               'movements: the model does not describe all of this recording')
+            moved = model.differentiated(model.with_arm(samples)).take(moves)
+            remarks += [in_own_units(note, model.is_linear) for note in known.beyond(
+                moved, model.effects, model.is_linear, model.drive.torque_per_current)]
     return errors, remarks
 
 

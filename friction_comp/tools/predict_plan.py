@@ -28,19 +28,18 @@ def predict_plan(arguments: Namespace, plan: dict[str, Samples]) -> int:
     columns = {'time': next(iter(plan.values())).time}
     left_out: list[str] = []
     units: dict[str, str] = {}
-    faster: list[str] = []
+    beyond: list[str] = []
     for name, model in models.items():
         prefix = f'{name}.' if len(models) > 1 else ''
         told, others = model.of_plan()
         left_out += [other for other in others if other not in left_out]
         with errors_name(arguments.recording):
-            current, velocity = _current(told, plan[name if name in plan else ''])
-        unit = model.unit
-        speed = np.abs(velocity)
-        if model.recorded is not None and (
-                note := model.recorded.faster(speed[speed > _STILL * speed.max()])):
-            faster.append((f'{name}: ' if len(models) > 1 else '')
-                          + in_own_units(note, model.is_linear))
+            current, moved = _current(told, plan[name if name in plan else ''])
+        unit, speed = model.unit, np.abs(np.asarray(moved.velocity))
+        if model.recorded is not None:
+            beyond += [(f'{name}: ' if len(models) > 1 else '') + in_own_units(
+                note, model.is_linear) for note in model.recorded.beyond(
+                    moved.take(speed > _STILL * speed.max()), told.effects, model.is_linear)]
         gain = model.torque_per(unit)
         if gain is not None:
             columns[f'{prefix}torque'], units['torque'] = gain * current, in_own_units(
@@ -54,7 +53,7 @@ def predict_plan(arguments: Namespace, plan: dict[str, Samples]) -> int:
         print(f"left out, since a plan does not tell their signals: {', '.join(left_out)}")
     print(f'{arguments.output}: {len(columns["time"])} rows, '
           + ', '.join(f'{what} in {unit}' for what, unit in units.items()))
-    for line in (*faster, *cautions_of(models.values())):
+    for line in (*beyond, *cautions_of(models.values())):
         print(f'note: {line}')
     return 0
 
@@ -81,8 +80,8 @@ def _models(arguments: Namespace, plan: dict[str, Samples]) -> dict[str, Frictio
     return {name: FrictionModel.load(path, name) for name in known}
 
 
-def _current(model: FrictionModel, samples: Samples) -> tuple[np.ndarray, np.ndarray]:
-    """Return the current of a plan, which leads its motion, and its velocity in rad/s, each (N,).
+def _current(model: FrictionModel, samples: Samples) -> tuple[np.ndarray, Samples]:
+    """Return the current of a plan, (N,), which leads its motion, and the plan with all signals.
 
     It leads by `lag` and `time_constant`.
     """
@@ -90,10 +89,9 @@ def _current(model: FrictionModel, samples: Samples) -> tuple[np.ndarray, np.nda
     slow = max(settings.get('time_constant') or 0.0, 0.0)
     if samples.acceleration is not None and model.arm is None:
         assert samples.velocity is not None     # a plan with an acceleration has one
-        return as_recorded(model.current(samples), samples, slow), samples.velocity
+        return as_recorded(model.current(samples), samples, slow), samples
     settings['source'] = 'position' if samples.velocity is None else 'velocity'
     if settings.get('lag', 0.0) is None or settings.get('lag', 0.0) < 0.0:
         settings.pop('lag', None)
     moved = differentiate(model.with_arm(samples), settings)
-    assert moved.velocity is not None
-    return as_recorded(model.current(moved), moved, slow), moved.velocity
+    return as_recorded(model.current(moved), moved, slow), moved

@@ -8,6 +8,7 @@ from abc import ABC, abstractmethod
 from collections import namedtuple
 from collections.abc import Collection, Iterable, Sequence
 import copy
+import math
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,8 @@ from friction_comp.samples import Samples
 
 _POSITIVE = ('transition', 'velocity', 'reference', 'exponent', 'frequency', 'width', 'distance',
              'gap', 'time_constant', 'speed')
+# Signals of which a recording has a range.
+_VALUES = ('position', 'acceleration', 'load', 'temperature', 'rigid_body', 'coupling')
 
 
 class Effect(ABC):
@@ -250,6 +253,15 @@ class Effect(ABC):
         x = Signals(0.0, position, velocity, acceleration, sign=sign, memory=memory)
         return sum(gain * column for gain, column in zip(
             self.coefficients, self.columns(x, c), strict=True))
+
+    def reads(self) -> set[str]:
+        """Return the signals beside velocity and time of which its value depends on the value."""
+        c, start = self.Constants(**self.values), {'velocity': 1.0, 'sign': 1.0}
+        start['memory'] = self.start(1.0, c) if self.has_memory else 0.0
+        # What an operation makes of a number that is none is none.
+        with np.errstate(invalid='ignore'):
+            return {name for name in _VALUES if any(map(
+                np.isnan, self.columns(Signals(**{**start, name: math.nan}), c)))}
 
     @classmethod
     def check_signals(cls, samples: Samples) -> None:
