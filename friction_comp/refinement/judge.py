@@ -108,19 +108,22 @@ def friction_would_push(rows: Rows) -> str:
     than with those that physics requires. If these predict the reversed current clearly better, and
     any signs no better than that, the current is turned round.
     """
-    table = Table(rows, 2.0 / rows.coverage.transition)
+    table, found = Table(rows, 2.0 / rows.coverage.transition), ''
     search = Search(table, [])
-    terms = search.without_collinear(starts_of(table)[-1])
-    opposite = table.sums.gram.copy()
-    opposite[:, -1, :-1] *= -1.0
-    opposite[:, :-1, -1] *= -1.0
-    as_recorded, turned, free = (
-        Search(table.with_sums(sums), []).errors(terms) for sums in (
-            table.sums, replace(table.sums, gram=opposite),
-            replace(table.sums, signs=np.zeros_like(table.sums.signs))))
-    if search.is_improvement(as_recorded, turned) and not search.is_improvement(turned, free):
-        return 'turned'
-    return 'pushes' if free[0].sum() < thresholds.PUSHING_ERROR * as_recorded[0].sum() else ''
+    for start in starts_of(table):
+        terms, sums = search.without_collinear(start), table.sums
+        opposite = sums.gram.copy()
+        opposite[:, -1, :-1] *= -1.0
+        opposite[:, :-1, -1] *= -1.0
+        as_recorded, turned, free = (
+            Search(table.with_sums(trial), []).errors(terms) for trial in (
+                sums, replace(sums, gram=opposite),
+                replace(sums, signs=np.zeros_like(sums.signs))))
+        if search.is_improvement(as_recorded, turned) and not search.is_improvement(turned, free):
+            return 'turned'
+        if free[0].sum() < thresholds.PUSHING_ERROR * as_recorded[0].sum():
+            found = 'pushes'
+    return found
 
 
 def moves_as_one(samples: Samples) -> bool:
