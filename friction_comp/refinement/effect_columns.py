@@ -139,17 +139,10 @@ class Table:
             size += len(self.columns_of[term])
         return part
 
-    def with_sums(self, sums: BlockSums) -> Table:
-        """Return the table with other sums of the same terms, whose columns cannot be changed."""
-        other = copy.copy(self)
-        other.sums = sums
-        return other
-
     def without(self, region: int) -> Table:
         """Return the sums of all cells but those of a region; columns cannot be changed in it."""
-        kept = self.region != region
-        rest = self.with_sums(BlockSums(
-            self.sums.gram[kept], self.sums.rows[kept], self.sums.signs))
+        rest, kept = copy.copy(self), self.region != region
+        rest.sums = BlockSums(self.sums.gram[kept], self.sums.rows[kept], self.sums.signs)
         rest.block, rest.region = (np.unique(which[kept], return_inverse=True)[1]
                                    for which in (self.block, self.region))
         return rest
