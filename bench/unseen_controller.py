@@ -77,7 +77,7 @@ def main():
                     np.tanh(smooth.velocity / 0.005), smooth.velocity, smooth.acceleration,
                     np.sin(60.0 * position), np.cos(60.0 * position)))[rows]
                 found = np.linalg.lstsq(columns, current[rows], rcond=None)[0]
-                said = 'yes' if friction_would_push(prepare(recorded, Drive(1.0, 1.0))[0]) else 'no'
+                said = friction_would_push(prepare(recorded, Drive(1.0, 1.0))[0]) or 'no'
                 print(f'| {motion} | {name} | {counts} | {found[0] / COULOMB:.2f} '
                       f'| {found[1] / VISCOUS:.2f} | {found[2] / INERTIA:.2f} '
                       f'| {np.hypot(*found[3:]) / RIPPLE:.2f} | {said} |')

@@ -9,10 +9,13 @@ from helpers import sines
 import numpy as np
 import pytest
 
+from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.arm.coupling import Coupling
 from friction_comp.refinement import refine
 from friction_comp.refinement.effect_columns import groups_for, neighbourhood
+from friction_comp.refinement.judge import friction_would_push
+from friction_comp.refinement.prepare import join, prepare
 from friction_comp.samples import JointStates, Samples
 from friction_comp.statistics import rms
 
@@ -54,6 +57,18 @@ def test_the_weight_of_the_next_link_is_found_without_a_urdf():
         assert (('shoulder', 1), ('elbow', 1)) in weights
         again = Coupling.from_dict(coupling.to_dict())
         assert again.current(names, *motion) == pytest.approx(coupling.current(names, *motion))
+
+
+@pytest.mark.parametrize('controlled, sign, said', [
+    (0.0, 1.0, ''), (0.0, -1.0, 'turned'), (3.0, 1.0, 'pushes'), (3.0, -1.0, 'pushes')])
+def test_a_current_that_is_turned_round_shows_beside_the_weight_of_other_links(
+        controlled, sign, said):
+    names = ('shoulder', 'elbow', 'wrist')
+    currents, motion = planar(np.random.default_rng(0), 1000)
+    # A controller that brakes more, the faster the joint is, shows no friction of either sign.
+    current = currents[0] - controlled * motion[1][:, 0]
+    samples = join(seen_by('shoulder', names, sign * current, motion))
+    assert friction_would_push(prepare(samples, Drive(1.0, 1.0), None, False)[0]) == said
 
 
 def test_other_terms_of_an_effect_are_no_other_effect():

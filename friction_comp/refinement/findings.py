@@ -21,6 +21,12 @@ _FINDINGS = {
         'effort or position is reversed.',
         'check the signs of effort and position, and that effort is measured; follow a trajectory '
         'with a softer or a position controller'),
+    'turned': (
+        AGAIN, 'The motor brakes the motion: only with its sign reversed is the current that of a '
+        'drive with friction. Effort or position has the wrong sign, or another torque drives the '
+        'joint.',
+        'the same with the sign of effort reversed (in a table, --unit effort=-1Nm or '
+        'current=-1A)'),
     'explains_nothing': (
         AGAIN, 'Where it was not fitted, the model may be {error:.2g} A off in motion, a constant '
         '{constant:.2g} A: the current depends on something that is not in the recording.',

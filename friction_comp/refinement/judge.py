@@ -21,12 +21,12 @@ from friction_comp.model.friction_numbers import FrictionNumbers
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.best_fit import Fit
 from friction_comp.refinement.dependence import Dependence, rank_correlation
-from friction_comp.refinement.effect_columns import first_model, Table
+from friction_comp.refinement.effect_columns import Table
 from friction_comp.refinement.findings import experiment, finding
 from friction_comp.refinement.prepare import Rows
 from friction_comp.refinement.result import Errors, Finding, FoundEffect, Predicted, Question
 from friction_comp.refinement.search import Search
-from friction_comp.refinement.stability import Disagreement, POSTURE, RECORDING
+from friction_comp.refinement.stability import Disagreement, POSTURE, RECORDING, starts_of
 from friction_comp.samples import Samples
 from friction_comp.signal_checks import STANDSTILL, velocity_fault, velocity_ratios
 from friction_comp.statistics import rms, robust_std
@@ -101,19 +101,28 @@ def ambiguities(fit: Fit) -> list[Question]:
     return list(entries.values())
 
 
-def friction_would_push(rows: Rows) -> bool:
-    """Return whether friction would have to push for a plain drive to explain the current.
+def friction_would_push(rows: Rows) -> str:
+    """Return the finding that friction would have to push to explain the current, '' if not.
 
-    It would where a fit of Eq. 6, inertia, weight, spring and load with any signs predicts much
-    better than one with the signs that physics requires.
+    It would where Eq. 6 and the terms with which a search begins predict much better with any signs
+    than with those that physics requires. If these predict the reversed current clearly better, and
+    any signs no better than that, the current is turned round.
     """
-    table = Table(rows, 2.0 / rows.coverage.transition)
-    terms = table.add(first_model(table))
-    columns = table.indices(terms, derivatives=False)
-    free = replace(table.sums, signs=np.zeros_like(table.sums.signs))
-    bounded, unbounded = (float(sums.held_out_errors(columns, table.block).sum())
-                          for sums in (table.sums, free))
-    return unbounded < thresholds.PUSHING_ERROR * bounded
+    def errors(sign: float, bound: bool = True) -> list[np.ndarray]:
+        trial = Table(replace(rows, target=sign * rows.target), *table.transition)
+        trial.add(terms, table)
+        trial.sums.signs[:] *= bound
+        return Search(trial, []).errors(terms)
+    table, found = Table(rows, 2.0 / rows.coverage.transition), ''
+    search = Search(table, [])
+    for start in starts_of(table):
+        terms = search.without_collinear(start)
+        as_recorded, turned, free = errors(1.0), errors(-1.0), errors(1.0, bound=False)
+        if search.is_improvement(as_recorded, turned) and not search.is_improvement(turned, free):
+            return 'turned'
+        if free[0].sum() < thresholds.PUSHING_ERROR * as_recorded[0].sum():
+            found = 'pushes'
+    return found
 
 
 def moves_as_one(samples: Samples) -> bool:
@@ -212,8 +221,8 @@ def findings(fit: Fit, raw: Samples, after: Errors, growth: dict[str, float],
     """
     rows, held_out = fit.rows, after.held_out_rmse
     constant = error_of_constant(rows)
-    if friction_would_push(rows):
-        yield finding('pushes')
+    if code := friction_would_push(rows):
+        yield finding(code)
     variable, largest = max(growth.items(), key=lambda entry: entry[1])
     differ = between is not None and between.ratio > thresholds.GROWTH
     if between is not None and differ:
