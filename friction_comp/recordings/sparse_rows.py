@@ -48,7 +48,8 @@ def _at(values: np.ndarray, time: np.ndarray, at: np.ndarray, turn: float) -> np
     beyond = (len(own) > 1) & ((at < own[0]) | (at > own[-1]))
     given = values[known][order]
     found = np.where(beyond, np.nan, at_times(at, own, given, turn=turn))
+    if not turn:
+        return found
     # As in other tables, which wrap around: a table is read in batches, each with turns of its own.
     low = float(given.min())
-    return np.where(found > given.max(), low + np.mod(found - low, turn), np.where(
-        found < low, low + np.mod(found - low, turn), found)) if turn else found
+    return np.where((found < low) | (found > given.max()), low + np.mod(found - low, turn), found)

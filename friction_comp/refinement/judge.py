@@ -108,16 +108,17 @@ def friction_would_push(rows: Rows) -> str:
     than with those that physics requires. If these predict the reversed current clearly better, and
     any signs no better than that, the current is turned round.
     """
-    def errors(sign: float, bound: bool = True) -> list[np.ndarray]:
+    table, found = Table(rows, 2.0 / rows.coverage.transition), ''
+    search = Search(table, [])
+
+    def errors(sign: float, bound: bool) -> list[np.ndarray]:
         trial = Table(replace(rows, target=sign * rows.target), *table.transition)
         trial.add(terms, table)
         trial.sums.signs[:] *= bound
         return Search(trial, []).errors(terms)
-    table, found = Table(rows, 2.0 / rows.coverage.transition), ''
-    search = Search(table, [])
     for start in starts_of(table):
         terms = search.without_collinear(start)
-        as_recorded, turned, free = errors(1.0), errors(-1.0), errors(1.0, bound=False)
+        as_recorded, turned, free = search.errors(terms), errors(-1.0, True), errors(1.0, False)
         if search.is_improvement(as_recorded, turned) and not search.is_improvement(turned, free):
             return 'turned'
         if free[0].sum() < thresholds.PUSHING_ERROR * as_recorded[0].sum():
