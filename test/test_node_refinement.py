@@ -224,6 +224,8 @@ def test_the_client_is_told_when_the_node_is_stopped(tmp_path):
     with own_domain(), probe_node() as probe, Process(tmp_path, 'refinement', {
             'joints': [JOINT], 'model_files': MODELS[:1], 'output_folder': str(tmp_path)}) as node:
         bench = Bench(probe)
+        # A first result arrives only once the node has found the client.
+        assert not bench.result(bench.refine(recording='nowhere')).result.success
         outcome = bench.refine(recording=str(ROOT / 'examples' / 'elbow')).get_result_async()
         probe.until(lambda: bench.feedback, 'feedback')
         node.send(signal.SIGTERM)

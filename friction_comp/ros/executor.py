@@ -138,6 +138,11 @@ class StreamExecutor(executors.Executor):
         """Ignore messages that were sent while the process was stopped; from a signal handler."""
         self._continued, self._continued_stamp = time.monotonic(), time.time_ns()
 
+    @property
+    def has_coroutines(self) -> bool:
+        """Whether a callback, such as a goal, has not ended yet."""
+        return any(not task.done() for task, *_ in self._tasks)
+
     def shutdown(self, timeout_sec: Any = None) -> Any:
         """Release the node."""
         self._release()

@@ -28,7 +28,8 @@ from friction_comp.ros.executor import StreamExecutor
 from friction_comp.ros.misspelt import unknown_parameters, unknown_remappings
 from friction_comp.ros.ros_start import start_ros, steady_timer, without_source_locations
 
-_FINAL_SPINS = 10
+# Spins after leaving, and real s of them if a goal ended by it: its client may ask only now.
+_FINAL_SPINS, _FAREWELL = 10, 0.3
 # Signals that stop a process until SIGCONT.
 _STOPPING = (signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU)
 # Signals that do not end a process of Python, and those that cannot be caught: after the handler of
@@ -93,14 +94,21 @@ def run(name: str, make_node: Callable[[], Any], argv: Sequence[str]) -> int:
             # First, so that zero is the last command also if leaving fails.
             stop_motor()
             getattr(node, 'leave', _do_nothing)()
-            # Publish what leaving has caused, such as the result of an action.
-            for _ in range(_FINAL_SPINS):
-                executor.spin_once(0.0)
+            _say_farewell(executor)
             # Its wait sets hold the node's entities, and must not outlive the context.
             executor.shutdown(0.0)
             _destroy(node)
     finally:
         rclpy.try_shutdown()
+
+
+def _say_farewell(executor: StreamExecutor) -> None:
+    """Publish what leaving has caused, such as the result of an action."""
+    end = time.monotonic() + _FAREWELL * executor.has_coroutines
+    for _ in range(_FINAL_SPINS):
+        executor.spin_once(0.0)
+    while time.monotonic() < end:
+        executor.spin_once()
 
 
 def _destroy(node: Any) -> None:
