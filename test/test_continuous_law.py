@@ -227,6 +227,19 @@ def test_most_of_frictions_part_of_the_peak_is_taken_away_and_nothing_vibrates(g
     assert at_rest.std(axis=1).max() < 0.2 * DEGREE
 
 
+def test_who_moves_against_the_announcement_starts_no_harder_than_without_help(gears):
+    """Planners are wrong, and patients do not always follow."""
+    reference = push(0.5, 20.0 * DEGREE, 2.0, 3.5, 1.0)
+    reference[2] *= -1.0
+    peaks = {}
+    for law in ('continuous', 'none'):
+        log, _ = run_gears([gear.held_by(0.05) for gear in gears],
+                           [law_parameters(g.model, law) for g in gears], reference,
+                           released=10 ** 9)
+        peaks[law] = np.abs(log['interaction_torque'])[:, 2000:2600].max(axis=1)
+    assert np.median(peaks['continuous'] / peaks['none']) < 0.8
+
+
 @pytest.mark.parametrize('spoil', [
     lambda k, x: (x + 2.0 * math.pi if k == 2000 else x, 0.0),
     lambda k, x: (x + 2.0 * math.pi if k >= 2000 else x, 0.0),

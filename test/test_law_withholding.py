@@ -167,6 +167,26 @@ def test_slow_motion_against_the_announcement_is_no_stop():
     np.testing.assert_allclose(against, 0.89 * LEVEL, rtol=1e-2)
 
 
+def test_who_pushes_against_the_preload_is_not_held_by_it():
+    """Within a fifth of R, where displacement alone would take off a tenth; led again at rest."""
+    law = CompensationLaw([small_model()])
+    assert drive_along(law, np.zeros(700))[-1] == pytest.approx(0.9 * LEVEL, rel=1e-3)
+    pushed = -0.2 * law_parameters(small_model())['distance'][0]
+    current = drive_along(law, np.linspace(0.0, pushed, 100), begin=700)
+    assert current[-1] <= 0.0
+    assert (np.diff(current) <= 1e-12).all()
+    rests = drive_along(law, np.full(300, pushed), begin=800)
+    assert rests[:50].max() <= 0.0
+    assert rests[-1] == pytest.approx(0.9 * LEVEL, rel=1e-3)
+
+
+def test_a_flicker_of_one_count_does_not_take_the_preload():
+    law, count = CompensationLaw([small_model()]), law_parameters(small_model())['resolution'][0]
+    drive_along(law, np.zeros(700))
+    flicker = drive_along(law, -count * (np.arange(600) // 7 % 2), begin=700)
+    np.testing.assert_allclose(flicker, 0.9 * LEVEL, rtol=2e-2)
+
+
 @pytest.mark.parametrize('low', [-1, 0])
 @pytest.mark.parametrize('period', [0.2, 0.4])
 def test_announcements_that_flicker_at_rest_do_not_shake_the_joint(period, low):

@@ -20,6 +20,8 @@ START = 1.5
 # When the direction is announced, s; the floors of the median and of the worst tenth, %.
 WHEN = {'1 s ahead': (0.5, 88.0, 78.0), 'with the push': (START, 86.0, 78.0),
         'not announced': (np.inf, 50.0, None)}
+# The person moves the other way: no heavier than without help.
+WRONG = {'wrongly announced, 1 s ahead': 0.5, 'wrongly announced, with the push': START}
 FAST = 'with the push, 80 deg/s'
 FASTEST, FASTEST_LEAST = 80.0 * DEGREE, 80.0
 COUNTS = 10.0   # of presliding, from which on an unannounced push is to be helped
@@ -53,6 +55,12 @@ def peak(bank, law):
                                 ' %', True, detail=detail, beside=beside(of_these, np.nanmedian)))
         rows.append(Row(f'{name}: worst', float(np.nanmin(share)), -2.0, ' %', True,
                         beside=beside(removed, np.nanmin)))
+    removed = _removed(joints, persons, law, WRONG, -1.0)
+    for when in WRONG:
+        name = f"friction's part of the peak removed, {when}"
+        rows += [Row(f'{name}{which}', float(figure(removed[when])), least, ' %', True,
+                     beside=beside(removed, figure))
+                 for which, figure, least in (('', np.nanmedian, 0.0), (': worst', np.nanmin, None))]
     persons['speed'] = joints['side'] * FASTEST
     removed = _removed(joints, persons, law, {FAST: START})
     rows.append(Row(f"friction's part of the peak removed, {FAST}",
@@ -65,11 +73,14 @@ def _tenth(share):
     return float(np.nanpercentile(share, 10))
 
 
-def _removed(joints, persons, law, when):
-    """Return the share removed on each gear, %, by when it is announced and by yardstick."""
+def _removed(joints, persons, law, when, sign=1.0):
+    """Return the share removed on each gear, %, by when it is announced and by yardstick.
+
+    `sign`: -1 where the other direction is announced.
+    """
     floor = peaks(joints, persons, NONE, joints.bank.world.frictionless(joints.gears))
     bare = peaks(joints, persons, NONE)
-    found = {name: peaks(joints, persons, law, announce=since(joints, at))
+    found = {name: peaks(joints, persons, law, announce=since(joints, at, sign))
              for name, at in when.items()}
     found.update((name, peaks(joints, persons, name)) for name in YARDSTICKS)
     return {name: share_removed(bare, each, floor) for name, each in found.items()}
@@ -92,9 +103,9 @@ def movements(joints):
     return persons
 
 
-def since(joints, at):
-    """Return what announces each joint's direction from a time on, s."""
-    return lambda plant: lambda time: joints['side'] * (at <= time)
+def since(joints, at, sign=1.0):
+    """Return what announces each joint's direction, or the other one, from a time on, s."""
+    return lambda plant: lambda time: sign * joints['side'] * (at <= time)
 
 
 def peaks(joints, persons, law, gears=None, announce=None):

@@ -88,9 +88,18 @@ def _slipped(p: Parameters, s: State, share: float) -> None:
 @njit(cache=True)
 def _start_leading(p: Parameters, s: State, aim: float) -> None:
     """Begin to lead z from where it is."""
-    s.mode, s.ramp, s.lead_position, s.still_time = LEADING, s.z, s.position, 0.0
+    s.mode, s.ramp, s.still_time = LEADING, s.z, 0.0
+    s.lead_position = s.yielded = s.position
     # A joint yields twice as far from one preload to the other as from none.
     s.yields = p.slip * max(1.0, abs(aim - s.z))
+
+
+@njit(cache=True)
+def _pushed_against(p: Parameters, s: State, preload: float) -> bool:
+    """Return whether somebody moves the joint against its preload: no gear yields that way."""
+    if preload * (s.position - s.yielded) > 0.0:
+        s.yielded = s.position
+    return preload * (s.yielded - s.position) > p.against
 
 
 @njit(cache=True)
@@ -102,7 +111,10 @@ def lead(p: Parameters, s: State, aim: float, is_pushed: bool) -> None:
     by accident. Under a push that is felt this tells nothing of the drive, but that it goes faster
     once nobody pushes does.
     """
-    if s.mode == LEADING:
+    if s.mode != FREE and _pushed_against(p, s, aim if s.mode == LEADING else s.ramp):
+        s.mode, s.still_time, s.still_position = FREE, 0.0, s.position
+        s.z, s.swing, s.backlash_position = 0.0, 0.0, s.position
+    elif s.mode == LEADING:
         s.since += s.step
         moved = s.position - s.lead_position
         if abs(moved) > s.yields:

@@ -41,6 +41,7 @@ class Parameters:
     backlash: float         # of the operator, rad
     slip: float             # more than the gear yields under the preload, rad
     still_distance: float   # rest is less than this, rad
+    against: float          # moved farther against its preload, the joint is pushed, rad
     start_distance: float   # over which breakaway friction holds, rad
     moved_distance: float   # a movement is more than this, rad
     resolution: float       # of the encoder, rad
@@ -78,7 +79,8 @@ class State:
     still_time: float       # for how long the joint has been still, s, and where, rad
     still_position: float
     rest_position: float    # where it rested last, rad
-    lead_position: float    # where leading began, rad
+    lead_position: float    # where leading began, and the farthest it yielded since, rad
+    yielded: float
     ramp: float             # z while it is led
     since: float            # s since leading, or the movement, began
     pace: float             # averaged speed, rad/s

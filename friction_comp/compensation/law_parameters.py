@@ -34,6 +34,9 @@ LONGER = 1.5
 # Backlash of the operator as a share of its distance, beyond one count: it prevents vibration of a
 # joint that a hand holds. Where presliding is known, less is needed.
 BACKLASH, KNOWN_BACKLASH = 0.15, 0.05
+# Share of R, beyond one and a half counts, by which a joint that moves against its preload is pushed
+# that way: more than flicker and a tremor of a tenth of friction, and less than what counts as rest.
+AGAINST = 0.05
 # Presliding is known if it has a standard deviation, and at least this many counts: an encoder
 # resolves no fewer.
 KNOWN_COUNTS = 2.0
@@ -190,6 +193,7 @@ def _set_distances(p: Any, model: FrictionModel) -> None:
     p['backlash'] = backlash * distance + count
     p['slip'] = slip + 4.0 * count
     p['still_distance'] = distance / 16.0 + 1.5 * count
+    p['against'] = AGAINST * distance + 1.5 * count
     p['start_distance'], p['moved_distance'] = START_DISTANCE * distance, max(MOVED, 8.0 * distance)
     p['lead_time'], p['lead_speed'] = LEAD_TIME, LEAD_SPEED
     if model.position_limits is not None:
