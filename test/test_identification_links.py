@@ -8,7 +8,7 @@ from scipy.signal import lsim
 
 from friction_comp import IdentificationGoal
 from friction_comp.identification.agreement import say_swing
-from friction_comp.identification.inertia import Inertia, inertia_of_cycles, steadiest_inertia
+from friction_comp.identification.inertia import Inertia, steadiest_inertia
 from friction_comp.identification.kinetic import cycle_position
 
 GOAL = IdentificationGoal(speeds=(0.05, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5), motion_range=1.0)
@@ -49,7 +49,7 @@ def test_a_link_that_swings_is_said_where_inertia_is_not_right(hertz, link_share
 
 def test_the_fastest_cycles_alone_were_wrong():
     driven = cycles(4.0, 0.2)
-    fastest, found = inertia_of_cycles(driven[-3:]), steadiest_inertia(driven)
+    fastest, found = steadiest_inertia(driven[-3:]), steadiest_inertia(driven)
     assert fastest.acceleration_per_current > 1.08 * RATE
     assert found.acceleration_per_current == pytest.approx(RATE, rel=0.02)
     assert 'may be off by' in say_swing(found)[0]
