@@ -65,6 +65,13 @@ def test_inertia_is_what_getting_faster_takes_more_than_getting_slower_behind_an
     assert found.lag == pytest.approx(lag, rel=0.1, abs=2e-3)
 
 
+def test_a_current_one_sample_late_is_late_by_that_also_at_a_low_rate():
+    time, position, velocity = (values[::10] for values in cycle())
+    current = sliding(velocity) + np.gradient(velocity, time) / RATE
+    rows = np.column_stack([time[1:], position[1:], current[:-1]])
+    assert steadiest_inertia([rows]).lag == pytest.approx(0.01, abs=1e-3)
+
+
 def test_inertia_that_hardly_takes_current_is_not_given():
     time, position, velocity = cycle()
     current = 0.1 * np.sign(velocity) + 0.02 * np.random.default_rng(3).normal(size=time.size)

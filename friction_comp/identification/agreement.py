@@ -16,6 +16,7 @@ import math
 
 import numpy as np
 
+from friction_comp.identification.breakaway import unseen_speed
 from friction_comp.identification.inertia import Inertia, without_lag
 from friction_comp.identification.kinetic import (
     constant_velocity_currents,
@@ -23,6 +24,7 @@ from friction_comp.identification.kinetic import (
     KineticPoint,
     SETTLING,
 )
+from friction_comp.identification.ramp_evaluation import held_current, Ramp
 
 # Shares of friction above which two measurements differ: of a speed driven again, of measured and
 # commanded currents, and the amplitude of what depends on position.
@@ -36,6 +38,8 @@ _LAG = 0.005
 # Share by which inertias at different speeds may differ, and that inertia may leave unexplained,
 # without a word: rigid joints with fine encoders stay below 0.01.
 _SWINGS = 0.05
+# Share of the lowest speed that an encoder must tell from rest.
+_UNSEEN = 0.1
 # Standard errors of the difference of two means by which it must be larger.
 _ERRORS = 3.0
 # Ranges of position that are compared, and fewest samples in each.
@@ -265,6 +269,22 @@ def say_swing(inertia: Inertia | None) -> list[str]:
             'different, or does not explain as much. The joint swings, as one with an elastic or '
             'heavy link, whose acceleration is not that of the motor, or its encoder is coarse. '
             'Presliding of a joint that swings may be up to 30 % short']
+
+
+def say_unseen_creep(slowest: Cycle, ramps: Sequence[Ramp], resolution: float) -> list[str]:
+    """Return a warning if the joint may have crept, unseen, at the current that held it.
+
+    Where friction falls from standstill, a joint that slides becomes faster, and is seen: there,
+    breakaway exceeds friction in the slowest cycle. `resolution` is in rad per count.
+    """
+    unseen = unseen_speed([ramp.held for ramp in ramps], resolution)
+    breakaway = sum(np.mean([abs(held_current(ramp)) for ramp in ramps if ramp.direction == sign])
+                    for sign in (1, -1)) / 2.0
+    if unseen < _UNSEEN * slowest.speed or breakaway > _friction(slowest.points):
+        return []
+    return [f'the encoder does not tell rest from creep of up to {unseen:.2g} rad/s, and friction '
+            'does not fall from standstill: breakaway may be as much too high as friction rises up '
+            'to this speed']
 
 
 def say_unsettled(accelerated: Sequence[Cycle], plain: Sequence[Cycle]) -> list[str]:

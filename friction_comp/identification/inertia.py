@@ -39,9 +39,9 @@ _FAST = 0.5
 # Time constants that are compared first, s: of the current, and of the position below zero. No
 # joint is moved with later ones; one at the end only makes up for something else.
 _LAGS = (-0.06, -0.04, -0.02, -0.01, -0.005, 0.0, 0.005, 0.01, 0.02, 0.04, 0.06)
-# A lag must leave so much less unexplained than none, and so much less to be sure of it; inertia
-# must explain this share.
-_LESS, _SURE, _EXPLAINED = 0.5, 0.4, 0.8
+# A lag must leave at most this share of what none leaves unexplained; inertia must explain this
+# share.
+_LESS, _EXPLAINED = 0.5, 0.8
 # Others are compared if inertia explains this share of them.
 _COMPARED = 0.5
 
@@ -55,7 +55,6 @@ class Inertia(NamedTuple):
 
     acceleration_per_current: float     # k_t·n/J, rad/s² per A
     lag: float
-    sure: bool                          # whether there certainly is such a lag
     unexplained: float = 0.0            # share of the variance that follows the profile
     differs: float = 0.0                # from that of cycles at other speeds, at most, as a share
 
@@ -113,13 +112,12 @@ def steadiest_inertia(cycles: Sequence[np.ndarray]) -> Inertia | None:
     last = max(len(prepared) - _CYCLES, 0)
     together = [prepared[k:k + _CYCLES] for k in range(min(len(prepared) // 3, last), last + 1)]
     # A sensor is late at every speed, what swings is so at some.
-    lags = sorted(map(_lag, together), key=lambda found: abs(found[0]))
-    lag, sure = lags[(len(lags) - 1) // 2]
+    lag = sorted(map(_lag, together), key=abs)[(len(together) - 1) // 2]
     found = [one for few in together if (one := _explain(few, lag)).per_acceleration > 0.0]
     best = min(found, key=lambda one: one.unexplained, default=None)
     if best is None or best.unexplained > 1.0 - _EXPLAINED:
         return None
-    return Inertia(1.0 / best.per_acceleration, lag, sure, best.unexplained, differs=max(
+    return Inertia(1.0 / best.per_acceleration, lag, best.unexplained, differs=max(
         abs(math.log(one.per_acceleration / best.per_acceleration))
         for one in found if one.unexplained <= _COMPARED))
 
@@ -132,8 +130,8 @@ class _Smoothed(NamedTuple):
     step: float             # s
 
 
-def _lag(prepared: Sequence[_Smoothed]) -> tuple[float, bool]:
-    """Return the lag of smoothed cycles in s, 0 if there is none, and whether it is sure."""
+def _lag(prepared: Sequence[_Smoothed]) -> float:
+    """Return the lag of smoothed cycles in s; 0 if there is none."""
     plain = _explain(prepared, 0.0)
 
     def left(lag: float) -> float:
@@ -146,10 +144,7 @@ def _lag(prepared: Sequence[_Smoothed]) -> tuple[float, bool]:
     low, high = _LAGS[max(k - 1, 0)], _LAGS[min(k + 1, len(_LAGS) - 1)]
     lag = float(minimize_scalar(left, bounds=(low, high), method='bounded',
                                 options={'xatol': 2e-4}).x)
-    share = left(lag)
-    if share > _LESS or not 0.95 * _LAGS[0] < lag < 0.95 * _LAGS[-1]:
-        return 0.0, False
-    return lag, share < _SURE
+    return lag if left(lag) < _LESS and 0.95 * _LAGS[0] < lag < 0.95 * _LAGS[-1] else 0.0
 
 
 def without_lag(samples: np.ndarray, lag: float) -> np.ndarray:
