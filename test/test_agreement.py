@@ -62,6 +62,13 @@ def test_breakaway_of_a_joint_that_may_have_crept_unseen_is_said_to_be_doubtful(
     assert not said or 'creep of up to 0.01 rad/s' in said[0]
 
 
+@pytest.mark.parametrize(('swing', 'is_said'), [(0.1, False), (0.4, True)])
+def test_a_current_that_oscillates_at_any_gain_is_said(swing, is_said):
+    said = agreement.say_scatter(cycles(
+        lambda speed, x, time: COULOMB * (1.0 + swing * np.sin(90.0 * time)), speeds=SPEEDS[:2]))
+    assert bool(said) == is_said
+
+
 def viscous(points):
     points = sorted(points, key=lambda point: point.speed)
     return fit_sigmoid([p.speed for p in points], [p.current for p in points])[0].viscous

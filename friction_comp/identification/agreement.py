@@ -26,6 +26,8 @@ from friction_comp.identification.kinetic import (
 )
 from friction_comp.identification.ramp_evaluation import held_current, Ramp
 
+# Above this standard deviation, a share of friction, a current does not measure it.
+MAX_SCATTER = 0.15
 # Shares of friction above which two measurements differ: of a speed driven again, of measured and
 # commanded currents, and the amplitude of what depends on position.
 _DRIFT, _CURRENTS, _POSITION = 0.03, 0.04, 0.05
@@ -93,6 +95,11 @@ class Cycle:
         """Duration of a phase at constant velocity, s."""
         (begin, end), _ = constant_velocity_windows(self.duration)
         return end - begin
+
+    @property
+    def scatter(self) -> float:
+        """Largest standard deviation of the current, a share of friction."""
+        return max(point.standard_deviation for point in self.points) / _friction(self.points)
 
     @property
     def reach(self) -> float:
@@ -249,6 +256,16 @@ def check_currents(cycles: Sequence[Cycle]) -> list[str]:
         said.append(f'the measured current is off the commanded one by {offset:+.0%} of friction '
                     'in both directions: the current sensor has an offset, now part of the model')
     return said
+
+
+def say_scatter(cycles: Sequence[Cycle]) -> list[str]:
+    """Return a warning if the current varies too much to measure friction, with any gains."""
+    worst = max(cycles, key=lambda cycle: cycle.scatter)
+    if worst.scatter <= MAX_SCATTER:
+        return []
+    return [f'at {worst.speed:.3g} rad/s, the current varies by ±{worst.scatter:.0%} of friction, '
+            'with lower gains as well: friction varies there, or the joint oscillates under its '
+            'velocity controller, and the look-up table may be off']
 
 
 def say_lag(lag: float) -> list[str]:
