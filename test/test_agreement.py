@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from friction_comp.identification import agreement
+from friction_comp.identification.breakaway import Held
 from friction_comp.identification.goal import IdentificationGoal
 from friction_comp.identification.kinetic import cycle_position, cycle_velocity
+from friction_comp.identification.ramp_evaluation import Ramp
 from friction_comp.identification.run import IdentificationRun
 from friction_comp.identification.sigmoid_fit import fit_sigmoid
 from friction_comp.simulation.joint import Plant
@@ -44,6 +46,27 @@ def plain(speed, x, time):
 def warming(speed, x, time):
     warm = np.exp(-time / 60.0)
     return COULOMB * (1.0 + 0.1 * warm) + VISCOUS * (1.0 + 0.5 * warm) * speed
+
+
+@pytest.mark.parametrize(('held', 'count', 'is_said'), [
+    (0.50, 1e-3, True),     # friction at the lowest speed is 0.518 A
+    (0.50, 1e-4, False),    # a fine encoder sees creep
+    (0.55, 1e-3, False)])   # friction falls: a joint that slides becomes faster
+def test_breakaway_of_a_joint_that_may_have_crept_unseen_is_said_to_be_doubtful(
+        held, count, is_said):
+    time = np.arange(0.0, 0.15, STEP)
+    ramps = [Ramp(sign, sign, np.column_stack([time, 0.0 * time, sign * held + 0.0 * time]),
+                  Held(time[0], time[-1], 0.0)) for sign in (1, -1)]
+    said = agreement.say_unseen_creep(cycles(plain, speeds=SPEEDS[:1])[0], ramps, count)
+    assert bool(said) == is_said
+    assert not said or 'creep of up to 0.01 rad/s' in said[0]
+
+
+@pytest.mark.parametrize(('swing', 'is_said'), [(0.1, False), (0.4, True)])
+def test_a_current_that_oscillates_at_any_gain_is_said(swing, is_said):
+    said = agreement.say_scatter(cycles(
+        lambda speed, x, time: COULOMB * (1.0 + swing * np.sin(90.0 * time)), speeds=SPEEDS[:2]))
+    assert bool(said) == is_said
 
 
 def viscous(points):

@@ -10,7 +10,7 @@ import pytest
 from scipy.signal import lfilter
 
 from friction_comp.identification.goal import IdentificationGoal
-from friction_comp.identification.inertia import inertia_of_cycles
+from friction_comp.identification.inertia import steadiest_inertia
 from friction_comp.identification.kinetic import (
     constant_velocity_windows,
     cycle_position,
@@ -60,15 +60,22 @@ def test_inertia_is_what_getting_faster_takes_more_than_getting_slower_behind_an
         position, current = (position, late) if lag > 0.0 else (late, current)
     current = current + 2e-3 * np.random.default_rng(3).normal(size=time.size)
     counted = np.floor(position / COUNT) * COUNT
-    found = inertia_of_cycles([np.column_stack([time, counted, current])])
+    found = steadiest_inertia([np.column_stack([time, counted, current])])
     assert found.acceleration_per_current == pytest.approx(RATE, rel=0.04)
     assert found.lag == pytest.approx(lag, rel=0.1, abs=2e-3)
+
+
+def test_a_current_one_sample_late_is_late_by_that_also_at_a_low_rate():
+    time, position, velocity = (values[::10] for values in cycle())
+    current = sliding(velocity) + np.gradient(velocity, time) / RATE
+    rows = np.column_stack([time[1:], position[1:], current[:-1]])
+    assert steadiest_inertia([rows]).lag == pytest.approx(0.01, abs=1e-3)
 
 
 def test_inertia_that_hardly_takes_current_is_not_given():
     time, position, velocity = cycle()
     current = 0.1 * np.sign(velocity) + 0.02 * np.random.default_rng(3).normal(size=time.size)
-    assert inertia_of_cycles([np.column_stack([time, position, current])]) is None
+    assert steadiest_inertia([np.column_stack([time, position, current])]) is None
 
 
 velocity_reference, position_reference, current_ramp = (

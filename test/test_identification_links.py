@@ -1,14 +1,15 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Inertia of a joint whose link swings on its gear: right, or said to be uncertain."""
+"""Inertia of a joint whose link swings, or whose encoder is coarse: right, or said to be unsure."""
 
 import numpy as np
 import pytest
+from scipy.ndimage import uniform_filter1d
 from scipy.signal import lsim
 
 from friction_comp import IdentificationGoal
 from friction_comp.identification.agreement import say_swing
-from friction_comp.identification.inertia import Inertia, inertia_of_cycles, steadiest_inertia
+from friction_comp.identification.inertia import Inertia, steadiest_inertia
 from friction_comp.identification.kinetic import cycle_position
 
 GOAL = IdentificationGoal(speeds=(0.05, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5), motion_range=1.0)
@@ -49,7 +50,7 @@ def test_a_link_that_swings_is_said_where_inertia_is_not_right(hertz, link_share
 
 def test_the_fastest_cycles_alone_were_wrong():
     driven = cycles(4.0, 0.2)
-    fastest, found = inertia_of_cycles(driven[-3:]), steadiest_inertia(driven)
+    fastest, found = steadiest_inertia(driven[-3:]), steadiest_inertia(driven)
     assert fastest.acceleration_per_current > 1.08 * RATE
     assert found.acceleration_per_current == pytest.approx(RATE, rel=0.02)
     assert 'may be off by' in say_swing(found)[0]
@@ -68,4 +69,18 @@ def test_two_speeds_are_enough():
     for count in (1, 2, 3, 4):
         assert steadiest_inertia(driven[-count:]).acceleration_per_current == pytest.approx(
             RATE, rel=0.03)
-    assert say_swing(Inertia(RATE, 0.0, False, unexplained=0.1))
+    assert say_swing(Inertia(RATE, 0.0, unexplained=0.1))
+
+
+@pytest.mark.parametrize('counts', [700, 1200])
+def test_counts_of_an_encoder_and_what_the_controller_makes_of_them_do_not_bias_inertia(counts):
+    driven = []
+    for time, motor, current in (cycle.T for cycle in cycles(60.0, 0.35, 0.1)):
+        step = 2.0 * np.pi / counts
+        counted = np.round(motor / step) * step
+        # The controller answers to a speed that is none.
+        wrong = np.gradient(uniform_filter1d(counted - motor, 20), time)
+        driven.append(np.column_stack([time, counted, current - 0.3 * wrong]))
+    found = steadiest_inertia(driven)
+    assert found.acceleration_per_current == pytest.approx(RATE, rel=0.04)
+    assert found.lag == 0.0

@@ -16,6 +16,7 @@ import math
 
 import numpy as np
 
+from friction_comp.identification.breakaway import unseen_speed
 from friction_comp.identification.inertia import Inertia, without_lag
 from friction_comp.identification.kinetic import (
     constant_velocity_currents,
@@ -23,7 +24,10 @@ from friction_comp.identification.kinetic import (
     KineticPoint,
     SETTLING,
 )
+from friction_comp.identification.ramp_evaluation import held_current, Ramp
 
+# Above this standard deviation, a share of friction, a current does not measure it.
+MAX_SCATTER = 0.15
 # Shares of friction above which two measurements differ: of a speed driven again, of measured and
 # commanded currents, and the amplitude of what depends on position.
 _DRIFT, _CURRENTS, _POSITION = 0.03, 0.04, 0.05
@@ -36,6 +40,8 @@ _LAG = 0.005
 # Share by which inertias at different speeds may differ, and that inertia may leave unexplained,
 # without a word: rigid joints with fine encoders stay below 0.01.
 _SWINGS = 0.05
+# Share of the lowest speed that an encoder must tell from rest.
+_UNSEEN = 0.1
 # Standard errors of the difference of two means by which it must be larger.
 _ERRORS = 3.0
 # Ranges of position that are compared, and fewest samples in each.
@@ -89,6 +95,11 @@ class Cycle:
         """Duration of a phase at constant velocity, s."""
         (begin, end), _ = constant_velocity_windows(self.duration)
         return end - begin
+
+    @property
+    def scatter(self) -> float:
+        """Largest standard deviation of the current, a share of friction."""
+        return max(point.standard_deviation for point in self.points) / _friction(self.points)
 
     @property
     def reach(self) -> float:
@@ -247,6 +258,16 @@ def check_currents(cycles: Sequence[Cycle]) -> list[str]:
     return said
 
 
+def say_scatter(cycles: Sequence[Cycle]) -> list[str]:
+    """Return a warning if the current varies too much to measure friction, with any gains."""
+    worst = max(cycles, key=lambda cycle: cycle.scatter)
+    if worst.scatter <= MAX_SCATTER:
+        return []
+    return [f'at {worst.speed:.3g} rad/s, the current varies by ±{worst.scatter:.0%} of friction, '
+            'with lower gains as well: friction varies there, or the joint oscillates under its '
+            'velocity controller, and the look-up table may be off']
+
+
 def say_lag(lag: float) -> list[str]:
     """Return a warning on the lag of the current, s, or, below zero, of the position."""
     if abs(lag) < _LAG:
@@ -265,6 +286,22 @@ def say_swing(inertia: Inertia | None) -> list[str]:
             'different, or does not explain as much. The joint swings, as one with an elastic or '
             'heavy link, whose acceleration is not that of the motor, or its encoder is coarse. '
             'Presliding of a joint that swings may be up to 30 % short']
+
+
+def say_unseen_creep(slowest: Cycle, ramps: Sequence[Ramp], resolution: float) -> list[str]:
+    """Return a warning if the joint may have crept, unseen, at the current that held it.
+
+    Where friction falls from standstill, a joint that slides becomes faster, and is seen: there,
+    breakaway exceeds friction in the slowest cycle. `resolution` is in rad per count.
+    """
+    unseen = unseen_speed([ramp.held for ramp in ramps], resolution)
+    breakaway = sum(np.mean([abs(held_current(ramp)) for ramp in ramps if ramp.direction == sign])
+                    for sign in (1, -1)) / 2.0
+    if unseen < _UNSEEN * slowest.speed or breakaway > _friction(slowest.points):
+        return []
+    return [f'the encoder does not tell rest from creep of up to {unseen:.2g} rad/s, and friction '
+            'does not fall from standstill: breakaway may be as much too high as friction rises up '
+            'to this speed']
 
 
 def say_unsettled(accelerated: Sequence[Cycle], plain: Sequence[Cycle]) -> list[str]:

@@ -87,6 +87,14 @@ def rests(time: Sequence[float], position: Sequence[float], sign: int, resolutio
     return now <= max(_COUNTS * resolution, noise, _SPEED_SHARE * before, creep)
 
 
+def unseen_speed(held: Sequence[Held], resolution: float) -> float:
+    """Return the speed in rad/s below which a joint seemed to rest, by an encoder's count in rad.
+
+    The median of pauses during which the joint came to rest, see `rests`.
+    """
+    return float(np.median([3.0 * _COUNTS * resolution / (one.end - one.begin) for one in held]))
+
+
 class SlideBegin(NamedTuple):
     """Where a joint breaks away on a ramp: time in s, measured current in A, position in rad."""
 

@@ -3,9 +3,12 @@
 """Inertia, as acceleration per current, from the first push and from cycles of Eq. 3.
 
 In a cycle, currents, speeds and accelerations pass the same filter before they are compared, so
-that none is rounded more than another at the corners of the profile. A current that is measured
-behind a low pass follows the motion later than the current that caused it: the delay with which
-both agree best is found together with inertia.
+that none is rounded more than another at the corners of the profile. Of each, only what follows the
+profile counts: an encoder's counts are in the acceleration, and through the velocity controller in
+the current as well, so that least squares on what was measured would find another inertia (two
+stages, with the profile as the instrument). A current that is measured behind a low pass follows
+the motion later than the current that caused it: the delay with which both agree best is found
+together with inertia.
 """
 
 from __future__ import annotations
@@ -15,11 +18,12 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import orth
 from scipy.ndimage import uniform_filter1d
 from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 
-from friction_comp.identification.kinetic import Sample
+from friction_comp.identification.kinetic import cycle_velocity, Sample
 
 # So many cycles of neighbouring speeds are used together.
 _CYCLES = 3
@@ -27,14 +31,17 @@ _CYCLES = 3
 _TRANSIENT = 2.5e-3  # s that the current controller takes after a step of current
 # Each of three averages takes this share of a cycle.
 _SMOOTHING, _PASSES = 0.008, 3
+# The motion follows the profile behind low passes such as these, s: velocity controllers of 10 to
+# 100 rad/s.
+_FOLLOWS = (0.0, 0.03, 0.1)
 # Share of the top speed from which on samples are used: nearer to a reversal, presliding ends.
 _FAST = 0.5
 # Time constants that are compared first, s: of the current, and of the position below zero. No
 # joint is moved with later ones; one at the end only makes up for something else.
 _LAGS = (-0.06, -0.04, -0.02, -0.01, -0.005, 0.0, 0.005, 0.01, 0.02, 0.04, 0.06)
-# A lag must leave so much less unexplained than none, and so much less to be sure of it; inertia
-# must explain this share.
-_LESS, _SURE, _EXPLAINED = 0.7, 0.4, 0.8
+# A lag must leave at most this share of what none leaves unexplained; inertia must explain this
+# share.
+_LESS, _EXPLAINED = 0.5, 0.8
 # Others are compared if inertia explains this share of them.
 _COMPARED = 0.5
 
@@ -48,8 +55,7 @@ class Inertia(NamedTuple):
 
     acceleration_per_current: float     # k_t·n/J, rad/s² per A
     lag: float
-    sure: bool                          # whether there certainly is such a lag
-    unexplained: float = 0.0            # share of the current's variance, beside friction
+    unexplained: float = 0.0            # share of the variance that follows the profile
     differs: float = 0.0                # from that of cycles at other speeds, at most, as a share
 
 
@@ -92,51 +98,53 @@ def _acceleration(samples: Sequence[Sample], sign: int) -> tuple[float, float]:
     return 2.0 * float(bend), float(slope)
 
 
-def inertia_of_cycles(cycles: Sequence[np.ndarray]) -> Inertia | None:
-    """Estimate inertia from cycles of Eq. 3: rows of s, rad and A, each of shape (N, 3).
-
-    At a given speed and direction, friction is the same whether the joint accelerates or
-    decelerates: the difference is due to inertia. None if inertia is too small a part of it.
-    """
-    found = _inertia_of([_smoothed(cycle) for cycle in cycles])
-    return found if found and found.unexplained <= 1.0 - _EXPLAINED else None
-
-
 def steadiest_inertia(cycles: Sequence[np.ndarray]) -> Inertia | None:
     """Return the inertia of the neighbouring speeds at which it explains the current best.
 
-    Faster cycles have larger accelerations, which noise and an encoder's counts hide less; but an
-    elastic or heavy link swings after them, and the motor then accelerates less than all links, or
-    more. `cycles` are those of all speeds as of `inertia_of_cycles`, the lowest first; the slowest
-    third, near presliding, is left out where there are enough.
+    At a given speed and direction, friction is the same whether the joint accelerates or
+    decelerates: the difference is due to inertia. Faster cycles have larger accelerations, which
+    noise hides less; but an elastic or heavy link swings after them, and the motor then accelerates
+    less than all links, or more. `cycles` of Eq. 3 are those of all speeds, the lowest first, as
+    rows of s, rad and A, each of shape (N, 3); the slowest third, near presliding, is left out
+    where there are enough. None if inertia is too small a part of the current.
     """
     prepared = [_smoothed(cycle) for cycle in cycles]
     last = max(len(prepared) - _CYCLES, 0)
-    found = [one for k in range(min(len(prepared) // 3, last), last + 1)
-             if (one := _inertia_of(prepared[k:k + _CYCLES]))]
+    together = [prepared[k:k + _CYCLES] for k in range(min(len(prepared) // 3, last), last + 1)]
+    # A sensor is late at every speed, what swings is so at some.
+    lag = sorted(map(_lag, together), key=abs)[(len(together) - 1) // 2]
+    found = [one for few in together if (one := _explain(few, lag)).per_acceleration > 0.0]
     best = min(found, key=lambda one: one.unexplained, default=None)
     if best is None or best.unexplained > 1.0 - _EXPLAINED:
         return None
-    return best._replace(differs=max(
-        abs(math.log(one.acceleration_per_current / best.acceleration_per_current))
+    return Inertia(1.0 / best.per_acceleration, lag, best.unexplained, differs=max(
+        abs(math.log(one.per_acceleration / best.per_acceleration))
         for one in found if one.unexplained <= _COMPARED))
 
 
-def _inertia_of(prepared: Sequence[tuple[np.ndarray, np.ndarray, float]]) -> Inertia | None:
-    """Return inertia and lag of smoothed cycles; None if inertia is not positive."""
+class _Smoothed(NamedTuple):
+    motion: np.ndarray      # columns of both directions, speed and acceleration
+    current: np.ndarray
+    chosen: np.ndarray      # samples that are used
+    follows: np.ndarray     # orthonormal columns that span what follows the profile, of those
+    step: float             # s
+
+
+def _lag(prepared: Sequence[_Smoothed]) -> float:
+    """Return the lag of smoothed cycles in s; 0 if there is none."""
+    plain = _explain(prepared, 0.0)
+
     def left(lag: float) -> float:
-        return _explain(prepared, lag)[1]
+        # In all variance, counts of an encoder seem late, and in what follows the profile, a link
+        # that swings; a sensor is late in both.
+        found = _explain(prepared, lag)
+        return max(found.unexplained / max(plain.unexplained, 1e-12),
+                   found.of_all / max(plain.of_all, 1e-12))
     k = int(np.argmin([left(lag) for lag in _LAGS]))
     low, high = _LAGS[max(k - 1, 0)], _LAGS[min(k + 1, len(_LAGS) - 1)]
     lag = float(minimize_scalar(left, bounds=(low, high), method='bounded',
                                 options={'xatol': 2e-4}).x)
-    share = left(lag) / max(left(0.0), 1e-12)
-    if share > _LESS or not 0.95 * _LAGS[0] < lag < 0.95 * _LAGS[-1]:
-        lag, share = 0.0, 1.0
-    per_acceleration, unexplained = _explain(prepared, lag)
-    if not per_acceleration > 0.0:
-        return None
-    return Inertia(1.0 / per_acceleration, lag, share < _SURE, unexplained)
+    return lag if left(lag) < _LESS and 0.95 * _LAGS[0] < lag < 0.95 * _LAGS[-1] else 0.0
 
 
 def without_lag(samples: np.ndarray, lag: float) -> np.ndarray:
@@ -149,49 +157,57 @@ def without_lag(samples: np.ndarray, lag: float) -> np.ndarray:
         time, position, np.interp(time + lag, time[known], current[known])])
 
 
-def _smoothed(cycle: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return columns of speed and acceleration, the current, each smoothed, and the step in s."""
+def _smoothed(cycle: np.ndarray) -> _Smoothed:
+    """Return the signals of a cycle at even steps, all behind the same filter."""
     known = cycle[np.isfinite(cycle[:, 2])]
     time, position, current = known.T
     duration = time[-1] - time[0]
     even = np.linspace(time[0], time[-1], max(int(duration / np.median(np.diff(time))), 50))
     step = float(even[1] - even[0])
     count = max(int(_SMOOTHING * duration / step), 3)
-    signals = np.column_stack(
-        [np.interp(even, time, position), np.interp(even, time, current)])
+    speed = np.array([cycle_velocity(t, 1.0, duration) for t in even - time[0]])
+    profile = np.column_stack([speed, np.gradient(speed, step)])
+    signals = np.column_stack([
+        np.interp(even, time, position), np.interp(even, time, current),
+        *(_late(profile, lag, step) for lag in _FOLLOWS)])
     for _ in range(_PASSES):
         signals = uniform_filter1d(signals, count, axis=0, mode='nearest')
     speed = np.gradient(signals[:, 0], step)
-    return np.column_stack([speed, np.gradient(speed, step)]), signals[:, 1], step
+    chosen = np.abs(speed) > _FAST * float(np.max(np.abs(speed)))
+    sides = np.column_stack([speed > 0.0, speed < 0.0]).astype(float)
+    return _Smoothed(
+        np.column_stack([sides, speed, np.gradient(speed, step)]), signals[:, 1], chosen,
+        orth(np.column_stack([sides, signals[:, 2:]])[chosen]), step)
 
 
-def _explain(prepared: Sequence[tuple[np.ndarray, np.ndarray, float]],
-             lag: float) -> tuple[float, float]:
-    """Return current per acceleration, and the share of the variance that it does not explain.
+class _Explained(NamedTuple):
+    per_acceleration: float     # A per rad/s²
+    unexplained: float          # share of the variance of what follows the profile
+    of_all: float               # the same of all variance
+
+
+def _explain(prepared: Sequence[_Smoothed], lag: float) -> _Explained:
+    """Return current per acceleration, and the shares of the variance that it does not explain.
 
     Each cycle has its own friction: in either direction, and in proportion to speed.
     """
-    products = squares = total = 0.0
-    for motion, current, step in prepared:
-        speed = motion[:, 0]
-        columns = _late(np.column_stack([speed > 0.0, speed < 0.0, motion]).astype(float), lag,
-                        step)
-        chosen = np.abs(speed) > _FAST * float(np.max(np.abs(speed)))
-        friction, acceleration = columns[chosen, :3], columns[chosen, 3]
-        rest = _late(current, -lag, step)[chosen]
-        base, _ = np.linalg.qr(friction)
-        acceleration = acceleration - base @ (base.T @ acceleration)
-        rest = rest - base @ (base.T @ rest)
-        products += step * float(acceleration @ rest)
-        squares += step * float(acceleration @ acceleration)
-        total += step * float(rest @ rest)
-    slope = products / max(squares, 1e-300)
-    return slope, 1.0 - slope * products / max(total, 1e-300)
+    follows, measured = np.zeros((2, 2)), np.zeros((2, 2))
+    for motion, current, chosen, basis, step in prepared:
+        columns = np.column_stack([_late(motion, lag, step), _late(current, -lag, step)])[chosen]
+        for values, sums in ((columns, measured), (basis @ (basis.T @ columns), follows)):
+            friction, _ = np.linalg.qr(values[:, :3])
+            rest = values[:, 3:] - friction @ (friction.T @ values[:, 3:])
+            sums += step * rest.T @ rest
+    one = float(follows[0, 1] / max(follows[0, 0], 1e-300))
+    line = np.array([-one, 1.0])
+    return _Explained(one, *(
+        float(line @ sums @ line) / max(sums[1, 1], 1e-300) for sums in (follows, measured)))
 
 
 def _late(values: np.ndarray, lag: float, step: float) -> np.ndarray:
-    """Return values behind a low pass with a time constant in s, none if it is not positive."""
+    """Return values behind a low pass, by a lag in s, none if it is not positive."""
     if lag <= 0.0:
         return values
-    share = -math.expm1(-step / lag)
+    # The mean delay of this filter is the lag, also at low rates.
+    share = step / (step + lag)
     return np.asarray(lfilter([share], [1.0, share - 1.0], values, axis=0))

@@ -296,7 +296,7 @@ def evaluate_ramps(ramps: Sequence[Ramp], resolution: float, acceleration_per_cu
     """
     directions = [ramp.direction for ramp in ramps]
     records = breakaway_records([
-        SlideBegin(ramp.held.end, _held_current(ramp), ramp.held.position) for ramp in ramps],
+        SlideBegin(ramp.held.end, held_current(ramp), ramp.held.position) for ramp in ramps],
         directions)
     curves = []
     for ramp in ramps:
@@ -307,7 +307,7 @@ def evaluate_ramps(ramps: Sequence[Ramp], resolution: float, acceleration_per_cu
     onward = [ramp.before == ramp.direction for ramp in ramps]
     backlash, upturns = find_backlash(curves, directions, onward, resolution)
     warnings = [_backlash_message(backlash, records)] if backlash > 0.0 else []
-    ratio = float(np.median([_current_gone(ramp) / abs(_held_current(ramp)) for ramp in ramps]))
+    ratio = float(np.median([_current_gone(ramp) / abs(held_current(ramp)) for ramp in ramps]))
     if ratio > _CREEPS:
         warnings.append(
             'the joint gives way slowly from its breakaway current on, and goes only at '
@@ -317,7 +317,8 @@ def evaluate_ramps(ramps: Sequence[Ramp], resolution: float, acceleration_per_cu
     return RampEvaluation(records, found, warnings, backlash or None)
 
 
-def _held_current(ramp: Ramp) -> float:
+def held_current(ramp: Ramp) -> float:
+    """Return the mean measured current of a ramp's last stair that held, A, signed."""
     begin = ramp.held.begin + _SETTLING * (ramp.held.end - ramp.held.begin)
     time, _, current = ramp.samples.T
     measured = current[(time >= begin) & (time <= ramp.held.end) & np.isfinite(current)]
@@ -331,7 +332,7 @@ def _current_gone(ramp: Ramp) -> float:
     time, _, current = ramp.samples.T
     last = max([ramp.held.begin, *ramp.pauses])
     measured = current[(time >= last) & (time <= last + SHORTEST_PAUSE) & np.isfinite(current)]
-    return abs(float(np.mean(measured))) if measured.size else abs(_held_current(ramp))
+    return abs(float(np.mean(measured))) if measured.size else abs(held_current(ramp))
 
 
 def _backlash_message(backlash: float, records: BreakawayRecords) -> str:

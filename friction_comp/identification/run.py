@@ -25,10 +25,13 @@ from friction_comp.identification.agreement import (
     check_positions,
     Cycle,
     levelled,
+    MAX_SCATTER,
     position_slopes,
     say_drift,
     say_lag,
+    say_scatter,
     say_swing,
+    say_unseen_creep,
     say_unsettled,
     why_unreliable,
     without_drift,
@@ -39,13 +42,7 @@ from friction_comp.identification.goal import (
     IdentificationResult,
 )
 from friction_comp.identification.inertia import Inertia, steadiest_inertia, without_lag
-from friction_comp.identification.kinetic import (
-    cycle_position,
-    cycle_velocity,
-    KineticPoint,
-    Sample,
-    sample_rows,
-)
+from friction_comp.identification.kinetic import cycle_position, cycle_velocity, Sample, sample_rows
 from friction_comp.identification.ramp_evaluation import evaluate_ramps, Ramp
 from friction_comp.identification.sigmoid_fit import fit_sigmoid
 from friction_comp.identification.supervised_run import (
@@ -64,8 +61,6 @@ from friction_comp.statistics import evenly_spread, smallest_step
 CUT_SPEED, CUT_WINDOW, CUT_COUNTS, CUT_DISTANCE = 0.05, 0.02, 8.0, 5e-3
 # Stick-slip needs higher gains; lag, or a heavy link that oscillates against its rotor, lower ones.
 GAIN_LADDER = (1.0, 1.7, 0.3, 0.1)
-# Above this standard deviation, a share of its mean, a current does not measure friction.
-MAX_SCATTER = 0.15
 # Share of friction by which the curve of Eq. 6 may be off it without a warning, RMS.
 CURVE_SHARE = 0.03
 _TYPICAL = 'the inertia could not be estimated; a typical one was assumed'
@@ -187,8 +182,8 @@ class IdentificationRun(SupervisedRun):
             driven = yield from self._one_cycle(speed, factor)
             if driven is None:
                 continue
-            scatter = _current_scatter(driven.points)
-            if best is not None and scatter > 0.7 * _current_scatter(best.points):
+            scatter = driven.scatter
+            if best is not None and scatter > 0.7 * best.scatter:
                 # The controller is not the cause: friction itself varies.
                 self._uneven, self._highest_gain = True, math.inf
                 break
@@ -344,12 +339,12 @@ class IdentificationRun(SupervisedRun):
             goal=replace(self.goal, ramp_slope=self.ramp_slope),
             warnings=[*self.warnings,
                       *([_TYPICAL] if self._inertia_is_typical and not inertia else []),
-                      *check_currents(cycles), *say_lag(lag if inertia and inertia.sure else 0.0),
-                      *([] if inertia else say_unsettled(self.cycles, cycles)),
-                      *say_swing(inertia), *say_drift(drift),
-                      *([_ONE_RAMP] if self.goal.breakaway_cycles == 1 else []),
-                      *ramps.warnings, *([doubtful] if doubtful else []),
-                      *check_positions(self.cycles, self.repeated),
+                      *check_currents(cycles), *say_scatter(cycles),
+                      *say_lag(lag), *say_swing(inertia),
+                      *([] if inertia else say_unsettled(self.cycles, cycles)), *say_drift(drift),
+                      *([_ONE_RAMP] if self.goal.breakaway_cycles == 1 else []), *ramps.warnings,
+                      *say_unseen_creep(cycles[0], self.ramps, self._resolution),
+                      *check_positions(self.cycles, self.repeated), *filter(None, [doubtful]),
                       *check_curve(points, sigmoid, CURVE_SHARE, self.say)],
             drift=drift, presliding=ramps.presliding, backlash=ramps.backlash)
 
@@ -394,7 +389,3 @@ class _Slide:
     def rest(self) -> None:
         """Take note that the joint came to rest."""
         self.slides, self._rested = False, self.samples[-1].position
-
-
-def _current_scatter(points: Sequence[KineticPoint]) -> float:
-    return max(point.standard_deviation / max(abs(point.current), 1e-9) for point in points)
