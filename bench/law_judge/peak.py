@@ -58,9 +58,9 @@ def peak(bank, law):
     removed = _removed(joints, persons, law, WRONG, -1.0)
     for when in WRONG:
         name = f"friction's part of the peak removed, {when}"
-        rows += [Row(f'{name}{which}', float(figure(removed[when])), least, ' %', True,
-                     beside=beside(removed, figure))
-                 for which, figure, least in (('', np.nanmedian, 0.0), (': worst', np.nanmin, None))]
+        for which, figure, least in (('', np.nanmedian, 0.0), (': worst', np.nanmin, None)):
+            rows.append(Row(f'{name}{which}', float(figure(removed[when])), least, ' %', True,
+                            beside=beside(removed, figure)))
     persons['speed'] = joints['side'] * FASTEST
     removed = _removed(joints, persons, law, {FAST: START})
     rows.append(Row(f"friction's part of the peak removed, {FAST}",

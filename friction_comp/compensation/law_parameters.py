@@ -34,8 +34,8 @@ LONGER = 1.5
 # Backlash of the operator as a share of its distance, beyond one count: it prevents vibration of a
 # joint that a hand holds. Where presliding is known, less is needed.
 BACKLASH, KNOWN_BACKLASH = 0.15, 0.05
-# Share of R, beyond one and a half counts, by which a joint that moves against its preload is pushed
-# that way: more than flicker and a tremor of a tenth of friction, and less than what counts as rest.
+# Share of R, beyond one and a half counts, by which a joint that moves against its preload is
+# pushed that way: more than flicker and a tremor of a tenth of friction, less than a rest allows.
 AGAINST = 0.05
 # Presliding is known if it has a standard deviation, and at least this many counts: an encoder
 # resolves no fewer.
