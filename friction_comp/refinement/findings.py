@@ -110,10 +110,10 @@ _FINDINGS = {
         'the motor gave, which is a part of friction.',
         "the person's torque (interaction_wrench), or a motion by the motor alone"),
     'may_have_helped': (
-        IN_PART, 'The motor gave just what was commanded while direction 0 was announced: where a '
-        'compensator commanded it and a person moved the joint, which this recording does not '
-        'tell, the current is only a part of friction.',
-        "the person's torque (interaction_wrench), /diagnostics, or a motion without the "
+        IN_PART, 'The motor gave just what was commanded, and nothing that accelerates the joint: '
+        'where a compensator commanded it and a person moved the joint, which this recording does '
+        'not tell, the current is only a part of friction.',
+        "the person's torque (interaction_wrench), /diagnostics, or a faster motion without the "
         'compensator'),
     'no_load': (
         TRUST, 'No load was recorded: effects of load, and an error of the torque constant, cannot '

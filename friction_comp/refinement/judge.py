@@ -285,11 +285,11 @@ def helped_person(samples: Samples, accelerates: bool) -> Finding | None:
     """Return the finding that a compensator helped a person, whose own torque was not recorded.
 
     It acts on announced directions, and the motor does what it commands and nothing else. (Under
-    another controller, which moves the joint, the motor does more.) Where it hears that none is
-    meant, it may help as well, or something else may command the motor, which then `accelerates`
-    the joint: a person who is helped with friction does that alone.
+    another controller, which moves the joint, the motor does more.) Where none is announced, it may
+    help as well, or something else may command the motor, which then `accelerates` the joint: a
+    person who is helped with friction does that alone.
     """
-    if samples.load is not None or samples.command is None or samples.direction is None:
+    if samples.load is not None or samples.command is None:
         return None
     both = np.isfinite(samples.command) & np.isfinite(samples.current)
     command, current = samples.command[both], samples.current[both]
@@ -297,7 +297,7 @@ def helped_person(samples: Samples, accelerates: bool) -> Finding | None:
         return None
     if np.corrcoef(command, current)[0, 1] <= thresholds.DOES_AS_COMMANDED:
         return None
-    if np.any(samples.direction):
+    if samples.direction is not None and np.any(samples.direction):
         return finding('helped_person')
     return None if accelerates else finding('may_have_helped')
 
