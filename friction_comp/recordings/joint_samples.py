@@ -100,11 +100,7 @@ def to_samples(scan: Scan, joint: str | None,
                                     info.notes)
     stamp = shifts.apply(stamp, track.order)
     position, velocity, effort = values.T[:3]
-    behind = values[:, 3] if values.shape[1] > 3 else None
-    in_torque = not (scan.effort_is_current or scan.effort_unit)
-    if behind is not None and in_torque:
-        effort, note = gear_effort(effort, behind)
-        info.notes.append(note)
+    effort, load = _beside_link_torque(scan, effort, values[:, 3:], info)
     for name, signal in (('position', position), ('effort', effort)):
         if not np.isfinite(signal).any():
             raise InputError(f'{scan.path}: {track.topic} contains no finite {name} of joint '
@@ -159,12 +155,26 @@ def to_samples(scan: Scan, joint: str | None,
         velocity=None if velocity is None else velocity[order], joint=joint)
     samples = samples.with_(**time_base.other_signals(
         scan, joint, joints, base, torque_per_current, info.notes))
-    if behind is not None and not in_torque and samples.load is None:
-        load, note = load_behind_gear(samples.current, behind[order])
-        samples = samples.with_(load=load)
-        info.notes.append(note)
+    if load is not None and samples.load is None:
+        samples = samples.with_(load=load[order])
     check_plausible(samples, str(scan.path), alone=not _others_moved(scan, own))
     return samples if measured else samples.with_(velocity=None), info
+
+
+def _beside_link_torque(scan: Scan, effort: np.ndarray, behind: np.ndarray, info: RecordingInfo
+                        ) -> tuple[np.ndarray, np.ndarray | None]:
+    """Return the effort without the torque behind the gear, if it is one, and the load, else None.
+
+    `behind` has shape (N, 1), or (N, 0) where there is no such torque.
+    """
+    if not behind.size:
+        return effort, None
+    if scan.effort_is_current or scan.effort_unit:
+        load, note = load_behind_gear(effort, behind[:, 0])
+    else:
+        load, (effort, note) = None, gear_effort(effort, behind[:, 0])
+    info.notes.append(note)
+    return effort, load
 
 
 def _dated(track: Track, values: np.ndarray, info: RecordingInfo

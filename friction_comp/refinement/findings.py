@@ -100,8 +100,8 @@ _FINDINGS = {
         'a lag of the current: see the intervals. Several frequencies and amplitudes would tell.',
         ''),
     'unknown_friction': (
-        IN_PART, 'Coulomb friction may be {low:.3g} to {high:.3g} A: the model predicts, but what of '
-        'it is friction is not known.', 'record slow and fast motion in both directions'),
+        IN_PART, 'Coulomb friction may be {low:.3g} to {high:.3g} A: the model predicts, but what '
+        'of it is friction is not known.', 'record slow and fast motion in both directions'),
     'no_temperature': (
         TRUST, 'Motor temperature was not recorded: its effect can only show as drift over time.',
         ''),

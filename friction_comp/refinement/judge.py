@@ -158,10 +158,13 @@ def friction_shows(fit: Fit) -> bool:
     return Search(table, []).is_improvement([without], [table.block_errors(fit.terms, False)])
 
 
-def findings_on_model(fit: Fit) -> Iterator[Finding]:
-    """Yield what no drive does, though the fit says so."""
+def findings_on_model(fit: Fit, raw: Samples) -> Iterator[Finding]:
+    """Yield what no drive does, though the fit says so, and what a person may have done."""
     if not friction_shows(fit):
         yield finding('no_friction')
+    if (helped := helped_person(raw, any(
+            not term.group and term.kind.name == 'inertia' for term in fit.terms))):
+        yield helped
     values = fit.table.coefficients(fit.terms)
     for term in fit.terms:
         if term.group:
@@ -236,7 +239,7 @@ def findings(fit: Fit, raw: Samples, after: Errors, growth: dict[str, float],
     elif held_out > max(thresholds.ABOVE_NOISE * noise, 1e-300,
                         math.sqrt(thresholds.LEAST_SHARE) * constant):
         yield finding('above_noise', error=held_out, times=held_out / noise)
-    yield from findings_on_model(fit)
+    yield from findings_on_model(fit, raw)
     if largest > thresholds.GROWTH and not (variable == RECORDING and differ):
         yield beyond_what_was_fitted(variable, largest)
     for entry in dependences:
@@ -247,9 +250,6 @@ def findings(fit: Fit, raw: Samples, after: Errors, growth: dict[str, float],
                       experiment=question.experiment)
     if -sum(fit.lag) >= rows.samples.sample_time:
         yield finding('late_current', lag=-1e3 * sum(fit.lag))
-    if (helped := helped_person(raw, any(
-            not term.group and term.kind.name == 'inertia' for term in fit.terms))):
-        yield helped
     yield from findings_on_recording(rows, raw)
     yield from loads_that_hardly_varied(rows, after.elsewhere_motion_rmse)
     yield from notes_on_coverage(rows.samples, rows.coverage)
