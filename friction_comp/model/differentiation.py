@@ -25,6 +25,8 @@ _LOST = 1.75
 MEASURED = ('load', 'temperature')
 # A run of equal values that is longer than this multiple of the usual one holds no new values.
 _HELD = 1.5
+# Share of velocities that repeat the one before, above which they are in whole counts.
+_REPEATED = 0.1
 _MOTION = ('position', 'velocity', 'acceleration', 'load', 'temperature', 'rigid_body', 'coupling')
 
 
@@ -50,8 +52,8 @@ def differentiate(samples: Samples, settings: dict[str, Any]) -> Samples:
     """Return samples with velocity and acceleration by a zero-phase filter.
 
     The signal is filtered forwards and backwards by a second-order Butterworth low pass, and
-    differentiated by central differences, segment by segment; a measured velocity, which has no
-    steps of an encoder, by a cubic spline, which shows more of fast motion. Stamps that are not
+    differentiated by central differences, segment by segment; a measured velocity that is not in
+    whole counts by a cubic spline, which shows more of fast motion. Stamps that are not
     uniform are filtered as well: jitter is then in both signals, and cancels in their ratio to
     first order. The returned time begins at zero in each recording; position stays as recorded.
 
@@ -84,7 +86,8 @@ def differentiate(samples: Samples, settings: dict[str, Any]) -> Samples:
         else:
             speed = _smooth(measured[part], samples.sample_time, bandwidth)
         velocity[part] = speed
-        acceleration[part] = _derivative(speed, time, smooth=source == 'velocity')
+        acceleration[part] = _derivative(
+            speed, time, smooth=source == 'velocity' and not _in_counts(measured[part]))
     measured_signals = {
         name: prepared_signal(samples, getattr(samples, name), **own)
         for name, own in (settings.get('signals') or {}).items()
@@ -227,6 +230,11 @@ def _derivative(values: np.ndarray, time: np.ndarray, smooth: bool = False) -> n
 
         return np.asarray(CubicSpline(even, values)(even, 1))
     return np.asarray(np.gradient(values, even, axis=0))
+
+
+def _in_counts(velocity: np.ndarray) -> bool:
+    """Return whether a velocity, shape (N,), is in counts: many repeat the one before."""
+    return bool(np.mean((np.diff(velocity) == 0.0) & (velocity[1:] != 0.0)) > _REPEATED)
 
 
 def _times_of(stamps: np.ndarray, position: np.ndarray) -> np.ndarray:
