@@ -25,8 +25,8 @@ _QUANTITIES = {
                 'winkel gelenkwinkel lage observation+state',
     'velocity': 'velocity velocities vel vels velo dq qd qdot qvel q+dot dot+q omega speed speeds '
                 'dtheta theta+dot thetadot geschwindigkeit winkelgeschwindigkeit drehzahl',
-    'effort': 'effort efforts eff torque torques tau taus trq moment force forces frc qfrc tau+m '
-              'tau+j drehmoment motormoment kraft',
+    'effort': 'effort efforts eff torque torques tau taus trq tor moment force forces frc qfrc '
+              'tau+m tau+j drehmoment motormoment kraft',
     'current': 'current currents i iq im i+q i+m cur curr amp amps strom motorstrom',
     'direction': 'direction dir',
     'load': 'load tau+b tau+ext wrench',
@@ -35,9 +35,9 @@ _QUANTITIES = {
     # What is none of the signals, though one of its words is: an electrical angle is a multiple of
     # the shaft's, by the pairs of poles.
     '': 'ddq qdd qddot acc acceleration accelerations accel ddtheta error errors err limit limits '
-        'max min peak std variance gain kp ki kd present+load id voltage power energy status '
-        'bits duration dur bus supply battery batt current+state current+mode cur+state cur+mode '
-        'electrical+angle electrical+position '
+        'max min peak std variance gain constant kp ki kd kt present+load id voltage power energy '
+        'status bits duration dur bus supply battery batt current+state current+mode cur+state '
+        'cur+mode electrical+angle electrical+position '
         'electrical+degrees elec+angle elec+pos angle+elec theta+elec',
 }
 _MEASURED = {'actual', 'act', 'measured', 'meas', 'present', 'feedback', 'fb', 'observed', 'sensed',

@@ -299,10 +299,17 @@ def _named_joints(columns: Sequence[Column]) -> list[Column]:
 
 
 def _idle(used: Sequence[Column], found: Sequence[Column]) -> list[str]:
-    """Return a note on joints with a position, but no effort, beside those that are used."""
+    """Return notes on columns of joints with a position or an effort alone, beside those used."""
     keys = {c.key for c in used}
     idle = [c.name for c in found if c.signal == 'position' and c.key not in keys]
-    return [idle_note(idle)] if idle else []
+    torques = ('effort', 'load', 'link_torque')
+    # Siblings of named columns are not called so.
+    loose = [c.name for c in found if c.signal in torques and c.key not in keys
+             and read_name(c.name).signal in torques]
+    return ([idle_note(idle)] if idle else []) + ([
+        f'{", ".join(loose)}: not used, since no position belongs to it; a torque from outside is '
+        'named with --columns load=NAME, one behind the gear with link_torque=NAME']
+        if loose else [])
 
 
 def idle_note(names: Sequence[str]) -> str:

@@ -46,11 +46,26 @@ def gear_effort(effort: np.ndarray, link_torque: np.ndarray) -> tuple[np.ndarray
 
     The sensor carries nearly all of the effort, with the opposite sign in some robots.
     """
+    carried, words = _as_carried(effort, link_torque)
+    return effort - carried, f'friction is effort minus link_torque{words}'
+
+
+def load_behind_gear(current: np.ndarray, link_torque: np.ndarray) -> tuple[np.ndarray, str]:
+    """Return the load, N·m, shape (N,), that a torque behind the gear is to the motor; and a note.
+
+    Of an effort that is no torque, the share that this load takes is fitted.
+    """
+    carried, words = _as_carried(current, link_torque)
+    return -carried, ('the effort is no torque, from which link_torque could be subtracted: '
+                      f'link_torque is the load, whose share is fitted{words}')
+
+
+def _as_carried(effort: np.ndarray, link_torque: np.ndarray) -> tuple[np.ndarray, str]:
+    """Return the torque behind the gear with the sign of the effort, and words if that differs."""
     both = np.isfinite(effort) & np.isfinite(link_torque)
     if float(effort[both] @ link_torque[both]) < 0.0:
-        return effort + link_torque, ('friction is effort minus link_torque, whose sign is '
-                                      'reversed: it is opposite to that of effort')
-    return effort - link_torque, 'friction is effort minus link_torque'
+        return -link_torque, ', whose sign is reversed: it is opposite to that of effort'
+    return link_torque, ''
 
 
 def _rate(time: np.ndarray, values: np.ndarray, usable: np.ndarray) -> np.ndarray:

@@ -54,6 +54,16 @@ def test_samples_that_arrive_together_are_no_burst_of_acceleration():
     assert even.acceleration[5:-5] == pytest.approx(samples.acceleration[5:-5], abs=0.02)
 
 
+def test_the_acceleration_of_a_measured_velocity_is_that_of_fast_motion():
+    """At a fifth of the rate, with stamps as uneven as a bus makes them."""
+    time = np.cumsum(np.where(np.arange(3000) % 3, 1.0, 1.4)) * 4e-3
+    velocity = np.sin(2.0 * np.pi * 40.0 * time + 0.1)
+    found = differentiate(Samples(time=time, position=0.0 * time, current=0.0 * time,
+                                  velocity=velocity), {'source': 'velocity', 'bandwidth': None})
+    true = 80.0 * np.pi * np.cos(2.0 * np.pi * 40.0 * time + 0.1)
+    assert np.sqrt(np.mean((found.acceleration - true)[5:-5] ** 2)) < 0.1 * 80.0 * np.pi
+
+
 def slow_signal(time):
     return np.sin(2.0 * time) + 0.5 * np.cos(5.0 * time)
 

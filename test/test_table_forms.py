@@ -171,7 +171,7 @@ def test_an_effort_is_of_the_joint_that_its_name_gives():
 def test_the_joint_whose_columns_are_named_is_read_with_the_motion_of_its_siblings(tmp_path):
     time, position, velocity = swing()
     path = write(tmp_path / 'arm.csv', time=time, q_0=2.0 * position, q_1=position,
-                 i_0=np.sign(velocity), i_1=0.5 * np.sign(velocity))
+                 i_0=np.sign(velocity) + position, i_1=0.5 * np.sign(velocity))
     layout = Layout({'position': 'q_1', 'current': 'i_1'})
     samples, = read_recording(path, layout=layout)
     assert samples.joint == '1'

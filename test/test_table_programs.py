@@ -20,6 +20,7 @@ from friction_comp.recordings.row_times import fresh_rows, fresh_velocity
 from friction_comp.recordings.sources import find_recordings, recorded_joints
 from friction_comp.refinement.judge import other_turn
 from friction_comp.refinement.result import FoundEffect
+from friction_comp.samples import Samples
 from friction_comp.signal_checks import velocity_fault, velocity_ratios
 
 TURN = 2.0 * math.pi
@@ -290,3 +291,44 @@ def test_a_motor_in_turns_is_told_by_its_cogging(tmp_path):
     assert main(['refine', str(path), '--output', str(tmp_path / 'out')]) == 0
     report = json.loads((tmp_path / 'out' / 'report.json').read_text())
     assert any('if position is in turn' in reason for reason in report['reasons'])
+
+
+def test_a_drive_that_is_logged_on_both_sides_of_its_gear_is_one_joint(tmp_path):
+    time, position, velocity = swing()
+    torque = np.sign(velocity) + 0.1 * np.sin(7.0 * time)
+    path = write(tmp_path / 'log.csv', **{
+        'time [s]': time, 'a1 position [rad]': position, 'a1 torque [Nm]': torque,
+        'c1 position [rev]': np.round(6.0 * position / (2.0 * np.pi), 5) + 0.1,
+        'c1 torque [Nm]': torque / 6.0, 'b1 position [rad]': 6.0 * position,
+        'b1 torque [Nm]': 0.5 * np.cos(time)})
+    (samples, info), = read_recording_with_info(path, 'a1')
+    # What is on the same shaft, but has a torque of its own, is another motor.
+    assert samples.arm.joints == ('a1', 'b1')
+    assert any(note.startswith('c1: ') and 'same drive' in note for note in info.notes)
+
+
+def test_a_torque_to_which_no_position_belongs_is_named(tmp_path):
+    time, position, velocity = swing()
+    path = write(tmp_path / 'log.csv', **{
+        'time': time, 'a1 pos': position, 'a1 torque': np.sign(velocity),
+        'trs605-5 torque [Nm]': position, 'torque constant': 0.1 + 0.0 * time})
+    (_, info), = read_recording_with_info(path)
+    note, = (note for note in info.notes if 'no position belongs to it' in note)
+    assert note.startswith('trs605-5 torque [Nm]: not used')
+
+
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+def test_a_torque_behind_the_gear_is_no_part_of_a_current(tmp_path, sign):
+    """Ampere minus newton metres is nothing: the torque is the load, whose share is fitted."""
+    time, position, velocity = swing()
+    carried = 9.0 * np.sin(position)
+    columns = {'time': time, 'position': position, 'i': np.sign(velocity) + 0.3 * carried,
+               'link_torque': sign * carried}
+    (samples, info), = read_recording_with_info(write(tmp_path / 'log.csv', **columns))
+    framed = Samples.from_frame(columns)
+    for read in (samples, framed):
+        np.testing.assert_allclose(read.current, columns['i'])
+        np.testing.assert_allclose(read.load, -carried)
+    assert any('whose share is fitted' in note for note in info.notes)
+    given = Layout(units={'effort': '%'})
+    np.testing.assert_allclose(Samples.from_frame(columns, given).load, -carried)

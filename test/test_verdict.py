@@ -68,6 +68,17 @@ def test_a_friction_below_zero_is_no_friction(ends, found):
     assert ('negative_friction' in said) == found
 
 
+@pytest.mark.parametrize('ends, error, found', [
+    ([-21.0, 43.0], 3.0, True), ([-0.02, 0.02], 3.0, False), ([0.1, 43.0], 3.0, False)])
+def test_a_friction_of_any_size_is_not_known_however_well_the_model_predicts(ends, error, found):
+    numbers = SimpleNamespace(coulomb=max(ends[0], 0.0), viscous=0.1, inertia=None,
+                              intervals={'coulomb': ends})
+    said = {one.code: one for one in findings_on_numbers(numbers, error)}
+    assert ('unknown_friction' in said) == found
+    # Zero has no share of itself that could be small.
+    assert 'Coulomb friction' in said['not_told_apart'].text
+
+
 @pytest.mark.parametrize(('size', 'code', 'grade'), [
     (1e-4, 'hardly_moved', 'record again'), (0.1, 'coarse', 'trust in part')])
 def test_a_joint_that_only_gave_way_has_shown_no_friction(size, code, grade):
@@ -311,12 +322,16 @@ def test_friction_is_not_read_from_the_help_that_a_person_had():
     # A controller that follows a reference gives the rest itself.
     follower = helped.with_(current=motion.current, command=0.2 * np.roll(given, 60))
     assert 'helped_person' not in codes(refine([follower]).report)
-    # With direction 0, who commanded is not known, and is said.
+    # With direction 0, or none, who commanded is not known, and is said.
     asked = helped.with_(direction=0.0 * given)
-    report = refine([asked]).report
-    assert 'may_have_helped' in codes(report)
-    assert report.verdict == 'trust in part'
-    for other in (asked.with_(direction=None), follower.with_(direction=0.0 * given)):
+    for unknown in (asked, asked.with_(direction=None)):
+        report = refine([unknown]).report
+        assert 'may_have_helped' in codes(report)
+        assert report.verdict == 'trust in part'
+    # A motor that accelerates the joint moves it by itself.
+    driven = motion.current + 0.3 * motion.acceleration
+    driver = asked.with_(current=driven + noise(motion), command=driven)
+    for other in (follower.with_(direction=0.0 * given), driver):
         assert not {'helped_person', 'may_have_helped'} & codes(refine([other]).report)
 
 
@@ -351,3 +366,11 @@ def test_recordings_that_agree_are_not_told_apart():
     report = of_two_days()
     assert 'recordings_differ' not in codes(report)
     assert report.thirds['recording'] == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_current_that_is_zero_but_for_single_values_is_no_limit():
+    motion = swings(2)
+    current = np.zeros(len(motion))
+    current[::300] = -7.0
+    with pytest.raises(InputError, match='the current is zero in nearly all motion'):
+        refine([motion.with_(current=current)])

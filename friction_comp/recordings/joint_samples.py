@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from friction_comp.controller_effort import gear_effort
+from friction_comp.controller_effort import gear_effort, load_behind_gear
 from friction_comp.errors import InputError
 from friction_comp.recordings import row_times, time_base
 from friction_comp.recordings.activity import Activity
@@ -25,6 +25,8 @@ _MOVED = 0.01
 # A position that is so many times as far from its neighbours as is usual is a glitch, if these are
 # rare; fewest positions that tell.
 _GLITCH, _GLITCHES, _FEWEST_OF_GLITCHES = 20.0, 0.005, 200
+# Share of a signal's variance that may be its rounding, where it is a multiple of another.
+_ROUNDED = 1e-4
 
 
 @dataclass
@@ -98,9 +100,7 @@ def to_samples(scan: Scan, joint: str | None,
                                     info.notes)
     stamp = shifts.apply(stamp, track.order)
     position, velocity, effort = values.T[:3]
-    if values.shape[1] > 3:
-        effort, note = gear_effort(effort, values[:, 3])
-        info.notes.append(note)
+    effort, load = _beside_link_torque(scan, effort, values[:, 3:], info)
     for name, signal in (('position', position), ('effort', effort)):
         if not np.isfinite(signal).any():
             raise InputError(f'{scan.path}: {track.topic} contains no finite {name} of joint '
@@ -155,8 +155,26 @@ def to_samples(scan: Scan, joint: str | None,
         velocity=None if velocity is None else velocity[order], joint=joint)
     samples = samples.with_(**time_base.other_signals(
         scan, joint, joints, base, torque_per_current, info.notes))
+    if load is not None and samples.load is None:
+        samples = samples.with_(load=load[order])
     check_plausible(samples, str(scan.path), alone=not _others_moved(scan, own))
     return samples if measured else samples.with_(velocity=None), info
+
+
+def _beside_link_torque(scan: Scan, effort: np.ndarray, behind: np.ndarray, info: RecordingInfo
+                        ) -> tuple[np.ndarray, np.ndarray | None]:
+    """Return the effort without the torque behind the gear, if it is one, and the load, else None.
+
+    `behind` has shape (N, 1), or (N, 0) where there is no such torque.
+    """
+    if not behind.size:
+        return effort, None
+    if scan.effort_is_current or scan.effort_unit:
+        load, note = load_behind_gear(effort, behind[:, 0])
+    else:
+        load, (effort, note) = None, gear_effort(effort, behind[:, 0])
+    info.notes.append(note)
+    return effort, load
 
 
 def _dated(track: Track, values: np.ndarray, info: RecordingInfo
@@ -191,6 +209,29 @@ def usable_joints(scan: Scan, torque_per_current: Callable[[str], float],
     if not read and reason:
         raise reason
     return read
+
+
+def without_copies(joints: dict[str, tuple[Samples, RecordingInfo]], info: RecordingInfo
+                   ) -> dict[str, tuple[Samples, RecordingInfo]]:
+    """Return the joints without those that are the drive of `info` once more, and note them.
+
+    Where a motor is logged on both sides of its gear, position and current of one side are
+    multiples of those of the other.
+    """
+    own = joints[info.joint][0]
+    copies = [name for name, (other, _) in joints.items() if name != info.joint and all(
+        _is_multiple(getattr(other, signal), getattr(own, signal))
+        for signal in ('position', 'current'))]
+    if copies:
+        info.notes.append(f'{", ".join(copies)}: position and effort are multiples of those of '
+                          f'{info.joint}, so that they are the same drive and no other joint')
+    return {name: entry for name, entry in joints.items() if name not in copies}
+
+
+def _is_multiple(values: np.ndarray, of: np.ndarray) -> bool:
+    """Return whether values, shape (N,), are a multiple of others, beside a constant."""
+    return (len(values) == len(of) and np.ptp(values) > 0.0 < np.ptp(of)
+            and bool(np.corrcoef(values, of)[0, 1] ** 2 > 1.0 - _ROUNDED))
 
 
 def moved_without_effort(scan: Scan, joints: Iterable[str]) -> list[str]:

@@ -88,7 +88,8 @@ def _fault_of_velocity(samples: Samples) -> str:
     if len(ratios) >= _FEWEST_BLOCKS and contradict.mean() > _CONTRADICTING:
         # Where ratios scatter to both sides, no factor is wrong.
         if fault := signal_checks.velocity_fault(ratios, _LARGEST_RATIO):
-            return fault + ' (in a table, --unit says it, for instance --unit velocity=deg/s)'
+            return fault + (' (in a table, --unit says it, such as velocity=deg/s, velocity=turn/s '
+                            'or position=turn)')
     return ''
 
 

@@ -86,7 +86,8 @@ def _read_joint(scan: Scan, joint: str | None, torque_per_current: float, others
     samples, info = joint_samples.to_samples(scan, joint, torque_per_current)
     if others and len(scan.joints) > 1:
         joints = joint_samples.usable_joints(scan, lambda joint: 1.0)
-        samples = samples.with_(arm=joint_samples.joint_states_at(samples, info, joints))
+        samples = samples.with_(arm=joint_samples.joint_states_at(
+            samples, info, joint_samples.without_copies(joints, info)))
         idle = joint_samples.moved_without_effort(scan, joints)
         info.notes += [idle_note(idle)] if idle else []
     return samples, info

@@ -41,12 +41,13 @@ _FINDINGS = {
     'no_friction': (
         AGAIN, 'No friction shows in this current: it is the torque behind the gear, a '
         "controller's request, or that of a motor whose joint is moved by hand.",
-        'the current of the motor that moves the joint, or its torque before the gear; of a joint '
-        "moved by hand, the hand's torque as the load"),
+        'the current of the motor that moves the joint, or its torque before the gear (where it is '
+        'in the table, --columns current=NAME,link_torque=NAME); of a joint moved by hand, the '
+        "hand's torque as the load"),
     'load_reversed': (
         AGAIN, 'The current grows with the load, {coefficient:.3g} A per N·m: one of them has the '
         'wrong sign. The load is the torque that moves the joint from outside.',
-        'the same with the sign of the load reversed'),
+        'the same with the sign of the load reversed (in a table, --unit load=-1Nm)'),
     'doubtful': (IN_PART, '{doubt}', 'record the same over a wider range, and other joints'),
     'extrapolates': (
         IN_PART, '{part} that was not fitted is predicted with {growth:.2g} times the error: the '
@@ -72,7 +73,8 @@ _FINDINGS = {
     'moves_as_one': (
         AGAIN, 'The position of {joint} follows from those of the other joints: the recording '
         'cannot show on which of them the current depends, and other motion may be predicted much '
-        'worse.', 'move the joints independently of each other'),
+        'worse.', 'move the joints independently of each other, or leave out the columns of one '
+        'that is on the same shaft'),
     'velocity': (
         IN_PART, '{fault}.', 'let one clock stamp position, velocity and current, and check the '
         'units of velocity'),
@@ -97,6 +99,9 @@ _FINDINGS = {
         TRUST, 'The motion hardly tells {names} from weight, a spring, friction at other speeds or '
         'a lag of the current: see the intervals. Several frequencies and amplitudes would tell.',
         ''),
+    'unknown_friction': (
+        IN_PART, 'Coulomb friction may be {low:.3g} to {high:.3g} A: the model predicts, but what '
+        'of it is friction is not known.', 'record slow and fast motion in both directions'),
     'no_temperature': (
         TRUST, 'Motor temperature was not recorded: its effect can only show as drift over time.',
         ''),
@@ -105,10 +110,10 @@ _FINDINGS = {
         'the motor gave, which is a part of friction.',
         "the person's torque (interaction_wrench), or a motion by the motor alone"),
     'may_have_helped': (
-        IN_PART, 'The motor gave just what was commanded while direction 0 was announced: where a '
-        'compensator commanded it and a person moved the joint, which this recording does not '
-        'tell, the current is only a part of friction.',
-        "the person's torque (interaction_wrench), /diagnostics, or a motion without the "
+        IN_PART, 'The motor gave just what was commanded, and nothing that accelerates the joint: '
+        'where a compensator commanded it and a person moved the joint, which this recording does '
+        'not tell, the current is only a part of friction.',
+        "the person's torque (interaction_wrench), /diagnostics, or a faster motion without the "
         'compensator'),
     'no_load': (
         TRUST, 'No load was recorded: effects of load, and an error of the torque constant, cannot '

@@ -158,10 +158,13 @@ def friction_shows(fit: Fit) -> bool:
     return Search(table, []).is_improvement([without], [table.block_errors(fit.terms, False)])
 
 
-def findings_on_model(fit: Fit) -> Iterator[Finding]:
-    """Yield what no drive does, though the fit says so."""
+def findings_on_model(fit: Fit, raw: Samples) -> Iterator[Finding]:
+    """Yield what no drive does, though the fit says so, and what a person may have done."""
     if not friction_shows(fit):
         yield finding('no_friction')
+    if (helped := helped_person(raw, any(
+            not term.group and term.kind.name == 'inertia' for term in fit.terms))):
+        yield helped
     values = fit.table.coefficients(fit.terms)
     for term in fit.terms:
         if term.group:
@@ -236,7 +239,7 @@ def findings(fit: Fit, raw: Samples, after: Errors, growth: dict[str, float],
     elif held_out > max(thresholds.ABOVE_NOISE * noise, 1e-300,
                         math.sqrt(thresholds.LEAST_SHARE) * constant):
         yield finding('above_noise', error=held_out, times=held_out / noise)
-    yield from findings_on_model(fit)
+    yield from findings_on_model(fit, raw)
     if largest > thresholds.GROWTH and not (variable == RECORDING and differ):
         yield beyond_what_was_fitted(variable, largest)
     for entry in dependences:
@@ -258,28 +261,35 @@ def findings(fit: Fit, raw: Samples, after: Errors, growth: dict[str, float],
         yield finding('written', error=after.fit_rmse, fitted=fitted)
 
 
-def findings_on_numbers(friction: FrictionNumbers) -> Iterator[Finding]:
-    """Yield numbers that no drive has, and those of which half the interval is a large part."""
+def findings_on_numbers(friction: FrictionNumbers, error: float = math.inf) -> Iterator[Finding]:
+    """Yield numbers that no drive has, and those of which half the interval is a large part.
+
+    One that may be zero, or larger than the held-out `error` of the current by which it was chosen,
+    is not known at all.
+    """
     names = {'coulomb': 'Coulomb friction', 'viscous': 'viscous friction', 'inertia': 'inertia'}
     wide = []
     for name, said in names.items():
         value, ends = getattr(friction, name), friction.intervals.get(name)
         if name != 'inertia' and value < 0.0 and max(ends or [value]) < 0.0:
             yield finding('negative_friction', name=said, value=value)
-        if ends and np.ptp(ends) > 2.0 * thresholds.UNCERTAIN * abs(value) > 0.0:
+        if ends and np.ptp(ends) > 2.0 * thresholds.UNCERTAIN * abs(value):
             wide.append(said)
+        if name == 'coulomb' and ends and ends[0] <= 0.0 and ends[1] > error:
+            yield finding('unknown_friction', low=ends[0], high=ends[1])
     if wide:
         yield finding('not_told_apart', names=' and '.join(wide))
 
 
-def helped_person(samples: Samples) -> Finding | None:
+def helped_person(samples: Samples, accelerates: bool) -> Finding | None:
     """Return the finding that a compensator helped a person, whose own torque was not recorded.
 
     It acts on announced directions, and the motor does what it commands and nothing else. (Under
-    another controller, which moves the joint, the motor does more.) Where it hears that none is
-    meant, it may help as well, or something else may command the motor.
+    another controller, which moves the joint, the motor does more.) Where none is announced, it may
+    help as well, or something else may command the motor, which then `accelerates` the joint: a
+    person who is helped with friction does that alone.
     """
-    if samples.load is not None or samples.command is None or samples.direction is None:
+    if samples.load is not None or samples.command is None:
         return None
     both = np.isfinite(samples.command) & np.isfinite(samples.current)
     command, current = samples.command[both], samples.current[both]
@@ -287,7 +297,9 @@ def helped_person(samples: Samples) -> Finding | None:
         return None
     if np.corrcoef(command, current)[0, 1] <= thresholds.DOES_AS_COMMANDED:
         return None
-    return finding('helped_person' if np.any(samples.direction) else 'may_have_helped')
+    if samples.direction is not None and np.any(samples.direction):
+        return finding('helped_person')
+    return None if accelerates else finding('may_have_helped')
 
 
 def findings_on_recording(rows: Rows, raw: Samples) -> Iterator[Finding]:
@@ -302,8 +314,6 @@ def findings_on_recording(rows: Rows, raw: Samples) -> Iterator[Finding]:
         raw.time, raw.position, raw.velocity, coverage.resolution), thresholds.VELOCITY_RATIO)
     if fault:
         yield finding('velocity', fault=fault[0].upper() + fault[1:])
-    if (helped := helped_person(raw)):
-        yield helped
     coarse = too_coarse(coverage)
     if coarse and coverage.speed < STANDSTILL:
         yield finding('hardly_moved', steps=coverage.distinct_positions, speed=coverage.speed)

@@ -179,8 +179,11 @@ def in_motion(samples: Samples, unusable: np.ndarray, slowest: float,
             moving = remaining
     if moving.sum() < thresholds.FEWEST_SAMPLES:
         limited = (unusable & ~still).sum() >= thresholds.FEWEST_SAMPLES
+        idle = limited and np.mean(samples.current[~still] == 0.0) > 0.5
         raise InputError(
-            ('the current is at a limit in nearly all motion of the recordings: '
+            ('the current is zero in nearly all motion of the recordings, where the motor has to '
+             'move the joint (where a hand moves it, its torque may be the effort): ' if idle else
+             'the current is at a limit in nearly all motion of the recordings: '
              if limited else 'the joint hardly moves in the recordings: ')
             + f'{int(moving.sum())} samples of motion are too few')
     return moving

@@ -84,8 +84,9 @@ def report_of(problem: Problem, fit: Fit, start: Predicted, refined: Predicted, 
     if old and now and now != old:
         notes.append(finding('breakaway_taken_along', factor=(
             (now.positive_mean - now.negative_mean) / (old.positive_mean - old.negative_mean))))
-    verdict = verdict_of([*judge.findings_on_numbers(friction), *judge.findings(
-        fit, raw, errors, tested, noise, dependences, open_questions, between), *notes], unit)
+    verdict = verdict_of([
+        *judge.findings_on_numbers(friction, errors.held_out_rmse), *judge.findings(
+            fit, raw, errors, tested, noise, dependences, open_questions, between), *notes], unit)
     return RefinementReport(
         unit=unit, joint=model.joint, samples=len(raw), samples_in_motion=int(rows.usable.sum()),
         samples_clipped=int(rows.clipped.sum()),
