@@ -30,7 +30,7 @@ def joints(later=0.0, count=500):
     """Return position, velocity and effort of three joints, each of shape (T, 3)."""
     _, position, velocity = swing(count, 0.02)
     return (np.outer(position, WIDE) + later, np.outer(velocity, WIDE),
-            np.outer(np.tanh(20.0 * velocity), WIDE))
+            np.tanh(20.0 * np.outer(velocity, WIDE)))
 
 
 def test_an_episode_of_teleoperation_needs_the_rate_and_the_joint_only(tmp_path, refuses):
