@@ -88,6 +88,7 @@ def _slipped(p: Parameters, s: State, share: float) -> None:
 @njit(cache=True)
 def _start_leading(p: Parameters, s: State, aim: float) -> None:
     """Begin to lead z from where it is."""
+    s.against = 0.0
     s.mode, s.ramp, s.still_time = LEADING, s.z, 0.0
     s.lead_position = s.yielded = s.position
     # A joint yields twice as far from one preload to the other as from none.
@@ -95,11 +96,30 @@ def _start_leading(p: Parameters, s: State, aim: float) -> None:
 
 
 @njit(cache=True)
-def _pushed_against(p: Parameters, s: State, preload: float) -> bool:
-    """Return whether somebody moves the joint against its preload: no gear yields that way."""
-    if preload * (s.position - s.yielded) > 0.0:
+def _pushed_against(p: Parameters, s: State, aim: float) -> bool:
+    """Return whether somebody moves the joint against its preload: no gear yields that way.
+
+    While z is led a soft gear springs back, but not beyond where it was before.
+    """
+    if s.mode == LEADING:
         s.yielded = s.position
-    return preload * (s.yielded - s.position) > p.against
+        return aim * (s.lead_position - s.position) > p.against
+    if s.ramp * (s.position - s.yielded) > 0.0:
+        s.yielded = s.position
+    return s.ramp * (s.yielded - s.position) > p.against
+
+
+@njit(cache=True)
+def _give_way(p: Parameters, s: State, aim: float) -> None:
+    """Let the preload go where somebody pushes against it, as slowly as it came, until a rest."""
+    if s.mode != FREE and _pushed_against(p, s, aim):
+        s.against = aim if s.mode == LEADING else s.ramp
+        s.mode, s.still_time, s.still_position = FREE, 0.0, s.position
+        s.backlash_position = s.position
+    if s.against * s.z > 0.0:
+        s.z, s.swing = approach(s.z, 0.0, s.step / p.lead_time), 0.0
+    else:
+        s.against = 0.0
 
 
 @njit(cache=True)
@@ -111,10 +131,8 @@ def lead(p: Parameters, s: State, aim: float, is_pushed: bool) -> None:
     by accident. Under a push that is felt this tells nothing of the drive, but that it goes faster
     once nobody pushes does.
     """
-    if s.mode != FREE and _pushed_against(p, s, aim if s.mode == LEADING else s.ramp):
-        s.mode, s.still_time, s.still_position = FREE, 0.0, s.position
-        s.z, s.swing, s.backlash_position = 0.0, 0.0, s.position
-    elif s.mode == LEADING:
+    _give_way(p, s, aim)
+    if s.mode == LEADING:
         s.since += s.step
         moved = s.position - s.lead_position
         if abs(moved) > s.yields:

@@ -79,8 +79,9 @@ class State:
     still_time: float       # for how long the joint has been still, s, and where, rad
     still_position: float
     rest_position: float    # where it rested last, rad
-    lead_position: float    # where leading began, and the farthest it yielded since, rad
+    lead_position: float    # where leading began, and the farthest it yielded while held, rad
     yielded: float
+    against: float          # preload that goes, since somebody pushes against it
     ramp: float             # z while it is led
     since: float            # s since leading, or the movement, began
     pace: float             # averaged speed, rad/s
