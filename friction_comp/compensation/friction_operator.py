@@ -88,7 +88,7 @@ def _slipped(p: Parameters, s: State, share: float) -> None:
 @njit(cache=True)
 def _start_leading(p: Parameters, s: State, aim: float) -> None:
     """Begin to lead z from where it is."""
-    s.against = 0.0
+    s.gives_way = 0.0
     s.mode, s.ramp, s.still_time = LEADING, s.z, 0.0
     s.lead_position = s.yielded = s.position
     # A joint yields twice as far from one preload to the other as from none.
@@ -113,13 +113,13 @@ def _pushed_against(p: Parameters, s: State, aim: float) -> bool:
 def _give_way(p: Parameters, s: State, aim: float) -> None:
     """Let the preload go where somebody pushes against it, as slowly as it came, until a rest."""
     if s.mode != FREE and _pushed_against(p, s, aim):
-        s.against = aim if s.mode == LEADING else s.ramp
+        s.gives_way = aim if s.mode == LEADING else s.ramp
         s.mode, s.still_time, s.still_position = FREE, 0.0, s.position
         s.backlash_position = s.position
-    if s.against * s.z > 0.0:
+    if s.gives_way * s.z > 0.0:
         s.z, s.swing = approach(s.z, 0.0, s.step / p.lead_time), 0.0
     else:
-        s.against = 0.0
+        s.gives_way = 0.0
 
 
 @njit(cache=True)

@@ -81,7 +81,7 @@ class State:
     rest_position: float    # where it rested last, rad
     lead_position: float    # where leading began, and the farthest it yielded while held, rad
     yielded: float
-    against: float          # preload that goes, since somebody pushes against it
+    gives_way: float        # preload that goes, since somebody pushes against it
     ramp: float             # z while it is led
     since: float            # s since leading, or the movement, began
     pace: float             # averaged speed, rad/s
