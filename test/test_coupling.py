@@ -256,8 +256,11 @@ def repeated(rng, period, times, joints, step=0.02):
 
 @pytest.mark.slow
 def test_the_error_on_another_path_is_said_where_the_path_does_not_tell_the_terms():
-    """Parts of a path that is driven three times say nothing: of five joints, many terms fit it."""
-    rng = np.random.default_rng(2)
+    """Parts of a path that is driven three times say nothing: of five joints, many terms fit it.
+
+    On seeds 2 to 6 the error was 0.6 to 2.4 times what is said, and all are `record again`.
+    """
+    rng = np.random.default_rng(4)
     names = ('1', '2', '3', '4', '5')
     groups = groups_for(names, '2')
     gains = 0.12 * rng.standard_normal((len(groups), 2)) * (rng.random((len(groups), 1)) < 0.5)
