@@ -179,6 +179,16 @@ def test_who_pushes_against_the_preload_is_not_held_by_it():
     assert rests[-1] == pytest.approx(0.9 * LEVEL, rel=1e-3)
 
 
+def test_a_preload_that_a_movement_left_is_held_wherever_an_earlier_one_was():
+    """Led and held at 0, moved back by 8 R, and on by 4 R in the announced direction."""
+    law, distance = CompensationLaw([small_model()]), law_parameters(small_model())['distance'][0]
+    drive_along(law, np.zeros(700))
+    places = distance * np.interp(np.arange(1501), [0, 1000, 1500], [0.0, -8.0, -4.0])
+    drive_along(law, places, begin=700)
+    rests = drive_along(law, np.full(600, places[-1]), begin=2201)
+    np.testing.assert_allclose(rests, 0.9 * LEVEL, rtol=2e-2)
+
+
 def test_a_flicker_of_one_count_does_not_take_the_preload():
     law, count = CompensationLaw([small_model()]), law_parameters(small_model())['resolution'][0]
     drive_along(law, np.zeros(700))

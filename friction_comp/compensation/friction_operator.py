@@ -90,7 +90,7 @@ def _start_leading(p: Parameters, s: State, aim: float) -> None:
     """Begin to lead z from where it is."""
     s.gives_way = 0.0
     s.mode, s.ramp, s.still_time = LEADING, s.z, 0.0
-    s.lead_position = s.yielded = s.position
+    s.lead_position = s.position
     # A joint yields twice as far from one preload to the other as from none.
     s.yields = p.slip * max(1.0, abs(aim - s.z))
 
@@ -101,18 +101,18 @@ def _pushed_against(p: Parameters, s: State, aim: float) -> bool:
 
     While z is led a soft gear springs back, but not beyond where it was before.
     """
-    if s.mode == LEADING:
-        s.yielded = s.position
-        return aim * (s.lead_position - s.position) > p.against
-    if s.ramp * (s.position - s.yielded) > 0.0:
-        s.yielded = s.position
-    return s.ramp * (s.yielded - s.position) > p.against
+    if s.mode == HELD:
+        if s.ramp * (s.position - s.yielded) > 0.0:
+            s.yielded = s.position
+        return s.ramp * (s.yielded - s.position) > p.against
+    s.yielded = s.position
+    return s.mode == LEADING and aim * (s.lead_position - s.position) > p.against
 
 
 @njit(cache=True)
 def _give_way(p: Parameters, s: State, aim: float) -> None:
     """Let the preload go where somebody pushes against it, as slowly as it came, until a rest."""
-    if s.mode != FREE and _pushed_against(p, s, aim):
+    if _pushed_against(p, s, aim):
         s.gives_way = aim if s.mode == LEADING else s.ramp
         s.mode, s.still_time, s.still_position = FREE, 0.0, s.position
         s.backlash_position = s.position
