@@ -5,11 +5,14 @@
 Interfaces can only come from an ament_cmake package, and colcon does not look for packages below
 another one. So setup.py runs CMake on ``friction_comp_interfaces`` and takes over what it installs:
 the Python module beside ``friction_comp``, all else (libraries, headers, share) as data files.
+Tools for recordings need none of it: pip leaves it out where it cannot be built, and what it then
+installs is plain Python.
 """
 
 import hashlib
 import os
 from pathlib import Path
+import platform
 import shutil
 import subprocess
 import sys
@@ -43,9 +46,20 @@ def provided_elsewhere():
     return any((p / index).exists() and not (p / MARKER).exists() for p in prefixes())
 
 
+def why_left_out():
+    """Say why an ordinary build leaves the interfaces out, '' where it builds them."""
+    if ros_is_sourced():
+        return ''
+    if sys.platform != 'linux' or platform.machine() != 'x86_64':
+        return 'without a sourced ROS 2 they are built on Linux x86-64 only'
+    if not any(map(shutil.which, (os.environ.get('CXX') or 'c++', 'g++', 'clang++'))):
+        return 'there is no C++ compiler'
+    return ''
+
+
 def requirements():
-    """List what an isolated build has to fetch: nothing where ROS 2 is sourced."""
-    return [] if ros_is_sourced() else listed(REQUIREMENTS)
+    """List what an isolated build has to fetch: nothing where ROS 2 is sourced, or left out."""
+    return [] if ros_is_sourced() or why_left_out() else listed(REQUIREMENTS)
 
 
 def listed(path):
@@ -150,9 +164,16 @@ class BuildInterfaces(Command):
 
 
 class Build(build):
-    """The ordinary build, then the interfaces."""
+    """The ordinary build, then the interfaces where they can be built."""
 
-    sub_commands = [*build.sub_commands, ('build_interfaces', None)]
+    def has_interfaces(self):
+        """Tell whether to build them, and say why not."""
+        reason = why_left_out()
+        if reason:
+            print(f'{NAME} is left out, and with it the nodes: {reason}', file=sys.stderr)
+        return not reason
+
+    sub_commands = [*build.sub_commands, ('build_interfaces', has_interfaces)]
 
 
 class Develop(develop):
@@ -171,4 +192,4 @@ class WithInterfaces(Distribution):
 
     def has_ext_modules(self):
         """Tell that wheels of it fit one Python and one platform."""
-        return not provided_elsewhere()
+        return not (provided_elsewhere() or why_left_out())

@@ -136,16 +136,25 @@ def child_process() -> Iterator[ProcessPoolExecutor]:
     with ProcessPoolExecutor(max_workers=1, mp_context=context, initializer=_end_with_parent,
                              initargs=(child_end,)) as pool, parent_end:
         # An interrupt while the process starts would leave it half-initialised. It is blocked for
-        # the child, and deferred in this process, where another thread may receive it. Python's
-        # resource tracker would unblock it when it starts, so it is started before.
-        resource_tracker.ensure_running()
-        with interrupts_deferred():
-            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-            try:
-                pool.submit(int)
-            finally:
-                signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        # the child, and deferred in this process, where another thread may receive it.
+        with interrupts_deferred(), _interrupts_blocked():
+            pool.submit(int)
         yield pool
+
+
+@contextmanager
+def _interrupts_blocked() -> Iterator[None]:
+    """Block SIGINT for processes that start in the block; Windows has no masks of signals."""
+    if not hasattr(signal, 'pthread_sigmask'):
+        yield
+        return
+    # Python's resource tracker would unblock it when it starts, so it is started before.
+    resource_tracker.ensure_running()
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
 
 
 def _end_with_parent(child_end: Connection) -> None:

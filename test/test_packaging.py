@@ -228,6 +228,30 @@ def test_nothing_of_ros_is_fetched_where_it_is_sourced(build_tools, monkeypatch)
     assert build_tools.fingerprint() != apart
 
 
+@pytest.mark.parametrize(('system', 'machine', 'compiler', 'reason'), [
+    ('linux', 'x86_64', '/usr/bin/c++', ''), ('linux', 'x86_64', None, 'compiler'),
+    ('linux', 'aarch64', '/usr/bin/c++', 'Linux x86-64'), ('darwin', 'arm64', 'c++', 'Linux'),
+    ('win32', 'AMD64', 'c++', 'Linux')])
+def test_without_what_nodes_need_pip_installs_the_tools_alone(
+        build_tools, monkeypatch, system, machine, compiler, reason):
+    monkeypatch.delenv('ROS_DISTRO', raising=False)
+    monkeypatch.setattr(sys, 'platform', system)
+    monkeypatch.setattr(build_tools.platform, 'machine', lambda: machine)
+    monkeypatch.setattr(build_tools.shutil, 'which', lambda *_, **__: compiler)
+    left_out = build_tools.why_left_out()
+    assert reason in left_out
+    assert bool(left_out) == bool(reason)
+    # What is left is plain Python, for any machine.
+    distribution = build_tools.WithInterfaces()
+    assert distribution.has_ext_modules() == (not reason)
+    assert bool(build_tools.requirements()) == (not reason)
+    steps = build_tools.Build(distribution).get_sub_commands()
+    assert ('build_interfaces' in steps) == (not reason)
+    # Where ROS 2 is sourced, nodes are wanted: what is missing is an error of the build.
+    monkeypatch.setenv('ROS_DISTRO', 'jazzy')
+    assert build_tools.why_left_out() == ''
+
+
 @pytest.fixture(scope='module')
 def workspace(tmp_path_factory):
     """A folder in which a copy of the package was built with a plain `colcon build`."""

@@ -142,6 +142,32 @@ def test_without_ros_it_says_in_a_line_what_is_missing(name):
 
 
 @pytest.mark.slow
+def test_recordings_need_nothing_that_windows_lacks(tmp_path):
+    program = tmp_path / 'program.py'
+    program.write_text("""
+import os, signal, sys
+for name in ('fcntl', 'grp', 'pwd', 'resource', 'syslog', 'termios'):
+    sys.modules[name] = None
+for module, names in ((os, 'O_DIRECTORY getloadavg getuid killpg sched_getaffinity'),
+                      (signal, 'SIGHUP SIGKILL SIGTSTP SIGTTIN pthread_sigmask setitimer')):
+    for name in names.split():
+        delattr(module, name)
+from friction_comp.__main__ import main
+if __name__ == '__main__':  # child processes import this file
+    from friction_comp.parallel import run_each
+    print(sorted(size for _, size in run_each(abs, [-2, -3], 2)))
+    sys.exit(main(sys.argv[1:]))
+""")
+    log = ROOT / 'examples' / 'log.csv'
+    done = subprocess.run([sys.executable, program, 'refine', log, '--output', tmp_path / 'out'],
+                          cwd=ROOT, timeout=120, capture_output=True, text=True, check=False,
+                          env={**os.environ, 'PYTHONPATH': str(ROOT)})
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith('[2, 3]')
+    assert (tmp_path / 'out' / 'model.yaml').exists()
+
+
+@pytest.mark.slow
 def test_without_a_home_the_variable_is_named_that_helps():
     pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
     done = subprocess.run(

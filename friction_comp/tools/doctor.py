@@ -105,7 +105,7 @@ def check_machine() -> Iterator[Finding]:
     if fault := network.loopback_fault():
         what, _, do = fault.partition(': ')
         yield Finding(PROBLEM, 'network', what, do)
-    load = os.getloadavg()[0] / (os.cpu_count() or 1)
+    load = os.getloadavg()[0] / (os.cpu_count() or 1) if hasattr(os, 'getloadavg') else 0.0
     if load > 1.0:
         yield Finding(WARNING, 'load', f'{load:.1f} processes wait for each processor core',
                       'nothing else should run beside a control loop')
