@@ -152,3 +152,16 @@ def test_a_model_file_keeps_speeds_and_intervals_until_it_is_changed(refined, tm
 def test_a_wrong_entry_of_the_recordings_is_named(section, word):
     with pytest.raises(ValueError, match=word):
         Recorded.from_dict(section)
+
+
+def test_a_velocity_of_another_unit_is_not_called_late():
+    # Where motion fades, twice its velocity differs from it as a late one does.
+    time = np.arange(0.0, 40.0, 0.01)
+    position = np.exp(-time / 20.0) * np.sin(1.26 * time)
+    velocity = np.gradient(position, time)
+    torque = np.tanh(velocity / 0.01) + 0.3 * velocity
+    torque = torque + 0.02 * np.random.default_rng(3).standard_normal(len(time))
+    report = refine([Samples(
+        time=time, position=position, current=torque, velocity=2.0 * velocity)]).report
+    assert 'velocity' in [found.code for found in report.findings]
+    assert not any('later than the position' in note for note in report.warnings)

@@ -302,6 +302,12 @@ def helped_person(samples: Samples, accelerates: bool) -> Finding | None:
     return None if accelerates else finding('may_have_helped')
 
 
+def fault_of_velocity(raw: Samples) -> str:
+    """Return how the recorded velocity contradicts the position, beside a delay; '' if not."""
+    return '' if raw.velocity is None else velocity_fault(velocity_ratios(
+        raw.time, raw.position, raw.velocity, raw.position_step), thresholds.VELOCITY_RATIO)
+
+
 def findings_on_recording(rows: Rows, raw: Samples) -> Iterator[Finding]:
     """Yield the findings on the recordings themselves."""
     coverage = rows.coverage
@@ -310,9 +316,7 @@ def findings_on_recording(rows: Rows, raw: Samples) -> Iterator[Finding]:
             name for name in rows.joints if name != raw.joint))
     if moves_as_one(raw):
         yield finding('moves_as_one', joint=raw.joint)
-    fault = '' if raw.velocity is None else velocity_fault(velocity_ratios(
-        raw.time, raw.position, raw.velocity, coverage.resolution), thresholds.VELOCITY_RATIO)
-    if fault:
+    if fault := fault_of_velocity(raw):
         yield finding('velocity', fault=fault[0].upper() + fault[1:])
     coarse = too_coarse(coverage)
     if coarse and coverage.speed < STANDSTILL:
