@@ -93,11 +93,17 @@ def ambiguities(fit: Fit) -> list[Question]:
     elif 'time' in variables and samples.temperature is None:
         add('time', 'temperature', 'the drift over time may be the motor warming up, and its '
             'temperature was not recorded')
-    correlation = rank_correlation(samples.time, np.abs(np.asarray(samples.velocity)))
-    if correlation > thresholds.SPED_WITH_TIME and len(np.unique(samples.recording)) == 1:
-        add('velocity', 'time', 'speed rose or fell with time throughout the recording (rank '
+    # Beside an effect of time, a sweep of frequency is enough.
+    drifts = 'time' in variables
+    together = {name: rank_correlation(samples.time, np.abs(np.asarray(getattr(samples, name))))
+                for name in ('velocity', 'acceleration')[:1 + drifts]}
+    name, correlation = max(together.items(), key=lambda entry: entry[1])
+    if correlation > (thresholds.SWEPT if drifts else thresholds.SPED_WITH_TIME) and len(
+            np.unique(samples.recording)) == 1:
+        what = 'speed' if name == 'velocity' else name
+        add(name, 'time', f'{what} rose or fell with time throughout the recording (rank '
             f'correlation {correlation:.2f}): drift over time cannot be distinguished from '
-            'dependence on velocity')
+            f'dependence on {name}')
     return list(entries.values())
 
 
