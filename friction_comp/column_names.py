@@ -84,6 +84,9 @@ _NEVER = {'m', 'N', 'h', 'in', 'rot', 'rotation'}   # of a motor, of an input, o
 # In brackets before a unit, this is no inch, unless an inch-pound or inch-ounce: `Force (in N)`.
 _PREPOSITION = re.compile(r'^in\s+(?!lb|oz)', re.IGNORECASE)
 _DAYS = {'date', 'datum'}           # less than the time of the day beside them
+# A time of these alone, without `from` or `since`, is one moment.
+_MOMENTS, _SINCE = {'start', 'started', 'begin', 'boot'}, {'from', 'since'}
+_AS_POINT = str.maketrans('/:', '..')   # between a group, as a topic or a device, and a quantity
 # What no name of a joint holds: brackets with such a mark hold a unit, though an unknown one.
 _MARK = re.compile(r'[^\w\s.,:_-]')
 
@@ -153,7 +156,7 @@ def plain_name(name: str) -> str:
 def _read_plain(name: str, unit: str = '') -> Reading:
     """Return what a name without brackets says, whose unit may have been in these."""
     short = re.sub(r'^/?(.*/)?joint_states/', '', name)
-    left, _, right = short.replace('/', '.').rpartition('.')
+    left, _, right = short.translate(_AS_POINT).rpartition('.')
     if left and right.count('[') == right.count(']'):
         reading = _read_words(right, unit)
         joint = [word.lower() for _, word in _parts(left)]
@@ -192,7 +195,8 @@ def _read_words(bare: str, unit: str) -> Reading:
         or (aims and lower[:2] == ['q', 'd'] and k == 1))]
     if signal == 'time':
         clocks = {lower[k] for k in rest} <= _NEUTRAL | _CLOCK
-        return Reading(signal if clocks else '', unit=unit, rank=int(bool(_DAYS & set(lower))))
+        less = _DAYS & set(lower) or (_MOMENTS & set(lower) and not _SINCE & set(lower))
+        return Reading(signal if clocks else '', unit=unit, rank=int(bool(less)))
     key = _distinctive([lower[k] for k in rest])
     rank = 2 * by_unit + any(word in _SECOND_CHOICE for word in lower)
     return Reading(signal, key, _label(bare, words, lower, rest) if key else '', unit,

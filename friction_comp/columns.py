@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from friction_comp.column_names import common_name, numbers, read_name, Reading, skeleton
+from friction_comp.column_names import common_name, is_target, numbers, read_name, Reading, skeleton
 from friction_comp.controller_effort import controller_effort
 from friction_comp.errors import InputError
 from friction_comp.layout import Layout, SIGNALS
@@ -123,7 +123,8 @@ def assign(names: Sequence[str], layout: Layout | None, where: str, of_plan: boo
         raise InputError(f'{where}: some joints have a current, others an effort: name the columns '
                          'of one joint with --columns')
     return Assignment(used, in_ampere == {True},
-                      [*_notes(used, layout), *_nameless(used, names), *_idle(used, found)],
+                      [*_notes(used, layout), *_asked_for(named), *_nameless(used, names),
+                       *_idle(used, found)],
                       labels.get(own) if named and len(keys) > 1 else None)
 
 
@@ -171,6 +172,12 @@ def _notes(used: Sequence[Column], layout: Layout) -> list[str]:
         + (f' in {first.unit}' if first.unit else '')
         + (f' and {len(others)} alike' if others else '')
         for first, *others in alike.values()) + ' (override with --columns and --unit)']
+
+
+def _asked_for(named: Sequence[Column]) -> list[str]:
+    return [f'{c.name}: by its name an effort that was asked for, not measured: friction is in it '
+            'only if the drive gives just this' for c in named
+            if _kind(c.signal) == 'effort' and is_target(c.name)]
 
 
 def _nameless(used: Sequence[Column], names: Sequence[str]) -> list[str]:
@@ -300,12 +307,12 @@ def _named_joints(columns: Sequence[Column]) -> list[Column]:
 
 def _idle(used: Sequence[Column], found: Sequence[Column]) -> list[str]:
     """Return notes on columns of joints with a position or an effort alone, beside those used."""
-    keys = {c.key for c in used}
-    idle = [c.name for c in found if c.signal == 'position' and c.key not in keys]
+    keys, names = {c.key for c in used if c.signal == 'position'}, {c.name for c in used}
+    left = [c for c in found if c.key not in keys and c.name not in names]
+    idle = [c.name for c in left if c.signal == 'position']
     torques = ('effort', 'load', 'link_torque')
-    # Siblings of named columns are not called so.
-    loose = [c.name for c in found if c.signal in torques and c.key not in keys
-             and read_name(c.name).signal in torques]
+    # Neither siblings of named columns nor the only effort are called so.
+    loose = [c.name for c in left if c.signal in torques and read_name(c.name).signal in torques]
     return ([idle_note(idle)] if idle else []) + ([
         f'{", ".join(loose)}: not used, since no position belongs to it; a torque from outside is '
         'named with --columns load=NAME, one behind the gear with link_torque=NAME']
@@ -330,7 +337,8 @@ def _joint_columns(used: Sequence[Column], own: tuple[str, ...] | None, where: s
         used = [replace(c, key=positions[0]) if c.key == efforts[0] else c for c in used]
         efforts = positions
     both = [key for key in positions if key in efforts]
-    if own is None and () in efforts and () not in positions and len(efforts) > 1 < len(positions):
+    if own is None and () in efforts and () not in positions and len(efforts) > 1 and (
+            both or len(positions) > 1):
         # An effort that names no joint is that of any, but not beside those that name theirs.
         if not both:
             raise InputError(f'{where}: which effort is of which joint? Name the columns of one '

@@ -203,6 +203,19 @@ def test_static_friction_is_the_measured_breakaway_where_it_is_higher():
     assert simulator_joint(high).static_is == 'measured breakaway'
 
 
+@pytest.mark.parametrize(('ends', 'static'), [((0.27, 0.33), 0.3), ((0.1, 0.9), 0.2), ((), 0.3)])
+def test_stribeck_friction_is_static_where_the_recording_tells_it(ends, static):
+    fading = EFFECTS['stribeck']({'velocity': 0.05, 'exponent': 2.0, 'transition': 0.01,
+                                  'coefficients': [0.1]})
+    model = replace(PLAIN, breakaway=None, effects=[*PLAIN.effects, fading], recorded=Recorded(
+        (0.5, 1.0), {'static': ends} if ends else {}))
+    joint = simulator_joint(model)
+    assert joint.static == pytest.approx(static * GAIN)
+    assert ('hardly tells' in joint.static_is) == (static == 0.2)
+    if ends:
+        assert joint.ranges['static'] == pytest.approx((max(ends[0], 0.2) * GAIN, ends[1] * GAIN))
+
+
 def test_json_holds_everything_and_several_models_give_a_range(tmp_path):
     other = replace(PLAIN, sigmoid=replace(PLAIN.sigmoid, upper=0.3, lower=-0.3))
     both = of_several([simulator_joint(PLAIN), simulator_joint(other)])

@@ -13,6 +13,7 @@ from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.measured import Recorded
 from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.model.simulator_joint import simulator_joint
 from friction_comp.model.sliding_friction import line_of
 from friction_comp.refinement import refine
 from friction_comp.reports.friction_words import number_lines, number_rows
@@ -152,3 +153,36 @@ def test_a_model_file_keeps_speeds_and_intervals_until_it_is_changed(refined, tm
 def test_a_wrong_entry_of_the_recordings_is_named(section, word):
     with pytest.raises(ValueError, match=word):
         Recorded.from_dict(section)
+
+
+def test_a_velocity_of_another_unit_is_not_called_late():
+    # Where motion fades, twice its velocity differs from it as a late one does.
+    time = np.arange(0.0, 40.0, 0.01)
+    position = np.exp(-time / 20.0) * np.sin(1.26 * time)
+    velocity = np.gradient(position, time)
+    torque = np.tanh(velocity / 0.01) + 0.3 * velocity
+    torque = torque + 0.02 * np.random.default_rng(3).standard_normal(len(time))
+    report = refine([Samples(
+        time=time, position=position, current=torque, velocity=2.0 * velocity)]).report
+    assert 'velocity' in [found.code for found in report.findings]
+    assert not any('later than the position' in note for note in report.warnings)
+
+
+@pytest.mark.parametrize('slow', [True, False])
+def test_friction_near_standstill_has_an_interval_as_wide_as_it_was_recorded(slow):
+    time = np.arange(0.0, 60.0, 0.005)
+    # Speeds down to rest, or trapezoids at one speed.
+    velocity = 0.6 * np.sin(0.5 * time) * np.sin(0.11 * time) if slow else np.clip(
+        3.0 * np.sin(2.0 * time), -0.6, 0.6)
+    position = np.cumsum(velocity) * 0.005
+    rng = np.random.default_rng(4)
+    torque = (np.tanh(velocity / 0.002) * (1.0 + 0.3 * np.exp(-(velocity / 0.05) ** 2))
+              + 0.4 * velocity + 0.02 * np.gradient(velocity, time))
+    samples = Samples(time=time, position=position + 1e-5 * rng.standard_normal(len(time)),
+                      current=torque + 0.05 * rng.standard_normal(len(time)))
+    found = refine([samples]).model
+    assert 'stribeck' in [effect.name for effect in found.effects]
+    low, high = found.recorded.intervals['static']
+    assert low < 1.3 < high
+    assert (high - low < 0.1) == slow
+    assert ('hardly tells' in simulator_joint(found).static_is) != slow

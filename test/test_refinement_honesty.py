@@ -264,3 +264,17 @@ def test_friction_that_grows_with_the_carried_weight_is_found_without_a_torque_s
     fresh = pendulum(2)
     moving = np.abs(fresh.velocity) > 0.05
     assert np.std((fresh.current - result.model.predict(fresh))[moving]) < 0.03
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('swept', [True, False])
+def test_drift_in_a_sweep_of_frequency_may_be_a_dependence_on_it(swept):
+    t = np.arange(0.0, 80.0, 0.01)
+    q = 0.4 * (np.sin(2.0 * np.pi * (0.1 + 0.005 * t) * t) if swept else
+               np.sin(2.0 * np.pi * 0.31 * t) + 0.5 * np.sin(2.0 * np.pi * 0.87 * t))
+    v = np.gradient(q, t)
+    current = friction(v) * (1.0 + 0.6 * np.exp(-t / 20.0)) + 0.01 * np.gradient(v, t)
+    report = refine([recorded(t, q, current, 5)], drive=DRIVE).report
+    assert 'time' in [effect.variable for effect in report.effects]
+    said = [question for question in report.ambiguous if 'rose or fell with time' in question.why]
+    assert len(said) == swept

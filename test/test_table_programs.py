@@ -5,6 +5,7 @@
 from datetime import datetime, timedelta
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -315,6 +316,43 @@ def test_a_torque_to_which_no_position_belongs_is_named(tmp_path):
     (_, info), = read_recording_with_info(path)
     note, = (note for note in info.notes if 'no position belongs to it' in note)
     assert note.startswith('trs605-5 torque [Nm]: not used')
+
+
+def test_a_torque_beside_a_current_of_the_joint_is_a_sensor(tmp_path):
+    time, position, velocity = swing()
+    path = write(tmp_path / 'log.csv', **{
+        'start_time': 0.0 * time, 'rig:timestamp': 1.7e9 + time, 'hip[pack]:position': position,
+        'hip[pack]:motor_current': np.sign(velocity), 'torque': 3.0 * position})
+    (samples, info), = read_recording_with_info(path)
+    # What a device says stands behind a colon, and one moment is no time of each row.
+    assert samples.joint == 'hip[pack]'
+    assert samples.time == pytest.approx(samples.time[0] + time, abs=1e-5)
+    assert np.abs(samples.current).max() == 1.0
+    note, = (note for note in info.notes if 'no position belongs to it' in note)
+    assert note.startswith('torque: not used')
+
+
+def test_a_length_is_not_so_many_turns(tmp_path, capsys):
+    time, position, velocity = swing()
+    noise = 0.05 * np.random.default_rng(2).normal(size=len(time))
+    path = write(tmp_path / 'log.csv', **{'elapsed': time, 'x [mm]': 100.0 * position,
+                                          'force [N]': np.sign(velocity) + noise})
+    assert main(['refine', str(path), '--columns', 'position=x [mm]',
+                 '--output', str(tmp_path / 'out')]) == 0
+    assert re.search(r'elapsed in s \(position covers \S+ m; rows', capsys.readouterr().out)
+
+
+def test_the_only_effort_is_not_called_unused():
+    found = assign(['time', 'q2', 'dq2', 'q2_tau_J_residual'], None, 'log.csv')
+    assert found.of('effort', '2').name == 'q2_tau_J_residual'
+    assert not any('not used' in note for note in found.notes)
+
+
+def test_an_effort_that_was_asked_for_is_no_measurement():
+    names = ['time', 'hip_angle', 'hip_cmd_Nm', 'hip_tau_Nm']
+    for name, said in (('hip_cmd_Nm', True), ('hip_tau_Nm', False)):
+        notes = assign(names, Layout({'effort': name}), 'log.csv').notes
+        assert any('asked for, not measured' in note for note in notes) == said
 
 
 @pytest.mark.parametrize('sign', [1.0, -1.0])

@@ -106,7 +106,8 @@ class Recorded:
     """What a model file keeps of the recordings it was fitted to."""
 
     speeds: tuple[float, ...] = ()  # quantiles of the speed in motion, rad/s, the lowest first
-    # 95 % intervals by parameter, in the model's unit of current, of `LINE`, inertia, transition.
+    # 95 % intervals by parameter, in the model's unit of current, of `LINE`, inertia, transition,
+    # and Coulomb with Stribeck friction (static).
     intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
     # Lowest and highest value in motion, of each of `signals_read`.
     ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
@@ -120,7 +121,7 @@ class Recorded:
         speeds = tuple(check_number(value, 'recorded.speeds', above=0.0) for value in check_list(
             section.get('speeds'), 'recorded.speeds'))
         intervals = check_mapping(section.get('intervals') or {}, 'recorded.intervals',
-                                  (*LINE, 'inertia', 'transition'))
+                                  (*LINE, 'inertia', 'static', 'transition'))
         error = section.get('error')
         return cls(
             speeds, {name: check_interval(ends, f'recorded.intervals.{name}')

@@ -19,7 +19,7 @@ from friction_comp.errors import InputError
 from friction_comp.model.effects.base import Effect
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.measured import LINE
-from friction_comp.model.sliding_friction import inertia_of, line_of, Sliding
+from friction_comp.model.sliding_friction import inertia_of, line_of, near_standstill, Sliding
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
 
@@ -107,8 +107,11 @@ def simulator_joint(model: FrictionModel, top_speed: float | None = None) -> Sim
     line, inertia = line_of(model, top_speed), inertia_of(model)
     springs = [effect for effect in model.effects if effect.name == 'spring']
     numbers = {**line, **({} if inertia is None else {'inertia': inertia})}
-    static, static_is = _static(model, line['coulomb'])
     ranges, ranges_are = _ranges(model, numbers)
+    static, static_is, own = _static(model, line['coulomb'])
+    # Units of a fleet do not vary by the interval of one.
+    if own and 'range_of_units' not in model.notes:
+        ranges['static'] = own
     _, left_out = joint_friction_only(model)
     return SimulatorJoint(
         coulomb=gain * line['coulomb'], viscous=gain * line['viscous'],
@@ -158,17 +161,23 @@ def of_several(joints: list[SimulatorJoint]) -> SimulatorJoint:
                                   'intervals')
 
 
-def _static(model: FrictionModel, coulomb: float) -> tuple[float, str]:
-    """Return the friction at breakaway or near standstill, A, and where it is from."""
+def _static(model: FrictionModel, coulomb: float
+            ) -> tuple[float, str, tuple[float, float] | None]:
+    """Return the friction at breakaway or near standstill, A, where it is from, and its range."""
     if model.breakaway is not None:
         breakaway = 0.5 * (model.breakaway.positive_mean - model.breakaway.negative_mean)
         # Simulators refuse a static friction below the dynamic one.
-        return (breakaway, 'measured breakaway') if breakaway >= coulomb else (
-            coulomb, 'Coulomb friction: the measured breakaway is lower')
-    fading = sum(effect.coefficients[0] for effect in model.effects if effect.name == 'stribeck')
-    if fading:
-        return coulomb + fading, 'Coulomb with Stribeck friction'
-    return coulomb, 'Coulomb friction: breakaway was not measured'
+        return (breakaway, 'measured breakaway', None) if breakaway >= coulomb else (
+            coulomb, 'Coulomb friction: the measured breakaway is lower', None)
+    value = near_standstill(model, coulomb)
+    if value is None:
+        return coulomb, 'Coulomb friction: breakaway was not measured', None
+    ends = model.recorded.interval('static', value) if model.recorded is not None else None
+    own = ends and (max(ends[0], coulomb), max(ends[1], coulomb))
+    if ends and ends[0] <= coulomb:
+        return coulomb, ('Coulomb friction: how much higher friction is near standstill, the '
+                         'recording hardly tells'), own
+    return max(value, coulomb), 'Coulomb with Stribeck friction', own
 
 
 def joint_friction_only(model: FrictionModel, known: tuple[str, ...] = ('acceleration',)

@@ -116,3 +116,9 @@ def inertia_of(model: FrictionModel) -> float | None:
         return float(sum(own))
     simulated = model.simulation.get('inertia')
     return None if simulated is None else float(simulated) / model.drive.torque_per_current
+
+
+def near_standstill(model: FrictionModel, coulomb: float) -> float | None:
+    """Return Coulomb with Stribeck friction, A; None if the model has no Stribeck friction."""
+    heights = [effect.coefficients[0] for effect in model.effects if effect.name == 'stribeck']
+    return coulomb + sum(heights) if heights else None

@@ -105,8 +105,8 @@ def assumed_in(given: Given, recordings: Iterable[tuple[Samples, RecordingInfo]]
     """Return the units of tables that are taken for granted, with what tells against them."""
     from friction_comp.recordings.told_units import unit_of_weight
 
-    spans: dict[tuple[str, str], float] = {}
-    steps: dict[tuple[str, str], list[float]] = {}
+    spans: dict[tuple[str, str, bool], float] = {}
+    steps: dict[tuple[str, str, bool], list[float]] = {}
     for samples, info in recordings:
         columns = [one for one in info.assumed if not (given.figures and 'N·m' in one)]
         if not columns or len(samples) < 2:
@@ -114,21 +114,21 @@ def assumed_in(given: Given, recordings: Iterable[tuple[Samples, RecordingInfo]]
         span = float(samples.position.max() - samples.position.min())
         unit = unit_of_weight(samples.time, samples.position, samples.current) \
             if any(one.endswith(' in rad') for one in columns) else ''
-        key = ', '.join(columns), unit
+        key = ', '.join(columns), unit, info.linear
         spans[key] = max(span, spans.get(key, 0.0))
         steps.setdefault(key, []).append(samples.sample_time)
-    return [f'{columns} (position covers {span:.3g} rad, {span / 6.2832:.2g} turns'
-            f'{_in_other_units(span)}; '
-            f'rows are {_between(steps[columns, unit])} ms apart); --unit gives others' + (
+    return [f'{columns} (position covers {span:.3g} rad{"" if linear else _in_other_units(span)}; '
+            f'rows are {_between(steps[columns, unit, linear])} ms apart); --unit gives others' + (
                 f'. A weight that repeats every turn explains the effort if position is in {unit}'
                 if unit else '')
-            for (columns, unit), span in spans.items()]
+            for (columns, unit, linear), span in spans.items()]
 
 
 def _in_other_units(span: float) -> str:
-    """Return what a range, rad, of more than a turn is otherwise: a joint seldom turns so far."""
-    return (f', or {span / 57.296:.3g} rad if these are degrees, {6.2832 * span:.3g} if turns'
-            if span > 6.2832 else '')
+    """Return a range, rad, in turns, and what it is otherwise: a joint seldom turns so far."""
+    return f', {span / 6.2832:.2g} turns' + (
+        f', or {span / 57.296:.3g} rad if these are degrees, {6.2832 * span:.3g} if turns'
+        if span > 6.2832 else '')
 
 
 def _between(steps: list[float]) -> str:

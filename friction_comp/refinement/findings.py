@@ -160,6 +160,7 @@ _EXPERIMENTS = {
     ('velocity', 'velocity'): 'record more constant speeds, slow ones among them',
     ('position', 'time'): 'record the same positions early and late, several times over',
     ('time', 'velocity'): 'record the same speeds early and late, in another order',
+    ('acceleration', 'time'): 'record the same tempos early and late, in another order',
     ('temperature', 'velocity'): 'record the same speeds cold and warm',
     ('direction', 'velocity'): 'record the same speeds in both directions'}
 

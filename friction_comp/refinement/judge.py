@@ -93,11 +93,17 @@ def ambiguities(fit: Fit) -> list[Question]:
     elif 'time' in variables and samples.temperature is None:
         add('time', 'temperature', 'the drift over time may be the motor warming up, and its '
             'temperature was not recorded')
-    correlation = rank_correlation(samples.time, np.abs(np.asarray(samples.velocity)))
-    if correlation > thresholds.SPED_WITH_TIME and len(np.unique(samples.recording)) == 1:
-        add('velocity', 'time', 'speed rose or fell with time throughout the recording (rank '
+    # Beside an effect of time, a sweep of frequency is enough.
+    drifts = 'time' in variables
+    together = {name: rank_correlation(samples.time, np.abs(np.asarray(getattr(samples, name))))
+                for name in ('velocity', 'acceleration')[:1 + drifts]}
+    name, correlation = max(together.items(), key=lambda entry: entry[1])
+    if correlation > (thresholds.SWEPT if drifts else thresholds.SPED_WITH_TIME) and len(
+            np.unique(samples.recording)) == 1:
+        what = 'speed' if name == 'velocity' else name
+        add(name, 'time', f'{what} rose or fell with time throughout the recording (rank '
             f'correlation {correlation:.2f}): drift over time cannot be distinguished from '
-            'dependence on velocity')
+            f'dependence on {name}')
     return list(entries.values())
 
 
@@ -302,6 +308,12 @@ def helped_person(samples: Samples, accelerates: bool) -> Finding | None:
     return None if accelerates else finding('may_have_helped')
 
 
+def fault_of_velocity(raw: Samples) -> str:
+    """Return how the recorded velocity contradicts the position, beside a delay; '' if not."""
+    return '' if raw.velocity is None else velocity_fault(velocity_ratios(
+        raw.time, raw.position, raw.velocity, raw.position_step), thresholds.VELOCITY_RATIO)
+
+
 def findings_on_recording(rows: Rows, raw: Samples) -> Iterator[Finding]:
     """Yield the findings on the recordings themselves."""
     coverage = rows.coverage
@@ -310,9 +322,7 @@ def findings_on_recording(rows: Rows, raw: Samples) -> Iterator[Finding]:
             name for name in rows.joints if name != raw.joint))
     if moves_as_one(raw):
         yield finding('moves_as_one', joint=raw.joint)
-    fault = '' if raw.velocity is None else velocity_fault(velocity_ratios(
-        raw.time, raw.position, raw.velocity, coverage.resolution), thresholds.VELOCITY_RATIO)
-    if fault:
+    if fault := fault_of_velocity(raw):
         yield finding('velocity', fault=fault[0].upper() + fault[1:])
     coarse = too_coarse(coverage)
     if coarse and coverage.speed < STANDSTILL:

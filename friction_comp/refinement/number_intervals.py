@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""95 % intervals of Coulomb and viscous friction, offset, inertia and transition of a fit."""
+"""95 % intervals of Coulomb, viscous and static friction, offset, inertia and transition."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from friction_comp.model.effects.base import Effect
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.measured import LINE, Recorded
-from friction_comp.model.sliding_friction import inertia_of, line_of, Sliding
+from friction_comp.model.sliding_friction import inertia_of, line_of, near_standstill, Sliding
 from friction_comp.refinement.best_fit import Fit
 from friction_comp.refinement.effect_columns import EQ6_LINEAR
 from friction_comp.refinement.stability import thirds
@@ -39,7 +39,7 @@ def recorded_of(fit: Fit, model: FrictionModel) -> Recorded:
     speed = np.abs(np.asarray(rows.samples.velocity)[rows.usable])
     speeds = np.quantile(speed, (np.arange(_SPEEDS) + 0.5) / _SPEEDS)
     recorded = Recorded(tuple(np.unique(speeds[speeds > 0.0]).tolist()))
-    weights = np.zeros((len(LINE) + 1, max(fit.intervals.coefficients) + 1))
+    weights = np.zeros((len(LINE) + 2, max(fit.intervals.coefficients) + 1))
     weights[:EQ6_LINEAR, :EQ6_LINEAR] = np.eye(EQ6_LINEAR)
     own = [term for term in fit.terms if term.group is None]
     # Their coefficients do not matter.
@@ -51,10 +51,15 @@ def recorded_of(fit: Fit, model: FrictionModel) -> Recorded:
         columns = fit.table.columns_of[term]
         weights[:len(LINE), columns] = line
         if effect.name == 'inertia':
+            weights[-2, columns[0]] = 1.0
+        if effect.name == 'stribeck':
             weights[-1, columns[0]] = 1.0
+    weights[-1] += weights[LINE.index('coulomb')]
+    straight = line_of(replace(model, recorded=recorded))
+    values = (*straight.values(), inertia_of(model),
+              near_standstill(model, straight['coulomb']))
     intervals, other_fits = {}, _without_thirds(fit)
-    values = *line_of(replace(model, recorded=recorded)).values(), inertia_of(model)
-    for name, row, value in zip((*LINE, 'inertia'), weights, values):
+    for name, row, value in zip((*LINE, 'inertia', 'static'), weights, values):
         moved = other_fits @ row
         below, above = (math.hypot(end, float(np.abs(moved[1:] - moved[0]).max()))
                         for end in fit.intervals.ends(row))

@@ -23,6 +23,7 @@ from friction_comp.parallel import one_thread
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.best_fit import find_best_fit, Fit, fit_eq6_alone, Problem
 from friction_comp.refinement.effect_columns import eq6_columns, EQ6_LINEAR, MAX_SHIFT, Table, Term
+from friction_comp.refinement.judge import fault_of_velocity
 from friction_comp.refinement.number_intervals import recorded_of
 from friction_comp.refinement.prepare import join
 from friction_comp.refinement.recorded_motion import settings_for_arm, velocity_delay
@@ -120,6 +121,9 @@ def refine(recorded: Samples | Sequence[Samples], model: FrictionModel | None = 
 def _without_late_velocity(samples: Samples, model: FrictionModel | None
                            ) -> tuple[Samples, list[str]]:
     """Return samples without a velocity that is late, unless a model needs it, and a note."""
+    if fault_of_velocity(samples):
+        # Another fault than a filter, which is found.
+        return samples, []
     delay = velocity_delay(samples)
     needed = model is not None and (model.differentiation or {}).get('source') == 'velocity'
     if delay <= thresholds.LATE_VELOCITY * samples.sample_time:

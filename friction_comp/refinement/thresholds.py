@@ -118,6 +118,9 @@ WARMED_WITH_TIME = Threshold(
     0.95, 'rank correlation', 'of time and temperature: above it they cannot be distinguished')
 SPED_WITH_TIME = Threshold(
     0.9, 'rank correlation', 'of time and speed: above it drift may be friction over velocity')
+SWEPT = Threshold(
+    0.4, 'rank correlation', 'of time and speed or acceleration, beside an effect of time: above '
+    'it, as in a sweep of frequency, it may be a dependence on them')
 INSEPARABLE = Threshold(
     0.97, 'rank correlation', 'of another variable with the one found: it may be the cause')
 CORRELATED = Threshold(

@@ -10,7 +10,6 @@ needs, as feed-forward.
 
 from __future__ import annotations
 
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -91,23 +90,28 @@ def compared(model: FrictionModel, samples: Samples, measured: np.ndarray,
 
     residual, unit = measured - predicted, model.unit
     errors, remarks = [f'{rms(residual):.4g} {unit}'], list[str]()
+    known = model.recorded
     # At standstill friction balances any torque up to breakaway: an error there says little.
-    with suppress(InputError):
+    try:
         moves = moving(samples, model)
+    except InputError:
+        moves = np.ones(len(samples), dtype=bool)
+        remarks.append('too little motion to tell the error from that of a constant, or from the '
+                       'one that refine expected')
+    else:
         error, constant = rms(residual[moves]), float(measured[moves].std())
         errors = [f'{error:.4g} {unit} where the joint moves', f'{errors[0]} with standstill']
         if error > constant:
             remarks.append(f'where the joint moves, a constant is only {constant:.4g} {unit} off: '
                            'the model does not hold for this recording')
-        known = model.recorded
-        if known is not None:
-            if known.error and error > LARGER * known.error:
-                remarks.append(f'where the joint moves, the error is {error / known.error:.2g} '
-                               f'times the {known.error:.4g} {unit} that refine expected in other '
-                               'movements: the model does not describe all of this recording')
-            moved = model.differentiated(model.with_arm(samples)).take(moves)
-            remarks += [in_own_units(note, model.is_linear) for note in known.beyond(
-                moved, model.effects, model.is_linear, model.drive.torque_per_current)]
+        if known is not None and known.error and error > LARGER * known.error:
+            remarks.append(f'where the joint moves, the error is {error / known.error:.2g} '
+                           f'times the {known.error:.4g} {unit} that refine expected in other '
+                           'movements: the model does not describe all of this recording')
+    if known is not None:
+        moved = model.differentiated(model.with_arm(samples)).take(moves)
+        remarks += [in_own_units(note, model.is_linear) for note in known.beyond(
+            moved, model.effects, model.is_linear, model.drive.torque_per_current)]
     return errors, remarks
 
 
