@@ -32,8 +32,8 @@ _QUANTITIES = {
     'load': 'load tau+b tau+ext wrench',
     'link_torque': 'jts torque+sensor+joint joint+torque+sensor tau+link',
     'temperature': 'temperature temperatures temp temps temperatur motortemperatur',
-    # What is none of the signals, though one of its words is: an electrical angle is a multiple of
-    # the shaft's, by the pairs of poles.
+    # No signals, though one of the words may be that of a signal: an electrical angle is a multiple
+    # of the shaft's, by the pairs of poles.
     '': 'ddq qdd qddot acc acceleration accelerations accel ddtheta error errors err limit limits '
         'max min peak std variance gain constant kp ki kd kt present+load id voltage power energy '
         'status bits duration dur bus supply battery batt current+state current+mode cur+state '
@@ -74,7 +74,7 @@ _OF_UNIT = {'time': 'time', 'angle': 'position', 'counts': 'position', 'angle/ti
 _BRACKET = re.compile(r'\s*[\[(]([^\])]*)[\])]\s*$')
 _WORD = re.compile(r'[^\W\d_]+|\d+')
 _CAMEL = re.compile(r'(?<=[a-z])(?=[A-Z])')
-# What is no unit of the package, but says that a column is in none of its units either.
+# Units that the package does not know: a column in one of them is in none of its own.
 _OTHER_UNITS = {'%', 'percent', 'pct', 'v', 'mv', 'w', 'lsb', 'tick', 'ticks', 'count', 'counts',
                 'pulse', 'pulses', 'inc', 'increments', 'grad', 'raw', 'p.u.', 'pu', 'a.u.', 'au',
                 'edeg', 'erpm'}
@@ -84,7 +84,7 @@ _NEVER = {'m', 'N', 'h', 'in', 'rot', 'rotation'}   # of a motor, of an input, o
 # In brackets before a unit, this is no inch, unless an inch-pound or inch-ounce: `Force (in N)`.
 _PREPOSITION = re.compile(r'^in\s+(?!lb|oz)', re.IGNORECASE)
 _DAYS = {'date', 'datum'}           # less than the time of the day beside them
-# What no name of a joint holds: brackets with such a mark hold a unit, though an unknown one.
+# A mark that no joint's name has: brackets with one hold a unit, if an unknown one.
 _MARK = re.compile(r'[^\w\s.,:_-]')
 
 

@@ -266,7 +266,7 @@ def _guessed(names: Sequence[str], named: Sequence[Column], own: tuple[str, ...]
                 continue
             column = _column(name, reading, layout)
             kind = _kind(column.signal)
-            # What is in V or % is used where nothing is in a unit of effort.
+            # A column in V or % is used only if none is in a unit of effort.
             found.append(((SIGNALS.index(kind), kind == 'effort' and not reading.measured,
                            column.stated and not column.dimension,
                            SIGNALS.index(column.signal), reading.rank, place), column))

@@ -197,7 +197,7 @@ def _scatter(values: np.ndarray, columns: np.ndarray, is_second: np.ndarray
     """
     weights = np.linalg.pinv(columns)
     square = (values - columns @ (weights @ values)) ** 2
-    # What the coefficients take of the freedom, each condition pays by its number.
+    # Each condition loses degrees of freedom to the coefficients in proportion to its repetitions.
     share = 1.0 - columns.shape[1] / len(values)
     least = _LEAST_SCATTER ** 2 * float(square.mean()) + NOTHING
     scatter, parts, freedoms = np.empty(len(values)), [], []
@@ -249,7 +249,7 @@ def _trend(condition: Compensation, repetitions: list[Repetition]) -> Trend:
     figure = next((name for name in COMPARED if any(name in r.figures for r in repetitions)),
                   'smoothness')
     known = [r for r in repetitions if figure in r.figures]
-    # What one direction of movement takes more than the other is no trend.
+    # Without the difference between the two directions of movement, which is no trend.
     usual = {sign: float(np.mean([r.figures[figure] for r in known if r.movement.sign == sign]))
              for sign in {r.movement.sign for r in known}}
     middle = sum(usual.values()) / max(len(usual), 1)

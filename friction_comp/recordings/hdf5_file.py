@@ -111,7 +111,7 @@ class Hdf5(Table):
                 for name in parts[0]}
 
     def _rows(self, places: dict[str, _Place], wanted: Sequence[str]) -> int:
-        # Of its own, the number of an episode has no length.
+        # If only the episode's number is wanted, the other columns tell how many rows it has.
         sizes = self.sizes(wanted if {*wanted} & {*places} else self.names, places)
         return one_length({name: size for name, size in sizes.items() if size > 1},
                           self.path) or max(sizes.values(), default=0)
@@ -123,15 +123,16 @@ class Hdf5(Table):
         return {name: max(self._file[places[name][0]].shape, default=1)
                 for name in names if name in places}
 
-    def _values(self, number: int, places: dict[str, _Place], wanted: Sequence[str], first: int,
-                last: int) -> dict[str, np.ndarray]:
+    def _values(self, episode: int, places: dict[str, _Place], wanted: Sequence[str], first: int,
+                last: int) -> Columns:
+        """Return some rows of an episode's columns; one without a place is the episode's number."""
         read: dict[str, np.ndarray] = {}
         values = {}
         for name in wanted:
-            source, column = places.get(name, ('', None))
-            if source and source not in read:
-                read[source] = _slice(self._file[source], first, last)
-            part = read[source] if source else np.array([number])
+            dataset, column = places.get(name, ('', None))
+            if dataset and dataset not in read:
+                read[dataset] = _slice(self._file[dataset], first, last)
+            part = read[dataset] if dataset else np.array([episode])
             part = part if column is None else part[:, column]
             values[name] = np.broadcast_to(part, last - first) if part.size == 1 else part
         return values

@@ -46,7 +46,7 @@ from friction_comp.statistics import CONFIDENCE, robust_std, student_quantile
 # A column of the table, or a constant of a term.
 Parameter = int | tuple[Term, str]
 _DRAWS = 200
-# Of how far a fit moves with the derivatives of what is unsettled: these do not go all the way.
+# Factor on how far derivatives by unsettled constants move a fit: they do not go all the way.
 _BEYOND = 1.25
 RECORDING, POSTURE = 'recording', 'posture'
 """Stand among variables for which of several recordings it was, and for where all joints were."""
@@ -62,12 +62,13 @@ def repeat_search(table: Table, terms: Sequence[Term], initial_count: int,
     rng = np.random.default_rng(0)
     fixed, span = list(terms[:initial_count]), table.rows.coverage.span
     single_kinds = {term.kind for term in terms if term.kind.max_count == 1 and not term.group}
-    # With the adjusted constants: a neighbouring grid point is the same effect.
+    # Terms are offered with their adjusted constants, not also with neighbouring ones of the grid.
     offered = [*terms[initial_count:], *(term for term in candidates
                                          if term.kind not in single_kinds and term not in terms)]
-    late = [term for term in offered if term.kind.variable == 'time']
-    early = [term for term in offered if term not in late]
-    expected = [term for term in early if term.kind.in_first_model and not term.group]
+    # As in the first search, drifts are offered last: over time, much can look like one.
+    drifts = [term for term in offered if term.kind.variable == 'time']
+    lasting = [term for term in offered if term not in drifts]
+    expected = [term for term in lasting if term.kind.in_first_model and not term.group]
     groups = [term for term in terms[initial_count:] if term.group]
     # A group of other joints needs the joint's own inertia or weight.
     table = table.part(list(dict.fromkeys([*terms, *offered, *(
@@ -77,10 +78,10 @@ def repeat_search(table: Table, terms: Sequence[Term], initial_count: int,
         weights = table.draw_blocks(rng)
         if np.sum(weights == 0) < 3:
             continue
-        search = Search(table, early, fixed, weights)
+        search = Search(table, lasting, fixed, weights)
         start = search.without_collinear([*fixed, *dict.fromkeys([*expected, *groups])])
         better = search.backward(search.forward(start))
-        search.candidates = late
+        search.candidates = drifts
         searches.append(search.forward(better))
     return {term: float(np.mean([any(term.same_effect(other, span) for other in result)
                                  for result in searches])) for term in terms}
@@ -210,7 +211,7 @@ def intervals(table: Table, terms: Sequence[Term], others: Sequence[np.ndarray] 
     weights = np.array([table.draw_blocks(rng) for _ in range(_DRAWS)], dtype=float)
     draws, fitted = sums.fits(both, weights), sums.fit(both)[None]
     contributions = draws[:, :len(indices)].copy()
-    # What a constant changes of the term's own columns counts for their coefficients.
+    # A change of a constant that the term's own columns can express is one of their coefficients.
     for fits in (draws, fitted):
         fits[:, :len(indices)] -= fits[:, len(indices):][:, :len(free)] @ own[:, indices]
     quantile = float(student_quantile(table.rows.blocks - 1))
@@ -291,7 +292,7 @@ def growth_elsewhere(table: Table, terms: Sequence[Term], initial_count: int) ->
     for region in np.unique(trial.region):
         rest = trial.without(region)
         search = Search(rest, candidates, fixed)
-        # Of many neighbours, most are of no use, which a single fit of two thirds tells for less.
+        # A cheap search, one fit to two thirds of the blocks, first removes most of the neighbours.
         rough = Search(rest, [], fixed, (np.arange(rows.blocks) % 3 > 0).astype(int))
         ends = [search.backward(search.forward(rough.backward(search.without_collinear(
             list(dict.fromkeys([*fixed, *start])))))) for start in starts]
