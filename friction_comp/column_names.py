@@ -165,6 +165,7 @@ def _read_plain(name: str, unit: str = '') -> Reading:
 
 
 def _read_words(bare: str, unit: str) -> Reading:
+    """Return what a name without its unit says; `unit` is '' if it had none in brackets."""
     words = _parts(bare)
     lower = [word.lower() for _, word in words]
     quantity, used = _quantity_in(lower)

@@ -223,6 +223,7 @@ def _key(name: str) -> tuple[str, ...]:
 
 
 def _column(name: str, reading: Reading, layout: Layout) -> Column:
+    """Return a column in the unit of the layout, else of its name, else the SI unit."""
     signal = reading.signal
     given = next((layout.units[one] for one in (signal, *_SAME_UNIT.get(signal, ()))
                   if one in layout.units), '')
@@ -358,6 +359,7 @@ def _labels(used: Sequence[Column], keys: Sequence[tuple[str, ...]], layout: Lay
 
 def _check_complete(used: Iterable[Column], names: Sequence[str], layout: Layout, where: str
                     ) -> None:
+    """Raise InputError if a required signal is missing, with the ways to give it."""
     signals = {_kind(column.signal) for column in used}
     needed = {'time': not layout.rate, 'position': True, 'effort': not layout.stiffness,
               'reference_position': bool(layout.stiffness)}

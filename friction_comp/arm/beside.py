@@ -89,9 +89,10 @@ class ArmTable(Table):
     def __init__(self, sums: Sums, prior: Prior, x: np.ndarray, indices: dict[Term, list[int]]
                  ) -> None:
         stretches, joints = sums.sums.shape[:2]
+        # The unknowns are those of links and scales, and then of each joint's friction and terms.
         base = prior.scales.stop
         prior = replace(prior, signs=signs_at(indices, joints))
-        # The current is linear in all coefficients, so that any values do.
+        # The current is linear in the coefficients: at any values its derivatives are the same.
         x = np.concatenate((x[:base], np.zeros(prior.signs.size)))
         first = base + prior.signs.shape[1] * np.arange(joints)
         self._always = [*range(base), *(first[:, None] + np.arange(FRICTION)).ravel().tolist()]
@@ -182,6 +183,10 @@ class ArmSearch(Search):
         self.table = self._table([*self._known, *self.candidates])
 
     def _proposals(self, joint: int, residual: np.ndarray) -> list[Term]:
+        """Return a joint's effects of position and load, and friction shared with its neighbours.
+
+        Constants are those that the residual of all joints, A, (N, J), suggests.
+        """
         samples, coverage = self._samples[joint], self._coverage[joint]
         fitted = self._rows.fitted[:, joint]
         part = samples.take(fitted)
@@ -192,7 +197,7 @@ class ArmSearch(Search):
         terms: list[Term] = [
             JointTerm(kind, constants, None, joint) for kind in EFFECTS.values()
             if kind.variable in ('position', 'load') and not kind.uses_inner_load
-            # The links are all weight.
+            # The columns of the links hold all weight.
             and not kind.weight and not kind.insufficient_data(coverage)
             and all((signal := getattr(samples, name)) is not None and np.isfinite(signal).all()
                     for name in kind.needs)

@@ -118,6 +118,11 @@ def _correct(tested: Sequence[Comparison | Trend]) -> None:
 
 def _compare_movements(figure: str, first: Compensation, second: Compensation,
                        repetitions: list[Repetition]) -> Comparison:
+    """Compare one figure of repetitions, in order of time, under two conditions.
+
+    Least squares with a mean for each day and direction, the difference of the conditions, and a
+    change with every repetition within a day.
+    """
     values = np.array([r.figures[figure] for r in repetitions])
     is_second = np.array([r.compensation == second for r in repetitions])
     kinds = [(r.day, r.movement.sign) for r in repetitions]

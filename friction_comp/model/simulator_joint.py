@@ -210,8 +210,7 @@ def loss_of(model: FrictionModel, joint: SimulatorJoint | FrictionTable, form: s
     kept = [effect for effect in model.effects if effect.name not in LINKS
             and (has_inertia or effect.name != 'inertia')]
     if recorded is None:
-        motion, late = Sliding.of(model).samples()
-        slides = late
+        motion, slides = Sliding.of(model).samples()
         # Sweeps have no load, temperature or time.
         kept = [effect for effect in kept if effect.holds_on_another_day
                 and set(effect.needs) <= {'acceleration'}]

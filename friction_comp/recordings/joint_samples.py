@@ -277,6 +277,10 @@ def _moved(scan: Scan) -> Iterator[tuple[str, np.ndarray]]:
 
 
 def _select_joint(scan: Scan, joint: str | None) -> tuple[Track, str, list[str], np.ndarray]:
+    """Return the joint's track, its name, the track's joints in order, and the joint's values.
+
+    The only joint by default; raises InputError with the choices if it is not clear.
+    """
     tracks = scan.of('joint_states')
     topic, name = in_topic(joint)
     if topic and topic not in scan.topics:

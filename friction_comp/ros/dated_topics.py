@@ -176,6 +176,12 @@ class RecordedTopic:
         self._take(message, info)
 
     def _count_lost(self, sender: str, sequence: int) -> None:
+        """Count the messages of a sender that are missing before a sequence number.
+
+        Publishers number their messages apart, and do not say which they are: `_expected` has the
+        next number of each, with whether a message has confirmed it. While not all were heard, a
+        gap may be the first message of another publisher, and its loss is `_doubtful`.
+        """
         if sequence not in self._expected[sender]:
             self.check_publishers()
         expected = self._expected[sender]
