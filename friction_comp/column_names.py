@@ -66,8 +66,7 @@ _SECOND_CHOICE = _MOTOR | {'raw', 'filtered', 'filt'}
 # Quantities that torque becomes with words of `_OUTSIDE` or `_BEHIND`, and targets of quantities.
 _TARGETS = {'position': 'reference_position', 'velocity': 'reference_velocity',
             'effort': 'command', 'current': 'command', 'target': 'reference_position'}
-# Quantity of a unit in a name that has no other word for it. A length is none: it may be that of
-# anything.
+# Quantity that the unit gives if no word of a name does. A length may be that of anything.
 _OF_UNIT = {'time': 'time', 'angle': 'position', 'counts': 'position', 'angle/time': 'velocity',
             'counts/time': 'velocity', 'torque': 'effort', 'current': 'current',
             'temperature': 'temperature'}
@@ -151,7 +150,7 @@ def plain_name(name: str) -> str:
 
 
 def _read_plain(name: str, unit: str = '') -> Reading:
-    """Return what a name without brackets says, whose unit may have been in these."""
+    """Return what a name without brackets says; `unit` is what was in them."""
     short = re.sub(r'^/?(.*/)?joint_states/', '', name)
     left, _, right = short.replace('/', '.').rpartition('.')
     if left and right.count('[') == right.count(']'):

@@ -20,7 +20,7 @@ from friction_comp.errors import InputError
 from friction_comp.layout import Layout, SIGNALS
 from friction_comp.units import default_unit, parse_unit, unit_of
 
-# Whose unit a signal has if none is given for it: a target that of what it is the target of.
+# Signals whose unit a signal takes if none is given for it.
 _SAME_UNIT = {'current': ('effort',), 'command': ('current', 'effort'),
               'reference_position': ('position',), 'reference_velocity': ('velocity',)}
 # Names of columns that a message lists.

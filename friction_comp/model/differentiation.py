@@ -142,7 +142,7 @@ def time_in_recording(samples: Samples) -> np.ndarray:
 
 
 def advance(samples: Samples, lag: float) -> Samples:
-    """Return samples whose motion, load and temperature are those of the time t + lag, s."""
+    """Return samples with motion, load and temperature of the time t + lag, s."""
     if not lag:
         return samples
     names = [name for name in _MOTION if getattr(samples, name) is not None]

@@ -82,7 +82,7 @@ class SimulatorJoint:
 
 
 def cautions_of(models: Iterable[FrictionModel]) -> list[str]:
-    """Return what refinement said against models, and what it took for granted."""
+    """Return the reasons of the verdicts on models, and the assumptions, that refinement stored."""
     lines: dict[str, None] = {}
     for model in models:
         lines |= dict.fromkeys(f'Verdict of refine: {model.notes.get("verdict")}. {reason}'

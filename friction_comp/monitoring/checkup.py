@@ -301,6 +301,7 @@ def check_joint(seen: Observation, joint: str, model: FrictionModel) -> list[Fin
 
 def _check_current(seen: Observation, states: StatesSeen, joint: str, model: FrictionModel
                    ) -> list[Finding]:
+    """Compare measured and commanded current; the commands are in the order of a node's joints."""
     order: list[str] = next((values['joints'] for values in seen.parameters.values()
                   if joint in (values.get('joints') or ()) and 'model_files' in values), [])
     if not order or seen.commands.shape[-1:] != (len(order),):

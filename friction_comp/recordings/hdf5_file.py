@@ -78,7 +78,7 @@ class Hdf5(Table):
 
     def _add(self, name: str, item: Any) -> None:
         """Add the columns of one of the file's items, if it is a dataset that has some."""
-        # What MATLAB calls #refs# is no signal.
+        # The items of MATLAB's #refs# are no signals.
         if getattr(item, 'dtype', None) is None or item.dtype.kind not in 'biuf' or (
                 item.ndim > 2 or not item.size or '#' in name):
             return

@@ -50,9 +50,9 @@ def open_table(path: Path) -> Table:
 
 
 def of_one_clock(table: Table, layout: Layout, where: str) -> list[str]:
-    """Return a table's columns without those of other lengths than what the user named.
+    """Return a table's columns that are as long as those the user named, which share a clock.
 
-    A log may hold signals of several clocks: those of another are none of the named one's.
+    A log may hold signals of several clocks.
     """
     named = [column_called(name, table.names, where) for name in layout.columns.values()]
     if not named or not isinstance(table, (Arrays, Hdf5)):

@@ -46,7 +46,7 @@ from friction_comp.statistics import CONFIDENCE, robust_std, student_quantile
 # A column of the table, or a constant of a term.
 Parameter = int | tuple[Term, str]
 _DRAWS = 200
-# Factor on how far derivatives by unsettled constants move a fit: they do not go all the way.
+# Factor on how far the columns of `unsettled` move a fit: being linear, they fall a little short.
 _BEYOND = 1.25
 RECORDING, POSTURE = 'recording', 'posture'
 """Stand among variables for which of several recordings it was, and for where all joints were."""
@@ -100,20 +100,21 @@ def rivals_of(table: Table, terms: Sequence[Term], initial_count: int) -> dict[T
     own = trial.block_errors(terms, derivatives=False)
     for term, named in rivals.items():
         rest = [other for other in terms if other != term]
-        # With constants on a grid, a rival predicts half as much better at least.
+        # A rival, whose constants are not adjusted yet, must bring half of what the term brings.
         most = own.sum() + thresholds.STAYS * (trial.block_errors(rest, False) - own).sum()
         search.candidates = trial.add([
             other for other in proposals(trial, rest) if other.choice != term.choice])
         for other in search.shortlist(rest):
             errors = trial.block_errors([*rest, other], False)
             # Other terms of the same effect are no other effect.
-            close = errors.sum() < most and other.kind.name not in (term.kind.name, *named)
-            if close and search.is_improvement([errors], [own]):
+            if not errors.sum() < most or other.kind.name in (term.kind.name, *named):
+                continue
+            if search.is_improvement([errors], [own]):
                 instead = adjust_constants(trial, [*rest, other], 3)
                 trial.fit_transition(instead)
                 errors = trial.block_errors(instead, False)
                 trial.set_transition(*now)
-            if close and not search.is_improvement([errors], [own]):
+            if not search.is_improvement([errors], [own]):
                 named.append(other.kind.name)
     return rivals
 
@@ -175,11 +176,11 @@ class Intervals:
 
 
 def unsettled(table: Table, terms: Sequence[Term]) -> list[np.ndarray]:
-    """Return the columns, each (M, R), of what a fit takes for granted and motion may hardly tell.
+    """Return columns, each (M, R), of what a fit assumes without being able to tell it well.
 
-    It takes for granted that the joint has no other inertia, weight or spring, and that torque and
-    motion are recorded at one time and alike. A delay, a low pass, and a filter or a difference of
-    the motion are sums of the prediction at other times.
+    A fit assumes that the joint has no other inertia, weight or spring: their columns are returned.
+    It also assumes that torque and motion are recorded at the same time and filtered alike: the
+    changes of the prediction at earlier and later times stand for a delay or a filter of either.
     """
     rows, kinds = table.rows, {term.kind for term in terms}
     prediction = np.column_stack([eq6_columns(rows, *table.transition)[:, :EQ6_LINEAR], *(
@@ -196,8 +197,8 @@ def intervals(table: Table, terms: Sequence[Term], others: Sequence[np.ndarray] 
     """Return intervals from fits to resampled blocks.
 
     Each fit has one more column for each constant, the derivative of its term, so that the interval
-    of a coefficient includes the uncertainty of the constants; its unit is a `step_size`. With the
-    columns of `others`, each (M, R), it also includes how far these move it, see `unsettled`.
+    of a coefficient includes the uncertainty of the constants. An interval also includes how far
+    the columns of `others`, each (M, R), move the coefficient, see `unsettled`.
     """
     free = free_constants(terms)
     indices = table.indices(terms)
@@ -251,7 +252,7 @@ def error_growth(table: Table, terms: Sequence[Term]) -> dict[str, float]:
                   if values is not None and np.ptp((part := thirds(values)) // 2) > 0}
 
     def error(part: np.ndarray) -> float:
-        """Return the mean squared error of what counts: rows whose number is even."""
+        """Return the mean squared error of each third by the others, where these reach it."""
         sums = table.sums_over(terms, part)
         held_out = sums.errors_without(columns, np.arange(len(sums.rows)) // 2)
         return max(float(held_out[::2].sum()) / max(float(sums.rows[::2].sum()), 1.0), 1e-300)
