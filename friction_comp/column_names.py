@@ -32,8 +32,8 @@ _QUANTITIES = {
     'load': 'load tau+b tau+ext wrench',
     'link_torque': 'jts torque+sensor+joint joint+torque+sensor tau+link',
     'temperature': 'temperature temperatures temp temps temperatur motortemperatur',
-    # What is none of the signals, though one of its words is: an electrical angle is a multiple of
-    # the shaft's, by the pairs of poles.
+    # No signals, though one of the words may be that of a signal: an electrical angle is a multiple
+    # of the shaft's, by the pairs of poles.
     '': 'ddq qdd qddot acc acceleration accelerations accel ddtheta error errors err limit limits '
         'max min peak std variance gain constant kp ki kd kt present+load id voltage power energy '
         'status bits duration dur bus supply battery batt current+state current+mode cur+state '
@@ -66,15 +66,14 @@ _SECOND_CHOICE = _MOTOR | {'raw', 'filtered', 'filt'}
 # Quantities that torque becomes with words of `_OUTSIDE` or `_BEHIND`, and targets of quantities.
 _TARGETS = {'position': 'reference_position', 'velocity': 'reference_velocity',
             'effort': 'command', 'current': 'command', 'target': 'reference_position'}
-# Quantity of a unit in a name that has no other word for it. A length is none: it may be that of
-# anything.
+# Quantity that the unit gives if no word of a name does. A length may be that of anything.
 _OF_UNIT = {'time': 'time', 'angle': 'position', 'counts': 'position', 'angle/time': 'velocity',
             'counts/time': 'velocity', 'torque': 'effort', 'current': 'current',
             'temperature': 'temperature'}
 _BRACKET = re.compile(r'\s*[\[(]([^\])]*)[\])]\s*$')
 _WORD = re.compile(r'[^\W\d_]+|\d+')
 _CAMEL = re.compile(r'(?<=[a-z])(?=[A-Z])')
-# What is no unit of the package, but says that a column is in none of its units either.
+# Units that the package does not know: a column in one of them is in none of its own.
 _OTHER_UNITS = {'%', 'percent', 'pct', 'v', 'mv', 'w', 'lsb', 'tick', 'ticks', 'count', 'counts',
                 'pulse', 'pulses', 'inc', 'increments', 'grad', 'raw', 'p.u.', 'pu', 'a.u.', 'au',
                 'edeg', 'erpm'}
@@ -87,7 +86,7 @@ _DAYS = {'date', 'datum'}           # less than the time of the day beside them
 # A time of these alone, without `from` or `since`, is one moment.
 _MOMENTS, _SINCE = {'start', 'started', 'begin', 'boot'}, {'from', 'since'}
 _AS_POINT = str.maketrans('/:', '..')   # between a group, as a topic or a device, and a quantity
-# What no name of a joint holds: brackets with such a mark hold a unit, though an unknown one.
+# A mark that no joint's name has: brackets with one hold a unit, if an unknown one.
 _MARK = re.compile(r'[^\w\s.,:_-]')
 
 
@@ -154,7 +153,7 @@ def plain_name(name: str) -> str:
 
 
 def _read_plain(name: str, unit: str = '') -> Reading:
-    """Return what a name without brackets says, whose unit may have been in these."""
+    """Return what a name without brackets says; `unit` is what was in them."""
     short = re.sub(r'^/?(.*/)?joint_states/', '', name)
     left, _, right = short.translate(_AS_POINT).rpartition('.')
     if left and right.count('[') == right.count(']'):
@@ -168,6 +167,7 @@ def _read_plain(name: str, unit: str = '') -> Reading:
 
 
 def _read_words(bare: str, unit: str) -> Reading:
+    """Return what a name without its unit says; `unit` is '' if it had none in brackets."""
     words = _parts(bare)
     lower = [word.lower() for _, word in words]
     quantity, used = _quantity_in(lower)

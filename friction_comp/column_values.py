@@ -14,11 +14,11 @@ from friction_comp.errors import InputError
 
 _DATE = re.compile(r'(\d{4}-\d\d-\d\d)[T ]?(\d\d:\d\d(?::\d\d(?:[.,]\d+)?)?)?'
                    r'\s*(?:Z|([+-])(\d\d):?(\d\d))?')
-# Only with points is the order of day and month certain.
+# With points, unlike slashes, the day always comes before the month.
 _DAY = re.compile(r'(\d\d?)\.(\d\d?)\.(\d{4})(?:,? +(\d.*))?')
-# As a duration of pandas is written, with days before it.
+# A time of the day, or a duration as pandas writes it, with days before.
 _CLOCK = re.compile(r'(?:(\d+) days? )?(\d\d?):(\d\d):(\d\d(?:[.,]\d+)?)')
-# What to do about a column of no signal that is called like one.
+# Advice for a column that has the name of a signal but other content.
 NOT_A_SIGNAL = 'give it numbers (a direction is -1, 0 or 1), or a name that is not one of a signal'
 
 

@@ -20,7 +20,7 @@ from friction_comp.errors import InputError
 from friction_comp.layout import Layout, SIGNALS
 from friction_comp.units import default_unit, parse_unit, unit_of
 
-# Whose unit a signal has if none is given for it: a target that of what it is the target of.
+# Signals whose unit a signal takes if none is given for it.
 _SAME_UNIT = {'current': ('effort',), 'command': ('current', 'effort'),
               'reference_position': ('position',), 'reference_velocity': ('velocity',)}
 # Names of columns that a message lists.
@@ -230,6 +230,7 @@ def _key(name: str) -> tuple[str, ...]:
 
 
 def _column(name: str, reading: Reading, layout: Layout) -> Column:
+    """Return a column in the unit of the layout, else of its name, else the SI unit."""
     signal = reading.signal
     given = next((layout.units[one] for one in (signal, *_SAME_UNIT.get(signal, ()))
                   if one in layout.units), '')
@@ -273,7 +274,7 @@ def _guessed(names: Sequence[str], named: Sequence[Column], own: tuple[str, ...]
                 continue
             column = _column(name, reading, layout)
             kind = _kind(column.signal)
-            # What is in V or % is used where nothing is in a unit of effort.
+            # A column in V or % is used only if none is in a unit of effort.
             found.append(((SIGNALS.index(kind), kind == 'effort' and not reading.measured,
                            column.stated and not column.dimension,
                            SIGNALS.index(column.signal), reading.rank, place), column))
@@ -366,6 +367,7 @@ def _labels(used: Sequence[Column], keys: Sequence[tuple[str, ...]], layout: Lay
 
 def _check_complete(used: Iterable[Column], names: Sequence[str], layout: Layout, where: str
                     ) -> None:
+    """Raise InputError if a required signal is missing, with the ways to give it."""
     signals = {_kind(column.signal) for column in used}
     needed = {'time': not layout.rate, 'position': True, 'effort': not layout.stiffness,
               'reference_position': bool(layout.stiffness)}

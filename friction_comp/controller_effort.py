@@ -41,31 +41,27 @@ def controller_effort(time: np.ndarray, target: np.ndarray, position: np.ndarray
     return plain, 'effort is k_p (target - position) - k_d velocity'
 
 
-def gear_effort(effort: np.ndarray, link_torque: np.ndarray) -> tuple[np.ndarray, str]:
-    """Return effort minus the torque behind the gear, shape (N,): the gear's friction; and a note.
+def without_link_torque(effort: np.ndarray, link_torque: np.ndarray | None, is_torque: bool,
+                        notes: list[str]) -> tuple[np.ndarray, np.ndarray | None]:
+    """Return the effort that is left for the gear, and the load in N·m or None, both (N,).
 
-    The sensor carries nearly all of the effort, with the opposite sign in some robots.
+    The torque of the link, measured behind the gear in N·m, is nearly all of the effort; in some
+    robots it has the opposite sign. It is subtracted from an effort that is a torque. Another
+    effort stays, with this load, whose factor can then be fitted. A text is added to `notes`.
     """
-    carried, words = _as_carried(effort, link_torque)
-    return effort - carried, f'friction is effort minus link_torque{words}'
-
-
-def load_behind_gear(current: np.ndarray, link_torque: np.ndarray) -> tuple[np.ndarray, str]:
-    """Return the load, N·m, shape (N,), that a torque behind the gear is to the motor; and a note.
-
-    Of an effort that is no torque, the share that this load takes is fitted.
-    """
-    carried, words = _as_carried(current, link_torque)
-    return -carried, ('the effort is no torque, from which link_torque could be subtracted: '
-                      f'link_torque is the load, whose share is fitted{words}')
-
-
-def _as_carried(effort: np.ndarray, link_torque: np.ndarray) -> tuple[np.ndarray, str]:
-    """Return the torque behind the gear with the sign of the effort, and words if that differs."""
+    if link_torque is None:
+        return effort, None
     both = np.isfinite(effort) & np.isfinite(link_torque)
+    words = ''
     if float(effort[both] @ link_torque[both]) < 0.0:
-        return -link_torque, ', whose sign is reversed: it is opposite to that of effort'
-    return link_torque, ''
+        link_torque = -link_torque
+        words = ', whose sign is reversed: it is opposite to that of effort'
+    if is_torque:
+        notes.append(f'friction is effort minus link_torque{words}')
+        return effort - link_torque, None
+    notes.append('the effort is no torque, from which link_torque could be subtracted: '
+                 f'link_torque is the load, whose share is fitted{words}')
+    return effort, -link_torque
 
 
 def _rate(time: np.ndarray, values: np.ndarray, usable: np.ndarray) -> np.ndarray:

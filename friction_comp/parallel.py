@@ -83,6 +83,10 @@ def run_each(work: Callable[[T], U], items: Sequence[T], jobs: int = 1) -> Outco
 
 
 def _in_processes(work: Callable[[T], U], items: Sequence[T], jobs: int) -> Outcomes[U]:
+    """Yield index and outcome of each item, the first finished first.
+
+    Each process is a pool of its own: one that is killed fails its item alone, and is replaced.
+    """
     waiting = iter(enumerate(items))
     running: dict[Future[U | Failure], tuple[int, ProcessPoolExecutor]] = {}
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from friction_comp.column_values import to_numbers
 from friction_comp.columns import assign
-from friction_comp.controller_effort import gear_effort, load_behind_gear
+from friction_comp.controller_effort import without_link_torque
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.layout import Layout
@@ -297,14 +297,12 @@ class Samples:
         if gains:
             # `assign` has found the target.
             signals['effort'] = use.controller_effort(values, signals['time'], chosen, gains)
-        if 'link_torque' in signals:
-            behind, column = signals.pop('link_torque'), use.of('effort', chosen)
-            if column is None or column.dimension in ('torque', 'force'):
-                signals['effort'], note = gear_effort(signals['effort'], behind)
-            else:
-                load, note = load_behind_gear(signals['effort'], behind)
-                signals.setdefault('load', load)
-            use.notes.append(note)
+        column = use.of('effort', chosen)
+        signals['effort'], load = without_link_torque(
+            signals['effort'], signals.pop('link_torque', None),
+            column is None or column.dimension in ('torque', 'force'), use.notes)
+        if load is not None:
+            signals.setdefault('load', load)
         if notes is not None:
             notes.extend(use.notes)
         if use.effort_is_current:

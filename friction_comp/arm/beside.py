@@ -89,9 +89,10 @@ class ArmTable(Table):
     def __init__(self, sums: Sums, prior: Prior, x: np.ndarray, indices: dict[Term, list[int]]
                  ) -> None:
         stretches, joints = sums.sums.shape[:2]
+        # The unknowns are those of links and scales, and then of each joint's friction and terms.
         base = prior.scales.stop
         prior = replace(prior, signs=signs_at(indices, joints))
-        # The current is linear in all coefficients, so that any values do.
+        # The current is linear in the coefficients: at any values its derivatives are the same.
         x = np.concatenate((x[:base], np.zeros(prior.signs.size)))
         first = base + prior.signs.shape[1] * np.arange(joints)
         self._always = [*range(base), *(first[:, None] + np.arange(FRICTION)).ravel().tolist()]
@@ -157,7 +158,7 @@ class ArmSearch(Search):
         return ArmTable(sums, self._prior, self._x, indices)
 
     def _update_candidates(self, terms: Sequence[Term]) -> None:
-        """Replace the candidates by what explains most of the residual, one of each choice."""
+        """Replace the candidates: of each choice, the proposed term that lowers the error most."""
         self._known |= dict.fromkeys(terms)
         columns, sums, indices = self._measured([*self._known])
         residual = ArmTable(sums, self._prior, self._x, indices).residual_of(
@@ -165,22 +166,27 @@ class ArmSearch(Search):
         proposed = [term for joint in self._samples
                     for term in self._proposals(joint, residual) if term not in self._known]
         _, sums, indices = self._measured([*self._known, *proposed])
-        base = PARAMETERS * len(self._rows.samples) + FRICTION
+        # In the sums of a joint, its terms follow all links and its own friction.
+        first = PARAMETERS * len(self._rows.samples) + FRICTION
+        columns_of = {term: [first + index for index in own] for term, own in indices.items()}
         best: dict[Any, Term] = {}
-        for joint, matrix in enumerate(sums.total):
-            kept = [base + column for term in terms if joint_of(term) == joint
-                    for column in indices[term]]
-            own = [term for term in proposed if joint_of(term) == joint]
-            gains = search.error_reductions(
-                matrix, [*range(base), *kept],
-                [[base + column for column in indices[term]] for term in own],
-                np.zeros(len(matrix) - 1))
-            for index in np.argsort(-gains, kind='stable'):
-                best.setdefault(own[index].choice, own[index])
+        for joint, products in enumerate(sums.total):
+            offered = [term for term in proposed if joint_of(term) == joint]
+            chosen = [*range(first), *(column for term in terms if joint_of(term) == joint
+                                       for column in columns_of[term])]
+            reductions = search.error_reductions(
+                products, chosen, [columns_of[term] for term in offered],
+                np.zeros(len(products) - 1))
+            for index in np.argsort(-reductions, kind='stable'):
+                best.setdefault(offered[index].choice, offered[index])
         self.candidates = [*best.values()]
         self.table = self._table([*self._known, *self.candidates])
 
     def _proposals(self, joint: int, residual: np.ndarray) -> list[Term]:
+        """Return a joint's effects of position and load, and friction shared with its neighbours.
+
+        Constants are those that the residual of all joints, A, (N, J), suggests.
+        """
         samples, coverage = self._samples[joint], self._coverage[joint]
         fitted = self._rows.fitted[:, joint]
         part = samples.take(fitted)
@@ -191,7 +197,7 @@ class ArmSearch(Search):
         terms: list[Term] = [
             JointTerm(kind, constants, None, joint) for kind in EFFECTS.values()
             if kind.variable in ('position', 'load') and not kind.uses_inner_load
-            # The links are all weight.
+            # The columns of the links hold all weight.
             and not kind.weight and not kind.insufficient_data(coverage)
             and all((signal := getattr(samples, name)) is not None and np.isfinite(signal).all()
                     for name in kind.needs)

@@ -260,7 +260,7 @@ def _with_gravity_direction(problem: _Problem, best: _Trial) -> tuple[_Problem, 
         if 0.0 < length < 1.5:
             turned.append(replace(problem, chain=problem.chain.with_gravity(
                 np.array(direction) * np.linalg.norm(FREE_FALL) / length)))
-    # All have the same columns, so that a first fit tells which few may be the best.
+    # The problems have the same columns: try only those with the least errors of a first fit.
     turned.sort(key=lambda one: one.first_error(settings))
     trials = [(one.trial(settings), one) for one in turned[:_MOST_DIRECTIONS]]
     other, mounted = min(trials, key=lambda trial: trial[0].error)

@@ -71,6 +71,7 @@ class Bodies:
         Also return the derivatives, shape (L, 10, 10), of each link's parameters (second axis) with
         respect to its coordinates (third axis).
         """
+        # The pseudo-inertia is root @ upper @ upper.T @ root.T: positive definite at any values.
         own = np.reshape(coordinates, (-1, PARAMETERS))
         upper = np.zeros((len(own), 4, 4))
         changes = np.zeros((len(own), PARAMETERS, 4, 4))
@@ -80,7 +81,7 @@ class Bodies:
             upper[:, row, column] = own[:, k]
             changes[:, k, row, column] = 1.0
         factor = self._root @ upper
-        back = factor.transpose(0, 2, 1)
-        half = self._root[:, None] @ changes @ back[:, None]
-        slopes = parameters_of(half + half.transpose(0, 1, 3, 2))
-        return parameters_of(factor @ back), slopes.transpose(0, 2, 1)
+        transposed = factor.transpose(0, 2, 1)
+        half_slopes = self._root[:, None] @ changes @ transposed[:, None]
+        slopes = parameters_of(half_slopes + half_slopes.transpose(0, 1, 3, 2))
+        return parameters_of(factor @ transposed), slopes.transpose(0, 2, 1)

@@ -291,9 +291,38 @@ class LinkIntervals:
 def confidence_intervals(stretches: np.ndarray, prior: Prior, x: np.ndarray) -> LinkIntervals:
     """Return the intervals of the fit `x`; `stretches` are the sums of each stretch (`Sums.sums`).
 
-    Noise is White's covariance, clustered by stretches since successive errors are correlated
-    (Liang and Zeger 1986); the uncertainty of the prior is added. A parameter that the prior
-    determines more than the recording has no interval: it does not show how accurate the URDF is.
+    A parameter that the prior determines more than the recording has no interval: the recording
+    does not show how accurate the URDF is.
+    """
+    covariance = _covariance(stretches, prior, x)
+    quantile = float(student_quantile(max(len(stretches) - 1, 2)))
+
+    parameters, slopes = prior.bodies.parameters(x[prior.links])
+    by_link = block_diag(*slopes)
+    variance = np.einsum('ij,jk,ik->i', by_link, covariance[prior.links, prior.links],
+                         by_link).reshape(parameters.shape)
+    half_width = quantile * np.sqrt(np.maximum(variance, 0.0))
+    bounds = np.stack((parameters - half_width, parameters + half_width), axis=-1)
+    # A mass is positive, even if the linearised interval includes negative values.
+    bounds[:, 0] = np.maximum(bounds[:, 0], 0.0)
+    _, slopes_of_urdf = prior.bodies.parameters(np.zeros_like(x[prior.links]))
+    prior_variance = np.sum(slopes_of_urdf ** 2, axis=2) / prior.strength
+    from_recording = np.clip(1.0 - variance / np.maximum(prior_variance, 1e-300), 0.0, 1.0)
+    bounds[from_recording < _LEAST_REDUCTION] = -np.inf, np.inf
+
+    # The unknowns are the logarithms of the scales.
+    scales = x[prior.scales]
+    half_width = quantile * np.sqrt(np.maximum(np.diag(covariance)[prior.scales], 0.0))
+    return LinkIntervals(bounds, np.exp(np.clip(
+        np.stack((scales - half_width, scales + half_width), axis=-1), -50.0, 50.0)),
+        from_recording)
+
+
+def _covariance(stretches: np.ndarray, prior: Prior, x: np.ndarray) -> np.ndarray:
+    """Return the covariance of the unknowns of a fit, (U, U); 0 of those at their limit.
+
+    It is White's, clustered by stretches since successive errors are correlated (Liang and Zeger
+    1986), plus the uncertainty of the prior.
     """
     _, _, hessian = loss_gradient_hessian(stretches.sum(axis=0), prior, x)
     gradients = np.array([loss_gradient_hessian(own, prior, x)[1] for own in stretches])
@@ -305,21 +334,4 @@ def confidence_intervals(stretches: np.ndarray, prior: Prior, x: np.ndarray) -> 
     scatter = gradients[:, free].T @ gradients[:, free] * count / max(count - 1, 1)
     covariance = np.zeros_like(hessian)
     covariance[np.ix_(free, free)] = inverse @ (scatter + np.diag(prior.precision[free])) @ inverse
-    quantile = float(student_quantile(max(count - 1, 2)))
-
-    parameters, slopes = prior.bodies.parameters(x[prior.links])
-    _, before = prior.bodies.parameters(np.zeros_like(x[prior.links]))
-    inner = block_diag(*slopes)
-    variance = np.einsum('ij,jk,ik->i', inner, covariance[prior.links, prior.links],
-                         inner).reshape(parameters.shape)
-    half = quantile * np.sqrt(np.maximum(variance, 0.0))
-    bounds = np.stack((parameters - half, parameters + half), axis=-1)
-    # A mass is positive, even if the linearised interval includes negative values.
-    bounds[:, 0] = np.maximum(bounds[:, 0], 0.0)
-    prior_variance = np.sum(before ** 2, axis=2) / prior.strength
-    from_recording = np.clip(1.0 - variance / np.maximum(prior_variance, 1e-300), 0.0, 1.0)
-    bounds[from_recording < _LEAST_REDUCTION] = -np.inf, np.inf
-    width = quantile * np.sqrt(np.maximum(np.diag(covariance)[prior.scales], 0.0))
-    middle = x[prior.scales]
-    return LinkIntervals(bounds, np.exp(np.clip(
-        np.stack((middle - width, middle + width), axis=-1), -50.0, 50.0)), from_recording)
+    return covariance

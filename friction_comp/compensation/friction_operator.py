@@ -178,7 +178,8 @@ def lead(p: Parameters, s: State, aim: float, is_pushed: bool) -> None:
     else:
         s.mode = FREE
         s.since += s.step
-        # A slip that was answered with less ends within a degree: who goes on is moved by a person.
+        # A slip ends within a degree once the level is lowered: a joint that goes on is moved by a
+        # person.
         if s.displaced == 0 and s.way > p.moved_distance:
             s.displaced = 1
             s.trust = min(1.0, max(s.trust, s.trusted) + 1.0 - p.lowered)

@@ -79,7 +79,7 @@ class CompensationLaw:
         for j in range(self.joints):
             self._take_parameters(j)
         self._collect_never_applied()
-        # What is not said: the end of a movement, and the velocity.
+        # For calls of `update` without an end or a velocity.
         self._endless, self._still = np.full(self.joints, math.nan), np.zeros(self.joints)
         self._carried = np.zeros(self.joints)
 

@@ -132,7 +132,9 @@ def law_parameters(model: FrictionModel, law: str = 'continuous', breakaway_gain
     for name in ('upper', 'lower', 'steepness', 'shift', 'viscous'):
         p[name] = getattr(sigmoid, name)
     p['gain'], p['share'], p['slow_share'] = breakaway_gain, SHARE, SLOW_SHARE
-    p['bound'] = BOUND
+    p['bound'], p['lead_time'], p['lead_speed'] = BOUND, LEAD_TIME, LEAD_SPEED
+    p['least_trust'], p['lowered'], p['early'] = LEAST_TRUST, LOWERED, EARLY
+    p['least_changing'] = LEAST_CHANGING
     if model.breakaway is None:
         p['gain'] = 0.0
     set_breakaway(p[0], model.breakaway)
@@ -171,6 +173,7 @@ def knows_presliding(model: FrictionModel) -> bool:
 
 
 def _set_distances(p: Any, model: FrictionModel) -> None:
+    """Set what is in rad: R of the friction operator, and the distances that follow from it."""
     count = model.drive.position_resolution or DEFAULT_RESOLUTION
     # Where presliding is unknown, the default already is a large one.
     distance, slip, backlash = LONGER * DEFAULT_PRESLIDING, DEFAULT_PRESLIDING, BACKLASH
@@ -195,12 +198,9 @@ def _set_distances(p: Any, model: FrictionModel) -> None:
     p['still_distance'] = distance / 16.0 + 1.5 * count
     p['against'] = AGAINST * distance + 1.5 * count
     p['start_distance'], p['moved_distance'] = START_DISTANCE * distance, max(MOVED, 8.0 * distance)
-    p['lead_time'], p['lead_speed'] = LEAD_TIME, LEAD_SPEED
     if model.position_limits is not None:
         p['lowest'], p['highest'] = model.position_limits
         p['soft_end'] = SOFT_END
-    p['least_trust'], p['lowered'] = LEAST_TRUST, LOWERED
-    p['early'], p['least_changing'] = EARLY, LEAST_CHANGING
 
 
 def _set_speeds(p: Any, model: FrictionModel) -> None:

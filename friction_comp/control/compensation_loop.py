@@ -102,7 +102,7 @@ class CompensationLoop:
             stamp = inputs.states.stamp if self._simulated else 0
             if not self._port.answer(currents, ticket, stamp):
                 self._faults.latch('law', 'the law gave a current that is not finite')
-            # Not what the port holds at a silence: faulty states may come before it.
+            # The port's last currents may be those of faulty states, which came before a silence.
             self._computed = currents
             inputs.compare_velocities()
         elif verdict == joint_states.AGAIN:

@@ -105,6 +105,11 @@ class Direction:
 
     def _set(self, indices: Sequence[int], values: Sequence[float], time: int,
              ends: Sequence[float] = (), pushes: Sequence[bool] = ()) -> None:
+        """Keep the directions of some joints, unless those known are newer than `time`, ns.
+
+        Of several planners, two contradict each other if a direction changes back within the
+        timeout.
+        """
         # Callers of `at` may still hold the previous arrays.
         self._values, self.ends = self._values.copy(), self.ends.copy()
         self.is_pushed = self.is_pushed.copy()

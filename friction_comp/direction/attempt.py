@@ -98,6 +98,7 @@ class Attempt:
         self._largest, self._moved = abs(strength), False
 
     def _continue(self, time: float, motion: JointMotion, side: int, strength: float) -> None:
+        """End the attempt that is announced if the sensor or the motion says that it is over."""
         own = strength * self.direction
         self._largest = max(self._largest, own)
         if own > _RELEASE * self._largest:

@@ -121,9 +121,10 @@ class OnsetTest:
         self._proportional = proportional
         # Two sides; the level and the scatter follow the signal, so that they have errors, too.
         self.limit = alarm_limit(2.0 * 3600.0 * rest.rate / per_hour)
-        self._variance = self._lately = rest.scatter**2
+        # The scatter at the calibration's level, squared: that of the test, and of the last waves.
+        self._variance = self._recent_variance = rest.scatter**2
         self._last = deque([rest.level] * len(rest.inverse), maxlen=len(rest.inverse))
-        self._inverse, self._own = rest.inverse.tolist(), rest.level
+        self._inverse, self._value = rest.inverse.tolist(), rest.level  # the last independent value
         self._sums = [0.0, 0.0]
         self._waiting: deque[float] = deque()
         self._behind = round(_BEHIND * rest.rate)
@@ -141,8 +142,8 @@ class OnsetTest:
     def add(self, value: float) -> int:
         """Add a sample and return the alarm."""
         self._last.appendleft(value)
-        self._own = sum(map(operator.mul, self._inverse, self._last))
-        z = (self._own - self.level) / self.scatter
+        self._value = sum(map(operator.mul, self._inverse, self._last))
+        z = (self._value - self.level) / self.scatter
         most = _MOST * self.limit
         up, down = self._sums
         up = min(most, max(0.0, up + z - ALLOWANCE))
@@ -157,16 +158,17 @@ class OnsetTest:
         return self.alarm
 
     def follow(self) -> None:
-        """Let level and scatter follow the last sample, at rest, when some more have come."""
-        self._waiting.append(self._own)
+        """Let level and scatter follow a sample at rest, `_BEHIND` after it came."""
+        self._waiting.append(self._value)
         if len(self._waiting) <= self._behind:
             return
         step = 1.0 / self.rest.rate
         deviation = self._waiting.popleft() - self.level
         self.level += deviation * min(1.0, step / _LEVEL_TIME)
-        self._lately += min(1.0, step / _GROWS) * ((deviation / self._gain)**2 - self._lately)
+        self._recent_variance += min(1.0, step / _GROWS) * (
+            (deviation / self._gain)**2 - self._recent_variance)
         shrunk = self._variance * (1.0 - min(1.0, step / _SHRINKS))
-        self._variance = max(self.rest.scatter**2, self._lately, shrunk)
+        self._variance = max(self.rest.scatter**2, self._recent_variance, shrunk)
 
     def settle(self, level: float) -> None:
         """Begin anew at another level of rest."""

@@ -202,11 +202,15 @@ class SensedDirection:
         return excess > _HIGH * test.scatter and float(own.std()) < _STEADY * excess
 
     def _energy(self, index: int) -> tuple[float, float]:
-        """Return by how much a muscle's energy exceeds that at rest of late, and how surely."""
+        """Return a muscle's recent energy above that at rest, and its standard deviation.
+
+        The energy is a power of the sensor's values, in the unit of that power.
+        """
         test, power = self._channels[index].test, 3.0 if self._raw else 2.0
-        made_of = 0 if self._attempt.direction else max(
+        since_alarm = 0 if self._attempt.direction else max(
             channel.test.rising for channel in self._channels)
-        values = [max(row[index], 0.0) for row in list(self._recent)[-max(_AVERAGED, made_of):]]
+        values = [max(row[index], 0.0)
+                  for row in list(self._recent)[-max(_AVERAGED, since_alarm):]]
         energy = sum(value**power for value in values) / len(values)
         mean = sum(values) / len(values)
         # The scatter is that of sums: fewer values than noise remembers have that of one sum.
@@ -214,15 +218,20 @@ class SensedDirection:
                 / math.sqrt(max(len(values), test.rest.memory)))
 
     def _push(self) -> tuple[float, bool]:
-        """Return how much the person pushes, positive in direction +1, and if that is certain."""
+        """Return how much the person pushes, positive in direction +1, and if that is certain.
+
+        The unit is that of a force's values, or the root of a muscle's energy; strengths are only
+        compared with others of the same sensor. 0 is certain of no side.
+        """
         if self.kind == 'force':
             return self._recent[-1][0] - self._channels[0].test.level, True
-        (flexor, of_flexor), (extensor, of_extensor) = self._energy(0), self._energy(1)
-        sign, most, least, doubt = (1.0, flexor, extensor, of_extensor) if (
-            flexor > extensor) else (-1.0, extensor, flexor, of_flexor)
-        if most <= _DOMINANT * max(least, 0.0):
+        flexor, extensor = self._energy(0), self._energy(1)
+        sign, (agonist, _), (antagonist, scatter) = (
+            (1.0, flexor, extensor) if flexor[0] > extensor[0] else (-1.0, extensor, flexor))
+        if agonist <= _DOMINANT * max(antagonist, 0.0):
             return 0.0, False
-        return sign * math.sqrt(most), most > _DOMINANT * (max(least, 0.0) + doubt)
+        return (sign * math.sqrt(agonist),
+                agonist > _DOMINANT * (max(antagonist, 0.0) + scatter))
 
     def _side(self, time: float, alarms: list[int], strength: float) -> int:
         """Return the direction of a push, 0 unless it is certain."""

@@ -118,6 +118,11 @@ def _correct(tested: Sequence[Comparison | Trend]) -> None:
 
 def _compare_movements(figure: str, first: Compensation, second: Compensation,
                        repetitions: list[Repetition]) -> Comparison:
+    """Compare one figure of repetitions, in order of time, under two conditions.
+
+    Least squares with a mean for each day and direction, the difference of the conditions, and a
+    change with every repetition within a day.
+    """
     values = np.array([r.figures[figure] for r in repetitions])
     is_second = np.array([r.compensation == second for r in repetitions])
     kinds = [(r.day, r.movement.sign) for r in repetitions]
@@ -197,7 +202,7 @@ def _scatter(values: np.ndarray, columns: np.ndarray, is_second: np.ndarray
     """
     weights = np.linalg.pinv(columns)
     square = (values - columns @ (weights @ values)) ** 2
-    # What the coefficients take of the freedom, each condition pays by its number.
+    # Each condition loses degrees of freedom to the coefficients in proportion to its repetitions.
     share = 1.0 - columns.shape[1] / len(values)
     least = _LEAST_SCATTER ** 2 * float(square.mean()) + NOTHING
     scatter, parts, freedoms = np.empty(len(values)), [], []
@@ -249,7 +254,7 @@ def _trend(condition: Compensation, repetitions: list[Repetition]) -> Trend:
     figure = next((name for name in COMPARED if any(name in r.figures for r in repetitions)),
                   'smoothness')
     known = [r for r in repetitions if figure in r.figures]
-    # What one direction of movement takes more than the other is no trend.
+    # Without the difference between the two directions of movement, which is no trend.
     usual = {sign: float(np.mean([r.figures[figure] for r in known if r.movement.sign == sign]))
              for sign in {r.movement.sign for r in known}}
     middle = sum(usual.values()) / max(len(usual), 1)

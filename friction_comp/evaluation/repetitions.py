@@ -200,7 +200,7 @@ def torque_figures(time: np.ndarray, load: np.ndarray, movement: Movement, onset
     counts = (time >= first - _ROUNDING) & (time <= last + _ROUNDING)
     torque = np.where(time >= start, np.abs(load), np.maximum(movement.sign * load, 0.0))
     figures = {}
-    # Of a torque that is not wholly known the peak may be missing.
+    # Where the torque is not known throughout, its peak may be missing.
     if counts.any() and np.isfinite(load[counts]).all():
         peak = int(np.argmax(np.where(counts, torque, -1.0)))
         figures = {'peak_torque': float(torque[peak]),

@@ -121,7 +121,7 @@ def _measure_piece(piece: Piece, model: str | Path | None, seconds: float) -> Me
         notes.extend(text for note in info.notes if (text := f'{path}: {note}') not in notes)
         at_end = not len(part)
         if not at_end:
-            # Of one recording, without signals that only one of the stretches has.
+            # `concatenate` keeps the signals that all have, and numbers them as several recordings.
             buffer = part if buffer is None else Samples.concatenate([buffer, part])
             buffer = buffer.with_(recording=0 * buffer.recording)
         if buffer is None or len(buffer) < 2 or not (
@@ -129,7 +129,7 @@ def _measure_piece(piece: Piece, model: str | Path | None, seconds: float) -> Me
             continue
         # The last stretch is evaluated again with the next: movements are compared with neighbours.
         end = buffer.time[-1] - (0.0 if at_end else seconds)
-        # What begins where the last movement was cut off is its slow end.
+        # A movement that begins before the cut is the slow end of the last one.
         found = [r for r in repetitions_of(buffer, str(path), info, friction, notes, at_end)
                  if r.movement.begin > cut]
         finished = [r for r in found if at_end or r.movement.end < end]

@@ -26,8 +26,9 @@ from friction_comp.parallel import one_thread
 from friction_comp.samples import Samples
 from friction_comp.trajectory import Trajectory
 
-# Slowest speed (share of the limit), exponent of speeds, longest move, rest (s), exponent of
-# positions.
+# Range of each parameter of a shape: slowest speed as a share of the fastest; exponent of the
+# speeds, above 1 for more fast moves; longest move, s; longest rest, s; exponent of the positions,
+# below 1 for more targets near the ends of the range.
 SHAPE = ((0.01, 0.5), (0.3, 4.0), (1.0, 15.0), (0.05, 3.0), (0.05, 1.2))
 # Share of the limits that is used: controllers interpolate and overshoot.
 MARGIN = 0.95
@@ -134,7 +135,8 @@ def moves_of_shape(shape: Sequence[float] | np.ndarray, limits: JointLimits, sec
                    points: np.ndarray) -> tuple[float, list[Move]]:
     """Return the position at the begin and end of a plan, rad, and its moves.
 
-    `points`, (K, 3) in the unit cube, are target, speed and rest of each; `shape` as `SHAPE`.
+    `shape` has a value of each parameter of `SHAPE`. The rows of `points`, (K, 3), are the target,
+    speed and rest of each move as numbers from 0 to 1; the first gives only the rest at the begin.
     """
     slowest, speed_exponent, longest_move, longest_rest, position_exponent = shape
     top, acceleration = MARGIN * limits.velocity, MARGIN * limits.acceleration

@@ -115,7 +115,7 @@ def terms_of(name: str, coverage: Coverage) -> list[Term]:
     if not grid:
         raise InputError(f'effect {name!r} cannot be seen in {coverage.duration:g} s within these '
                          'limits')
-    # As of a carried mass, whose load on the teeth is largest where the limb is level.
+    # Assume a mass whose load on the teeth is largest where the limb is level.
     shares = [{'cosine': 1.0}] if kind.uses_inner_load else []
     chosen = dict.fromkeys(np.linspace(0, len(grid) - 1, _CONSTANTS).astype(int).tolist())
     return [Term(kind, kind.with_loads(grid[row], shares)) for row in chosen]

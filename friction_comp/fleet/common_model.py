@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+import math
 
 import numpy as np
 
@@ -131,7 +132,7 @@ class CommonModel:
         effects, first = [], EQ6_LINEAR
         for term in self.terms:
             values = [float(value) for value in coefficients[first:first + _size(term)]]
-            # It is no more extrapolated than in that model.
+            # The effect is valid over the same ranges as in that model.
             ranges = next((effect.valid_range for effect in like.effects if term.same_effect(
                 Term(type(effect), dict(effect.values)), _SPAN)), None)
             effects.append(term.kind({**term.constants, 'coefficients': values}, ranges))
@@ -157,17 +158,19 @@ def _shared(candidates: Sequence[Sequence[Term]], fewest: float) -> list[Term]:
     """Return the terms that at least `fewest` of the models have, the most frequent first."""
     remaining = [list(terms) for terms in candidates]
     shared: list[Term] = []
-    while True:
-        every = [term for terms in remaining for term in terms]
-        counts = [(sum(any(term.same_effect(other, _SPAN) for other in terms)
-                       for terms in remaining), -index, term)
-                  for index, term in enumerate(every[::-(-len(every) // _MOST_TRIED) or 1])]
-        most, _, middle = max(counts, default=(0, 0, None), key=lambda entry: entry[:2])
-        if middle is None or most < max(fewest, 1):
-            return shared
-        shared.append(_median_term([other for other in every if middle.same_effect(other, _SPAN)]))
-        remaining = [[other for other in terms if not middle.same_effect(other, _SPAN)]
+
+    def models_with(term: Term) -> int:
+        return sum(any(term.same_effect(other, _SPAN) for other in terms) for terms in remaining)
+    while every := [term for terms in remaining for term in terms]:
+        tried = every[::math.ceil(len(every) / _MOST_TRIED)]
+        frequent = max(tried, key=models_with)
+        if models_with(frequent) < fewest:
+            break
+        shared.append(_median_term(
+            [other for other in every if frequent.same_effect(other, _SPAN)]))
+        remaining = [[other for other in terms if not frequent.same_effect(other, _SPAN)]
                      for terms in remaining]
+    return shared
 
 
 def _median_term(terms: Sequence[Term]) -> Term:

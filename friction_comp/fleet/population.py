@@ -171,7 +171,7 @@ def _estimate(common: CommonModel, sums: BlockSums) -> _Estimate:
     left_out = sums.fits(with_derivatives, 1.0 - np.eye(count))
     deviations = (left_out - left_out.mean(axis=0))[:, chosen]
     covariance = (count - 1) / count * deviations.T @ deviations
-    # Of the fit to all: one block may hold the only slow motion, which others cannot predict.
+    # Errors of the fit to all blocks: one block may hold the only slow motion.
     squares = sums.errors_of_fit(with_derivatives) / np.maximum(sums.rows, 1)
     mean = float(np.average(squares, weights=sums.rows))
     spread = float(np.std(squares, ddof=1)) / math.sqrt(count) / max(mean, 1e-300)
@@ -199,7 +199,7 @@ def population_of(recordings: Sequence[tuple[str, BlockSums]], common: CommonMod
     fits = [_estimate(common, sums) for _, sums in recordings]
     compared = [*((one, *_values(fits, common, one.columns)) for one in common.compared()),
                 (Compared(ERROR, 'A', (), True), *_rms_values(fits))]
-    # What no recording shows, such as an offset in motion to one side, cannot differ.
+    # Leave out what no recording shows, such as an offset in motion to one side.
     compared = [entry for entry in compared if entry[2].all()]
     parameters = [_parameter(one, unit, values, errors, units_of, fits[0].freedom,
                              tests * len(compared)) for one, values, errors in compared]

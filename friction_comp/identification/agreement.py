@@ -33,12 +33,12 @@ MAX_SCATTER = 0.15
 _DRIFT, _CURRENTS, _POSITION = 0.03, 0.04, 0.05
 # The same, if a single cycle shows it: noise is part of it.
 _UNEVEN = 0.1
-# Share of friction that may accelerate a joint of unknown inertia without a word.
+# Share of friction that may accelerate a joint of unknown inertia without a warning.
 _UNSETTLED = 0.03
-# A lag between current and position that is worth a word, s.
+# A lag between current and position from which on a warning is given, s.
 _LAG = 0.005
 # Share by which inertias at different speeds may differ, and that inertia may leave unexplained,
-# without a word: rigid joints with fine encoders stay below 0.01.
+# without a warning: rigid joints with fine encoders stay below 0.01.
 _SWINGS = 0.05
 # Share of the lowest speed that an encoder must tell from rest.
 _UNSEEN = 0.1
@@ -121,10 +121,10 @@ class Cycle:
 
 
 def levelled(cycles: Sequence[Cycle], slopes: Sequence[float]) -> list[Cycle]:
-    """Return cycles whose points are those of the middle of the range.
+    """Return cycles with the currents of the points as in the middle of the range.
 
-    `slopes` over position, A/rad, are those of `position_slopes`. Samples lose what both directions
-    have in common, a load.
+    `slopes` over position, A/rad, are those of `position_slopes`. What both directions have in
+    common is a load, which is subtracted from the samples, too.
     """
     result = []
     for cycle in cycles:

@@ -349,17 +349,20 @@ def _backlash_message(backlash: float, records: BreakawayRecords) -> str:
 
 
 def _hardly_crept(ramps: Sequence[Ramp], measured: Sequence[Crossed]) -> list[Crossed]:
-    """Return the displacements with few pauses before them, during which a joint may creep.
+    """Return the displacements of the ramps with few pauses, during which a joint may creep.
 
-    Of the ramps after slides in either direction, those are left with at most the median number.
+    Pauses count until the joint has moved as far as the displacement. Of the ramps onward from a
+    slide, and of those back from one, half are kept: those with at most the median number.
     """
-    pauses = np.array([
-        np.sum(ramp.direction * (np.interp(ramp.pauses, *ramp.samples.T[:2])
-                                 - ramp.samples[0, 1]) < one.way)
-        for ramp, one in zip(ramps, measured)])
-    onward = np.array([one.onward for one in measured])
-    return [one for one, count in zip(measured, pauses)
-            if count <= np.median(pauses[onward == one.onward])]
+    pauses = []
+    for ramp, one in zip(ramps, measured):
+        time, position, _ = ramp.samples.T
+        moved = ramp.direction * (np.interp(ramp.pauses, time, position) - position[0])
+        pauses.append(np.sum(moved < one.way))
+    most = {onward: np.median([count for one, count in zip(measured, pauses)
+                               if one.onward == onward])
+            for onward in {one.onward for one in measured}}
+    return [one for one, count in zip(measured, pauses) if count <= most[one.onward]]
 
 
 def _presliding(ramps: Sequence[Ramp], peaks: Sequence[RampFriction],

@@ -148,6 +148,7 @@ class Supervision:
             f'{answer.gain:.2g} ± {answer.error:.2g}: effort is too noisy, or not measured')
 
     def _refuse_gain(self, answer: Answer) -> None:
+        """Raise IdentificationError if the measured current is not the commanded one."""
         gain, error = answer.gain, _ERRORS * answer.error
         if 1.0 / _FACTOR - error <= gain <= _FACTOR + error:
             return
@@ -237,6 +238,11 @@ class Supervision:
     def _expect_motion(self, step: float, time: float, position: float,
                        currents: tuple[float, float], friction: Sequence[float],
                        acceleration: float) -> None:
+        """Raise IdentificationError if the joint does not move as Newton's law says.
+
+        Expected is the motion by the commanded or measured `currents`, A, beyond `friction`, A, in
+        either direction; `acceleration` is in rad/s² per A.
+        """
         self._window.append((time, position))
         command, measured = currents
         sign = math.copysign(1.0, command)

@@ -142,7 +142,7 @@ def time_in_recording(samples: Samples) -> np.ndarray:
 
 
 def advance(samples: Samples, lag: float) -> Samples:
-    """Return samples whose motion, load and temperature are those of the time t + lag, s."""
+    """Return samples with motion, load and temperature of the time t + lag, s."""
     if not lag:
         return samples
     names = [name for name in _MOTION if getattr(samples, name) is not None]
@@ -251,7 +251,7 @@ def _times_of(stamps: np.ndarray, position: np.ndarray) -> np.ndarray:
     from_middle = place - (np.bincount(run, place) / count)[run]
     begin = stamps[np.searchsorted(run, run)]
     middle = begin + (np.bincount(run, stamps - begin) / count)[run]
-    # Of a single stamp the spread is 0, of two one half.
+    # The lower limit is the spread of two stamps; a single one has 0.
     spread = np.maximum(np.bincount(run, from_middle ** 2), 0.5)
     slope = np.bincount(run, from_middle * (stamps - middle)) / spread
     even = middle + slope[run] * from_middle

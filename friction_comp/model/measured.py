@@ -78,8 +78,8 @@ _SIZES = {'speed': ('velocity', 'rad/s'), 'acceleration': ('acceleration', 'rad/
 _UNITS = {'position': 'rad', 'load': 'N·m', 'temperature': '°C', 'rigid_body': 'N·m'}
 _WORDS = {'rigid_body': "torque of the arm's links"}
 _OF_OTHER = 'position of '
-# Change of a signal that is too small to matter: of a temperature, as of one that hardly varied,
-# and of another joint's position, whose sine is the weight's.
+# Change of a signal that is too small to matter: °C as for one that hardly varied, and rad of
+# another joint, with whose sine the weight varies.
 _NO_CHANGE = {'temperature': 2.0, _OF_OTHER: 0.1}
 
 

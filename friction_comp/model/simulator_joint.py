@@ -82,7 +82,7 @@ class SimulatorJoint:
 
 
 def cautions_of(models: Iterable[FrictionModel]) -> list[str]:
-    """Return what refinement said against models, and what it took for granted."""
+    """Return the reasons of the verdicts on models, and the assumptions, that refinement stored."""
     lines: dict[str, None] = {}
     for model in models:
         lines |= dict.fromkeys(f'Verdict of refine: {model.notes.get("verdict")}. {reason}'
@@ -219,8 +219,7 @@ def loss_of(model: FrictionModel, joint: SimulatorJoint | FrictionTable, form: s
     kept = [effect for effect in model.effects if effect.name not in LINKS
             and (has_inertia or effect.name != 'inertia')]
     if recorded is None:
-        motion, late = Sliding.of(model).samples()
-        slides = late
+        motion, slides = Sliding.of(model).samples()
         # Sweeps have no load, temperature or time.
         kept = [effect for effect in kept if effect.holds_on_another_day
                 and set(effect.needs) <= {'acceleration'}]

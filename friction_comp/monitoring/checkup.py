@@ -201,7 +201,7 @@ def _commands(seen: Observation) -> Iterator[Finding]:
     yield Finding(OK, 'current_command', f'{names} to {_names(topic.subscribers)}: '
                   f'{len(seen.commands) / seen.seconds:.4g} Hz, '
                   f'up to {largest:.3g} {seen.command_unit}')
-    # Of several drivers, a round of states has one command.
+    # If several drivers publish states, one command answers a state of each.
     states = 0 if seen.states is None else int(seen.states.named.sum(axis=0).max(initial=0))
     if len(seen.commands) < 0.5 * states and 'compensator' in names:
         yield Finding(WARNING, 'current_command', f'{len(seen.commands)} commands for {states} '
@@ -301,6 +301,7 @@ def check_joint(seen: Observation, joint: str, model: FrictionModel) -> list[Fin
 
 def _check_current(seen: Observation, states: StatesSeen, joint: str, model: FrictionModel
                    ) -> list[Finding]:
+    """Compare measured and commanded current; the commands are in the order of a node's joints."""
     order: list[str] = next((values['joints'] for values in seen.parameters.values()
                   if joint in (values.get('joints') or ()) and 'model_files' in values), [])
     if not order or seen.commands.shape[-1:] != (len(order),):

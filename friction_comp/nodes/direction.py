@@ -196,7 +196,7 @@ class DirectionNode(Node):
         """Calibrate all sensors at rest; who asks again meanwhile gets the same answer."""
         if not self._calibrating:
             self._calibrating = True
-            # What everybody gets who waits, should it raise an error.
+            # The answer to all who wait if the calibration raises an error.
             self._failures = ['the calibration was broken off by an error']
             try:
                 self._failures = await self._calibrate()

@@ -252,6 +252,6 @@ class ExerciseNode(Node):
             self._set_direction([0] * len(self._joints), [])
             self._announce()
         for publisher in (self._directions, self._announcements, self._references):
-            # What was lost cannot be repeated once this node is gone.
+            # Lost messages are sent again only while the node exists.
             if self.context.ok():
                 publisher.wait_for_all_acked(Duration(seconds=_ACKNOWLEDGEMENT_TIME))

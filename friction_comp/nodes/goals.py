@@ -53,8 +53,8 @@ class RunningGoal:
     started: int | None = None
     # Real time, s.
     last_feedback: float = -math.inf
-    # Whether a client has waited for the result, whether joint states are silent, and whether that
-    # was so at the last check: until then, a state that waited to be read tells why.
+    # Whether a client has waited for the result, whether joint states are silent, and whether they
+    # were at the last check: in between, a state that waited to be read may say why.
     had_client: bool = False
     silent: bool = False
     was_silent: bool = False

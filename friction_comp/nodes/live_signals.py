@@ -92,10 +92,11 @@ class LiveSignals:
         return [self._rows(joint) for joint in self._gains]
 
     def _rows(self, joint: str) -> np.ndarray:
-        """Return time, position, velocity, current, load and temperature of complete states."""
+        """Return and forget the rows (see `LiveResidual`) of the states whose load is known."""
         states, load, temperature = (self._signals[topic, joint] for topic in _WIDTHS)
-        newest = max(load.stamps[-1], self._last - _PATIENCE) if len(load.stamps) else self._last
-        count = int(np.searchsorted(states.stamps, newest, 'right'))
+        # A joint without a load sensor waits for none.
+        until = max(load.stamps[-1], self._last - _PATIENCE) if len(load.stamps) else self._last
+        count = int(np.searchsorted(states.stamps, until, 'right'))
         stamps = states.stamps[:count]
         rows = np.column_stack((
             1e-9 * stamps, states.values[:count, :2], states.values[:count, 2] / self._gains[joint],

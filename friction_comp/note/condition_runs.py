@@ -46,14 +46,13 @@ def varied_reference(movement: ReferenceMovement, time: np.ndarray, repetitions:
     return tuple(np.array(row, dtype=float) for row in rows), factors
 
 
-def run_trial(experiment: Experiment, model: FrictionModel, name: str, seed: int,
-              repetitions: int = REPETITIONS) -> Evaluation:
+def run_trial(experiment: Experiment, model: FrictionModel, name: str, seed: int) -> Evaluation:
     """Run and evaluate the condition `name`; a seed is the same person and joint in each."""
     movement = experiment.movement(compensated=name in ('paper', 'continuous'))
     count = round((movement.begins(1) + movement.movement_time + 1.0) / SAMPLE_TIME)
     time = np.arange(count) * SAMPLE_TIME
-    reference, factors = varied_reference(movement, time, repetitions, seed)
-    parameters = np.tile(joint_parameters(experiment.model()), repetitions)
+    reference, factors = varied_reference(movement, time, REPETITIONS, seed)
+    parameters = np.tile(joint_parameters(experiment.model()), REPETITIONS)
     parameters['human_stiffness'] *= factors
     parameters['human_damping'] *= np.sqrt(factors)
     if name == 'inertia':
@@ -62,8 +61,8 @@ def run_trial(experiment: Experiment, model: FrictionModel, name: str, seed: int
             parameters[field] *= 1e-6
     law = law_parameters(model, 'none' if name == 'inertia' else name)
     log, _, _ = closed_loops(
-        parameters, random_states((seed, 1), repetitions), np.tile(law, repetitions),
-        reference, np.arange(repetitions), sample_time=SAMPLE_TIME)
+        parameters, random_states((seed, 1), REPETITIONS), np.tile(law, REPETITIONS),
+        reference, np.arange(REPETITIONS), sample_time=SAMPLE_TIME)
     shown = movement.at(time)
     recordings = [
         Samples(
@@ -71,8 +70,8 @@ def run_trial(experiment: Experiment, model: FrictionModel, name: str, seed: int
             current=log['current'][r], load=log['interaction_torque'][r],
             direction=shown[2].astype(float), reference_position=shown[0],
             reference_velocity=shown[1], joint=f'armin_{experiment.number}')
-        for r in range(repetitions)]
-    return evaluate(recordings, [f'repetition {r + 1}' for r in range(repetitions)])
+        for r in range(REPETITIONS)]
+    return evaluate(recordings, [f'repetition {r + 1}' for r in range(REPETITIONS)])
 
 
 def mean_peak(evaluation: Evaluation) -> float:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from friction_comp.recordings import RecordingInfo
     from friction_comp.samples import Samples
 
-# Length of the running median that tells a lasting current from a wrong sample, s.
+# Length of the running median that removes single wrong samples of the current, s.
 _LASTING = 0.05
 
 
@@ -39,9 +39,9 @@ class Given:
 
 
 def drive_of(given: Given, model: FrictionModel | None) -> Drive:
-    """Return the drive: that of the model with the constants given, else that of the constants.
+    """Return the model's drive, in which given constants replace its own, or a drive of these.
 
-    Without any, current is what the recordings contain as effort.
+    Without a model and constants, the effort of the recordings is taken as current.
     """
     constants: dict[str, Any] = {name: value for name, value in (
         ('torque_constant', given.torque_constant), ('gear_ratio', given.gear_ratio))

@@ -159,9 +159,9 @@ def _opened(path: Path, file: IO[bytes]) -> Any:
 
 
 def _encoding(path: Path) -> str:
-    """Return the encoding of a file: what is not UTF-8 is that of spreadsheets on Windows.
+    """Return the encoding of a file: UTF-16, UTF-8 or, as spreadsheets on Windows write, cp1252.
 
-    A wrong one would lose the marks of units: ° and µ.
+    With a wrong one, the ° and µ of units would be lost.
     """
     with path.open('rb') as file:
         first = _opened(path, file).read(_FIRST_BYTES)

@@ -18,6 +18,7 @@ import numpy as np
 from friction_comp.errors import InputError
 from friction_comp.files import library_for
 from friction_comp.recordings.row_groups import EPISODE, is_episode
+from friction_comp.recordings.storage import natural_key
 from friction_comp.recordings.table_base import Columns, Table
 
 # More than this are the points of a picture, no joints.
@@ -77,7 +78,7 @@ class Hdf5(Table):
 
     def _add(self, name: str, item: Any) -> None:
         """Add the columns of one of the file's items, if it is a dataset that has some."""
-        # What MATLAB calls #refs# is no signal.
+        # The items of MATLAB's #refs# are no signals.
         if getattr(item, 'dtype', None) is None or item.dtype.kind not in 'biuf' or (
                 item.ndim > 2 or not item.size or '#' in name):
             return
@@ -95,7 +96,7 @@ class Hdf5(Table):
 
     def blocks(self, wanted: Sequence[str], rows: int) -> Iterator[tuple[Columns, float]]:
         waiting: list[Columns] = []
-        for number, episode in enumerate(sorted(self._episodes, key=_natural)):
+        for number, episode in enumerate(sorted(self._episodes, key=natural_key)):
             size = self._rows(self._episodes[episode], wanted)
             for first in range(0, size, rows):
                 last = min(first + rows, size)
@@ -111,7 +112,7 @@ class Hdf5(Table):
                 for name in parts[0]}
 
     def _rows(self, places: dict[str, _Place], wanted: Sequence[str]) -> int:
-        # Of its own, the number of an episode has no length.
+        # If only the episode's number is wanted, the other columns tell how many rows it has.
         sizes = self.sizes(wanted if {*wanted} & {*places} else self.names, places)
         return one_length({name: size for name, size in sizes.items() if size > 1},
                           self.path) or max(sizes.values(), default=0)
@@ -123,15 +124,16 @@ class Hdf5(Table):
         return {name: max(self._file[places[name][0]].shape, default=1)
                 for name in names if name in places}
 
-    def _values(self, number: int, places: dict[str, _Place], wanted: Sequence[str], first: int,
-                last: int) -> dict[str, np.ndarray]:
+    def _values(self, episode: int, places: dict[str, _Place], wanted: Sequence[str], first: int,
+                last: int) -> Columns:
+        """Return some rows of an episode's columns; one without a place is the episode's number."""
         read: dict[str, np.ndarray] = {}
         values = {}
         for name in wanted:
-            source, column = places.get(name, ('', None))
-            if source and source not in read:
-                read[source] = _slice(self._file[source], first, last)
-            part = read[source] if source else np.array([number])
+            dataset, column = places.get(name, ('', None))
+            if dataset and dataset not in read:
+                read[dataset] = _slice(self._file[dataset], first, last)
+            part = read[dataset] if dataset else np.array([episode])
             part = part if column is None else part[:, column]
             values[name] = np.broadcast_to(part, last - first) if part.size == 1 else part
         return values
@@ -144,7 +146,3 @@ def _slice(dataset: Any, first: int, last: int) -> np.ndarray:
     along = int(np.argmax(dataset.shape))
     part = dataset[first:last] if along == 0 else dataset[:, first:last].T
     return np.asarray(part.reshape(-1) if 1 in dataset.shape else part)
-
-
-def _natural(name: str) -> list[str | int]:
-    return [int(part) if part.isdigit() else part for part in re.split(r'(\d+)', name)]

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from friction_comp.controller_effort import gear_effort, load_behind_gear
+from friction_comp.controller_effort import without_link_torque
 from friction_comp.errors import InputError
 from friction_comp.recordings import row_times, time_base
 from friction_comp.recordings.activity import Activity
@@ -100,7 +100,9 @@ def to_samples(scan: Scan, joint: str | None,
                                     info.notes)
     stamp = shifts.apply(stamp, track.order)
     position, velocity, effort = values.T[:3]
-    effort, load = _beside_link_torque(scan, effort, values[:, 3:], info)
+    effort, load = without_link_torque(
+        effort, values[:, 3] if values.shape[1] > 3 else None,
+        not (scan.effort_is_current or scan.effort_unit), info.notes)
     for name, signal in (('position', position), ('effort', effort)):
         if not np.isfinite(signal).any():
             raise InputError(f'{scan.path}: {track.topic} contains no finite {name} of joint '
@@ -159,22 +161,6 @@ def to_samples(scan: Scan, joint: str | None,
         samples = samples.with_(load=load[order])
     check_plausible(samples, str(scan.path), alone=not _others_moved(scan, own))
     return samples if measured else samples.with_(velocity=None), info
-
-
-def _beside_link_torque(scan: Scan, effort: np.ndarray, behind: np.ndarray, info: RecordingInfo
-                        ) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return the effort without the torque behind the gear, if it is one, and the load, else None.
-
-    `behind` has shape (N, 1), or (N, 0) where there is no such torque.
-    """
-    if not behind.size:
-        return effort, None
-    if scan.effort_is_current or scan.effort_unit:
-        load, note = load_behind_gear(effort, behind[:, 0])
-    else:
-        load, (effort, note) = None, gear_effort(effort, behind[:, 0])
-    info.notes.append(note)
-    return effort, load
 
 
 def _dated(track: Track, values: np.ndarray, info: RecordingInfo
@@ -291,6 +277,10 @@ def _moved(scan: Scan) -> Iterator[tuple[str, np.ndarray]]:
 
 
 def _select_joint(scan: Scan, joint: str | None) -> tuple[Track, str, list[str], np.ndarray]:
+    """Return the joint's track, its name, the track's joints in order, and the joint's values.
+
+    The only joint by default; raises InputError with the choices if it is not clear.
+    """
     tracks = scan.of('joint_states')
     topic, name = in_topic(joint)
     if topic and topic not in scan.topics:

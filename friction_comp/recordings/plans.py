@@ -43,9 +43,9 @@ def read_plan(path: Path, layout: Layout | None = None) -> dict[str, Samples] | 
         assign(table.names, layout, str(path))
         return None
     plans = []
-    # Of its positions, or of its targets if it has none.
+    # A plan of the table's positions, or of its targets if it has none.
     for of_targets in (False, True):
-        # Whatever else is wrong is told by whoever reads a recording.
+        # Other faults are reported when the table is read as a recording.
         with suppress(InputError):
             plans.append(assign([*table.names, _EFFORT], layout, str(path), of_targets))
     if not plans:

@@ -17,8 +17,8 @@ import numpy as np
 from friction_comp.column_names import read_name
 from friction_comp.recordings.table_base import Labels, Table
 
-# Words of a column that says whose row it is; those that may say something else are not believed
-# alone.
+# Words of a column that names the joint of each row. Those of `_ANY` may mean something else, so
+# that the values have to change like joints.
 _JOINT = {'joint', 'motor', 'actuator', 'servo', 'axis', 'drive'}
 _ANY = {'name', 'id', 'node', 'device', 'can', 'leg', 'limb', 'side', 'finger'}
 _NUMBER = {'no', 'nr', 'num', 'number', 'index', 'idx'}
@@ -29,8 +29,8 @@ EPISODE = 'episode'
 _FEWEST, _APART = 10, 1.0
 # The most joints of a robot.
 _MOST = 64
-# Fewest rows with the time of the row before, and most with the time and the text of another, as
-# shares of all rows, where a text tells rows of one time apart.
+# A text names the joint of a row if at least this share of rows have the time of the row before,
+# and at most that share have the time and the text of another row.
 _SHARED, _ALIKE = 0.4, 0.02
 _NUMERAL = r'[-+.\de]+'
 
@@ -76,6 +76,7 @@ def _tells_apart(labels: Labels, codes: np.ndarray, time: np.ndarray) -> bool:
 
 def _is_of_joints(says_joint: bool, labels: Labels, codes: np.ndarray,
                   time: np.ndarray | None = None) -> bool:
+    """Return whether values name joints: few texts, or changes in most rows or with new times."""
     count = len(labels.names)
     if not 0 < count <= min(_MOST, max(len(codes) // 2, 1)):
         return False
@@ -96,9 +97,9 @@ def is_episode(name: str) -> bool:
 
 
 def column_of_episodes(table: Table, used: list[str]) -> str | None:
-    """Return the column that says which episode each row is of, and label it; None without one.
+    """Return the column with the episode of each row, and label it; None without one.
 
-    `used` are the columns of signals. A column that changes at every few rows says something else.
+    `used` are the columns of signals. Episodes do not change at every few rows.
     """
     def holds(_: Labels, numbers: np.ndarray) -> bool:
         return bool(np.count_nonzero(np.diff(numbers)) * _FEWEST < len(numbers))

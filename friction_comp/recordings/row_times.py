@@ -164,7 +164,7 @@ def _bends_of_lines(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, f
     if apart < 2.0 or apart * step > _SLOWEST or (
             coarse and np.mean(between % round(apart) == 0) < 1.0 - _ODD):
         return none
-    # Of two rows, that which is nearer to the value between them bends more.
+    # A value between two rows bends the nearer one more.
     later = np.append(np.abs(bend[1:]) > np.abs(bend[:-1]), False) & np.append(after, False)
     return first + 1 + later[first], apart
 

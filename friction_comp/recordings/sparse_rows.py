@@ -22,10 +22,10 @@ def gathered(columns: Mapping[str, np.ndarray], time: np.ndarray,
              ) -> tuple[dict[str, np.ndarray], np.ndarray, str]:
     """Return columns, each of shape (T,), and times, s, of the rows that hold the rarest signal.
 
-    Signals that these rows lack are interpolated. Where rows hold the effort and the position of
-    each of the `pairs` together, all are returned as they are. The third item is the rarest column,
-    '' then. Of an effort, whose noise counts, and a position that is as rare, it is the effort.
-    `turns` are those of angles, in the unit of each column; they may wrap around, and still do.
+    Signals that these rows lack are interpolated. If effort and position of each of the `pairs` are
+    mostly in the same rows, all are returned as they are. The third item is the rarest column, ''
+    in that case. An effort comes before a position that is as rare, since its noise counts. `turns`
+    holds the length of a turn of angles in the unit of the column; they stay wrapped around.
     """
     known = {name: np.isfinite(columns[name]) & np.isfinite(time)
              for pair in pairs for name in pair}
@@ -50,6 +50,6 @@ def _at(values: np.ndarray, time: np.ndarray, at: np.ndarray, turn: float) -> np
     found = np.where(beyond, np.nan, at_times(at, own, given, turn=turn))
     if not turn:
         return found
-    # As in other tables, which wrap around: a table is read in batches, each with turns of its own.
+    # Wrapped around as in the file: the batches in which it is read are unwrapped together, later.
     low = float(given.min())
     return np.where((found < low) | (found > given.max()), low + np.mod(found - low, turn), found)

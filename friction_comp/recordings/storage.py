@@ -91,7 +91,8 @@ class Storage:
 
     def _list_files(self) -> list[Path]:
         """Return the files listed in the metadata, or else those in the folder."""
-        files = sorted((path for path in self.path.iterdir() if is_storage(path)), key=_natural_key)
+        files = sorted((path for path in self.path.iterdir() if is_storage(path)),
+                       key=lambda path: natural_key(path.name))
         if not (self.path / METADATA).is_file():
             self.notes.append(f'{METADATA} is missing: files are read in the order of their names')
             return files
@@ -151,8 +152,9 @@ def unpack(payload: bytes) -> bytes:
     return payload
 
 
-def _natural_key(path: Path) -> list[str | int]:
-    return [int(part) if part.isdigit() else part for part in re.split(r'(\d+)', path.name)]
+def natural_key(name: str) -> list[str | int]:
+    """Return a key that sorts names by their numbers, 2 before 10."""
+    return [int(part) if part.isdigit() else part for part in re.split(r'(\d+)', name)]
 
 
 def _open(file: Path, folder: Path) -> MessageFile:

@@ -37,7 +37,7 @@ def open_table(path: Path) -> Table:
     """Return the reader of a table; raises InputError if it is none."""
     parts = parts_of(path)
     if parts:
-        return Arrays(path, _joined(path, parts))
+        return Arrays(path, _joined(parts))
     name = path.name.lower()
     if name.endswith('.parquet'):
         return Parquet(path)
@@ -50,9 +50,9 @@ def open_table(path: Path) -> Table:
 
 
 def of_one_clock(table: Table, layout: Layout, where: str) -> list[str]:
-    """Return a table's columns without those of other lengths than what the user named.
+    """Return a table's columns that are as long as those the user named, which share a clock.
 
-    A log may hold signals of several clocks: those of another are none of the named one's.
+    A log may hold signals of several clocks.
     """
     named = [column_called(name, table.names, where) for name in layout.columns.values()]
     if not named or not isinstance(table, (Arrays, Hdf5)):
@@ -109,7 +109,8 @@ def _one_signal(path: Path) -> bool:
     return len(signals - {''}) <= 1 or len(signals - {'', 'time'}) <= 1
 
 
-def _joined(path: Path, parts: Sequence[Path]) -> Columns:
+def _joined(parts: Sequence[Path]) -> Columns:
+    """Return the columns of tables of one signal each, at the times of one of them."""
     names = _names(parts)
     tables: list[Columns] = []
     for part in parts:
@@ -125,7 +126,7 @@ def _joined(path: Path, parts: Sequence[Path]) -> Columns:
     times = min(sizes)
     if len(sizes) != 2 or max(sizes) % times:
         return columns
-    # Vectors that were written a number a line, beside one time for each.
+    # Each vector was written with one number a line, its time only once.
     return dict(chain.from_iterable(
         [(name, values)] if len(values) == times else
         [(f'{name}_{k + 1}', values[k::len(values) // times])

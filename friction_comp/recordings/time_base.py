@@ -69,7 +69,7 @@ def message_times(track: Track, notes: list[str]) -> np.ndarray:
         return stamp
     filled = np.nonzero(~empty)[0]
     if filled[0] > 0 and not empty[filled[0]:].any() and stamp[filled[0]] < _LARGEST_AFTER_ZERO:
-        return stamp
+        return stamp    # simulated time, which begins at zero
     # Stamps may be of another clock, to which the receive times are converted.
     notes.append(f'{np.count_nonzero(empty)} stamps are zero: receive times are used for them')
     offset = stamp[filled] - receive[filled]
@@ -257,7 +257,7 @@ def other_signals(scan: Scan, joint: str, joints: list[str], base: TimeBase,
         track, values = track_and_values
         for column, name in zip(values.T, names):
             if np.isfinite(column).any() or len(names) == 1:
-                # A person's torque may have been anything meanwhile.
+                # Across a hole, nothing is known of the torque of a person.
                 signals[name] = base.interpolate(
                     track, column, HOLE if name == 'load' else np.inf,
                     2.0 * np.pi if name == 'reference_position' else 0.0)

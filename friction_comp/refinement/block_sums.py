@@ -92,7 +92,7 @@ class BlockSums:
                 continue
             whole = self.fit(columns) if whole is None else whole
             held = np.where(np.isin(np.arange(len(norms)), free), 0.0, whole)
-            # What the others have to explain beside what stays.
+            # The current that remains for the free coefficients beside the held ones.
             rest = sums[k].copy()
             rest[-1, :-1] -= sums[k, :-1, :-1] @ held
             both = np.append(free, -1)

@@ -165,7 +165,7 @@ def friction_shows(fit: Fit) -> bool:
 
 
 def findings_on_model(fit: Fit, raw: Samples) -> Iterator[Finding]:
-    """Yield what no drive does, though the fit says so, and what a person may have done."""
+    """Yield findings on a fit that no drive can have, and on a person who may have helped."""
     if not friction_shows(fit):
         yield finding('no_friction')
     if (helped := helped_person(raw, any(

@@ -14,7 +14,7 @@ from friction_comp.refinement import thresholds
 
 # Number of lags that are tried on each side, from half a sample to the longest.
 _LAGS = 9
-# Of changes of a known lag.
+# The same, of changes of a lag that is known.
 _CHANGES = 3
 ENOUGH = 0.5 * (1.0 - thresholds.LAG_ERROR)
 """Share of the squared error that a lag has to remove before it is tried with a whole search."""

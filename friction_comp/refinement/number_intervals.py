@@ -39,22 +39,8 @@ def recorded_of(fit: Fit, model: FrictionModel) -> Recorded:
     speed = np.abs(np.asarray(rows.samples.velocity)[rows.usable])
     speeds = np.quantile(speed, (np.arange(_SPEEDS) + 0.5) / _SPEEDS)
     recorded = Recorded(tuple(np.unique(speeds[speeds > 0.0]).tolist()))
-    weights = np.zeros((len(LINE) + 2, max(fit.intervals.coefficients) + 1))
-    weights[:EQ6_LINEAR, :EQ6_LINEAR] = np.eye(EQ6_LINEAR)
-    own = [term for term in fit.terms if term.group is None]
-    # Their coefficients do not matter.
-    effects: list[Effect] = [term.kind({**term.constants, 'coefficients': [0.0] * len(
-        fit.table.columns_of[term])}) for term in own]
-    sliding = Sliding(recorded.speeds or Sliding.of(model).speeds,
-                      model.position_limits or Sliding.limits)
-    for term, effect, line in zip(own, effects, sliding.lines(effects)):
-        columns = fit.table.columns_of[term]
-        weights[:len(LINE), columns] = line
-        if effect.name == 'inertia':
-            weights[-2, columns[0]] = 1.0
-        if effect.name == 'stribeck':
-            weights[-1, columns[0]] = 1.0
-    weights[-1] += weights[LINE.index('coulomb')]
+    weights = _weights(fit, Sliding(recorded.speeds or Sliding.of(model).speeds,
+                                    model.position_limits or Sliding.limits))
     straight = line_of(replace(model, recorded=recorded))
     values = (*straight.values(), inertia_of(model),
               near_standstill(model, straight['coulomb']))
@@ -67,15 +53,33 @@ def recorded_of(fit: Fit, model: FrictionModel) -> Recorded:
         # physics keeps at zero has no scatter, but rounding.
         if value is not None and min(below, above) > _ROUNDING * rms(fit.rows.target):
             intervals[name] = value - below, value + above
-    row = np.zeros(weights.shape[1])
-    row[_STEEPNESS] = 1.0
+    of_steepness = np.eye(weights.shape[1])[_STEEPNESS]
     coulomb = abs(model.sigmoid.line[1])
-    spread = fit.intervals.half_width(row) / coulomb if coulomb else math.inf
+    spread = fit.intervals.half_width(of_steepness) / coulomb if coulomb else math.inf
     if 0.0 < spread <= _MOST_LOG:
         transition = 2.0 / model.sigmoid.steepness
         intervals['transition'] = (transition * math.exp(-spread), transition * math.exp(spread))
     return replace(recorded, intervals=intervals).with_ranges(
         rows.samples.take(rows.usable), model.effects)
+
+
+def _weights(fit: Fit, sliding: Sliding) -> np.ndarray:
+    """Return the weights, (5, P), that make a fit's coefficients to `LINE`, inertia and static."""
+    weights = np.zeros((len(LINE) + 2, max(fit.intervals.coefficients) + 1))
+    weights[:EQ6_LINEAR, :EQ6_LINEAR] = np.eye(EQ6_LINEAR)
+    own = [term for term in fit.terms if term.group is None]
+    # Their coefficients do not matter.
+    effects: list[Effect] = [term.kind({**term.constants, 'coefficients': [0.0] * len(
+        fit.table.columns_of[term])}) for term in own]
+    for term, effect, line in zip(own, effects, sliding.lines(effects)):
+        columns = fit.table.columns_of[term]
+        weights[:len(LINE), columns] = line
+        if effect.name == 'inertia':
+            weights[-2, columns[0]] = 1.0
+        if effect.name == 'stribeck':
+            weights[-1, columns[0]] = 1.0
+    weights[-1] += weights[LINE.index('coulomb')]
+    return weights
 
 
 def _without_thirds(fit: Fit) -> np.ndarray:

@@ -218,7 +218,7 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
     slow = settings.get('time_constant', 0.0)
     target = moved.current - as_recorded(
         load * np.asarray(moved.load), moved, slow) if load else moved.current
-    # Of smaller numbers, as an uninitialised effort has them, squares vanish.
+    # Squares of smaller numbers are 0; an effort that was never set can hold such numbers.
     if not np.abs(target[usable]).max() > math.sqrt(np.finfo(float).tiny):
         why = '; the motor has to move the joint' if samples.load is None or declared else (
             ' without torque constant and gear ratio, which say how much of the recorded load it '

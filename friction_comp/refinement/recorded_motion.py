@@ -33,9 +33,9 @@ from friction_comp.samples import Samples
 from friction_comp.statistics import rms, top_speed
 
 _BANDWIDTHS = (5.0, 10.0, 20.0, 40.0, 80.0, 120.0, 200.0)
-# Of measured signals: a thermometer is slow.
+# The same for measured signals: a thermometer is slow.
 _SIGNAL_BANDWIDTHS = (0.03, 0.1, 0.3, 1.0, 2.5, 5.0, 7.0, 10.0, 15.0, *_BANDWIDTHS[2:])
-# Widest bandwidth of a filter, of the rate.
+# Widest bandwidth of a filter as a share of the rate.
 _WIDEST = 0.3
 _EXCERPT = 150_000
 # Samples of noise that stand for an encoder's steps.
@@ -76,8 +76,8 @@ def plain_columns(samples: Samples, transitions: Sequence[float] = (),
 def candidate_settings(samples: Samples, velocity: np.ndarray | None,
                        bandwidths: Sequence[float] = _BANDWIDTHS) -> list[dict[str, Any]]:
     """Return the differentiation settings to compare; `velocity` is as recorded, if it was."""
-    # Half of the rate filters nothing here, but a faster recording, in which motion above it would
-    # be new to the model.
+    # The last bandwidth, half of the rate, does not filter this recording. Of a faster one it
+    # removes what this one cannot show.
     rate = 1.0 / max(samples.sample_time, 1e-9)
     values = [*(value for value in bandwidths if value <= _WIDEST * rate), 0.5 * rate]
     recorded = velocity is not None and np.any(velocity, axis=0).all()
@@ -319,7 +319,7 @@ def choose_differentiation(samples: Samples, unusable: np.ndarray, joints: Seque
     # current a plain drive explains, the less its error says about the bandwidth.
     unexplained = least / max(float(np.sum((samples.current[start]) ** 2)), 1e-300)
     most = ((1.0 + thresholds.EQUIVALENT) ** 2 + 0.4 * unexplained) * least
-    # Of equal bandwidths the last one, that of the recorded velocity.
+    # Between two sources with the same bandwidth the later one, the recorded velocity, wins.
     return max((choice for error, choice in reversed(errors) if error <= most),
                key=lambda choice: choice['bandwidth'])
 

@@ -108,7 +108,7 @@ def refine(recorded: Samples | Sequence[Samples], model: FrictionModel | None = 
     if rms(refined.held_out[rows.usable]) >= rms(start.held_out[rows.usable]):
         refined = start
     report = report_of(problem, fit, start, refined, origin)
-    # Of a model given that is kept, the file says what it was fitted to.
+    # A given model that is kept keeps what its file says of the recordings it was fitted to.
     known = None if refined.model is model else refined.model.recorded
     written = replace(refined.model, recorded=known and replace(
         known, error=report.after.elsewhere_motion_rmse), notes={

@@ -46,9 +46,9 @@ _MOST_PAIRS = 8
 
 def report_of(problem: Problem, fit: Fit, start: Predicted, refined: Predicted, origin: Origin
               ) -> RefinementReport:
-    """Return the report on a refined model, fitted with the named terms alone.
+    """Return the report on a model; `fit` has the named terms alone.
 
-    It is that on the initial one where `refined` is `start`, since no refined one predicts better.
+    `refined` is `start`, the initial model, if no refined one predicts better.
     """
     rows, raw, given = fit.rows, problem.raw, problem.model is not None
     model, unit, kept = refined.model, origin.unit, refined is start
@@ -76,7 +76,7 @@ def report_of(problem: Problem, fit: Fit, start: Predicted, refined: Predicted, 
     what = 'Presliding is' if model.breakaway else 'Breakaway and presliding are'
     notes = ([finding('no_presliding', what=what, why=refined.no_presliding)]
              if refined.no_presliding else [])
-    # A unit that was given is right.
+    # Only where the unit of position was assumed, not given.
     if any(' in rad' in one.partition(' (')[0] for one in origin.assumed) and (
             other := judge.other_turn(effects)):
         notes.append(other)

@@ -289,8 +289,8 @@ def constant_derivatives(table: Table, terms: Sequence[Term], free: Sequence[tup
                          ) -> tuple[np.ndarray, np.ndarray]:
     """Return the derivatives of a fit's prediction by Q `free_constants`, shape (Q, R).
 
-    The unit of each constant is its `step_size`. What the term's own columns have of them is not in
-    them, but returned as coefficients of all columns, (Q, P): it depends on the unit of a load.
+    The unit of each constant is its `step_size`. The part that the term's own columns can express
+    is subtracted, and returned as coefficients of all columns, (Q, P).
     """
     coefficients, gram = table.coefficients(terms), table.sums.gram.sum(axis=0)
     rows, shares = np.empty((len(free), len(table.target))), np.zeros((len(free), len(gram) - 1))

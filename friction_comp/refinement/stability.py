@@ -46,7 +46,7 @@ from friction_comp.statistics import CONFIDENCE, robust_std, student_quantile
 # A column of the table, or a constant of a term.
 Parameter = int | tuple[Term, str]
 _DRAWS = 200
-# Of how far a fit moves with the derivatives of what is unsettled: these do not go all the way.
+# Factor on how far the columns of `unsettled` move a fit: being linear, they fall a little short.
 _BEYOND = 1.25
 RECORDING, POSTURE = 'recording', 'posture'
 """Stand among variables for which of several recordings it was, and for where all joints were."""
@@ -62,12 +62,13 @@ def repeat_search(table: Table, terms: Sequence[Term], initial_count: int,
     rng = np.random.default_rng(0)
     fixed, span = list(terms[:initial_count]), table.rows.coverage.span
     single_kinds = {term.kind for term in terms if term.kind.max_count == 1 and not term.group}
-    # With the adjusted constants: a neighbouring grid point is the same effect.
+    # Terms are offered with their adjusted constants, not also with neighbouring ones of the grid.
     offered = [*terms[initial_count:], *(term for term in candidates
                                          if term.kind not in single_kinds and term not in terms)]
-    late = [term for term in offered if term.kind.variable == 'time']
-    early = [term for term in offered if term not in late]
-    expected = [term for term in early if term.kind.in_first_model and not term.group]
+    # As in the first search, drifts are offered last: over time, much can look like one.
+    drifts = [term for term in offered if term.kind.variable == 'time']
+    lasting = [term for term in offered if term not in drifts]
+    expected = [term for term in lasting if term.kind.in_first_model and not term.group]
     groups = [term for term in terms[initial_count:] if term.group]
     # A group of other joints needs the joint's own inertia or weight.
     table = table.part(list(dict.fromkeys([*terms, *offered, *(
@@ -77,10 +78,10 @@ def repeat_search(table: Table, terms: Sequence[Term], initial_count: int,
         weights = table.draw_blocks(rng)
         if np.sum(weights == 0) < 3:
             continue
-        search = Search(table, early, fixed, weights)
+        search = Search(table, lasting, fixed, weights)
         start = search.without_collinear([*fixed, *dict.fromkeys([*expected, *groups])])
         better = search.backward(search.forward(start))
-        search.candidates = late
+        search.candidates = drifts
         searches.append(search.forward(better))
     return {term: float(np.mean([any(term.same_effect(other, span) for other in result)
                                  for result in searches])) for term in terms}
@@ -99,20 +100,21 @@ def rivals_of(table: Table, terms: Sequence[Term], initial_count: int) -> dict[T
     own = trial.block_errors(terms, derivatives=False)
     for term, named in rivals.items():
         rest = [other for other in terms if other != term]
-        # With constants on a grid, a rival predicts half as much better at least.
+        # A rival, whose constants are not adjusted yet, must bring half of what the term brings.
         most = own.sum() + thresholds.STAYS * (trial.block_errors(rest, False) - own).sum()
         search.candidates = trial.add([
             other for other in proposals(trial, rest) if other.choice != term.choice])
         for other in search.shortlist(rest):
             errors = trial.block_errors([*rest, other], False)
             # Other terms of the same effect are no other effect.
-            close = errors.sum() < most and other.kind.name not in (term.kind.name, *named)
-            if close and search.is_improvement([errors], [own]):
+            if not errors.sum() < most or other.kind.name in (term.kind.name, *named):
+                continue
+            if search.is_improvement([errors], [own]):
                 instead = adjust_constants(trial, [*rest, other], 3)
                 trial.fit_transition(instead)
                 errors = trial.block_errors(instead, False)
                 trial.set_transition(*now)
-            if close and not search.is_improvement([errors], [own]):
+            if not search.is_improvement([errors], [own]):
                 named.append(other.kind.name)
     return rivals
 
@@ -174,11 +176,11 @@ class Intervals:
 
 
 def unsettled(table: Table, terms: Sequence[Term]) -> list[np.ndarray]:
-    """Return the columns, each (M, R), of what a fit takes for granted and motion may hardly tell.
+    """Return columns, each (M, R), of what a fit assumes without being able to tell it well.
 
-    It takes for granted that the joint has no other inertia, weight or spring, and that torque and
-    motion are recorded at one time and alike. A delay, a low pass, and a filter or a difference of
-    the motion are sums of the prediction at other times.
+    A fit assumes that the joint has no other inertia, weight or spring: their columns are returned.
+    It also assumes that torque and motion are recorded at the same time and filtered alike: the
+    changes of the prediction at earlier and later times stand for a delay or a filter of either.
     """
     rows, kinds = table.rows, {term.kind for term in terms}
     prediction = np.column_stack([eq6_columns(rows, *table.transition)[:, :EQ6_LINEAR], *(
@@ -195,8 +197,8 @@ def intervals(table: Table, terms: Sequence[Term], others: Sequence[np.ndarray] 
     """Return intervals from fits to resampled blocks.
 
     Each fit has one more column for each constant, the derivative of its term, so that the interval
-    of a coefficient includes the uncertainty of the constants; its unit is a `step_size`. With the
-    columns of `others`, each (M, R), it also includes how far these move it, see `unsettled`.
+    of a coefficient includes the uncertainty of the constants. An interval also includes how far
+    the columns of `others`, each (M, R), move the coefficient, see `unsettled`.
     """
     free = free_constants(terms)
     indices = table.indices(terms)
@@ -210,7 +212,7 @@ def intervals(table: Table, terms: Sequence[Term], others: Sequence[np.ndarray] 
     weights = np.array([table.draw_blocks(rng) for _ in range(_DRAWS)], dtype=float)
     draws, fitted = sums.fits(both, weights), sums.fit(both)[None]
     contributions = draws[:, :len(indices)].copy()
-    # What a constant changes of the term's own columns counts for their coefficients.
+    # A change of a constant that the term's own columns can express is one of their coefficients.
     for fits in (draws, fitted):
         fits[:, :len(indices)] -= fits[:, len(indices):][:, :len(free)] @ own[:, indices]
     quantile = float(student_quantile(table.rows.blocks - 1))
@@ -250,7 +252,7 @@ def error_growth(table: Table, terms: Sequence[Term]) -> dict[str, float]:
                   if values is not None and np.ptp((part := thirds(values)) // 2) > 0}
 
     def error(part: np.ndarray) -> float:
-        """Return the mean squared error of what counts: rows whose number is even."""
+        """Return the mean squared error of each third by the others, where these reach it."""
         sums = table.sums_over(terms, part)
         held_out = sums.errors_without(columns, np.arange(len(sums.rows)) // 2)
         return max(float(held_out[::2].sum()) / max(float(sums.rows[::2].sum()), 1.0), 1e-300)
@@ -291,7 +293,7 @@ def growth_elsewhere(table: Table, terms: Sequence[Term], initial_count: int) ->
     for region in np.unique(trial.region):
         rest = trial.without(region)
         search = Search(rest, candidates, fixed)
-        # Of many neighbours, most are of no use, which a single fit of two thirds tells for less.
+        # A cheap search, one fit to two thirds of the blocks, first removes most of the neighbours.
         rough = Search(rest, [], fixed, (np.arange(rows.blocks) % 3 > 0).astype(int))
         ends = [search.backward(search.forward(rough.backward(search.without_collinear(
             list(dict.fromkeys([*fixed, *start])))))) for start in starts]

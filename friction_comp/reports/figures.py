@@ -105,7 +105,7 @@ def thin_extremes(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     if len(x) <= 2 * _STRETCHES:
         return x, y
     edges = np.linspace(0, len(x), _STRETCHES + 1).astype(int)
-    # Of a stretch without numbers, one NaN keeps the gap.
+    # A stretch without numbers keeps one NaN, which draws a gap.
     known = np.isfinite(y)
     chosen = [first + find(np.where(known[first:last], y[first:last], other))
               for find, other in ((np.argmin, np.inf), (np.argmax, -np.inf))

@@ -131,7 +131,7 @@ def _add_numbers(page: Report, friction: FrictionNumbers) -> None:
 
 
 def _add_feed_forward(page: Report, result: RefineResult, unit: str) -> None:
-    """Add a table of what the law feeds forward with both models, and what differs."""
+    """Add a table of the currents that the law feeds forward with both models."""
     feeds = {'before': feed_forward(result.start), 'after': feed_forward(result.model)}
     page.heading('What the compensator feeds forward')
     page.table(

@@ -45,8 +45,8 @@ RECORDED = {**TOPICS, '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray'}
 _MEMORY = 20_000
 # Real s between checks of the publishers.
 _CHECK_PERIOD = 0.1
-# Age in ns of a message without a stamp whose joint states will not arrive any more. Before the
-# first joint state, nobody knows its time, which may be simulated, and only the number is limited.
+# Age in ns of a message without a stamp after which no joint states of its time are awaited; and
+# the largest number of such messages, the only limit before the first joint state tells the time.
 _LONGEST_WAIT, _MOST_WAITING = 5 * NANO, 100_000
 # Real s within which the middleware repeats a lost message, and those that it withholds until then.
 _REPEATED = 0.25
@@ -176,6 +176,12 @@ class RecordedTopic:
         self._take(message, info)
 
     def _count_lost(self, sender: str, sequence: int) -> None:
+        """Count the messages of a sender that are missing before a sequence number.
+
+        Publishers number their messages apart, and do not say which they are: `_expected` has the
+        next number of each, with whether a message has confirmed it. While not all were heard, a
+        gap may be the first message of another publisher, and its loss is `_doubtful`.
+        """
         if sequence not in self._expected[sender]:
             self.check_publishers()
         expected = self._expected[sender]

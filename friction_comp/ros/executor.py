@@ -187,8 +187,8 @@ class StreamExecutor(executors.Executor):
         self._call_timers(self._fast_timers)
         last_ready = max((index for index in range(len(self._subscriptions))
                           if wait_set.is_ready('subscription', index)), default=-1)
-        # Take one message of the last ready subscription, and all of those before it. Use a copy,
-        # since a callback may replace the list.
+        # The last ready one gives a single message, before which all of the earlier ones are taken
+        # (see the class). Use a copy, since a callback may replace the list.
         for index, subscription in enumerate(self._subscriptions[:last_ready + 1]):
             while self._take(*subscription) and index < last_ready:
                 pass

@@ -175,6 +175,7 @@ class CommandPort:
         return finite
 
     def _publish(self, values: list[float], ticket: int, stamp: int) -> None:
+        """Publish values in A, unless zero was commanded since the ticket or is permanent."""
         with self._lock:
             if ticket != self.ticket or self._sealed or self._publisher is None:
                 return

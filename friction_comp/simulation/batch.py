@@ -39,6 +39,10 @@ def _run_all(parameters: np.ndarray, random: np.ndarray, laws: np.ndarray, own: 
              sample_time: float, every: int, columns: np.ndarray,
              log: np.ndarray, extremes: np.ndarray, states: np.ndarray, outs: np.ndarray,
              known: bool) -> None:
+    """Simulate R runs into `log`, `extremes` and `own`, the laws' states; see `closed_loops`.
+
+    `states` and `outs` are the simulated joints', `known` says that the velocity is measured.
+    """
     for r in prange(len(parameters)):
         p, law, s, out, shown = parameters[r], laws[r], states[r], outs[r], reference[which[r]]
         table, nothing = np.zeros((0, COLUMNS)), np.zeros(1)

@@ -175,6 +175,7 @@ def _set_human(p: np.void, section: dict[str, Any], typical: float, inertia: flo
 
 
 def _set_gear(p: np.void, model: FrictionModel, presliding: float) -> None:
+    """Split the inertia into rotor and link with a compliant gear; `presliding` is in rad."""
     section = model.simulation
     if section['gear'] not in tuple(GEARS):
         raise InputError(

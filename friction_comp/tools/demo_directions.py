@@ -26,7 +26,7 @@ WAYS = (('none', 'no help', 'none', False),
         ('announced', 'continuous, announced', 'continuous', True))
 BEND = 0.03
 """rad/s at which the hyperbolic tangent bends."""
-# Who says where to, by the name of the recording.
+# Source of the direction, by the name of the recording.
 SOURCES = {'unknown': 'nobody knows where to', 'force': 'a force sensor tells',
            'muscles': 'the muscles tell', 'announced': 'announced'}
 # Kind and range of a sensor, and the recordings with a joint that has it: its own comes first.

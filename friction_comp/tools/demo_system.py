@@ -33,7 +33,7 @@ from friction_comp.tools.processes import (
 
 # Folders of a demo's results, and the file that marks them as such: the next demo removes them.
 _FOLDERS, _MARKER = ('recordings', 'models', 'logs'), '.demo'
-# Where a silent exercise publishes its directions: nobody looks for them there.
+# Topics, which nobody reads, to which a silent exercise publishes its directions.
 _SILENT = {'direction': 'unused', 'direction_stamped': 'unused_stamped'}
 
 

@@ -136,7 +136,7 @@ def limits_of(arguments: Namespace) -> list[JointLimits]:
         return [JointLimits(arguments.joint[0], *arguments.position, **given)]
     own = (from_yaml(arguments.limits, arguments.joint) if arguments.limits
            else from_urdf(arguments.urdf, arguments.acceleration, arguments.joint))
-    # What was asked for never lets a joint do more than its own limits.
+    # An argument may only narrow a joint's own limits.
     return [replace(joint, **{name: min(getattr(joint, name), limit)
                               for name, limit in given.items()}) for joint in own]
 

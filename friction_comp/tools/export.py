@@ -264,7 +264,7 @@ def recorded_motion(arguments: Namespace, model: FrictionModel
         measured = model.measured(samples)
         motion = model.differentiated(model.with_arm(samples))
         for effect in model.effects:
-            # Of the load, `measured` adds what the effect holds.
+            # `model.measured` has added what the effect `load_torque` subtracts.
             if effect.name in LINKS and (effect.name != 'load_torque' or samples.load is not None):
                 measured = measured - effect.current(motion)
     except InputError as error:

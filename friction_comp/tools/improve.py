@@ -148,7 +148,7 @@ def _play(arguments: Namespace, names: list[str], plan: JointPlan, ros: ToolClie
     index = next(k for k in count(1) if not (folder / f'round_{k}').exists())
     path = folder / f'round_{index}'
     nodes.start('recorder', {'output': str(path), 'use_sim_time': bool(arguments.simulate)})
-    # Who has received one state receives all later ones; an earlier recorder names another folder.
+    # Once it receives one state, it receives all. An earlier recorder would name another folder.
     ros.wait_until(lambda: ros.value('recorder', 'hardware_id') == str(path)
                    and int(ros.value('recorder', 'joint_states') or 0) > 0,
                    'joint_states at the recorder')

@@ -258,7 +258,7 @@ class Effect(ABC):
         """Return the signals beside velocity and time of which its value depends on the value."""
         c, start = self.Constants(**self.values), {'velocity': 1.0, 'sign': 1.0}
         start['memory'] = self.start(1.0, c) if self.has_memory else 0.0
-        # What an operation makes of a number that is none is none.
+        # A NaN in gives a NaN out where the value depends on the signal.
         with np.errstate(invalid='ignore'):
             return {name for name in _VALUES if any(map(
                 np.isnan, self.columns(Signals(**{**start, name: math.nan}), c)))}
