@@ -165,16 +165,17 @@ class ArmSearch(Search):
         proposed = [term for joint in self._samples
                     for term in self._proposals(joint, residual) if term not in self._known]
         _, sums, indices = self._measured([*self._known, *proposed])
+        # In each joint's sums the columns of links and friction come first.
         base = PARAMETERS * len(self._rows.samples) + FRICTION
         best: dict[Any, Term] = {}
-        for joint, matrix in enumerate(sums.total):
+        for joint, own_sums in enumerate(sums.total):
             kept = [base + column for term in terms if joint_of(term) == joint
                     for column in indices[term]]
             own = [term for term in proposed if joint_of(term) == joint]
             gains = search.error_reductions(
-                matrix, [*range(base), *kept],
+                own_sums, [*range(base), *kept],
                 [[base + column for column in indices[term]] for term in own],
-                np.zeros(len(matrix) - 1))
+                np.zeros(len(own_sums) - 1))
             for index in np.argsort(-gains, kind='stable'):
                 best.setdefault(own[index].choice, own[index])
         self.candidates = [*best.values()]

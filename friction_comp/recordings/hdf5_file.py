@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from friction_comp.errors import InputError
-from friction_comp.files import library_for
+from friction_comp.files import library_for, natural_order
 from friction_comp.recordings.row_groups import EPISODE, is_episode
 from friction_comp.recordings.table_base import Columns, Table
 
@@ -95,7 +95,7 @@ class Hdf5(Table):
 
     def blocks(self, wanted: Sequence[str], rows: int) -> Iterator[tuple[Columns, float]]:
         waiting: list[Columns] = []
-        for number, episode in enumerate(sorted(self._episodes, key=_natural)):
+        for number, episode in enumerate(sorted(self._episodes, key=natural_order)):
             size = self._rows(self._episodes[episode], wanted)
             for first in range(0, size, rows):
                 last = min(first + rows, size)
@@ -144,7 +144,3 @@ def _slice(dataset: Any, first: int, last: int) -> np.ndarray:
     along = int(np.argmax(dataset.shape))
     part = dataset[first:last] if along == 0 else dataset[:, first:last].T
     return np.asarray(part.reshape(-1) if 1 in dataset.shape else part)
-
-
-def _natural(name: str) -> list[str | int]:
-    return [int(part) if part.isdigit() else part for part in re.split(r'(\d+)', name)]

@@ -20,6 +20,7 @@ from urllib.parse import quote
 import zstandard
 
 from friction_comp.errors import InputError, one_line
+from friction_comp.files import natural_order
 from friction_comp.recordings.mcap_file import DamagedError, McapFile, Message, MessageFile, Wanted
 from friction_comp.recordings.metadata import load_yaml
 
@@ -91,7 +92,8 @@ class Storage:
 
     def _list_files(self) -> list[Path]:
         """Return the files listed in the metadata, or else those in the folder."""
-        files = sorted((path for path in self.path.iterdir() if is_storage(path)), key=_natural_key)
+        files = sorted((path for path in self.path.iterdir() if is_storage(path)),
+                       key=lambda path: natural_order(path.name))
         if not (self.path / METADATA).is_file():
             self.notes.append(f'{METADATA} is missing: files are read in the order of their names')
             return files
@@ -149,10 +151,6 @@ def unpack(payload: bytes) -> bytes:
         with suppress(zstandard.ZstdError):
             return zstandard.ZstdDecompressor().decompressobj().decompress(payload)
     return payload
-
-
-def _natural_key(path: Path) -> list[str | int]:
-    return [int(part) if part.isdigit() else part for part in re.split(r'(\d+)', path.name)]
 
 
 def _open(file: Path, folder: Path) -> MessageFile:
