@@ -154,10 +154,13 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
             parts[index % solver.FOLDS])) for index, row in enumerate(first)]
     tree, scales = problem.arm_of(x)
     return ArmFit(
-        tree, chain.tree, scales,
-        prior.friction(x)[:, :solver.FRICTION], best.settings, prior.strength, errors, without,
-        identifiable(whole.total[:, :links, :links].sum(axis=0)), held_out_stretches,
-        solver.confidence_intervals(whole.sums, prior, x), problem.declared is not None)
+        tree=tree, start=chain.tree, scales=scales,
+        friction=prior.friction(x)[:, :solver.FRICTION], differentiation=best.settings,
+        strength=prior.strength, held_out=errors, without=without,
+        identifiable=identifiable(whole.total[:, :links, :links].sum(axis=0)),
+        held_out_stretches=held_out_stretches,
+        intervals=solver.confidence_intervals(whole.sums, prior, x),
+        declared=problem.declared is not None)
 
 
 class _Trial(NamedTuple):

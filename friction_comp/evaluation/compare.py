@@ -134,8 +134,9 @@ def _compare_movements(figure: str, first: Compensation, second: Compensation,
     changes = {(a.compensation == second, b.compensation == second)
                for a, b in pairwise(repetitions) if a.day == b.day}
     comparison = Comparison(
-        figure, first, second, count, before, after, Interval(after - before, None, None, count),
-        None, {(True, False), (False, True)} <= changes)
+        figure, first, second, pairs=count, mean_first=before, mean_second=after,
+        difference=Interval(after - before, None, None, count), p_value=None,
+        in_turn={(True, False), (False, True)} <= changes)
     place = np.array([r.place for r in repetitions])
     # Within each day, since days lie apart.
     since = place - of_kind @ (place @ of_kind / of_kind.sum(axis=0))
@@ -177,7 +178,10 @@ def _mean(values: np.ndarray, own: np.ndarray, of_kind: np.ndarray, pairs: np.nd
 
 
 def _obstacle(comparison: Comparison, repetitions: list[Repetition], columns: np.ndarray) -> str:
-    """Return why two conditions cannot be tested against each other, '' if they can."""
+    """Return why two conditions cannot be tested against each other, '' if they can.
+
+    `columns`, (N, M), are those fitted to the N values; the first is 1 for the second condition.
+    """
     if not comparison.pairs:
         return ('they were recorded on different days, and what else changed from day to day is '
                 'not known')

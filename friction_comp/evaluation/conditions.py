@@ -279,8 +279,8 @@ class MeasuredJoint:
         conditions = [_condition(group, self.averages, notes) for group in kept]
         notes += _reversed_torque(conditions)
         all_kept = sorted((r for group in kept for r in group), key=lambda r: (r.day, r.place))
-        return Evaluation(self.joint, conditions, model, repetitions, compare.compare(all_kept),
-                          compare.trends(all_kept), notes)
+        return Evaluation(self.joint, conditions, model, repetitions, notes=notes,
+                          comparisons=compare.compare(all_kept), trends=compare.trends(all_kept))
 
 
 def _of_one_condition(repetitions: list[Repetition], notes: list[str]) -> list[Repetition]:

@@ -160,12 +160,12 @@ def measure(samples: Samples, movement: Movement, name: str, info: RecordingInfo
         velocity = measured_velocity(samples.take(part))
         figures['smoothness'] = spectral_arc_length(velocity, samples.sample_time)
     repetition = Repetition(
-        name, _wall_time(info), _date_of(info), movement,
-        _missing(samples, movement, onset) or _active_compensation(
+        recording=name, start=_wall_time(info), day=_date_of(info), movement=movement,
+        compensation=_missing(samples, movement, onset) or _active_compensation(
             samples, movement, info, onset, moved),
-        {key: value for key, value in figures.items() if np.isfinite(value)},
-        moved, _is_false_start(samples, movement, figures.get('peak_torque')),
-        _is_restless(samples, movement))
+        figures={key: value for key, value in figures.items() if np.isfinite(value)}, moved=moved,
+        false_start=_is_false_start(samples, movement, figures.get('peak_torque')),
+        restless=_is_restless(samples, movement))
     repetition.curves = _curves(samples, movement, repetition.shown_time)
     return repetition
 

@@ -168,7 +168,9 @@ def _round(seconds: float, asked: list[Pair], predicted: float, result: RefineRe
                        f'{held_out:.3g} is left once it is fitted too.')
     grades = {one.grade for one in open_findings}
     verdict = AGAIN if AGAIN in grades else IN_PART if reasons else TRUST
-    return Round(seconds, asked, predicted, held_out, effects, verdict, reasons)
+    return Round(
+        seconds=seconds, asked=asked, predicted_rmse=predicted, held_out_rmse=held_out,
+        effects=effects, verdict=verdict, reasons=reasons)
 
 
 def _why_ended(rounds: list[Round], result: RefineResult, spent: bool) -> str:

@@ -69,19 +69,20 @@ def open_pairs(report: dict[str, Any]) -> list[Pair]:
     They are the ambiguous pairs, and those of each uncertain effect with the effects of `DEFAULT`:
     one that some repeated searches do not choose, or on whose variable the error still depends.
     """
-    pairs: dict[Pair, None] = {}
+    shown = [name for name in EFFECTS if _shown_by_motion(name)]
+    pairs: list[Pair] = []
     for entry in report['ambiguous']:
         between = sorted(map(str, entry['between']))
-        pairs.update(dict.fromkeys(
-            pair for pair in combinations(filter(_shown_by_motion, EFFECTS), 2)
-            if sorted(EFFECTS[name].variable for name in pair) == between))
+        pairs += [pair for pair in combinations(shown, 2)
+                  if sorted(EFFECTS[name].variable for name in pair) == between]
     uncertain = [one['name'] for one in report.get('effects', ()) if one['chosen'] < _SURE]
     unexplained = {one['variable'] for one in report.get('unexplained', ())}
     uncertain += [name for name in DEFAULT if EFFECTS[name].variable in unexplained]
-    for first in filter(_shown_by_motion, filter(EFFECTS.__contains__, uncertain)):
-        pairs.update(dict.fromkeys((first, second) for second in DEFAULT if second != first
-                                   and (second, first) not in pairs))
-    return list(pairs)
+    for first in uncertain:
+        if first in shown:
+            pairs += [(first, second) for second in DEFAULT
+                      if second != first and (second, first) not in pairs]
+    return list(dict.fromkeys(pairs))
 
 
 def pairs_in(report: Any, source: str) -> list[Pair]:
@@ -134,8 +135,10 @@ def separations(samples: Samples, pairs: Sequence[Pair], coverage: Coverage) -> 
         return dict.fromkeys(pairs, 0.0)
     start = row_starts(samples, usable, 1)
     block = blocks_of(samples, start)
-    table = Table(Rows(samples, samples.current, usable, nothing, coverage, start, 1, block,
-                       np.zeros_like(block)), 2.0 / coverage.transition)
+    table = Table(Rows(
+        samples=samples, target=samples.current, usable=usable, clipped=nothing,
+        coverage=coverage, start=start, length=1, block=block, region=np.zeros_like(block)),
+        2.0 / coverage.transition)
     names = dict.fromkeys(name for pair in pairs for name in pair)
     keys = {name: table.add(terms_of(name, coverage)) for name in names}
 

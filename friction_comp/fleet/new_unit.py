@@ -81,10 +81,10 @@ def fit_new_unit(recorded: Sequence[Samples], population: Population,
         errors / np.where(deviation > 0.0, deviation, np.inf), 1.0) ** 2)
     told = np.where(deviation > 0.0, told, 0.0)
     return NewUnit(
-        common.model(values, like), _names(common), values, errors, told, p,
-        _rms(sums, common.columns, mean),
-        _left_out(sums, common.columns, mean, np.full(len(mean), np.inf), noise),
-        _left_out(sums, common.columns, mean, deviation, noise))
+        model=common.model(values, like), names=_names(common), values=values, errors=errors,
+        told=told, p=p, population_error=_rms(sums, common.columns, mean),
+        alone_error=_left_out(sums, common.columns, mean, np.full(len(mean), np.inf), noise),
+        error=_left_out(sums, common.columns, mean, deviation, noise))
 
 
 def _names(common: CommonModel) -> list[str]:

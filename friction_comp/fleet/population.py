@@ -160,7 +160,7 @@ class _Estimate:
     rms: float
     rms_error: float  # standard error of the logarithm of `rms`
     freedom: float
-    inflation: float
+    inflation: float  # see `Prior`
 
 
 def _estimate(common: CommonModel, sums: BlockSums) -> _Estimate:
@@ -177,10 +177,14 @@ def _estimate(common: CommonModel, sums: BlockSums) -> _Estimate:
     spread = float(np.std(squares, ddof=1)) / math.sqrt(count) / max(mean, 1e-300)
     total = sums.gram.sum(axis=0)[:-1, :-1]
     scale = np.sqrt(np.maximum(np.diag(total), 1e-300))
+    # Variance of the coefficients if all samples were independent.
     nominal = mean * np.diag(np.linalg.pinv(total / scale / scale[:, None]))[chosen] / (
         scale[chosen] ** 2)
-    return _Estimate(values[chosen], covariance, math.sqrt(mean), 0.5 * spread, count - 1.0,
-                     float(np.median(np.diag(covariance) / np.maximum(nominal, 1e-300))))
+    return _Estimate(
+        values=values[chosen], errors=covariance, rms=math.sqrt(mean),
+        # The logarithm of a root is half of that of the mean square.
+        rms_error=0.5 * spread, freedom=count - 1.0,
+        inflation=float(np.median(np.diag(covariance) / np.maximum(nominal, 1e-300))))
 
 
 def population_of(recordings: Sequence[tuple[str, BlockSums]], common: CommonModel,
@@ -215,11 +219,17 @@ def population_of(recordings: Sequence[tuple[str, BlockSums]], common: CommonMod
     model = replace(common.model(np.array(prior.mean), like), notes={
         'units': len(names) - sum(out), 'unit': unit, 'range_of_units': {
             parameter.name: list(parameter.range) for parameter in parameters}})
-    return Population(like.joint, unit, names.tolist(), len(recordings), parameters, prior, model)
+    return Population(
+        joint=like.joint, unit=unit, units=names.tolist(), recordings=len(recordings),
+        parameters=parameters, prior=prior, model=model)
 
 
 def _values(fits: Sequence[_Estimate], common: CommonModel, columns: tuple[int, ...]
             ) -> tuple[np.ndarray, np.ndarray]:
+    """Return the coefficient of a column in each recording, of several the length of the vector.
+
+    With it its standard error, of a vector that along it.
+    """
     where = [common.columns.index(column) for column in columns]
     part = np.array([fit.values[where] for fit in fits])
     if len(where) == 1:
@@ -262,12 +272,14 @@ def _parameter(one: Compared, unit: str, values: np.ndarray, errors: np.ndarray,
     inside = int((~spread.out).sum())
     mean_half = float(student_quantile(inside - 1)) * spread.mean_error
     return ParameterSpread(
-        one.name, one.unit.replace('A', unit, 1), 'logarithmic' if logarithmic else 'linear',
-        float(back(spread.mean)), ends(spread.mean, mean_half), spread.deviation, spread.interval,
-        ends(spread.mean, spread.half_range(inside)), spread.p_same, False,
-        [UnitValue(str(name), float(back(units.value[k])), ends(units.value[k], half[k]),
-                   float(spread.p_out[k]), bool(spread.out[k]), int(counts[k]))
-         for k, name in enumerate(names)])
+        name=one.name, unit=one.unit.replace('A', unit, 1),
+        scale='logarithmic' if logarithmic else 'linear',
+        mean=float(back(spread.mean)), mean_interval=ends(spread.mean, mean_half),
+        spread=spread.deviation, spread_interval=spread.interval,
+        range=ends(spread.mean, spread.half_range(inside)), p_same=spread.p_same, varies=False,
+        units=[UnitValue(str(name), float(back(units.value[k])), ends(units.value[k], half[k]),
+                         float(spread.p_out[k]), bool(spread.out[k]), int(counts[k]))
+               for k, name in enumerate(names)])
 
 
 def _prior(fits: Sequence[_Estimate], index: np.ndarray, out: np.ndarray) -> Prior:

@@ -109,8 +109,9 @@ def spread_of(units: Values, tests: int = 1) -> Spread:
     out[removed[:significant]] = True
     mean, mean_error, variance = _population(units, ~out)
     p_values = np.array([_p_outside(units, ~out & (np.arange(size) != k), k) for k in range(size)])
-    return Spread(mean, mean_error, math.sqrt(variance), _profile(units, ~out),
-                  _p_same(units, ~out), p_values, out)
+    return Spread(
+        mean=mean, mean_error=mean_error, deviation=math.sqrt(variance),
+        interval=_profile(units, ~out), p_same=_p_same(units, ~out), p_out=p_values, out=out)
 
 
 def _variances(units: Values) -> np.ndarray:

@@ -126,7 +126,7 @@ class _Smoothed(NamedTuple):
     motion: np.ndarray      # columns of both directions, speed and acceleration
     current: np.ndarray
     chosen: np.ndarray      # samples that are used
-    follows: np.ndarray     # orthonormal columns that span what follows the profile, of those
+    basis: np.ndarray       # orthonormal columns that span what follows the profile, of those
     step: float             # s
 
 

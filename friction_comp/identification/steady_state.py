@@ -67,9 +67,9 @@ def fit_steady_states(speeds: np.ndarray, currents: np.ndarray, drive: Drive) ->
             if both or not skewed]
     best = min(fits, key=lambda fit: fit.criterion)
     return SteadyStates(
-        speeds, currents, best.values, best.intervals(), best.model(drive),
-        float(np.sqrt(np.mean(best.residual ** 2))), best.left_out(), fits[0].left_out(),
-        best.is_curved())
+        speeds=speeds, currents=currents, values=best.values, intervals=best.intervals(),
+        model=best.model(drive), fit_rmse=float(np.sqrt(np.mean(best.residual ** 2))),
+        left_out_rmse=best.left_out(), plain_rmse=fits[0].left_out(), is_curved=best.is_curved())
 
 
 class _Curve:

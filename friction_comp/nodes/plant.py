@@ -223,6 +223,7 @@ class PlantNode(Node):
         self._command = values / self._per_current
 
     def _on_reference(self, message: Any) -> None:
+        """Move the person as a message says; one without joints says that nobody holds them."""
         stamp = nanoseconds(message.header.stamp)
         position, velocity, _ = self._columns.read(message)
         if velocity is not None and message.name:

@@ -190,7 +190,10 @@ def solve(sums: np.ndarray, gram: np.ndarray, signs: np.ndarray) -> np.ndarray:
 
 @njit(cache=True)
 def _solve_scaled(sums: np.ndarray, scale: np.ndarray, x: np.ndarray) -> None:
-    """Solve one problem of columns times their scale, the target last, by Cholesky's method."""
+    """Write the coefficients of S columns times their `scale` into `x`, by Cholesky's method.
+
+    `sums`, (S + 1, S + 1), are those of the columns and the target; a column of scale 0 gets 0.
+    """
     size = len(x)
     lower = np.empty((size + 1, size))
     for i in range(size + 1):

@@ -359,19 +359,21 @@ def groups_for(names: Sequence[str], joint: str) -> list[Group]:
     Each harmonic is a group of columns. Two facts of mechanics rule out others: a joint's weight
     torque depends on its own angle, and its angle does not change the inertia of the links behind.
     """
-    sums: list[tuple[tuple[str, int], ...]] = [
+    # Of each harmonic the angles that are added (1) or subtracted (-1).
+    weights: list[tuple[tuple[str, int], ...]] = [
         ((first, 1), (second, side)) for first, second in combinations(names, 2)
         for side in (1, -1)]
-    sums += [tuple((name, 1) for name in names[start:stop])
-             for start in range(len(names)) for stop in range(start + 3, len(names) + 1)]
-    groups = [Group('weight', angles) for angles in sums if joint in (name for name, _ in angles)]
-    singles: list[tuple[tuple[str, int], ...]] = [()] + [((name, 1),) for name in names]
+    weights += [tuple((name, 1) for name in names[start:stop])
+                for start in range(len(names)) for stop in range(start + 3, len(names) + 1)]
+    groups = [Group('weight', angles) for angles in weights if joint in dict(angles)]
     neighbours = list(zip(names, names[1:]))
-    sums = singles + [((first, 1), (second, 1)) for first, second in neighbours]
-    pairs = [(joint, name) for name in names] + [
+    inertias: list[tuple[tuple[str, int], ...]] = [
+        (), *(((name, 1),) for name in names),
+        *(((first, 1), (second, 1)) for first, second in neighbours)]
+    moving = [(joint, name) for name in names] + [
         pair for pair in [(name, name) for name in names] + neighbours if joint not in pair]
-    for first, second in pairs:
-        for angles in sums:
+    for first, second in moving:
+        for angles in inertias:
             turning = {name for name, _ in angles}
             # The coupled inertia of two joints does not depend on the angle of the first, and a
             # term without the joint's own acceleration has to depend on its angle.

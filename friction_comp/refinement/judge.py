@@ -50,10 +50,12 @@ def errors_of(rows: Rows, predicted: Predicted, name: str, growth: float = 1.0) 
     error, overall = rms(errors), rms(held_out)
     extra = (growth ** 2 - 1.0) * error ** 2 * float(np.mean(moving))
     return Errors(
-        name, rms(predicted.own[moving]), error, float(np.max(np.abs(errors))),
-        1.0 - float(np.mean(errors ** 2)) / variance if variance > 0.0 else 0.0,
-        max(parts), rms(still) if still.size else None, overall,
-        max(math.sqrt(overall ** 2 + extra), growth * error), growth * error, parts)
+        model=name, fit_rmse=rms(predicted.own[moving]), held_out_rmse=error,
+        held_out_max=float(np.max(np.abs(errors))),
+        held_out_r2=1.0 - float(np.mean(errors ** 2)) / variance if variance > 0.0 else 0.0,
+        worst_part_rmse=max(parts), standstill_rmse=rms(still) if still.size else None,
+        overall_rmse=overall, elsewhere_rmse=max(math.sqrt(overall ** 2 + extra), growth * error),
+        elsewhere_motion_rmse=growth * error, part_rmse=parts)
 
 
 def noise_floor(rows: Rows, residual: np.ndarray) -> float:

@@ -229,8 +229,11 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
     # Rigid bodies are the same in all postures.
     unknown = motion if samples.rigid_body is None else None
     region = regions_of(unknown[0][start]) if unknown else np.zeros_like(block)
-    rows = Rows(moved, target, usable, at_limit, coverage, start, length, block, region, load,
-                motion, joints, slow, drive.torque_per_current)
+    rows = Rows(
+        samples=moved, target=target, usable=usable, clipped=at_limit, coverage=coverage,
+        start=start, length=length, block=block, region=region, load_coefficient=load,
+        motion=motion, joints=joints, time_constant=slow,
+        torque_per_current=drive.torque_per_current)
     return replace(rows, coverage=replace(coverage, transition=choose_transition(rows))), settings
 
 

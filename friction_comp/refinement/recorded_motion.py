@@ -90,21 +90,24 @@ def resolved_settings(samples: Samples) -> list[dict[str, Any]]:
     """Return the differentiation settings to compare, at which motion is not the encoder's steps.
 
     A controller that responds to the steps makes them predict the current at wider bandwidths. A
-    recorded velocity that is no difference of the positions counts as another sensor's.
+    recorded velocity that is no difference of the positions counts as another sensor's, to which
+    the encoder's steps are no limit.
     """
     choices = candidate_settings(samples, samples.velocity)
-    first, *wider = [choice for choice in choices if choice['source'] == 'position']
+    narrowest, *wider = [choice for choice in choices if choice['source'] == 'position']
     piece = samples.take(np.arange(min(len(samples), _PIECE)))
     steps = piece.with_(position=samples.position_step * np.random.default_rng(0).random(
         len(piece)))
-    most = thresholds.ENCODER_STEPS * rms(np.asarray(differentiate(samples, first).acceleration))
-    unresolved = {choice['bandwidth'] for choice in wider if rms(np.asarray(
-        differentiate(steps, choice).acceleration)) > most}
-    differs = samples.velocity is not None and np.median(np.abs(
+
+    def acceleration(of: Samples, choice: dict[str, Any]) -> float:
+        return rms(np.asarray(differentiate(of, choice).acceleration))
+    most = thresholds.ENCODER_STEPS * acceleration(samples, narrowest)
+    unresolved = {choice['bandwidth'] for choice in wider if acceleration(steps, choice) > most}
+    other_sensor = samples.velocity is not None and np.median(np.abs(
         samples.velocity[1:] * samples.sample_time - np.diff(samples.position))
     ) > 0.1 * samples.position_step
     return [choice for choice in choices if choice['bandwidth'] not in unresolved
-            or (differs and choice['source'] == 'velocity')]
+            or (other_sensor and choice['source'] == 'velocity')]
 
 
 def velocity_delay(samples: Samples) -> float:

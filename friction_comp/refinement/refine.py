@@ -114,8 +114,9 @@ def refine(recorded: Samples | Sequence[Samples], model: FrictionModel | None = 
         known, error=report.after.elsewhere_motion_rmse), notes={
         **refined.model.notes, **origin.notes, 'unit': origin.unit, 'verdict': report.verdict,
         'reasons': [] if report.verdict == TRUST else report.reasons, 'assumed': report.assumed})
-    return RefineResult(report, written, start.model, rows.samples, rows.usable, start.held_out,
-                        refined.held_out, rows.coverage)
+    return RefineResult(
+        report=report, model=written, start=start.model, samples=rows.samples, usable=rows.usable,
+        before=start.held_out, after=refined.held_out, coverage=rows.coverage)
 
 
 def _without_late_velocity(samples: Samples, model: FrictionModel | None

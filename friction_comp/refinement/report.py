@@ -200,8 +200,10 @@ def lag_effect(delay: float, time_constant: float, error: float, chosen: float) 
     else:
         parameters = {'lag': delay}
         said, formula = f'is {1e3 * delay:.3g} ms later than the current', f'i(t + {delay:.4g} s)'
-    return FoundEffect('actuation_lag', 'history', error, chosen, parameters, {}, None,
-                       f'Lag: the torque {said}', formula)
+    return FoundEffect(
+        name='actuation_lag', variable='history', held_out_rmse=error, chosen=chosen,
+        parameters=parameters, intervals={}, holds_on_another_day=None,
+        in_words=f'Lag: the torque {said}', formula=formula)
 
 
 def is_known_load(problem: Problem, fit: Fit, term: Term) -> bool:
@@ -228,20 +230,23 @@ def _found_effect(fit: Fit, terms: Sequence[Term], error: float, unit: str) -> F
     if term.group and term.group.kind == 'friction':
         said = term.group.describe()
         return FoundEffect(
-            'friction_between', kind.variable, error, chosen, {'coefficients': own},
-            {'coefficients': bounds}, True,
-            f'{said[0].upper()}{said[1:]}: {own[0]:.4g} {unit} of Coulomb and {own[1]:.4g} {unit} '
-            'per rad/s of viscous friction',
-            f'{own[0]:+.4g}·tanh(w/{term.group.width:.3g}) {own[1]:+.4g}·w, w = ' + ' '.join(
-                f'{"+" if side > 0 else "-"}v_{name}' for name, side in term.group.angles))
+            name='friction_between', variable=kind.variable, held_out_rmse=error, chosen=chosen,
+            parameters={'coefficients': own}, intervals={'coefficients': bounds},
+            holds_on_another_day=True,
+            in_words=f'{said[0].upper()}{said[1:]}: {own[0]:.4g} {unit} of Coulomb and '
+            f'{own[1]:.4g} {unit} per rad/s of viscous friction',
+            formula=f'{own[0]:+.4g}·tanh(w/{term.group.width:.3g}) {own[1]:+.4g}·w, w = '
+            + ' '.join(f'{"+" if side > 0 else "-"}v_{name}' for name, side in term.group.angles))
     if term.group:
         moved = {name for term in terms if term.group for name in term.group.all_joints}
         names = ', '.join(sorted(moved - {fit.rows.samples.joint}))
         return FoundEffect(
-            kind.name, kind.variable, error, chosen,
-            {'coefficients': [1.0], 'terms': len(terms)}, {}, True,
-            f'Weight and inertia of other links: {len(terms)} terms of the motion of {names}',
-            f'{len(terms)} terms of {names}')
+            name=kind.name, variable=kind.variable, held_out_rmse=error, chosen=chosen,
+            parameters={'coefficients': [1.0], 'terms': len(terms)}, intervals={},
+            holds_on_another_day=True,
+            in_words=f'Weight and inertia of other links: {len(terms)} terms of the motion of '
+            f'{names}',
+            formula=f'{len(terms)} terms of {names}')
     effect = kind({**term.constants, 'coefficients': own})
     constants = {name: list(ends) for (owner, name), ends in fit.intervals.constants.items()
                  if owner == term}
@@ -249,6 +254,7 @@ def _found_effect(fit: Fit, terms: Sequence[Term], error: float, unit: str) -> F
     if rivals:
         said += f'; or {" or ".join(rivals).replace("_", " ")}: the recording does not tell'
     return FoundEffect(
-        kind.name, kind.variable, error, chosen, effect.parameters,
-        {'coefficients': bounds, **constants}, effect.holds_on_another_day,
-        in_unit(said, unit), effect.formula(), rivals)
+        name=kind.name, variable=kind.variable, held_out_rmse=error, chosen=chosen,
+        parameters=effect.parameters, intervals={'coefficients': bounds, **constants},
+        holds_on_another_day=effect.holds_on_another_day, in_words=in_unit(said, unit),
+        formula=effect.formula(), instead=rivals)

@@ -45,20 +45,21 @@ def number_rows(friction: FrictionNumbers) -> list[NumberRow]:
 
 
 def _row(friction: FrictionNumbers, key: str, remark: str) -> NumberRow:
+    """Return the row of a number; its unit is that of `NAMES`, with `friction.unit` for A."""
     unit, gain = friction.unit, friction.torque_per_current
-    (name, own_unit), value = NAMES[key], getattr(friction, key)
+    (name, current_unit), value = NAMES[key], getattr(friction, key)
     if value is None:
         return NumberRow(name, '–', '', '', remark)
     ends = friction.intervals.get(key)
-    in_torque = 'kg·m²' if key == 'inertia' else own_unit.replace('A', 'N·m', 1)
-    own = in_torque if unit == 'N·m' else own_unit.replace('A', unit, 1)
+    torque_unit = 'kg·m²' if key == 'inertia' else current_unit.replace('A', 'N·m', 1)
+    own_unit = torque_unit if unit == 'N·m' else current_unit.replace('A', unit, 1)
     torque = ''
     # A force in N is that of a linear axis, whose N·m are N.
     if gain and unit not in ('N·m', 'N'):
         scaled = None if ends is None else [gain * end for end in ends]
-        text, interval = _texts(gain * value, scaled, in_torque)
+        text, interval = _texts(gain * value, scaled, torque_unit)
         torque = f'{text} ({interval})' if scaled else text
-    return NumberRow(name, *_texts(value, ends, own), torque, remark)
+    return NumberRow(name, *_texts(value, ends, own_unit), torque, remark)
 
 
 def _breakaway_rows(friction: FrictionNumbers) -> list[NumberRow]:

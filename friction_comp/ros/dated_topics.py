@@ -186,11 +186,13 @@ class RecordedTopic:
             self.check_publishers()
         expected = self._expected[sender]
         if sequence in expected:
+            # The sequence goes on: what was counted as its gap began another publisher's sequence.
             del expected[sequence]
             self.lost -= self._doubtful.pop(sequence, 0)
             expected[sequence + 1] = True
             return
         before = max((number for number in expected if number < sequence), default=None)
+        # Then a number that was not expected cannot be the first of another publisher.
         all_heard = len(expected) >= (1 if sender else len(self._publishers))
         if before is not None and (all_heard or expected[before]):
             self.lost += sequence - before - self._doubtful.pop(before, 0)

@@ -26,10 +26,12 @@ OF_TABLE = ('columns', 'unit', 'rate', 'stiffness', 'damping')
 def given_of(arguments: Namespace) -> Given:
     """Return what the arguments tell of a drive and its recordings."""
     return Given(
-        arguments.joint, arguments.model, arguments.torque_constant, arguments.gear_ratio,
-        arguments.current_limit, arguments.figures, layout_of(arguments),
-        {f'{name}_of_table': value for name in OF_TABLE if (value := getattr(arguments, name))},
-        arguments.history)
+        joint=arguments.joint, model=arguments.model, torque_constant=arguments.torque_constant,
+        gear_ratio=arguments.gear_ratio, current_limit=arguments.current_limit,
+        figures=arguments.figures, layout=layout_of(arguments),
+        of_table={f'{name}_of_table': value for name in OF_TABLE
+                  if (value := getattr(arguments, name))},
+        history=arguments.history)
 
 
 def layout_of(arguments: Namespace) -> Layout:
