@@ -182,11 +182,6 @@ def plain(value: Any, not_finite: float | None = math.nan) -> Any:
     return value
 
 
-def natural_order(name: str) -> list[str | int]:
-    """Return the key by which names are sorted with their numbers in order: 2 before 10."""
-    return [int(part) if part.isdigit() else part for part in re.split(r'(\d+)', name)]
-
-
 def check_folder(path: str | Path) -> None:
     """Raise InputError if files cannot be written into a folder; it is not created."""
     folder = Path(path).absolute()

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from friction_comp.errors import InputError
-from friction_comp.files import library_for, natural_order
+from friction_comp.files import library_for
 from friction_comp.recordings.row_groups import EPISODE, is_episode
 from friction_comp.recordings.storage import natural_key
 from friction_comp.recordings.table_base import Columns, Table
