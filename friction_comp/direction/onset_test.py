@@ -114,13 +114,12 @@ class OnsetTest:
         Number of samples of which the sum of what is above the level is made.
     """
 
-    def __init__(self, rest: Rest, per_hour: float = FALSE_ALARMS,
-                 proportional: bool = False) -> None:
+    def __init__(self, rest: Rest, proportional: bool = False) -> None:
         self.rest, self.level, self.alarm, self.rising = rest, rest.level, 0, 0
         self.sure = 0
         self._proportional = proportional
         # Two sides; the level and the scatter follow the signal, so that they have errors, too.
-        self.limit = alarm_limit(2.0 * 3600.0 * rest.rate / per_hour)
+        self.limit = alarm_limit(2.0 * 3600.0 * rest.rate / FALSE_ALARMS)
         # The scatter at the calibration's level, squared: that of the test, and of the last waves.
         self._variance = self._recent_variance = rest.scatter**2
         self._last = deque([rest.level] * len(rest.inverse), maxlen=len(rest.inverse))
