@@ -171,6 +171,7 @@ def knows_presliding(model: FrictionModel) -> bool:
 
 
 def _set_distances(p: Any, model: FrictionModel) -> None:
+    """Set the distances, rad, over which friction turns round and the law reacts."""
     count = model.drive.position_resolution or DEFAULT_RESOLUTION
     # Where presliding is unknown, the default already is a large one.
     distance, slip, backlash = LONGER * DEFAULT_PRESLIDING, DEFAULT_PRESLIDING, BACKLASH

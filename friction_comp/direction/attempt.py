@@ -98,6 +98,7 @@ class Attempt:
         self._largest, self._moved = abs(strength), False
 
     def _continue(self, time: float, motion: JointMotion, side: int, strength: float) -> None:
+        """End the present attempt where it is over, refuted, or no movement follows."""
         own = strength * self.direction
         self._largest = max(self._largest, own)
         if own > _RELEASE * self._largest:

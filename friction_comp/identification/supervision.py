@@ -237,6 +237,11 @@ class Supervision:
     def _expect_motion(self, step: float, time: float, position: float,
                        currents: tuple[float, float], friction: Sequence[float],
                        acceleration: float) -> None:
+        """Raise IdentificationError if the joint moves much less than the current should move it.
+
+        `currents` are the commanded and the measured one, `friction` that in either direction, A;
+        `acceleration` is that per current, rad/s² per A.
+        """
         self._window.append((time, position))
         command, measured = currents
         sign = math.copysign(1.0, command)

@@ -291,6 +291,7 @@ def _moved(scan: Scan) -> Iterator[tuple[str, np.ndarray]]:
 
 
 def _select_joint(scan: Scan, joint: str | None) -> tuple[Track, str, list[str], np.ndarray]:
+    """Return track, name, names of all joints of the topic, and values of the chosen joint."""
     tracks = scan.of('joint_states')
     topic, name = in_topic(joint)
     if topic and topic not in scan.topics:
