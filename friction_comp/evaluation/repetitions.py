@@ -299,6 +299,7 @@ def _wall_time(info: RecordingInfo | None) -> float:
 
 
 def _curves(samples: Samples, movement: Movement, shown_time: float) -> dict[str, np.ndarray]:
+    """Return load, position and reference at even times, NaN where they are not known."""
     time = movement.begin + grid(shown_time)
     curves = {}
     for name in ('load', 'position', 'reference_position'):

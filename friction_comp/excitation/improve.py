@@ -151,6 +151,7 @@ def named_effects(result: RefineResult) -> tuple[str, ...]:
 
 def _round(seconds: float, asked: list[Pair], predicted: float, result: RefineResult,
            before: tuple[str, ...] | None) -> Round:
+    """Return the round of a recording that was predicted with the RMS error `predicted`."""
     report = result.report
     held_out, effects = report.after.held_out_rmse, named_effects(result)
     same = effects == before

@@ -118,6 +118,7 @@ def exercise_of(document: Any) -> ExerciseScript:
 
 def _waypoints(steps: list[Any], joints: list[str], unit: float,
                count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return times in s, (K,), and positions in rad, (K, J), of the repeated steps."""
     times, positions = [0.0], [np.zeros(len(joints))]
     for index, step in enumerate(steps, 1):
         time, position = _step(f'steps[{index}]', step, joints, positions[-1], unit)

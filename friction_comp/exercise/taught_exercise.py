@@ -124,6 +124,7 @@ def _rests(path: np.ndarray) -> list[tuple[int, int]]:
 
 
 def _add_where_far(time: np.ndarray, shape: np.ndarray, knots: list[int]) -> np.ndarray:
+    """Return `knots` and as many more as bring the curve near to `shape` everywhere."""
     while True:
         curve = PchipInterpolator(time[knots], shape[knots])(time)
         far = np.abs(curve - shape).max(axis=1)

@@ -135,6 +135,7 @@ def _weighted_squares(value: np.ndarray, variance: np.ndarray) -> float:
 
 
 def _population(units: Values, chosen: np.ndarray) -> tuple[float, float, float]:
+    """Return mean, its standard error, and variance between units, after Paule and Mandel."""
     value, own = units.value[chosen], _variances(units)[chosen]
     between = _root(lambda variance: _weighted_squares(value, own + variance) - (len(value) - 1),
                     value)

@@ -175,6 +175,7 @@ class IdentificationRun(SupervisedRun):
                 self._update_friction()
 
     def _constant_velocity(self, speed: float) -> Generator[float, Sample, Cycle | None]:
+        """Drive cycles until a controller gain is steady; return the best, None if none was."""
         best = None
         for factor in GAIN_LADDER:
             if factor > self._highest_gain:

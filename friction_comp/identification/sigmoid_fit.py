@@ -83,6 +83,7 @@ def sigmoid_error(sigmoid: Sigmoid, speeds: ArrayLike, currents: ArrayLike) -> f
 
 
 def _condense(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the medians of neighbouring points of each sign of x, where there are many points."""
     if len(x) <= _MOST_POINTS:
         return x, y
     groups = []
@@ -113,6 +114,7 @@ def _fit(x: np.ndarray, y: np.ndarray, steepness: np.ndarray, shift: np.ndarray,
 @njit(cache=True)
 def _reweight(x: np.ndarray, y: np.ndarray, steepness: np.ndarray, shift: np.ndarray, rounds: int,
               best: np.ndarray, kept: np.ndarray) -> None:
+    """Write the L1 errors and coefficients of `_fit` into `best` and `kept`."""
     count = len(x)
     # Outside the transition, the second column is constant like the first. Rounding grows with N.
     ridge = 1e-13 * max(1.0, count / 100.0)

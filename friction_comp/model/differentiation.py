@@ -205,6 +205,7 @@ def filters(bandwidth: float | None, sample_time: float) -> TypeGuard[float]:
 
 
 def _smooth(signal: np.ndarray, sample_time: float, bandwidth: float | None) -> np.ndarray:
+    """Return a signal behind a zero-phase low pass with a bandwidth in Hz, if that filters."""
     if not filters(bandwidth, sample_time):
         return signal
     from scipy.signal import sosfiltfilt

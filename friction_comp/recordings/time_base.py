@@ -301,6 +301,7 @@ def _direction(scan: Scan, joint: str, joints: list[str], order: list[list[str]]
 
 def _find_joint(tracks: list[Track], joint: str, joints: list[str],
                 notes: list[str]) -> tuple[Track, np.ndarray] | None:
+    """Return track and values of a joint's signal, if any; notes say what is assumed."""
     for track in tracks:
         if joint in track.values:
             return track, track.values[joint]

@@ -114,6 +114,10 @@ class Tree:
 
     def _best_angles(self, index: int, signs: np.ndarray, q: np.ndarray, k: int
                      ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the angle of joint `k`, rad, at which joint `index` holds the most, and that, N·m.
+
+        Both are of shape (P,), for postures `q`, (P, J); `signs`, (P,), say which way it is held.
+        """
         angles = math.tau / 3.0 * np.arange(3.0)
         postures = q.repeat(3, axis=0)
         postures[:, k] = np.tile(angles, len(q))
