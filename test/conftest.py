@@ -6,12 +6,16 @@ import functools
 import gc
 from importlib.util import find_spec
 import os
+from pathlib import Path
 import signal
 
 # As `python3 -m friction_comp` does for tools, before the first import of NumPy: threads of linear
 # algebra that wait for each other take up to twelve times the processor time here.
 os.environ.setdefault('OMP_NUM_THREADS', '1')
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+# A list of fonts of these tests alone: any program whose environment was removed under it may have
+# written the user's without Matplotlib's own fonts, and each tool with a figure would then warn.
+os.environ['MPLCONFIGDIR'] = str(Path(__file__).parents[1] / 'build' / 'matplotlib')
 
 from hypothesis import HealthCheck, settings
 from matplotlib.figure import Figure
