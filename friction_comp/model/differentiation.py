@@ -97,6 +97,26 @@ def differentiate(samples: Samples, settings: dict[str, Any]) -> Samples:
         **measured_signals), settings.get('lag') or 0.0)
 
 
+def filtered_as_acceleration(values: np.ndarray, samples: Samples, settings: dict[str, Any]
+                             ) -> np.ndarray:
+    """Return values, (N,) or (N, M), behind the filter that `differentiate` is to acceleration.
+
+    This is the low pass, and for each central difference the mean over two steps of a signal that
+    is straight between its samples.
+    """
+    result = np.array(values, dtype=float)
+    means = 2
+    if settings.get('source') == 'velocity':
+        means = int(_in_counts(np.asarray(samples.velocity)))
+    for part in samples.segments():
+        own = _smooth(result[part], samples.sample_time, settings.get('bandwidth'))
+        for _ in range(means):
+            ends = np.concatenate((own[:1], own, own[-1:]))
+            own = 0.25 * ends[:-2] + 0.5 * own + 0.25 * ends[2:]
+        result[part] = own
+    return result
+
+
 def prepared_signal(samples: Samples, values: np.ndarray, bandwidth: float | None = None,
                     lag: float | None = None) -> np.ndarray:
     """Return a measured signal as it was at the sensor, without noise above a bandwidth, (N,).
@@ -205,7 +225,7 @@ def filters(bandwidth: float | None, sample_time: float) -> TypeGuard[float]:
 
 
 def _smooth(signal: np.ndarray, sample_time: float, bandwidth: float | None) -> np.ndarray:
-    """Return a signal behind a zero-phase low pass with a bandwidth in Hz, if that filters."""
+    """Return a signal, (N, ...), behind a zero-phase low pass of a bandwidth, Hz, if it filters."""
     if not filters(bandwidth, sample_time):
         return signal
     from scipy.signal import sosfiltfilt
@@ -213,7 +233,7 @@ def _smooth(signal: np.ndarray, sample_time: float, bandwidth: float | None) -> 
     sections = _low_pass(2.0 * bandwidth * sample_time)
     # Long enough for slow transients of narrow filters, short enough for short parts.
     padding = min(len(signal) - 1, int(3.0 / (bandwidth * sample_time)))
-    return sosfiltfilt(sections, signal, padtype='odd', padlen=padding)
+    return sosfiltfilt(sections, signal, padtype='odd', padlen=padding, axis=0)
 
 
 def _derivative(values: np.ndarray, time: np.ndarray, smooth: bool = False) -> np.ndarray:

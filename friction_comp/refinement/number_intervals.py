@@ -9,17 +9,21 @@ import math
 
 import numpy as np
 
+from friction_comp.model.differentiation import filtered_as_acceleration
 from friction_comp.model.effects.base import Effect
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.measured import LINE, Recorded
 from friction_comp.model.sliding_friction import inertia_of, line_of, near_standstill, Sliding
 from friction_comp.refinement.best_fit import Fit
-from friction_comp.refinement.effect_columns import EQ6_LINEAR
+from friction_comp.refinement.block_sums import BlockSums
+from friction_comp.refinement.effect_columns import eq6_columns, EQ6_LINEAR
 from friction_comp.refinement.stability import thirds
 from friction_comp.statistics import rms
 
 # Quantiles of the speed in motion that a model file keeps.
 _SPEEDS = 12
+# What effects depend on that is filtered already.
+_FILTERED = ('acceleration', 'other joints')
 # Column of Eq. 6's derivative with respect to the logarithm of the steepness.
 _STEEPNESS = 3
 # Half an interval, of the current, that is due to rounding.
@@ -33,7 +37,7 @@ def recorded_of(fit: Fit, model: FrictionModel) -> Recorded:
 
     An interval contains the scatter over parts drawn at random, with what the recordings hardly
     tell (see `unsettled`), and how far a number moves if the slow, the middle or the fast third of
-    the samples is left out.
+    the samples is left out, or if the current is filtered as the motion is.
     """
     rows = fit.rows
     speed = np.abs(np.asarray(rows.samples.velocity)[rows.usable])
@@ -44,7 +48,7 @@ def recorded_of(fit: Fit, model: FrictionModel) -> Recorded:
     straight = line_of(replace(model, recorded=recorded))
     values = (*straight.values(), inertia_of(model),
               near_standstill(model, straight['coulomb']))
-    intervals, other_fits = {}, _without_thirds(fit)
+    intervals, other_fits = {}, np.vstack((_without_thirds(fit), _with_filtered_current(fit)))
     for name, row, value in zip((*LINE, 'inertia', 'static'), weights, values):
         moved = other_fits @ row
         below, above = (math.hypot(end, float(np.abs(moved[1:] - moved[0]).max()))
@@ -96,3 +100,25 @@ def _without_thirds(fit: Fit) -> np.ndarray:
     fits[:, columns] = sums.fits_without(
         range(len(columns)), np.vstack((np.ones(3), 1.0 - np.eye(3))) > 0.0)
     return fits
+
+
+def _with_filtered_current(fit: Fit) -> np.ndarray:
+    """Return the coefficients, (P,), of all samples if the current is filtered as the motion is.
+
+    A fit predicts the current as it was recorded. The acceleration of a filtered motion is smaller
+    than that which the current shows, so that inertia and what resembles it become larger.
+    """
+    rows, table = fit.rows, fit.table
+
+    def filtered(values: np.ndarray) -> np.ndarray:
+        return filtered_as_acceleration(values, rows.samples, fit.settings)
+    columns = [filtered(eq6_columns(rows, *table.transition)[:, :EQ6_LINEAR])]
+    for term in fit.terms:
+        own = term.columns(rows)
+        columns.append(own if term.kind.variable in _FILTERED else filtered(own))
+    indices = table.indices(fit.terms, derivatives=False)
+    sums = BlockSums.over(rows.averaged(np.column_stack((*columns, filtered(rows.target)))).T,
+                          [slice(None)], table.sums.signs[indices])
+    result = np.zeros(max(fit.intervals.coefficients) + 1)
+    result[indices] = sums.fit(range(len(indices)))
+    return result

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from friction_comp.model.differentiation import DEFAULT_SETTINGS
-from friction_comp.model.friction_numbers import friction_of
+from friction_comp.model.friction_numbers import friction_of, FrictionNumbers
 from friction_comp.refinement import judge, thresholds
 from friction_comp.refinement.best_fit import Fit, Problem
 from friction_comp.refinement.dependence import Dependence, remaining_dependences, share_of_means
@@ -61,7 +61,8 @@ def report_of(problem: Problem, fit: Fit, start: Predicted, refined: Predicted, 
     if between:
         growth[RECORDING] = between.growth
     noise = judge.noise_floor(rows, refined.held_out)
-    effects = [] if kept else effects_of(problem, fit, unit)
+    friction = friction_of(model, unit, rows.coverage.both_directions)
+    effects = [] if kept else effects_of(problem, fit, friction, unit)
     open_questions = [] if kept else judge.ambiguities(fit)
     base = 'the given model' if given else 'sigmoid of Eq. 6 fitted to the recording'
     if rows.load_coefficient and not given:
@@ -72,7 +73,6 @@ def report_of(problem: Problem, fit: Fit, start: Predicted, refined: Predicted, 
     if 'acceleration' not in growth:
         tested[judge.STEPS] = error_by_steps(raw, refined, rows.usable)
     errors = judge.errors_of(rows, refined, name, max(1.0, *tested.values()))
-    friction = friction_of(model, unit, rows.coverage.both_directions)
     what = 'Presliding is' if model.breakaway else 'Breakaway and presliding are'
     notes = ([finding('no_presliding', what=what, why=refined.no_presliding)]
              if refined.no_presliding else [])
@@ -166,10 +166,12 @@ def correlations_of(fit: Fit) -> list[Correlation]:
             if abs(value) > thresholds.CORRELATED and a in names and b in names][:_MOST_PAIRS]
 
 
-def effects_of(problem: Problem, fit: Fit, unit: str) -> list[FoundEffect]:
+def effects_of(problem: Problem, fit: Fit, friction: FrictionNumbers, unit: str
+               ) -> list[FoundEffect]:
     """Return the effects, those first that lower the error most.
 
-    All terms of other joints' weight and inertia make one.
+    All terms of other joints' weight and inertia make one. Inertia has the interval that it has
+    among the numbers of `friction`.
     """
     chosen, remaining = fit.terms[:fit.initial_count], fit.terms[fit.initial_count:]
     entries: list[FoundEffect] = []
@@ -187,7 +189,10 @@ def effects_of(problem: Problem, fit: Fit, unit: str) -> list[FoundEffect]:
         chosen += terms
         remaining = [term for term in remaining if term not in terms]
         if terms is groups or not is_known_load(problem, fit, terms[0]):
-            entries.append(_found_effect(fit, terms, error, unit))
+            entry = _found_effect(fit, terms, error, unit)
+            if entry.name in friction.intervals:
+                entry = replace(entry, intervals={'coefficients': [friction.intervals[entry.name]]})
+            entries.append(entry)
     return entries
 
 
