@@ -10,6 +10,7 @@ the rest. All are chosen by how well a plain drive predicts blocks that were not
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+import functools
 import math
 from typing import Any
 
@@ -95,19 +96,24 @@ def resolved_settings(samples: Samples) -> list[dict[str, Any]]:
     """
     choices = candidate_settings(samples, samples.velocity)
     narrowest, *wider = [choice for choice in choices if choice['source'] == 'position']
-    piece = samples.take(np.arange(min(len(samples), _PIECE)))
-    steps = piece.with_(position=samples.position_step * np.random.default_rng(0).random(
-        len(piece)))
-
-    def acceleration(of: Samples, choice: dict[str, Any]) -> float:
-        return rms(np.asarray(differentiate(of, choice).acceleration))
-    most = thresholds.ENCODER_STEPS * acceleration(samples, narrowest)
-    unresolved = {choice['bandwidth'] for choice in wider if acceleration(steps, choice) > most}
+    most = thresholds.ENCODER_STEPS * rms(np.asarray(
+        differentiate(samples, narrowest).acceleration))
+    step = samples.position_step / samples.sample_time ** 2
+    unresolved = {bandwidth for bandwidth in (choice['bandwidth'] for choice in wider)
+                  if step * _acceleration_of_steps(bandwidth * samples.sample_time) > most}
     other_sensor = samples.velocity is not None and np.median(np.abs(
         samples.velocity[1:] * samples.sample_time - np.diff(samples.position))
     ) > 0.1 * samples.position_step
     return [choice for choice in choices if choice['bandwidth'] not in unresolved
             or (other_sensor and choice['source'] == 'velocity')]
+
+
+@functools.lru_cache(maxsize=64)
+def _acceleration_of_steps(bandwidth: float) -> float:
+    """Return the RMS acceleration of noise in steps of one, at one sample in one second."""
+    noise = Samples(time=np.arange(float(_PIECE)), current=np.zeros(_PIECE),
+                    position=np.random.default_rng(0).random(_PIECE))
+    return rms(np.asarray(differentiate(noise, {'bandwidth': bandwidth}).acceleration))
 
 
 def velocity_delay(samples: Samples) -> float:
@@ -311,8 +317,9 @@ def choose_differentiation(samples: Samples, unusable: np.ndarray, joints: Seque
                                 joints.index(samples.joint) if joints else 0)
         return held_out_error(columns, part.current, block)
     # The load first, since noise in motion may make up for its noise.
+    smooth = smooth_settings(samples)
     signals = choose_signals(samples, {}, lambda changed: error_with(
-        smoothed.with_(**changed), smooth_settings(samples))) if filtered else {}
+        smoothed.with_(**changed), smooth)) if filtered else {}
     for choice in resolved_settings(samples):
         if signals:
             choice['signals'] = signals
