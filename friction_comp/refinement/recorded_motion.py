@@ -10,7 +10,6 @@ the rest. All are chosen by how well a plain drive predicts blocks that were not
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-import functools
 import math
 from typing import Any
 
@@ -96,24 +95,19 @@ def resolved_settings(samples: Samples) -> list[dict[str, Any]]:
     """
     choices = candidate_settings(samples, samples.velocity)
     narrowest, *wider = [choice for choice in choices if choice['source'] == 'position']
-    most = thresholds.ENCODER_STEPS * rms(np.asarray(
-        differentiate(samples, narrowest).acceleration))
-    step = samples.position_step / samples.sample_time ** 2
-    unresolved = {bandwidth for bandwidth in (choice['bandwidth'] for choice in wider)
-                  if step * _acceleration_of_steps(bandwidth * samples.sample_time) > most}
+    piece = samples.take(np.arange(min(len(samples), _PIECE)))
+    steps = piece.with_(position=samples.position_step * np.random.default_rng(0).random(
+        len(piece)))
+
+    def acceleration(of: Samples, choice: dict[str, Any]) -> float:
+        return rms(np.asarray(differentiate(of, choice).acceleration))
+    most = thresholds.ENCODER_STEPS * acceleration(samples, narrowest)
+    unresolved = {choice['bandwidth'] for choice in wider if acceleration(steps, choice) > most}
     other_sensor = samples.velocity is not None and np.median(np.abs(
         samples.velocity[1:] * samples.sample_time - np.diff(samples.position))
     ) > 0.1 * samples.position_step
     return [choice for choice in choices if choice['bandwidth'] not in unresolved
             or (other_sensor and choice['source'] == 'velocity')]
-
-
-@functools.lru_cache(maxsize=64)
-def _acceleration_of_steps(bandwidth: float) -> float:
-    """Return the RMS acceleration of noise in steps of one, at one sample in one second."""
-    noise = Samples(time=np.arange(float(_PIECE)), current=np.zeros(_PIECE),
-                    position=np.random.default_rng(0).random(_PIECE))
-    return rms(np.asarray(differentiate(noise, {'bandwidth': bandwidth}).acceleration))
 
 
 def velocity_delay(samples: Samples) -> float:

@@ -49,8 +49,8 @@ class Gravity(Effect):
     def insufficient_data(cls, coverage: Coverage) -> str:
         if coverage.span >= 0.5:
             return ''
-        return (f'Position covered {coverage.span:.3g} rad only: gravity cannot be '
-                'distinguished from an offset or a spring, and slow ripple cannot be seen.')
+        return (f'Position covered {coverage.span:.3g} rad only: offset and spring contain what '
+                'a weight holds there, and slow ripple cannot be seen.')
 
     @classmethod
     def load_share(cls, coefficients: Sequence[float], constants: dict[str, float]
