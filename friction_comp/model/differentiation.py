@@ -101,16 +101,13 @@ def filtered_as_acceleration(values: np.ndarray, samples: Samples, settings: dic
                              ) -> np.ndarray:
     """Return values, (N,) or (N, M), behind the filter that `differentiate` is to acceleration.
 
-    This is the low pass, and for each central difference the mean over two steps of a signal that
-    is straight between its samples.
+    This is the low pass, and for each of the two central differences of a position the mean over
+    two steps of a signal that is straight between its samples.
     """
-    result = np.array(values, dtype=float)
-    means = 2
-    if settings.get('source') == 'velocity':
-        means = int(_in_counts(np.asarray(samples.velocity)))
+    result, differences = np.array(values, dtype=float), 2 * (settings.get('source') != 'velocity')
     for part in samples.segments():
         own = _smooth(result[part], samples.sample_time, settings.get('bandwidth'))
-        for _ in range(means):
+        for _ in range(differences):
             ends = np.concatenate((own[:1], own, own[-1:]))
             own = 0.25 * ends[:-2] + 0.5 * own + 0.25 * ends[2:]
         result[part] = own

@@ -190,8 +190,8 @@ def effects_of(problem: Problem, fit: Fit, friction: FrictionNumbers, unit: str
         remaining = [term for term in remaining if term not in terms]
         if terms is groups or not is_known_load(problem, fit, terms[0]):
             entry = _found_effect(fit, terms, error, unit)
-            if entry.name in friction.intervals:
-                entry = replace(entry, intervals={'coefficients': [friction.intervals[entry.name]]})
+            if ends := friction.intervals.get(entry.name):
+                entry = replace(entry, intervals={'coefficients': [list(ends)]})
             entries.append(entry)
     return entries
 
