@@ -79,14 +79,17 @@ class Fit:
         errors = self.table.block_errors(terms, derivatives=False)
         return math.sqrt(float(errors.sum()) / float(self.table.sums.rows.sum()))
 
+    def columns(self) -> np.ndarray:
+        """Return the columns of Eq. 6 and of the terms on all samples, shape (N, S)."""
+        return np.column_stack([eq6_columns(self.rows, *self.table.transition)[:, :EQ6_LINEAR],
+                                *(term.columns(self.rows) for term in self.terms)])
+
     def residual(self) -> np.ndarray:
         """Return the residual of each sample by a fit to all other blocks, A, shape (N,)."""
         table, rows = self.table, self.table.rows
-        columns = np.column_stack([eq6_columns(rows, *table.transition)[:, :EQ6_LINEAR],
-                                   *(term.columns(rows) for term in self.terms)])
         train = (table.block != np.arange(rows.blocks)[:, None]).astype(float)
         fits = table.sums.fits(table.indices(self.terms, derivatives=False), train)
-        return rows.target - np.einsum('ns,ns->n', columns, fits[rows.block_of_sample])
+        return rows.target - np.einsum('ns,ns->n', self.columns(), fits[rows.block_of_sample])
 
 
 def without_lag(settings: dict[str, Any]) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from friction_comp.model.measured import LINE, Recorded
 from friction_comp.model.sliding_friction import inertia_of, line_of, near_standstill, Sliding
 from friction_comp.refinement.best_fit import Fit
 from friction_comp.refinement.block_sums import BlockSums
-from friction_comp.refinement.effect_columns import eq6_columns, EQ6_LINEAR
+from friction_comp.refinement.effect_columns import EQ6_LINEAR
 from friction_comp.refinement.stability import thirds
 from friction_comp.statistics import rms
 
@@ -109,16 +109,13 @@ def _with_filtered_current(fit: Fit) -> np.ndarray:
     than that which the current shows, so that inertia and what resembles it become larger.
     """
     rows, table = fit.rows, fit.table
-
-    def filtered(values: np.ndarray) -> np.ndarray:
-        return filtered_as_acceleration(values, rows.samples, fit.settings)
-    columns = [filtered(eq6_columns(rows, *table.transition)[:, :EQ6_LINEAR])]
-    for term in fit.terms:
-        own = term.columns(rows)
-        columns.append(own if term.kind.variable in _FILTERED else filtered(own))
     indices = table.indices(fit.terms, derivatives=False)
-    sums = BlockSums.over(rows.averaged(np.column_stack((*columns, filtered(rows.target)))).T,
-                          [slice(None)], table.sums.signs[indices])
+    already = [column for term in fit.terms if term.kind.variable in _FILTERED
+               for column in table.columns_of[term]]
+    every = np.column_stack((fit.columns(), rows.target))
+    full = np.where(np.isin([*indices, -1], already), every,
+                    filtered_as_acceleration(every, rows.samples, fit.settings))
+    sums = BlockSums.over(rows.averaged(full).T, [slice(None)], table.sums.signs[indices])
     result = np.zeros(max(fit.intervals.coefficients) + 1)
     result[indices] = sums.fit(range(len(indices)))
     return result
