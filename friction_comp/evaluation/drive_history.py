@@ -9,7 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from friction_comp.errors import errors_name
+from friction_comp.model.friction_change import friction_change
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.measured import Recorded
 from friction_comp.recordings.history import History
 from friction_comp.statistics import rms, top_speed
 
@@ -28,31 +30,30 @@ class RecordedFriction:
     level_error: float  # standard error of that
     error: float  # RMS of measured minus predicted current in sliding, A
     temperature: float | None  # mean of the motor's, degrees Celsius
+    one_way: bool  # whether it moved in one direction only, so that an offset counts as friction
 
 
 def recorded_friction(history: History, model: FrictionModel) -> list[RecordedFriction]:
     """Return the friction in each recording that shows sliding, or raise InputError.
 
-    The level is the factor of Eq. 6 with the least squared error beside the model's other effects.
+    The level is that of `friction_change`, beside an offset, a weight and an inertia that changed.
     """
     recorded = []
     for recording, samples in zip(history.recordings, history.samples()):
         with errors_name(recording.name):
             error = model.measured(samples) - model.predict(samples)
-        velocity = np.asarray(model.differentiated(samples).velocity)
-        speed = np.abs(velocity)
+        moved = model.differentiated(model.with_arm(samples))
+        speed = np.abs(moved.velocity)
         sliding = speed > _SLIDING * top_speed(speed)
         if sliding.sum() < 100:
             continue
-        friction = model.sigmoid(velocity)[sliding]
-        residual = error[sliding]
-        change = float(friction @ residual / (friction @ friction))
-        # Neighbouring samples are correlated: count seconds as independent, not samples.
-        seconds = len(residual) * samples.sample_time
-        level_error = float(np.std(residual - change * friction) / np.sqrt(
-            np.mean(friction ** 2) * max(seconds - 1.0, 1.0)))
+        predicted, friction = model.on_another_day().parts(moved)
+        change = friction_change(
+            error[sliding], predicted[sliding], friction[sliding], moved.take(sliding),
+            (model.recorded or Recorded()).error_at(speed[sliding]))
         recorded.append(RecordedFriction(
-            recording.name, recording.day, len(samples) * samples.sample_time, 1.0 + change,
-            level_error, rms(residual),
-            None if samples.temperature is None else float(np.mean(samples.temperature))))
+            recording.name, recording.day, len(samples) * samples.sample_time, 1.0 + change.factor,
+            change.error, rms(error[sliding]),
+            None if samples.temperature is None else float(np.mean(samples.temperature)),
+            change.one_way))
     return recorded

@@ -30,6 +30,7 @@ from friction_comp.model.differentiation import (
     settings_of,
 )
 from friction_comp.model.effects import Effect, EFFECTS
+from friction_comp.model.effects.definitions import RESISTS
 from friction_comp.model.measured import Breakaway, Presliding, Recorded
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
@@ -100,11 +101,9 @@ class FrictionModel:
         if not np.isfinite(samples.position).all():
             first = samples.time[np.argmin(np.isfinite(samples.position))]
             raise InputError(f'the position at {first:g} s is not finite')
-        effects = [effect for effect in self.effects
-                   if same_recording or effect.holds_on_another_day]
+        model = self if same_recording else self.on_another_day()
         moved = self.differentiated(self.with_arm(samples))
-        current = as_recorded(replace(self, effects=effects).current(moved), moved,
-                              self.settings.get('time_constant'))
+        current = as_recorded(model.current(moved), moved, self.settings.get('time_constant'))
         return np.nan_to_num(current, nan=0.0, posinf=0.0, neginf=0.0)
 
     def feed_forward(self, position: ArrayLike, velocity: ArrayLike,
@@ -154,6 +153,23 @@ class FrictionModel:
                 if effect.holds_on_another_day and set(effect.needs) <= _PLANNED]
         others = [effect.name for effect in self.effects if effect not in kept]
         return replace(self, effects=kept), others
+
+    def on_another_day(self) -> FrictionModel:
+        """Return the model without effects of one recording, such as drift over time."""
+        return replace(self, effects=[
+            effect for effect in self.effects if effect.holds_on_another_day])
+
+    def parts(self, samples: Samples) -> tuple[np.ndarray, np.ndarray]:
+        """Return the expected current and the part of it that resists motion, A, (N,) each.
+
+        As `current` for samples with velocity, behind the low pass of the recording.
+        """
+        resists = replace(self, effects=[
+            effect for effect in self.effects if effect.role == RESISTS])
+        delay = self.settings.get('time_constant')
+        current, friction = (as_recorded(one.current(samples), samples, delay)
+                             for one in (self, resists))
+        return current, friction - self.sigmoid.line[0]
 
     @property
     def settings(self) -> dict[str, Any]:

@@ -168,6 +168,15 @@ class Recorded:
                     'report expects')
         return notes
 
+    def error_at(self, speed: np.ndarray) -> float:
+        """Return the RMS error to expect of motion at some speeds, (N,), rad/s, in A.
+
+        Where the slope of friction is uncertain, the error grows away from the recorded speeds.
+        """
+        low, high = self.intervals.get('viscous', (0.0, 0.0))
+        away = speed - np.median(self.speeds) if self.speeds else 0.0 * speed
+        return math.hypot(self.error or 0.0, 0.5 * (high - low) * float(np.sqrt(np.mean(away ** 2))))
+
     def interval(self, name: str, value: float) -> tuple[float, float] | None:
         """Return a parameter's interval; None if it does not hold the value, as after a change."""
         low, high = self.intervals.get(name, (math.nan, math.nan))

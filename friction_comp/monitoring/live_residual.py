@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from friction_comp.errors import InputError
-from friction_comp.model.differentiation import as_recorded, DEFAULT_SETTINGS, differentiate
+from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.monitoring.residual_monitor import ModelFit, ResidualMonitor
 from friction_comp.samples import Samples
@@ -36,12 +36,12 @@ class LiveResidual:
     """
 
     def __init__(self, model: FrictionModel, tolerance: float = 0.25):
-        self.model, self._tolerance = model, tolerance
+        self.model, self._tolerance = model.on_another_day(), tolerance
         self.blind = ''
         self._start_over()
 
     def _start_over(self) -> None:
-        self.monitor = ResidualMonitor(self._tolerance)
+        self.monitor = ResidualMonitor(self._tolerance, self.model.recorded, self.model.unit)
         self._rows = np.empty((0, _WIDTH))
         self._done, self._origin = -np.inf, np.nan
 
@@ -81,14 +81,14 @@ class LiveResidual:
         # Time counts from the beginning of the run, not of the rows that are kept.
         differentiated = differentiated.with_(time=rows[:, 0] - self._origin)
         try:
-            predicted = as_recorded(self.model.current(differentiated), differentiated,
-                                    settings.get('time_constant'))
+            predicted, friction = self.model.parts(differentiated)
         except InputError as error:
             # For instance, a model of an arm needs the motion of other joints.
             self.blind = str(error)
             return
         residual = differentiated.current - predicted
-        self.monitor.add(differentiated.take(new), residual[new], predicted[new])
+        self.monitor.add(
+            differentiated.take(new), residual[new], predicted[new], friction[new])
 
     def _missing(self, samples: Samples) -> str:
         """Return which signals, or the torque of an arm's links, the model lacks here."""

@@ -9,11 +9,14 @@ single samples and leaves a few values per second.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+import math
 
 import numpy as np
 
 from friction_comp.checks import check_number
+from friction_comp.model.friction_change import friction_change, FrictionChange, in_unit
+from friction_comp.model.measured import LARGER, Recorded
 from friction_comp.samples import Samples
 from friction_comp.signal_checks import STANDSTILL
 from friction_comp.statistics import quantile_edges, rms
@@ -32,11 +35,11 @@ _NAMED_SHARE, _NAMED_MARGIN = 0.3, 0.1
 _BINS = 6
 # Fewest blocks before or after a change in time.
 _FEWEST_BESIDE = 5
-# The friction level has changed if the squared mean of the relative residual exceeds this share of
-# its mean square.
-_LEVEL_SHARE = 0.6
+# Of the squared error, what friction, load and inertia must leave for a variable to be looked for.
+_LEFT = 0.1
 # Columns of the table of blocks.
-(_TIME, _POSITION, _VELOCITY, _ACCELERATION, _LOAD, _TEMPERATURE, _RESIDUAL, _PREDICTED) = range(8)
+(_TIME, _POSITION, _VELOCITY, _ACCELERATION, _LOAD, _TEMPERATURE, _RESIDUAL, _PREDICTED,
+ _FRICTION) = range(9)
 
 
 @dataclass(frozen=True)
@@ -47,26 +50,30 @@ class ModelFit:
     known: bool = False
     # Whether the error is within the tolerance; True if not known.
     fits: bool = True
-    # RMS error of the last blocks, relative to the RMS current of the model, and in A.
+    # RMS error of the last blocks, relative to the RMS of the model's friction, and in A.
     share: float = 0.0
     error: float = 0.0
-    # Variables that explain the residual, and the share of it that each explains, largest first.
+    # Variables that explain how the friction varies, and the share of that which each explains,
+    # largest first.
     explained_by: tuple[tuple[str, float], ...] = ()
-    # Relative difference of the friction from the model's, if it is the same throughout; else 0.
+    # What else explains the error, in words, and the change of the friction as a share of the
+    # model's, 0 where it explains too little.
+    causes: tuple[str, ...] = ()
     level: float = 0.0
+    # Whether it fits only because refinement expects no smaller error of it.
+    as_expected: bool = False
+    unit: str = 'A'
 
     @property
     def text(self) -> str:
         """The verdict as one line of text."""
         if not self.known:
             return 'not enough motion yet to tell whether the model fits'
-        error = f'{100 * self.share:.0f} % of the friction ({1e3 * self.error:.3g} mA)'
+        error = f'{100 * self.share:.0f} % of the friction ({in_unit(self.error, self.unit)})'
         if self.fits:
-            return f'the model fits: its error is {error}'
-        causes = []
-        if self.level:
-            side = 'higher' if self.level > 0 else 'lower'
-            causes.append(f'the friction is {100 * abs(self.level):.0f} % {side} throughout')
+            return (f'its error is {error}, which refine expected: the model was never better'
+                    if self.as_expected else f'the model fits: its error is {error}')
+        causes = list(self.causes)
         if self.explained_by:
             causes.append('its variation depends on ' + ' or '.join(
                 f'{name} ({100 * share:.0f} %)' for name, share in self.explained_by))
@@ -75,16 +82,24 @@ class ModelFit:
 
 
 class ResidualMonitor:
-    """Monitors the residual of one joint; `tolerance` is the largest error per friction."""
+    """Monitors the residual of one joint.
 
-    def __init__(self, tolerance: float) -> None:
+    `tolerance` is the largest error per friction, beyond what `recorded` tells of the model.
+    """
+
+    def __init__(self, tolerance: float, recorded: Recorded | None = None, unit: str = 'A') -> None:
         self.tolerance = check_number(tolerance, 'tolerance', above=0.0)
-        self._blocks = np.empty((0, 8))
+        self._recorded, self._unit = recorded or Recorded(), unit
+        self._blocks = np.empty((0, 9))
         self._speed = 0.0
         self._warned = False
 
-    def add(self, samples: Samples, residual: np.ndarray, predicted: np.ndarray) -> None:
-        """Add samples with velocity and acceleration; residual and prediction in A, shape (N,)."""
+    def add(self, samples: Samples, residual: np.ndarray, predicted: np.ndarray,
+            friction: np.ndarray) -> None:
+        """Add samples with velocity and acceleration.
+
+        Residual, prediction, and the part of it that is friction are in A, shape (N,).
+        """
         if len(samples) < 2 or samples.velocity is None or samples.acceleration is None:
             return
         speed = np.abs(samples.velocity)
@@ -95,8 +110,9 @@ class ResidualMonitor:
         load, temperature = (
             np.full(len(samples), np.nan) if signal is None else signal
             for signal in (samples.load, samples.temperature))
-        table = np.column_stack([samples.time, samples.position, samples.velocity,
-                                 samples.acceleration, load, temperature, residual, predicted])
+        table = np.column_stack([
+            samples.time, samples.position, samples.velocity, samples.acceleration, load,
+            temperature, residual, predicted, friction])
         means = [table[part].mean(axis=0) for part in _block_slices(samples, moving)]
         if means:
             self._blocks = np.vstack((self._blocks, means))[-_KEPT:]
@@ -108,63 +124,68 @@ class ResidualMonitor:
 
     def error(self, blocks: int) -> float:
         """Return the RMS error of the last `blocks` blocks in A, without inertia."""
-        return rms(_without_inertia(self._blocks[-blocks:]))
+        last = self._blocks[-blocks:]
+        return rms(last[:, _RESIDUAL] - self._change(last).inertia)
 
     def verdict(self) -> ModelFit:
         """Return the verdict on the blocks so far."""
         if self.blocks < _RECENT // 2:
             return ModelFit()
         last = self._blocks[-_RECENT:]
-        error = self.error(_RECENT)
-        share = error / max(rms(last[:, _PREDICTED]), 1e-12)
-        limit = self.tolerance * (_HYSTERESIS if self._warned else 1.0)
-        self._warned = share > limit
-        if not self._warned:
-            return ModelFit(True, True, share, error)
-        level = _level(last)
-        # A recent change shows only in the last blocks.
-        named = (_explaining_variables(self._blocks, bool(level))
-                 or _explaining_variables(last, bool(level)))
-        return ModelFit(True, False, share, error, named, level)
+        error, friction = self.error(_RECENT), max(rms(last[:, _FRICTION]), 1e-12)
+        expected = LARGER * self._recorded.error_at(np.abs(last[:, _VELOCITY]))
+        limit = max(self.tolerance * friction, expected)
+        self._warned = error > limit * (_HYSTERESIS if self._warned else 1.0)
+        fit = ModelFit(True, not self._warned, error / friction, error, unit=self._unit,
+                       as_expected=error > self.tolerance * friction)
+        return self._explained(fit, last) if self._warned else fit
 
+    def _change(self, blocks: np.ndarray) -> FrictionChange:
+        motion = Samples(
+            time=blocks[:, _TIME], position=blocks[:, _POSITION], current=blocks[:, _RESIDUAL],
+            velocity=blocks[:, _VELOCITY], acceleration=blocks[:, _ACCELERATION])
+        return friction_change(
+            blocks[:, _RESIDUAL], blocks[:, _PREDICTED], blocks[:, _FRICTION], motion,
+            self._recorded.error_at(np.abs(blocks[:, _VELOCITY])))
 
-def _explaining_variables(blocks: np.ndarray, throughout: bool) -> tuple[tuple[str, float], ...]:
-    """Return the variables that explain the residual, each with its share, the largest first.
+    def _explained(self, fit: ModelFit, last: np.ndarray) -> ModelFit:
+        """Return the verdict on a model that does not fit, with the causes."""
+        change, by = self._change(last), ()
+        if not change.whole:
+            # A recent change shows only in the last blocks.
+            by = (self._explaining_variables(self._blocks, bool(change.level))
+                  or self._explaining_variables(last, bool(change.level)))
+        return replace(fit, level=change.level, causes=tuple(change.causes(self._unit)),
+                       explained_by=by)
 
-    Of three forms of the residual, the one that a single variable explains best is used: as it is
-    (an offset), in the direction of motion (resistance), and relative to the model's friction (wear
-    or warm-up). With a change of the friction level (`throughout`), only the last is considered.
-    """
-    residual = _without_inertia(blocks)
-    columns = {'temperature': blocks[:, _TEMPERATURE], 'time': blocks[:, _TIME],
-               'position': blocks[:, _POSITION], 'load': blocks[:, _LOAD],
-               'speed': np.abs(blocks[:, _VELOCITY])}
-    forms = [_relative_residual(blocks)]
-    if not throughout:
-        forms += [residual, residual * np.sign(blocks[:, _VELOCITY])]
+    def _explaining_variables(self, blocks: np.ndarray, throughout: bool
+                              ) -> tuple[tuple[str, float], ...]:
+        """Return the variables that explain the residual, each with its share, the largest first.
 
-    def explained(values: np.ndarray) -> dict[str, float]:
-        shares = {name: _explained(values, variable) for name, variable in columns.items()}
-        return {**shares, 'time': max(shares['time'], _explained_by_step(values))}
-    best = max(map(explained, forms), key=lambda shares: max(shares.values()))
-    least = max(_NAMED_SHARE, max(best.values()) - _NAMED_MARGIN)
-    return tuple(sorted((item for item in best.items() if item[1] >= least),
-                        key=lambda item: -item[1]))
+        Of three forms of the residual, the one that a single variable explains best is used: as it
+        is (an offset), in the direction of motion (resistance), and relative to the model's
+        friction (wear or warm-up). With a change of the friction level (`throughout`), only the
+        last is considered.
+        """
+        change = self._change(blocks)
+        residual = blocks[:, _RESIDUAL] - change.inertia
+        if rms(residual - change.friction - change.load) ** 2 < _LEFT * rms(residual) ** 2:
+            return ()
+        residual, side = residual - change.load, np.sign(blocks[:, _VELOCITY])
+        friction = np.abs(blocks[:, _FRICTION])
+        relative = residual * side / np.maximum(friction, max(0.3 * np.median(friction), 1e-12))
+        columns = {'temperature': blocks[:, _TEMPERATURE], 'time': blocks[:, _TIME],
+                   'position': blocks[:, _POSITION], 'load': blocks[:, _LOAD],
+                   'speed': np.abs(blocks[:, _VELOCITY])}
+        forms = [relative] if throughout else [relative, residual, residual * side]
 
-
-def _relative_residual(blocks: np.ndarray) -> np.ndarray:
-    """Return the signed residual as a share of the model's friction."""
-    friction = np.abs(blocks[:, _PREDICTED])
-    floor = 0.3 * np.median(friction)
-    return _without_inertia(blocks) * np.sign(blocks[:, _VELOCITY]) / np.maximum(
-        friction, max(floor, 1e-12))
-
-
-def _level(blocks: np.ndarray) -> float:
-    """Return the relative change of the friction if it is about constant; otherwise 0."""
-    ratio = _relative_residual(blocks)
-    mean = float(ratio.mean())
-    return mean if mean ** 2 > _LEVEL_SHARE * float(np.mean(ratio ** 2)) else 0.0
+        def explained(values: np.ndarray) -> dict[str, float]:
+            shares = {name: _explained(values, variable) for name, variable in columns.items()}
+            return {**shares, 'time': max(shares['time'], _explained_by_step(values))}
+        best = max(map(explained, forms), key=lambda shares: max(shares.values()))
+        least = max(_NAMED_SHARE, max(best.values()) - _NAMED_MARGIN)
+        return tuple(sorted((item for item in best.items() if item[1] >= least),
+                            key=lambda item: -item[1]))
 
 
 def _block_slices(samples: Samples, moving: np.ndarray) -> Iterator[slice]:
@@ -183,14 +204,6 @@ def _block_slices(samples: Samples, moving: np.ndarray) -> Iterator[slice]:
             count = max(1, round((end - begin) / length))
             bounds = np.linspace(begin, end, count + 1).astype(int)
             yield from (slice(a, b) for a, b in zip(bounds[:-1], bounds[1:]))
-
-
-def _without_inertia(blocks: np.ndarray) -> np.ndarray:
-    """Return the residual without its dependence on acceleration, since inertia is not friction."""
-    residual, acceleration = blocks[:, _RESIDUAL], blocks[:, _ACCELERATION]
-    columns = np.column_stack((np.ones(len(blocks)), np.sign(blocks[:, _VELOCITY]), acceleration))
-    fit = np.linalg.lstsq(columns, residual, rcond=None)[0]
-    return residual - fit[2] * acceleration
 
 
 def _explained(values: np.ndarray, variable: np.ndarray) -> float:

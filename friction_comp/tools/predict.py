@@ -85,12 +85,13 @@ def compared(model: FrictionModel, samples: Samples, measured: np.ndarray,
              predicted: np.ndarray) -> tuple[list[str], list[str]]:
     """Return the errors in words, and remarks on where the model cannot be believed."""
     from friction_comp.excitation.improve import moving
+    from friction_comp.model.friction_change import friction_change
     from friction_comp.model.measured import LARGER
     from friction_comp.statistics import rms
 
     residual, unit = measured - predicted, model.unit
     errors, remarks = [f'{rms(residual):.4g} {unit}'], list[str]()
-    known = model.recorded
+    known, moved = model.recorded, model.differentiated(model.with_arm(samples))
     # At standstill friction balances any torque up to breakaway: an error there says little.
     try:
         moves = moving(samples, model)
@@ -105,13 +106,16 @@ def compared(model: FrictionModel, samples: Samples, measured: np.ndarray,
             remarks.append(f'where the joint moves, a constant is only {constant:.4g} {unit} off: '
                            'the model does not hold for this recording')
         if known is not None and known.error and error > LARGER * known.error:
+            change = friction_change(*(
+                values[moves] for values in (residual, predicted, model.parts(moved)[1])),
+                moved.take(moves), known.error)
             remarks.append(f'where the joint moves, the error is {error / known.error:.2g} '
                            f'times the {known.error:.4g} {unit} that refine expected in other '
-                           'movements: the model does not describe all of this recording')
+                           'movements: ' + ('; '.join(change.causes(unit)) or 'the model does not '
+                                            'describe all of this recording'))
     if known is not None:
-        moved = model.differentiated(model.with_arm(samples)).take(moves)
         remarks += [in_own_units(note, model.is_linear) for note in known.beyond(
-            moved, model.effects, model.is_linear, model.drive.torque_per_current)]
+            moved.take(moves), model.effects, model.is_linear, model.drive.torque_per_current)]
     return errors, remarks
 
 
