@@ -64,6 +64,8 @@ _LEAST_REMAINING = 0.2
 _UNIT_TOLERANCE = 0.1
 # Fewest blocks of motion that show whether a ratio is the same everywhere.
 _STEADY_BLOCKS = 10
+# Bins of position, and the fewest that motion in both directions must share.
+_BINS, _FEWEST_BINS = 20, 5
 
 _VELOCITY_UNITS = {
     math.degrees(1.0): 'velocity is in deg/s, not rad/s',
@@ -212,6 +214,35 @@ class Answer(NamedTuple):
     delay: float            # s by which the measured current is late
     # RMS in A of the commanded current that has had at least `LATEST` to show a response.
     old_command: float
+
+
+def by_position(position: np.ndarray, velocity: np.ndarray, current: np.ndarray, fewest: int
+                ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Return mean and variance of the current in motion, (B, 2), and the weight, (B,), by position.
+
+    The columns are motion in the negative and the positive direction, with `fewest` samples of each
+    at least; None if they hardly overlap. Whatever the weight, at a given position friction makes
+    the current larger in the positive direction.
+    """
+    fast = np.abs(velocity) > 0.2 * np.quantile(np.abs(velocity), 0.95)
+    if not fast.any() or np.ptp(position[fast]) == 0.0:
+        return None
+    position, current, forward = position[fast], current[fast], velocity[fast] > 0
+    if np.ptp(position) > 4.0 * np.pi:
+        # Gravity is periodic.
+        position = np.mod(position, 2.0 * np.pi)
+    edges = np.linspace(position.min(), position.max(), _BINS + 1)
+    bin_index = 2 * np.clip(np.digitize(position, edges) - 1, 0, _BINS - 1) + forward
+    count = np.bincount(bin_index, minlength=2 * _BINS).astype(float)
+    with np.errstate(invalid='ignore', divide='ignore'):
+        mean = np.bincount(bin_index, current, 2 * _BINS) / count
+        spread = np.bincount(bin_index, current ** 2, 2 * _BINS) / count - mean ** 2
+    fewer = np.minimum(count[0::2], count[1::2])
+    used = fewer >= fewest
+    if np.count_nonzero(used) < _FEWEST_BINS:
+        return None
+    return (mean.reshape(-1, 2)[used], spread.reshape(-1, 2)[used],
+            fewer[used] / fewer[used].sum())
 
 
 def current_answer(command: np.ndarray, measured: np.ndarray) -> tuple[float, float]:

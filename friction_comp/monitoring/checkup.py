@@ -34,6 +34,9 @@ _OBSERVERS = ('recorder', 'refinement', 'watch', 'doctor')
 # Fewest blocks of motion to check sign and unit of velocity, largest ratio of velocity and rate of
 # position, and fewest samples in motion.
 _FEWEST_BLOCKS, _LARGEST_RATIO, _FEWEST_SAMPLES = 5, 1.25, 50
+# Fewest samples of each direction in a part of the range of position, and the share of the motion in
+# which the current must have one sign.
+_PER_BIN, _SIGN_SHARE = 5, 0.8
 # Mean speed of a joint above which its position is hardly in rad, rad/s: over two turns a second.
 _FASTEST = 15.0
 # Commands below this share of the drive's limit are smaller than the measurement noise.
@@ -289,7 +292,7 @@ def check_joint(seen: Observation, joint: str, model: FrictionModel) -> list[Fin
     """Compare the observation of a joint with its model.
 
     Friction dissipates energy, so the current that overcomes it, of motor and person together, has
-    the sign of the velocity.
+    the sign of the velocity. A weight that is lowered supplies energy, and is told from friction.
     """
     states = seen.states
     if states is None or joint not in states.joints:
@@ -336,7 +339,7 @@ def _check_current(seen: Observation, states: StatesSeen, joint: str, model: Fri
 def _check_fit(seen: Observation, joint: str, model: FrictionModel, rows: np.ndarray
                ) -> list[Finding]:
     """Compare a joint's model with rows for `LiveResidual`."""
-    _, _, velocity, current, load, _ = rows.T
+    position, velocity, current, load = rows.T[1:5]
     moving = (np.abs(velocity) > signal_checks.STANDSTILL) & np.isfinite(current)
     if moving.sum() < _FEWEST_SAMPLES:
         return [Finding(NOTE, joint, 'too little motion to compare it with its model',
@@ -349,11 +352,19 @@ def _check_fit(seen: Observation, joint: str, model: FrictionModel, rows: np.nda
                         'publish interaction_wrench, or run doctor while the motor alone moves it')]
     if loaded:
         current = current + load / model.drive.torque_per_current
-    power = float(np.mean(current[moving] * np.sign(velocity[moving])))
-    if power < 0.0:
-        return [Finding(PROBLEM, joint, f'the current opposes the motion ({power:.3g} A on '
-                        'average): friction would supply energy', 'reverse the sign of effort, or '
-                        'that of position and velocity, in the driver before compensating')]
+    bins = signal_checks.by_position(
+        *(values[moving] for values in (position, velocity, current)), _PER_BIN)
+    # Share of the motion in which the current overcomes friction.
+    right = 0.5 if bins is None else float(bins[2] @ (bins[0][:, 1] > bins[0][:, 0]))
+    if right < 1.0 - _SIGN_SHARE:
+        return [Finding(PROBLEM, joint, 'the current opposes the motion: at the same positions it '
+                        'is larger backwards than forwards, so that friction would supply energy',
+                        'reverse the sign of effort, or that of position and velocity, in the '
+                        'driver before compensating')]
+    sign = (Finding(OK, joint, 'current and motion have the same sign') if right > _SIGN_SHARE else
+            Finding(NOTE, joint, 'the sign of effort could not be checked: it hardly passed the '
+                    'same positions in both directions', 'run doctor again while it moves to and '
+                    'fro'))
     residual = LiveResidual(model)
     residual.add(rows)
     verdict = residual.verdict()
@@ -364,8 +375,7 @@ def _check_fit(seen: Observation, joint: str, model: FrictionModel, rows: np.nda
         level, do = NOTE, 'observe for longer: --seconds 60'
     elif verdict.fits:
         level, do = OK, ''
-    return [Finding(OK, joint, 'current and motion have the same sign'),
-            Finding(level, joint, residual.blind or verdict.text, do)]
+    return [sign, Finding(level, joint, residual.blind or verdict.text, do)]
 
 
 def _rows(states: StatesSeen, measured_load: np.ndarray | None, model: FrictionModel) -> np.ndarray:

@@ -23,10 +23,9 @@ _LARGEST_RATIO = 3.0
 _CONTRADICTING, _FEWEST_BLOCKS = 0.5, 30
 # Correlation of measured and commanded current below which their signs are opposite.
 _OPPOSED = -0.9
-# Bins of position, fewest samples of each direction in a bin, and fewest such bins.
-_BINS, _PER_BIN, _FEWEST_BINS = 20, 20, 5
-# Share of the motion in which the effort must appear reversed.
-_REVERSED_SHARE = 0.8
+# Fewest samples of each direction in a bin of position, and the share of the motion in which the
+# effort must appear reversed.
+_PER_BIN, _REVERSED_SHARE = 20, 0.8
 # Difference between the directions, of the usual effort, that counts as none, and the share of the
 # motion in which an effort without a sign must show none.
 _NO_DIFFERENCE, _UNSIGNED_SHARE = 0.02, 0.2
@@ -166,30 +165,8 @@ def _fault_of_power(samples: Samples) -> str:
 
 
 def _by_position(samples: Samples) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """Return mean and variance of the current in motion, (B, 2), and the weight, (B,), by position.
-
-    The columns are motion in the negative and the positive direction; None if they hardly overlap.
-    """
     velocity = samples.velocity if samples.velocity is not None else _rate(samples)
-    fast = np.abs(velocity) > 0.2 * np.quantile(np.abs(velocity), 0.95)
-    if not fast.any() or np.ptp(samples.position[fast]) == 0.0:
-        return None
-    position, current, forward = samples.position[fast], samples.current[fast], velocity[fast] > 0
-    if np.ptp(position) > 4.0 * np.pi:
-        # Gravity is periodic.
-        position = np.mod(position, 2.0 * np.pi)
-    edges = np.linspace(position.min(), position.max(), _BINS + 1)
-    bin_index = 2 * np.clip(np.digitize(position, edges) - 1, 0, _BINS - 1) + forward
-    count = np.bincount(bin_index, minlength=2 * _BINS).astype(float)
-    with np.errstate(invalid='ignore', divide='ignore'):
-        mean = np.bincount(bin_index, current, 2 * _BINS) / count
-        spread = np.bincount(bin_index, current ** 2, 2 * _BINS) / count - mean ** 2
-    fewer = np.minimum(count[0::2], count[1::2])
-    used = fewer >= _PER_BIN
-    if np.count_nonzero(used) < _FEWEST_BINS:
-        return None
-    return (mean.reshape(-1, 2)[used], spread.reshape(-1, 2)[used],
-            fewer[used] / fewer[used].sum())
+    return signal_checks.by_position(samples.position, velocity, samples.current, _PER_BIN)
 
 
 def _rate(samples: Samples) -> np.ndarray:
