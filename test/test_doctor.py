@@ -174,6 +174,43 @@ def test_a_current_against_the_motion_is_a_problem_before_any_model_is_compared(
     assert 'sign' in found[0].do
 
 
+def lowered(sign):
+    """Ten seconds in which a weight of four times the friction goes up fast and down slowly."""
+    time = 1e9 + np.arange(0.0, 10.0, 0.002)
+    phase = np.minimum((time - 1e9) % 5.0 / 1.0, 1.0 - ((time - 1e9) % 5.0 - 1.0) / 4.0)
+    position = 1.0 + 0.5 * np.sin(np.pi * (phase - 0.5))
+    velocity = np.gradient(position, time)
+    friction = MODEL.sigmoid(velocity)
+    effort = sign * (friction + 4.0 * friction.max() * np.sin(position)
+                     ) * MODEL.drive.torque_per_current
+    return StatesSeen([JOINT], time + 1e-3, time, position[:, None], velocity[:, None],
+                      effort[:, None])
+
+
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+def test_a_weight_that_is_lowered_is_no_current_against_the_motion(sign):
+    seen = healthy()
+    seen.states = lowered(sign)
+    current, velocity = seen.states.effort[:, 0], seen.states.velocity[:, 0]
+    # Most of the time, the motor holds back the weight.
+    assert np.mean(sign * current * np.sign(velocity)) < 0.0
+    found = check_joint(seen, JOINT, MODEL)
+    assert any('opposes' in finding.what for finding in found) == (sign < 0.0)
+    assert any('same sign' in finding.what for finding in found) == (sign > 0.0)
+
+
+def test_in_one_direction_alone_the_sign_of_the_current_is_not_judged():
+    seen = healthy()
+    whole = lowered(-1.0)
+    one = whole.velocity[:, 0] < -1e-3
+    seen.states = StatesSeen(
+        [JOINT], whole.received[one], whole.stamp[one], whole.position[one], whole.velocity[one],
+        whole.effort[one])
+    found = check_joint(seen, JOINT, MODEL)
+    assert not any('same sign' in finding.what or 'opposes' in finding.what for finding in found)
+    assert any('could not be checked' in finding.what and finding.do for finding in found)
+
+
 def compensated(share):
     """Return a system whose compensator's commands come out as a share of themselves."""
     seen = healthy()

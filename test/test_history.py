@@ -6,6 +6,7 @@ from dataclasses import replace
 import json
 from pathlib import Path
 
+from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 from report_pages import assert_documented
@@ -15,7 +16,9 @@ from friction_comp.__main__ import run
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.evaluation.drive_history import recorded_friction
+from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.measured import Recorded
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.recordings import RecordingInfo
 from friction_comp.recordings.history import History, KEPT
@@ -82,6 +85,43 @@ def test_friction_that_changed_is_seen_beside_the_model():
     for one, level in ((first, 1.0), (last, 0.8)):
         assert one.level == pytest.approx(level, abs=max(0.01, 4.0 * one.level_error))
         assert one.level_error < 0.02
+
+
+@given(st.floats(0.5, 1.6), st.floats(-0.3, 0.3), st.floats(0.0, 0.5), st.floats(-3.0, 3.0),
+       st.integers(0, 99))
+def test_neither_an_offset_nor_a_weight_is_friction(level, offset, weight, angle, seed):
+    drive = recording(level, seed)
+    history = History(10.0)
+    history.add(drive.with_(current=drive.current + offset + weight * np.cos(
+        drive.position - angle)), info('a', MARCH))
+    one, = recorded_friction(history, MODEL)
+    assert one.level == pytest.approx(level, abs=max(0.01, 4.0 * one.level_error))
+    assert one.level_error < 0.02
+    assert not one.one_way
+
+
+def test_friction_that_an_effect_holds_counts_as_well():
+    # Half of the friction is an effect's, as of gears whose teeth are loaded by a weight.
+    half = replace(MODEL, sigmoid=Sigmoid(0.1, -0.1, 400.0, viscous=0.05), effects=[
+        EFFECTS['hysteresis']({'distance': 0.001, 'exponent': 1.0, 'transition': 0.01,
+                               'coefficients': [0.1, 0.0]})])
+    history = History(10.0)
+    history.add(recording(1.4), info('a', MARCH))
+    one, = recorded_friction(history, half)
+    assert one.level == pytest.approx(1.4, abs=0.03)
+
+
+def test_a_model_that_is_uncertain_makes_the_level_uncertain():
+    history = History(10.0)
+    history.add(recording(1.1), info('a', MARCH))
+    models = [replace(MODEL, recorded=known) for known in (
+        Recorded(), Recorded(error=0.03), Recorded(
+            speeds=(0.1, 0.2), error=0.0, intervals={'viscous': (-0.1, 0.2)}))]
+    errors = [recorded_friction(history, model)[0].level_error for model in models]
+    assert errors[0] < 0.01
+    # Twice the standard error is what such an error may look like, of friction of 0.23 A.
+    assert 2.0 * errors[1] == pytest.approx(0.03 / 0.23, rel=0.2)
+    assert errors[2] > 0.03
 
 
 @pytest.mark.parametrize(('content', 'word'), [

@@ -12,6 +12,7 @@ import pytest
 from friction_comp.errors import InputError
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.measured import Recorded
 from friction_comp.monitoring.live_residual import LiveResidual
 from friction_comp.monitoring.residual_monitor import ResidualMonitor
 
@@ -85,6 +86,58 @@ def test_friction_that_is_higher_throughout_is_named_as_that_and_nothing_else():
         assert verdict.level == pytest.approx(0.4, abs=0.05)
         wrong += bool(verdict.explained_by)
     assert wrong <= 1
+
+
+def loaded(load=2.0, friction=1.0, carried=0.0, offset=0.0, whole=1.0, one_way=False):
+    """Measurements of a joint whose weight is several times its friction, changed in some way.
+
+    `load` is that of its model, whose friction is about 0.25 A, and `carried` a weight more, A.
+    """
+    t = np.arange(0.0, 60.0, STEP)
+    q = np.abs(0.4 * t) if one_way else 0.8 * np.sin(0.9 * t) + 0.15 * np.sin(0.37 * t)
+    v = np.gradient(q, t)
+    weight = load * np.cos(q) + carried * np.sin(q)
+    current = whole * (friction * MODEL.sigmoid(v) + weight + offset)
+    nothing = np.full(len(t), np.nan)
+    return np.column_stack((t, q, v, current, nothing, nothing))
+
+
+LOADED = replace(MODEL, effects=[EFFECTS['gravity']({'coefficients': [2.0, 0.0]})])
+
+
+@pytest.mark.parametrize(('change', 'level', 'words'), [
+    ({}, 0.0, 'the model fits'),
+    ({'friction': 1.6}, 0.6, 'the friction is 60 % higher'),
+    ({'friction': 0.6}, -0.4, 'the friction is 40 % lower'),
+    ({'carried': 0.3}, 0.0, 'which varies with position: a weight'),
+    ({'offset': 0.2}, 0.0, 'the same everywhere: an offset'),
+    ({'whole': 1.3}, 0.0, 'the whole current is 30 % higher'),
+    ({'whole': 0.7}, 0.0, 'the whole current is 30 % lower'),
+    ({'friction': 1.5, 'one_way': True}, 0.5, 'the friction, or an offset, is 5')])
+def test_on_a_joint_that_carries_a_weight_the_error_is_compared_with_friction(change, level, words):
+    *_, (_, verdict) = watched(loaded(**change), model=LOADED)
+    assert verdict.fits == (words == 'the model fits')
+    assert words in verdict.text
+    assert verdict.level == pytest.approx(level, abs=0.03)
+    assert len(verdict.causes) == (not verdict.fits)
+    assert not verdict.explained_by
+
+
+def test_an_error_that_refinement_expected_is_no_change():
+    data = loaded(friction=1.5)
+    for error, fits in ((0.02, False), (0.15, True)):
+        model = replace(LOADED, recorded=Recorded(error=error))
+        *_, (_, verdict) = watched(data, model=model)
+        assert verdict.fits == fits
+    assert '50 % of the friction' in verdict.text
+    assert 'refine expected: the model was never better' in verdict.text
+
+
+def test_the_warm_up_of_one_recording_is_not_expected_when_the_next_begins():
+    warm_up = EFFECTS['warm_up'](
+        {'time_constant': 600.0, 'transition': 0.02, 'coefficients': [0.2, 0.0, 0.0]})
+    *_, (_, verdict) = watched(rows(60.0), model=replace(MODEL, effects=[warm_up]))
+    assert verdict.fits
 
 
 def test_a_worn_joint_is_reported_within_a_minute_of_motion():

@@ -120,6 +120,9 @@ def test_predict_says_where_the_model_does_not_hold(tmp_path, capsys, change, sa
         expected = {BEYOND.get(one, one) for one in said
                     if name == 'log' or one not in ('temperature', LARGER, USELESS)}
         assert {one for one in (*BEYOND.values(), LARGER, USELESS) if one in shown} == expected
+        for what, cause in (('friction', 'the friction is 20 % higher'),
+                            ('weight', 'the same everywhere: an offset')):
+            assert (cause in shown) == (name == 'log' and what in change)
 
 
 def test_a_position_beyond_is_said_also_where_motion_is_short(tmp_path, capsys):

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from friction_comp.errors import errors_name
-from friction_comp.model.friction_change import friction_change
+from friction_comp.model.friction_change import recorded_change
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.model.measured import Recorded
 from friction_comp.recordings.history import History
 from friction_comp.statistics import rms, top_speed
 
@@ -36,21 +35,19 @@ class RecordedFriction:
 def recorded_friction(history: History, model: FrictionModel) -> list[RecordedFriction]:
     """Return the friction in each recording that shows sliding, or raise InputError.
 
-    The level is that of `friction_change`, beside an offset, a weight and an inertia that changed.
+    The level is the factor of `recorded_change`, beside an offset, a weight and an inertia that
+    changed.
     """
     recorded = []
     for recording, samples in zip(history.recordings, history.samples()):
         with errors_name(recording.name):
             error = model.measured(samples) - model.predict(samples)
         moved = model.differentiated(model.with_arm(samples))
-        speed = np.abs(moved.velocity)
+        speed = np.abs(np.asarray(moved.velocity))
         sliding = speed > _SLIDING * top_speed(speed)
         if sliding.sum() < 100:
             continue
-        predicted, friction = model.on_another_day().parts(moved)
-        change = friction_change(
-            error[sliding], predicted[sliding], friction[sliding], moved.take(sliding),
-            (model.recorded or Recorded()).error_at(speed[sliding]))
+        change = recorded_change(model, error, moved, sliding)
         recorded.append(RecordedFriction(
             recording.name, recording.day, len(samples) * samples.sample_time, 1.0 + change.factor,
             change.error, rms(error[sliding]),

@@ -14,6 +14,8 @@ import math
 
 import numpy as np
 
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.measured import Recorded
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
 
@@ -27,8 +29,9 @@ _STROKE = 2.0
 # squared load, what must vary for it to depend on position.
 _CAUSE, _REST, _VARIES = 0.3, 0.5, 0.05
 # A factor of the whole current is named if it leaves at most so much more of the squared error than
-# friction, load and inertia do, and if the model carries as much of its friction.
-_AS_GOOD, _CARRIED = 0.05, 0.3
+# friction, load and inertia do, friction has changed by a factor that differs by no more than this
+# share, and the model carries as much of its friction.
+_AS_GOOD, _ALIKE, _CARRIED = 0.05, 0.3, 0.3
 
 
 @dataclass(frozen=True)
@@ -73,6 +76,20 @@ class FrictionChange:
         return found
 
 
+def recorded_change(model: FrictionModel, residual: np.ndarray, samples: Samples,
+                    slides: np.ndarray) -> FrictionChange:
+    """Return what has changed in another recording than those the model was made of.
+
+    `samples` have what the model's effects need; of these and their `residual`, (N,), those count
+    where the joint `slides`, bool, (N,).
+    """
+    predicted, friction = model.on_another_day().parts(samples)
+    moved = samples.take(slides)
+    return friction_change(
+        residual[slides], predicted[slides], friction[slides], moved,
+        (model.recorded or Recorded()).error_at(np.abs(np.asarray(moved.velocity))))
+
+
 def in_unit(value: float, unit: str) -> str:
     """Return a number with its unit, mA for small currents."""
     return f'{1e3 * value:.3g} mA' if unit == 'A' else f'{value:.3g} {unit}'
@@ -96,7 +113,8 @@ def friction_change(residual: np.ndarray, predicted: np.ndarray, friction: np.nd
     side, position = np.sign(np.asarray(samples.velocity)), samples.position
     load = np.column_stack((np.ones(len(side)), np.cos(position), np.sin(position)))
     one_way = bool(min(np.mean(side > 0.0), np.mean(side < 0.0)) < _EITHER)
-    columns = np.column_stack((friction, samples.acceleration, load * (not one_way)))
+    columns = np.column_stack(
+        (friction, np.asarray(samples.acceleration), load * (not one_way)))
     scale = np.maximum(np.sqrt(np.mean(columns ** 2, axis=0)), 1e-12)
     weights = (np.linalg.pinv(columns / scale, rcond=_SINGULAR).T / scale).T
     fit = weights @ residual
@@ -107,9 +125,10 @@ def friction_change(residual: np.ndarray, predicted: np.ndarray, friction: np.nd
     freedom = max(len(sums) - columns.shape[1], 1)
     chance = math.sqrt(float(sums @ sums) * len(sums) / freedom)
     whole = float(predicted @ residual / max(float(predicted @ predicted), 1e-24))
-    as_good = (rms(residual - whole * predicted) ** 2
-               <= rms(rest) ** 2 + _AS_GOOD * rms(residual) ** 2)
+    is_whole = (abs(float(fit[0]) - whole) <= _ALIKE * abs(whole)
+                and rms(predicted - friction) > _CARRIED * rms(friction)
+                and rms(residual - whole * predicted) ** 2
+                <= rms(rest) ** 2 + _AS_GOOD * rms(residual) ** 2)
     return FrictionChange(
         float(fit[0]), math.hypot(chance, 0.5 * model_error / float(scale[0])), parts[:, 0],
-        parts[:, 2:].sum(axis=1), parts[:, 1], residual,
-        whole if as_good and rms(predicted - friction) > _CARRIED * rms(friction) else 0.0, one_way)
+        parts[:, 2:].sum(axis=1), parts[:, 1], residual, whole * is_whole, one_way)

@@ -15,6 +15,7 @@ from friction_comp.checks import check_interval, check_list, check_mapping, chec
 from friction_comp.errors import InputError
 from friction_comp.model.effects.base import Effect
 from friction_comp.samples import Samples
+from friction_comp.statistics import rms
 
 
 @dataclass(frozen=True)
@@ -174,8 +175,8 @@ class Recorded:
         Where the slope of friction is uncertain, the error grows away from the recorded speeds.
         """
         low, high = self.intervals.get('viscous', (0.0, 0.0))
-        away = speed - np.median(self.speeds) if self.speeds else 0.0 * speed
-        return math.hypot(self.error or 0.0, 0.5 * (high - low) * float(np.sqrt(np.mean(away ** 2))))
+        away = rms(speed - np.median(self.speeds)) if self.speeds else 0.0
+        return math.hypot(self.error or 0.0, 0.5 * (high - low) * away)
 
     def interval(self, name: str, value: float) -> tuple[float, float] | None:
         """Return a parameter's interval; None if it does not hold the value, as after a change."""

@@ -34,8 +34,8 @@ _OBSERVERS = ('recorder', 'refinement', 'watch', 'doctor')
 # Fewest blocks of motion to check sign and unit of velocity, largest ratio of velocity and rate of
 # position, and fewest samples in motion.
 _FEWEST_BLOCKS, _LARGEST_RATIO, _FEWEST_SAMPLES = 5, 1.25, 50
-# Fewest samples of each direction in a part of the range of position, and the share of the motion in
-# which the current must have one sign.
+# Fewest samples of each direction in a part of the range of position, and the share of the motion
+# in which the current must have one sign.
 _PER_BIN, _SIGN_SHARE = 5, 0.8
 # Mean speed of a joint above which its position is hardly in rad, rad/s: over two turns a second.
 _FASTEST = 15.0
@@ -353,7 +353,7 @@ def _check_fit(seen: Observation, joint: str, model: FrictionModel, rows: np.nda
     if loaded:
         current = current + load / model.drive.torque_per_current
     bins = signal_checks.by_position(
-        *(values[moving] for values in (position, velocity, current)), _PER_BIN)
+        position[moving], velocity[moving], current[moving], _PER_BIN)
     # Share of the motion in which the current overcomes friction.
     right = 0.5 if bins is None else float(bins[2] @ (bins[0][:, 1] > bins[0][:, 0]))
     if right < 1.0 - _SIGN_SHARE:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-import math
 
 import numpy as np
 
@@ -150,7 +149,8 @@ class ResidualMonitor:
 
     def _explained(self, fit: ModelFit, last: np.ndarray) -> ModelFit:
         """Return the verdict on a model that does not fit, with the causes."""
-        change, by = self._change(last), ()
+        change = self._change(last)
+        by: tuple[tuple[str, float], ...] = ()
         if not change.whole:
             # A recent change shows only in the last blocks.
             by = (self._explaining_variables(self._blocks, bool(change.level))

@@ -31,6 +31,9 @@ def history_report(model: str, recordings: Sequence[RecordedFriction],
     listed = '; '.join(f'{note} ({day})' for day, note in notes)
     scale, shown = (1e3, 'mA') if unit == 'A' else (1.0, unit)
     errors = [scale * recording.error for recording in recordings]
+    if any(recording.one_way for recording in recordings):
+        report.text('In ' + ', '.join(one.name for one in recordings if one.one_way) + ' the joint '
+                    'moved in one direction only: an offset counts as friction there.')
     report.figure(_figure(recordings, notes, errors, shown), 'Each dot is a recording; bars are '
                   '95 % intervals.' + (f' Dashed lines: {listed}.' if listed else ''))
     report.table(['recording', 'date', 'data kept (s)', 'friction (% of the model)',

@@ -49,5 +49,8 @@ def main(argv: list[str] | None = None) -> int:
     write_results(arguments, content, history_report(
         str(arguments.model), recorded, history.notes, unit))
     return print_results(arguments, content, [
-        f"{one.day}  {100 * one.level:5.1f} % of the model's friction, error "
-        f'{quantity(one.error, unit)}  {one.name}' for one in recorded])
+        f"{one.day}  {100 * one.level:5.1f} ± {196 * one.level_error:.1f} % of the model's friction"
+        f'{", an offset included" if one.one_way else ""}, error {quantity(one.error, unit)}  '
+        f'{one.name}' for one in recorded]
+        + ['An offset counts as friction where the joint moved in one direction only.'] * any(
+            one.one_way for one in recorded))

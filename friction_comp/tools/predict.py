@@ -85,7 +85,7 @@ def compared(model: FrictionModel, samples: Samples, measured: np.ndarray,
              predicted: np.ndarray) -> tuple[list[str], list[str]]:
     """Return the errors in words, and remarks on where the model cannot be believed."""
     from friction_comp.excitation.improve import moving
-    from friction_comp.model.friction_change import friction_change
+    from friction_comp.model.friction_change import recorded_change
     from friction_comp.model.measured import LARGER
     from friction_comp.statistics import rms
 
@@ -106,9 +106,7 @@ def compared(model: FrictionModel, samples: Samples, measured: np.ndarray,
             remarks.append(f'where the joint moves, a constant is only {constant:.4g} {unit} off: '
                            'the model does not hold for this recording')
         if known is not None and known.error and error > LARGER * known.error:
-            change = friction_change(*(
-                values[moves] for values in (residual, predicted, model.parts(moved)[1])),
-                moved.take(moves), known.error)
+            change = recorded_change(model, residual, moved, moves)
             remarks.append(f'where the joint moves, the error is {error / known.error:.2g} '
                            f'times the {known.error:.4g} {unit} that refine expected in other '
                            'movements: ' + ('; '.join(change.causes(unit)) or 'the model does not '
