@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the user tells of a table: which column holds which signal, in which unit, at which rate."""
+"""What the user tells of a recording: columns and rate of a table, and units."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ TABLES = ('.csv', '.csv.gz', '.tsv', '.txt', '.dat', '.parquet', '.npz', '.npy',
           '.hdf5', '.json', '.jsonl')
 SIGNALS = ('time', 'position', 'velocity', 'effort', 'current', 'command', 'direction', 'load',
            'link_torque', 'temperature', 'reference_position', 'reference_velocity')
+STATES = ('position', 'velocity', 'effort')
+"""Signals of joint states."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,7 @@ class Layout:
     units : dict of str to str
         Signal to unit, such as ``{'position': 'deg', 'time': 'ms'}``; ``counts/4096`` means encoder
         counts, 4096 per turn, and ``2.69mA`` that one count is 2.69 mA. The default is SI units.
+        Those of position, velocity and effort count for joint states in messages, too.
     rate : float, optional
         Rows per second, Hz, of a table without times.
     stiffness, damping : sequence of (float or str)
@@ -71,12 +74,12 @@ class Layout:
         return bool(self.columns or self.units or self.rate)
 
     @property
-    def linear(self) -> bool:
-        """Whether all that is given are the SI units of a linear axis, which need no columns."""
-        units = [unit_of(signal, text) for signal, text in self.units.items()]
-        return bool(units) and not (self.columns or self.rate or self.stiffness) and all(
-            unit in (Unit(1.0, 'length'), Unit(1.0, 'length/time'), Unit(1.0, 'force'))
-            for unit in units)
+    def of_states(self) -> dict[str, Unit]:
+        """Units of what joint states hold, if nothing else is given; else empty."""
+        units = {signal: unit for signal, text in self.units.items() if signal in STATES
+                 and (unit := unit_of(signal, text)) is not None}
+        only = len(units) == len(self.units) and not (self.columns or self.rate or self.stiffness)
+        return units if only else {}
 
     def naming(self, names: Sequence[str], where: str) -> Layout:
         """Return the layout with a table's own names; raises InputError if one is missing."""

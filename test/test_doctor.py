@@ -211,6 +211,14 @@ def test_in_one_direction_alone_the_sign_of_the_current_is_not_judged():
     assert any('could not be checked' in finding.what and finding.do for finding in found)
 
 
+def test_an_effort_in_ampere_is_compared_as_a_current():
+    seen = healthy()
+    seen.states.effort /= MODEL.drive.torque_per_current
+    assert any('lower' in finding.what for finding in check_joint(seen, JOINT, MODEL))
+    seen.effort_is_current = True
+    assert {finding.level for finding in check_joint(seen, JOINT, MODEL)} == {'ok'}
+
+
 def compensated(share):
     """Return a system whose compensator's commands come out as a share of themselves."""
     seen = healthy()

@@ -25,11 +25,13 @@ from friction_comp.tools import doctor
 MODEL = FrictionModel.load(MODELS[0])
 
 
-def test_joint_current_and_residual_of_the_last_seconds():
+@pytest.mark.parametrize('in_ampere', [False, True])
+def test_joint_current_and_residual_of_the_last_seconds(in_ampere):
+    gain = 1.0 if in_ampere else MODEL.drive.torque_per_current
     with probe_node() as probe:
         publisher = probe.talk(JointState, 'joint_states')
         planner = probe.talk(JointState, 'direction_stamped')
-        feed = LiveFeed([], [MODEL], [])
+        feed = LiveFeed([], [MODEL], [], in_ampere)
         try:
             probe.matched(publisher)
             probe.matched(planner)
@@ -41,7 +43,7 @@ def test_joint_current_and_residual_of_the_last_seconds():
                     velocity = 0.6 * np.cos(2.0 * t)
                     publisher.publish(joint_state(
                         stamp + round(t * 1e9), ['elbow'], [0.3 * np.sin(2.0 * t)], [velocity],
-                        [MODEL.sigmoid(velocity) * MODEL.drive.torque_per_current]))
+                        [MODEL.sigmoid(velocity) * gain]))
                     planner.publish(joint_state(stamp, ['elbow'], [], [-0.3]))
                     probe.spin_for(0.003)
                 data = feed.window('elbow', 0.0, 2.0)

@@ -4,6 +4,7 @@
 
 import gzip
 import json
+import math
 import warnings
 
 from helpers import ROOT
@@ -240,9 +241,22 @@ def test_a_unit_alone_is_that_of_effort(refuses, unit, said):
 
 def test_columns_and_units_of_what_is_no_table_are_not_ignored(tmp_path, refuses):
     write_samples(tmp_path / 'bag', moving(300))
-    for option, value in (('--columns', 'position=q_2'), ('--unit', 'position=deg')):
+    for option, value in (('--columns', 'position=q_2'), ('--unit', 'position=deg,time=ms'),
+                          ('--unit', 'position=deg,load=kN'), ('--rate', '100')):
         for tool in ('refine', 'evaluate', 'convert'):
             refuses('describe tables, and this is none', tool, tmp_path / 'bag', option, value)
+
+
+@pytest.mark.parametrize(('unit', 'position', 'effort'), [
+    ('position=deg,velocity=deg/s', math.degrees(1.0), 1.0), ('effort=-1Nm', 1.0, -1.0),
+    ('effort=mA', 1.0, 1e3 / 5.0), ('effort=-1A', 1.0, -1.0 / 5.0)])
+def test_messages_in_other_units_are_read_as_the_units_say(tmp_path, unit, position, effort):
+    one = moving(3000)
+    write_samples(tmp_path / 'bag', one.with_(
+        position=position * one.position, velocity=position * one.velocity,
+        current=effort * one.current), 0.05, 100)
+    layout = Layout(units=dict(entry.split('=') for entry in unit.split(',')))
+    assert_alike(*read_recording(tmp_path / 'bag', None, 0.05, 100, layout=layout), one)
 
 
 def test_a_broken_npz_or_parquet_is_no_traceback(tmp_path, refuses):

@@ -101,6 +101,10 @@ def test_models_that_the_recording_names_are_shown(tmp_path):
     for name in ('current', 'torque', 'residual'):
         np.testing.assert_allclose(other[name], one[name], atol=1e-9)
     assert np.isfinite(one['residual']).any()
+    write_samples(tmp_path / 'in_ampere', samples, custom_data={'model_file': str(FILE)})
+    other = watch.recorded_feed(tmp_path / 'in_ampere', [], [], True).window('elbow', 3.0, 3.0)
+    for name in ('current', 'torque', 'residual'):
+        np.testing.assert_allclose(other[name], one[name], atol=1e-9)
     write_samples(tmp_path / 'elsewhere', samples, custom_data={'model_file': '/no/such.yaml'})
     assert np.isnan(watch.recorded_feed(tmp_path / 'elsewhere', [], []).window(
         'elbow', 3.0, 3.0)['current']).all()

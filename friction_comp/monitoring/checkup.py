@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -298,6 +299,8 @@ def check_joint(seen: Observation, joint: str, model: FrictionModel) -> list[Fin
     if states is None or joint not in states.joints:
         return [Finding(WARNING, joint, 'joint_states do not name it', 'compare the names')]
     states = states.of_joint(joint)
+    if seen.effort_is_current:
+        states = replace(states, effort=states.effort * model.drive.torque_per_current)
     return [*_check_current(seen, states, joint, model), *_check_fit(
         seen, joint, model, _rows(states, seen.load.get(joint), model))]
 

@@ -82,6 +82,7 @@ class Observation:
     topics: dict[str, TopicSeen] = field(default_factory=dict)
     names: dict[str, str] = field(default_factory=dict)
     states: StatesSeen | None = None
+    effort_is_current: bool = False     # whether its efforts are in A, not N·m
     # Commands in the unit `command_unit` ('A' or 'N·m'), shape (M, J), and their system times, s.
     commands: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
     commanded: np.ndarray = field(default_factory=lambda: np.empty(0))

@@ -69,7 +69,8 @@ class IdentificationNode(Node):
         qos = joint_io.input_qos(self)
         self._states = JointStateInput(self._joints, round(NANO * timeout))
         torques = [drive.torque_per_current for drive in self._drives]
-        self._per_effort = joint_io.currents_per_effort(self, torques)
+        in_ampere = joint_io.effort_is_current(self)
+        self._per_effort = [1.0 if in_ampere else 1.0 / torque for torque in torques]
         interface = joint_io.command_interface(self)
         self._torque = interface == 'effort'    # the unit in messages
         self._port = joint_io.CommandPort(

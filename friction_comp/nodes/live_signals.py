@@ -51,8 +51,8 @@ class _Signal:
 class LiveSignals:
     """Converts serialised messages to rows for `LiveResidual`, some hundred per second."""
 
-    def __init__(self, joints: list[str], torque_per_current: list[float]) -> None:
-        self._gains = dict(zip(joints, torque_per_current))
+    def __init__(self, joints: list[str], effort_per_current: list[float]) -> None:
+        self._gains = dict(zip(joints, effort_per_current))
         self._due = self._last = 0
         self._new: defaultdict[str, deque[tuple[int, bytes]]] = defaultdict(
             lambda: deque(maxlen=_MAX_KEPT))

@@ -11,6 +11,7 @@ import threading
 from typing import NamedTuple
 
 from friction_comp.errors import InputError
+from friction_comp.layout import Layout
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.recorded_drive.child import Refined, RefinementProcess
 from friction_comp.recorded_drive.given import Given
@@ -94,8 +95,9 @@ class RefineJob:
     """Refines a recording, or messages that are first written as one, in a separate process."""
 
     def __init__(self, joint: str, model_file: str, output: Path, recording: str,
-                 messages: Sequence[Message]) -> None:
-        self._given = Given(joint, Path(model_file))
+                 messages: Sequence[Message], in_ampere: bool = False) -> None:
+        self._given = Given(joint, Path(model_file), layout=Layout(
+            units={'effort': 'A'} if in_ampere else {}))
         self._recording, self._output = Path(recording or output / 'recording'), output
         self._error: InputError | None = None
         self._process: RefinementProcess | None = None

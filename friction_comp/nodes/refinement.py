@@ -26,6 +26,7 @@ from friction_comp.recorded_drive.child import Refined
 from friction_comp.ros.dated_topics import DatedTopics, RECORDED, STATES
 from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
 from friction_comp.ros.executor import yield_to_executor
+from friction_comp.ros.joint_io import effort_is_current
 from friction_comp.ros.parameters import declare, declare_joints, load_models, names_in
 from friction_comp.ros.ros_start import steady_timer
 
@@ -108,8 +109,9 @@ class RefinementNode(Node):
                 self, 'memory_size', 500.0, 'largest size of the messages kept [MB]', 1.0, 1e5)))
         self._compensator = CompensatorClient(self, declare(
             self, 'compensator', 'compensator', 'name of the node that loads refined models'))
-        self._signals = LiveSignals(
-            self._joints, [model.drive.torque_per_current for model in models])
+        self._in_ampere = effort_is_current(self)
+        self._signals = LiveSignals(self._joints, [
+            1.0 if self._in_ampere else model.drive.torque_per_current for model in models])
         self._watches = {joint: JointWatch(tolerance, joint, path)
                          for joint, path in self._files.items()}
         self._rate = Rate()
@@ -255,7 +257,8 @@ class RefinementNode(Node):
             messages = self._past.last(request.seconds)
             if not messages:
                 raise InputError('no messages are kept')
-        job = self._job = RefineJob(joint, start, output, request.recording, messages)
+        job = self._job = RefineJob(
+            joint, start, output, request.recording, messages, self._in_ampere)
         while not job.poll():
             if goal_handle.is_cancel_requested:
                 job.cancel('cancelled on request')

@@ -87,7 +87,7 @@ def _fault_of_velocity(samples: Samples) -> str:
     if len(ratios) >= _FEWEST_BLOCKS and contradict.mean() > _CONTRADICTING:
         # Where ratios scatter to both sides, no factor is wrong.
         if fault := signal_checks.velocity_fault(ratios, _LARGEST_RATIO):
-            return fault + (' (in a table, --unit says it, such as velocity=deg/s, velocity=turn/s '
+            return fault + (' (--unit says it, such as velocity=deg/s, velocity=turn/s '
                             'or position=turn)')
     return ''
 
@@ -158,9 +158,9 @@ def _fault_of_power(samples: Samples) -> str:
     scatter = np.sqrt(max(float(weight @ (0.5 * spread.sum(axis=1))), 0.0))
     if weight @ difference < -scatter and weight[difference < 0].sum() > _REVERSED_SHARE:
         # Whether these are A or N·m is not known here.
-        return ('the motor brakes the motion: effort has the wrong sign (in a table, --unit '
-                'effort=-1Nm or current=-1A reverses it), or another torque drives the joint and '
-                'neither current_command nor interaction_wrench is recorded')
+        return ('the motor brakes the motion: effort has the wrong sign (--unit effort=-1Nm or '
+                'current=-1A reverses it), or another torque drives the joint and neither '
+                'current_command nor interaction_wrench is recorded')
     return ''
 
 

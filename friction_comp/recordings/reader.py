@@ -44,7 +44,8 @@ def read_recording(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
     progress : callable, optional
         Called with the share 0..1 of all recordings that has been read.
     layout : Layout, optional
-        Known columns and units of a table; the others are inferred from the column names.
+        Known columns and units of a table, of which others are inferred from the names; or units
+        of position, velocity and effort in joint states.
 
     Returns
     -------

@@ -4,17 +4,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from friction_comp.column_names import is_target
+from friction_comp.layout import STATES
 from friction_comp.recordings import cdr
 from friction_comp.recordings.activity import Activity, ActivityLog, DIAGNOSTICS
 from friction_comp.recordings.storage import Storage, unpack, unreadable_on_error
 from friction_comp.topics import TOPICS, TORQUE_UNIT
+from friction_comp.units import Unit
 
 # Joint states with any interfaces, as ros2_control's joint_state_broadcaster publishes them: used
 # where the usual ones have no effort.
@@ -198,10 +200,10 @@ class MessageScanner:
     """Reads one rosbag2 recording, of all joints or only one, in batches of messages per topic."""
 
     def __init__(self, path: Path, joint: str | None = None, batch: int = 20_000,
-                 linear: bool = False) -> None:
+                 units: Mapping[str, Unit] | None = None) -> None:
         with unreadable_on_error(path):
             self._storage = Storage(path)
-        self._batch, self._linear = batch, linear
+        self._batch, self._units = batch, units or {}
         self._topics: dict[str, _TopicReader] = {}
         self._activity = ActivityLog()
         # The topic that holds the joint states, if the user names it or it has another name.
@@ -271,8 +273,20 @@ class MessageScanner:
             f'{reader.broken} of the messages of {reader.topic} left out: broken, or more than '
             f'{cdr.MOST_VALUES} values' for reader in readers if reader.broken]
         tracks, in_ampere, more = _with_effort(tracks)
-        return Scan(storage.path, tracks, storage.topics, notes + more, storage.custom,
-                    list(self._activity.changes), effort_is_current=in_ampere, linear=self._linear)
+        dimensions = {unit.dimension for unit in self._units.values()}
+        return Scan(
+            storage.path, [self._in_si(track) for track in tracks], storage.topics, notes + more,
+            storage.custom, list(self._activity.changes),
+            effort_is_current=in_ampere or 'current' in dimensions,
+            linear=bool(dimensions & {'length', 'length/time', 'force'}))
+
+    def _in_si(self, track: Track) -> Track:
+        if track.signal != 'joint_states' or not self._units:
+            return track
+        factors = [self._units[signal].factor if signal in self._units else 1.0
+                   for signal in STATES]
+        return replace(track, values={
+            joint: values[:, :len(factors)] * factors for joint, values in track.values.items()})
 
 
 class _TopicReader:

@@ -104,14 +104,14 @@ def open_scanner(path: AnyPath, joint: str | None = None, layout: Layout | None 
     path = Path(path)
     if is_table(path) and not path.is_dir():
         return TableScanner(path, layout, joint, **options)
-    if layout is not None and layout.linear:
-        return MessageScanner(path, joint, linear=True, **options)
-    if layout is not None and layout.describes_table:
-        raise InputError(f'{path}: --columns, --unit and --rate describe tables, and this is none')
+    units = layout.of_states if layout is not None else {}
+    if layout is not None and layout.describes_table and not units:
+        raise InputError(f'{path}: --columns, --rate, and units of other signals than position, '
+                         'velocity and effort describe tables, and this is none')
     if layout is not None and layout.stiffness:
         raise InputError(f'{path}: --stiffness and --damping need a table: convert the recording '
                          'with the tool convert')
-    return MessageScanner(path, joint, **options)
+    return MessageScanner(path, joint, units=units, **options)
 
 
 def recorded_joints(path: AnyPath, layout: Layout | None = None) -> list[str]:

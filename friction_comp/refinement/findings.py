@@ -25,7 +25,7 @@ _FINDINGS = {
         AGAIN, 'The motor brakes the motion: only with its sign reversed is the current that of a '
         'drive with friction. Effort or position has the wrong sign, or another torque drives the '
         'joint.',
-        'the same with the sign of effort reversed (in a table, --unit effort=-1Nm or '
+        'the same with the sign of effort reversed (--unit effort=-1Nm or '
         'current=-1A)'),
     'explains_nothing': (
         AGAIN, 'Where it was not fitted, the model may be {error:.2g} A off in motion, a constant '

@@ -68,13 +68,12 @@ def command_unit(message: Any) -> str:
     return str(dimensions[1].label) if len(dimensions) > 1 else ''
 
 
-def currents_per_effort(node: Any, torques: Sequence[float]) -> list[float]:
-    """Declare `effort_holds`; return A per unit of effort, given k_t·n of each joint in N·m/A."""
-    kind = declare_choice(
+def effort_is_current(node: Any) -> bool:
+    """Declare `effort_holds`; return whether efforts are currents in A, not torques in N·m."""
+    return declare_choice(
         node, 'effort_holds', ('torque', 'current'),
         'what effort in joint_states is: torque of the motor at the joint, N·m; or current of the '
-        'motor, A')
-    return [1.0 if kind == 'current' else 1.0 / torque for torque in torques]
+        'motor, A') == 'current'
 
 
 def publisher_names(node: Any, topic: str) -> list[str]:

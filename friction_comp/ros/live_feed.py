@@ -65,12 +65,12 @@ class LiveFeed:
     duration = 0.0
 
     def __init__(self, joints: Sequence[str], models: Sequence[FrictionModel],
-                 arguments: list[str]) -> None:
+                 arguments: list[str], effort_is_current: bool = False) -> None:
         if models and joints and len(models) != len(joints):
             raise InputError(f'--model: one file per joint is needed, {len(joints)} for '
                              f'{", ".join(joints)}')
         self.joints, self._fixed = list(joints), bool(joints)
-        self._models = list(models)
+        self._models, self._in_ampere = list(models), effort_is_current
         # What the compensator reports: joints of arrays, and models with their paths.
         self._order: list[str] = []
         self._loaded: dict[str, tuple[str, FrictionModel | None]] = {}
@@ -193,7 +193,11 @@ class LiveFeed:
         data = dict(zip(_COLUMNS, table.T))
         data.update(dict.fromkeys(('current', 'predicted', 'residual'),
                                   np.full(len(table), np.nan)))
-        if (model := self._model(joint)) is not None and len(table) > 10:
+        model = self._model(joint)
+        if self._in_ampere:
+            gain = math.nan if model is None else model.drive.torque_per_current
+            data['torque'] = gain * data['torque']
+        if model is not None and len(table) > 10:
             self._compare(data, model)
         return data
 

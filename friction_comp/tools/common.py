@@ -115,7 +115,8 @@ class Arguments(argparse.ArgumentParser):
             'guessed from their names by default')
         self.add_argument(
             '--unit', metavar='SIGNAL=UNIT,…', action=_Joined,
-            help="units of a table's columns that are not SI, for instance "
+            help='units that are not SI, of columns or of position, velocity and effort in joint '
+            'states, for instance '
             'time=ms,position=deg,effort=A, current=2.69mA, or position=counts/4096; with '
             'position=m or mm and effort=N, of a linear axis' + unit_help)
         self.add_argument('--rate', metavar='HZ', type=positive,
@@ -125,6 +126,14 @@ class Arguments(argparse.ArgumentParser):
             'target a table holds instead of effort, or the column that holds it; one, or one '
             'for each table: 20,40. Effort is then k_p (target - position) - k_d velocity')
         self.add_argument('--damping', metavar='KD', help='k_d in N·m·s/rad, as --stiffness')
+        return self
+
+    def add_effort_holds(self) -> Arguments:
+        """Add --effort-holds, what the running system's joint states hold."""
+        self.add_argument(
+            '--effort-holds', choices=('torque', 'current'), default='torque',
+            help="what the driver's effort is: torque at the joint in N·m, or current of the motor "
+            'in A (%(default)s)')
         return self
 
     def add_drive(self) -> Arguments:

@@ -56,6 +56,7 @@ def main(argv: list[str] | None = None) -> int:
                         help='how long to observe the running system (%(default)s)')
     parser.add_argument('--model', metavar='FILE', type=Path, nargs='+', default=[],
                         help="model files to compare with live data; the compensator's by default")
+    parser.add_effort_holds()
     parser.add_argument('--installed', action='store_true',
                         help='check this machine only, not the running system')
     parser.add_argument('--json', action='store_true', help='print findings as JSON')
@@ -148,6 +149,7 @@ def check_running_system(arguments: argparse.Namespace, models: list[FrictionMod
         OK, 'middleware', f'{middleware()}; {variables or "domain 0, all defaults"}')]
     with progress('observing') as report:
         seen = observe(arguments.seconds, arguments.ros, report)
+    seen.effort_is_current = arguments.effort_holds == 'current'
     return findings + check_system(seen) + _check_models(seen, models)
 
 

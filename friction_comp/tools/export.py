@@ -77,7 +77,7 @@ def main(argv: list[str] | None = None) -> int:
                         'model was refined from, if it is still there')
     parser.add_argument('--columns', metavar='SIGNAL=COLUMN,…', help='columns of that recording, '
                         'if it is a table; by default as refine read them')
-    parser.add_argument('--unit', metavar='SIGNAL=UNIT,…', help='units of its columns')
+    parser.add_argument('--unit', metavar='SIGNAL=UNIT,…', help='units of its signals')
     parser.add_argument('--history', action='store_true',
                         help='range over the recordings in the history beside the model')
     parser.add_output_file('the file to write')

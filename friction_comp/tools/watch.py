@@ -18,6 +18,7 @@ import numpy as np
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError, os_errors_name
+from friction_comp.layout import Layout
 from friction_comp.package_files import add_environment_to_ament_path
 from friction_comp.tools.common import Arguments, progress, whole_number
 
@@ -40,6 +41,7 @@ def main(argv: list[str] | None = None) -> int:
                         'those that the compensator uses or used')
     parser.add_argument('--joint', metavar='NAME', nargs='+', default=[],
                         help='joints to show; all by default')
+    parser.add_effort_holds()
     parser.add_argument('--port', type=whole_number(0, 65535), default=5006,
                         help='port on localhost; 0 chooses a free one (%(default)s)')
     arguments = parser.parse(argv)
@@ -55,14 +57,15 @@ def main(argv: list[str] | None = None) -> int:
     from friction_comp.model.friction_model import FrictionModel
 
     models = [FrictionModel.load(path) for path in arguments.model]
+    in_ampere = arguments.effort_holds == 'current'
     if arguments.recording is not None:
-        feed = recorded_feed(arguments.recording, arguments.joint, models)
+        feed = recorded_feed(arguments.recording, arguments.joint, models, in_ampere)
         _serve(Server, live_page(feed), arguments.port)
         return 0
     add_environment_to_ament_path()
     from friction_comp.ros.live_feed import LiveFeed
 
-    with closing(LiveFeed(arguments.joint, models, arguments.ros)) as running:
+    with closing(LiveFeed(arguments.joint, models, arguments.ros, in_ampere)) as running:
         _serve(Server, live_page(running), arguments.port)
     return 0
 
@@ -87,10 +90,11 @@ class RecordedFeed:
     """A recording, with the models of some joints, as a source of the live page."""
 
     def __init__(self, title: str, samples: dict[str, Samples],
-                 models: dict[str, FrictionModel], notes: Sequence[str] = ()):
+                 models: dict[str, FrictionModel], notes: Sequence[str] = (),
+                 in_ampere: bool = False):
         self.title, self.joints = title, list(samples)
         self._notes = notes
-        self._columns = {joint: columns_of(one, models.get(joint))
+        self._columns = {joint: columns_of(one, models.get(joint), in_ampere)
                          for joint, one in samples.items()}
         self.duration = max(float(columns['time'][-1]) for columns in self._columns.values())
 
@@ -106,7 +110,8 @@ class RecordedFeed:
             ('ok', 'recording', 'whole')]
 
 
-def columns_of(samples: Samples, model: FrictionModel | None) -> dict[str, np.ndarray]:
+def columns_of(samples: Samples, model: FrictionModel | None, in_ampere: bool = False
+               ) -> dict[str, np.ndarray]:
     """Return the signals that the page shows, for one joint, NaN where not recorded."""
     from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
 
@@ -118,7 +123,9 @@ def columns_of(samples: Samples, model: FrictionModel | None) -> dict[str, np.nd
             'time', 'position', 'velocity', 'reference_velocity', 'direction', 'current',
             'command', 'load')}
     columns['predicted'] = columns['residual'] = none
-    if model is None:
+    if model is None and in_ampere:
+        columns['torque'] = none
+    elif model is None:
         # Torque constant and gear ratio are unknown: effort was read as it is.
         columns['torque'], columns['current'] = columns['current'], none
     else:
@@ -148,7 +155,8 @@ def recorded_model(info: RecordingInfo, joint: str, notes: list[str]) -> Frictio
     return None
 
 
-def recorded_feed(path: Path, joints: list[str], models: Sequence[FrictionModel]) -> RecordedFeed:
+def recorded_feed(path: Path, joints: list[str], models: Sequence[FrictionModel],
+                  in_ampere: bool = False) -> RecordedFeed:
     """Read a recording for the page."""
     from friction_comp.recordings import find_recording, read_recording_with_info, recorded_joints
 
@@ -161,12 +169,13 @@ def recorded_feed(path: Path, joints: list[str], models: Sequence[FrictionModel]
             raise InputError(f'--model: one file per joint is needed, {len(wanted)} for '
                              f'{", ".join(wanted)}')
         samples, notes = {}, []
+        layout = Layout(units={'effort': 'A'} if in_ampere else {})
         chosen = dict(zip(wanted, models))
         for index, joint in enumerate(wanted):
             drive = chosen[joint].drive if joint in chosen else Drive(1.0, 1.0)
             try:
                 (samples[joint], info), = read_recording_with_info(
-                    path, joint, drive.torque_constant, drive.gear_ratio)
+                    path, joint, drive.torque_constant, drive.gear_ratio, layout=layout)
             except InputError as error:
                 # One without effort, such as a gripper, unless it was asked for.
                 if joints or (not samples and index == len(wanted) - 1):
@@ -177,8 +186,9 @@ def recorded_feed(path: Path, joints: list[str], models: Sequence[FrictionModel]
             model = None if joint in chosen else recorded_model(info, joint, notes)
             if model is not None:
                 chosen[joint] = model
-                # Read without a drive, it holds the torque.
-                samples[joint] = samples[joint].with_(
-                    current=samples[joint].current / model.drive.torque_per_current)
+                if not in_ampere:
+                    # Read without a drive, it holds the torque.
+                    samples[joint] = samples[joint].with_(
+                        current=samples[joint].current / model.drive.torque_per_current)
             report((index + 1) / len(wanted))
-    return RecordedFeed(path.name, samples, chosen, notes)
+    return RecordedFeed(path.name, samples, chosen, notes, in_ampere)
