@@ -20,7 +20,8 @@ from sensor_msgs.msg import JointState
 
 from friction_comp.errors import InputError
 from friction_comp.files import write_yaml
-from friction_comp.model.friction_model import arm_document, FrictionModel
+from friction_comp.model.arm_file import arm_document
+from friction_comp.model.friction_model import FrictionModel
 from friction_comp.monitoring.live_residual import JointWatch
 from friction_comp.nodes.live_signals import LiveSignals
 from friction_comp.nodes.refine_job import Message, RecentPast

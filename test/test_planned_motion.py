@@ -13,8 +13,9 @@ from friction_comp.__main__ import run
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.files import write_yaml
+from friction_comp.model.arm_file import arm_document
 from friction_comp.model.effects import EFFECTS
-from friction_comp.model.friction_model import arm_document, FrictionModel
+from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.measured import Recorded, signals_read
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples

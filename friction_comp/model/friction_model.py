@@ -23,6 +23,7 @@ from friction_comp.drive import Drive
 from friction_comp.errors import errors_name, InputError
 from friction_comp.files import plain, read_yaml, write_yaml
 from friction_comp.model.arm.arm import Arm
+from friction_comp.model.arm_file import one_joint_of
 from friction_comp.model.differentiation import (
     as_recorded,
     DEFAULT_SETTINGS,
@@ -35,8 +36,7 @@ from friction_comp.model.measured import Breakaway, Presliding, Recorded
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
 
-FORMAT, ARM_FORMAT = 'friction_comp_model', 'friction_comp_arm'
-VERSION = 1
+FORMAT, VERSION = 'friction_comp_model', 1
 # Signals beside position and velocity that a planned motion tells.
 _PLANNED = {'acceleration', 'rigid_body', 'coupling'}
 
@@ -366,51 +366,3 @@ def _effect(entry: Any) -> Effect:
         return kind(parameters, entry.get('valid_range'))
     except (InputError, OverflowError) as error:
         raise InputError(f'{name}: {error}') from None
-
-
-def arm_document(models: dict[str, dict[str, Any]]) -> dict[str, Any]:
-    """Return the document of a whole arm, from the document of each joint.
-
-    The links of the arm, which are the same in all of them, are written once. Of an arm with links,
-    only friction that turns with two joints is one joint's own.
-    """
-    shared = [model['arm'] for model in models.values() if 'links' in model.get('arm', {})]
-    document: dict[str, Any] = {'format': ARM_FORMAT, 'version': VERSION, 'joints': {}}
-    for name, model in models.items():
-        if shared and 'links' in model.get('arm', {}):
-            own = {key: model['arm'][key] for key in ('friction',) if key in model['arm']}
-            model = {**model, 'arm': own or 'shared'}
-        document['joints'][name] = model
-    if shared:
-        document['arm'] = {name: value for name, value in shared[0].items() if name != 'friction'}
-    return document
-
-
-def joints_of(document: Any) -> list[str] | None:
-    """Return the joints of a whole arm's document; None if it describes one joint."""
-    if not isinstance(document, dict) or document.get('format') != ARM_FORMAT:
-        return None
-    check_document(document, 'a file of a whole arm', ARM_FORMAT, VERSION)
-    return [str(name) for name in check_mapping(document.get('joints') or None, 'joints')]
-
-
-def one_joint_of(document: Any, joint: str | None) -> Any:
-    """Return the document of one joint; that of a single joint unchanged.
-
-    Raises InputError if it lacks the joint, or has several and none is given.
-    """
-    names = joints_of(document)
-    if names is None:
-        return document
-    listed = ', '.join(map(repr, names))
-    if not joint and len(names) > 1:
-        raise InputError(f'holds several joints, name one (--joint): {listed}')
-    joint = joint or names[0]
-    if joint not in names:
-        raise InputError(f'holds no joint {joint!r}, but {listed}')
-    model = document['joints'][joint]
-    own = model.get('arm') if isinstance(model, dict) else None
-    if own == 'shared' or (isinstance(own, dict) and list(own) == ['friction']):
-        model = {**model, 'arm': {**(document.get('arm') or {}),
-                                  **(own if isinstance(own, dict) else {})}}
-    return model

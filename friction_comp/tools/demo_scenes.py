@@ -16,7 +16,8 @@ from friction_comp.evaluation.conditions import repetitions_csv
 from friction_comp.evaluation.sessions import evaluate_recordings
 from friction_comp.exercise.exercise_script import load_exercise
 from friction_comp.files import write_yaml
-from friction_comp.model.friction_model import arm_document, FrictionModel
+from friction_comp.model.arm_file import arm_document
+from friction_comp.model.friction_model import FrictionModel
 from friction_comp.package_files import package_file
 from friction_comp.recordings import read_arm
 from friction_comp.reports import scene_reports as pages

@@ -83,7 +83,8 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_output_file('the file to write')
     arguments = parser.parse(argv)
     keep_inputs(arguments.output, *arguments.models)
-    from friction_comp.model.friction_model import FrictionModel, joints_of
+    from friction_comp.model.arm_file import joints_of
+    from friction_comp.model.friction_model import FrictionModel
 
     models = [FrictionModel.load(path, arguments.joint) for path in arguments.models]
     if arguments.to == 'csv':
