@@ -86,3 +86,17 @@ def test_a_temperature_and_other_joints_count_even_if_nothing_depends_on_them():
     moved = JointStates(('a', 'b'), samples.arm.position + [0.0, 0.3])
     note, = known.beyond(samples.with_(arm=moved), [])
     assert 'the position of b' in note
+
+
+def test_weight_and_inertia_are_said_to_be_those_of_a_posture():
+    def in_posture(angle, seed):
+        one = recording(seed)
+        return one.with_(joint='a', arm=JointStates(
+            ('a', 'b'), np.column_stack((one.position, np.full(len(one), angle)))))
+    found = refine([in_posture(0.5, 1)])
+    said, = (one for one in found.report.findings if one.code == 'one_posture')
+    assert '(b) rested' in said.text
+    assert found.report.verdict == 'trust'
+    assert 'position of b' not in notes_on(found.model, in_posture(0.5, 2))[1]
+    assert 'position of b' in notes_on(found.model, in_posture(1.5, 2))[1]
+    assert 'one_posture' not in {one.code for one in refine([recording(1)]).report.findings}

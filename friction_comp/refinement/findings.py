@@ -70,6 +70,9 @@ _FINDINGS = {
         IN_PART, 'Other joints moved too ({joints}), and no URDF gives the torques of their '
         'links: the model may not hold in other postures.',
         'move this joint alone, or give a URDF of the arm (--urdf)'),
+    'one_posture': (
+        TRUST, 'The other joints ({joints}) rested: weight and inertia are those of their posture.',
+        ''),
     'moves_as_one': (
         AGAIN, 'The position of {joint} follows from those of the other joints: the recording '
         'cannot show on which of them the current depends, and other motion may be predicted much '

@@ -322,6 +322,9 @@ def findings_on_recording(rows: Rows, raw: Samples) -> Iterator[Finding]:
     if rows.joints and rows.samples.rigid_body is None:
         yield finding('other_joints', joints=', '.join(
             name for name in rows.joints if name != raw.joint))
+    elif raw.arm is not None and rows.samples.rigid_body is None and (resting := [
+            name for name in raw.arm.joints if name != raw.joint]):
+        yield finding('one_posture', joints=', '.join(resting))
     if moves_as_one(raw):
         yield finding('moves_as_one', joint=raw.joint)
     if fault := fault_of_velocity(raw):
