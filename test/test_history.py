@@ -178,6 +178,25 @@ def test_months_of_recordings_give_one_model_and_one_page(tmp_path, capsys):
     assert '<svg' in page
 
 
+@pytest.mark.parametrize('error', [None, 1.0])
+def test_the_ranges_of_an_export_hold_what_the_history_shows(tmp_path, error):
+    replace(MODEL, recorded=Recorded(error=error)).save(tmp_path / 'model.yaml')
+    history = History(10.0)
+    for level, start in ((1.0, JANUARY), (0.8, MARCH)):
+        history.add(recording(level), info(str(level), start))
+    history.save(tmp_path / 'model.yaml')
+    assert run('export', [str(tmp_path / 'model.yaml'), '--to', 'json', '--history', '--output',
+                          str(tmp_path / 'joint.json')]) == 0
+    joint = json.loads((tmp_path / 'joint.json').read_text(encoding='utf-8'))
+    low, high = joint['range']['coulomb']
+    # An uncertain model makes the range wide, but no simulator takes a friction below zero.
+    assert (low == 0.0) == bool(error)
+    assert low < 0.81 * joint['coulomb'] < 1.0 * joint['coulomb'] <= high
+    if not error:
+        assert low > 0.75 * joint['coulomb']
+        assert high < 1.05 * joint['coulomb']
+
+
 def test_errors_have_the_unit_of_the_model(tmp_path, capsys):
     in_torque = replace(MODEL, notes={'unit': 'N·m'})
     in_torque.save(tmp_path / 'model.yaml')

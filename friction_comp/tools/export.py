@@ -160,7 +160,7 @@ def _over_history(joint: SimulatorJoint, model: FrictionModel, path: Path) -> Si
     levels = recorded_friction(History.beside(path, model.drive, model.joint), model)
     if not levels:
         raise InputError(f'{History.path_of(path)}: holds no recording that slides')
-    low = min(one.level - 2.0 * one.level_error for one in levels)
+    low = max(0.0, min(one.level - 2.0 * one.level_error for one in levels))
     high = max(one.level + 2.0 * one.level_error for one in levels)
     ranges = {name: (min(low * value, high * value), max(low * value, high * value))
               for name in ('coulomb', 'viscous') for value in [getattr(joint, name)]}
