@@ -6,6 +6,7 @@ import asyncio
 from pathlib import Path
 import shutil
 import signal
+import time
 from types import SimpleNamespace
 
 from action_msgs.msg import GoalStatus
@@ -24,7 +25,7 @@ from friction_comp.model.arm_file import arm_document
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.monitoring.live_residual import JointWatch
 from friction_comp.nodes.live_signals import LiveSignals
-from friction_comp.nodes.refine_job import Message, RecentPast
+from friction_comp.nodes.refine_job import Message, RecentPast, RefineJob
 from friction_comp.nodes.refinement import RefinementNode
 from friction_comp.ros.live_feed import frame_of
 
@@ -111,6 +112,23 @@ def test_a_late_message_does_not_shorten_the_recent_past():
     past.add(Message(3 * second, 'states', 'kind', b'1234'))
     assert [message.stamp for message in past.last()] == [2 * second, 3 * second]
     assert frame_of(b'') == frame_of(b'\0\1\0\0') == ''
+
+
+@pytest.mark.slow
+def test_kept_messages_whose_effort_is_in_ampere_are_refined_as_currents(tmp_path):
+    messages = []
+    for t, x, v, i in zip(*motion(60.0, 0.3)):
+        stamp = 10**9 + round(t * 1e9)
+        messages.append(Message(
+            stamp, 'joint_states', 'sensor_msgs/msg/JointState',
+            bytes(serialize_message(joint_state(stamp, [JOINT], [x], [v], [i])))))
+    job = RefineJob(JOINT, MODELS[0], tmp_path, '', messages, in_ampere=True)
+    while not job.poll():
+        time.sleep(0.05)
+    refined = job.result()
+    assert refined.model.drive == MODEL.drive
+    assert refined.report.after.held_out_rmse < 3e-3
+    assert refined.model.sigmoid(0.5) == pytest.approx(MODEL.sigmoid(0.5), rel=0.05)
 
 
 @pytest.mark.parametrize('states_first', [False, True])
