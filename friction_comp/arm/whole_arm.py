@@ -78,14 +78,8 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
     drives, models = drives or {}, models or {}
     if torques:
         drives, declared = dict.fromkeys(recorded, Drive(1.0, 1.0)) | drives, list(recorded)
-    chain = Chain(urdf, list(recorded))
-    notes = [f'joint {name!r} is not in the URDF: left out' for name in chain.unknown]
-    notes += [f'joint {name!r} of the URDF is not recorded: assumed to stay at position zero'
-              for name in chain.locked]
+    chain, notes = _chain_of(urdf, list(recorded), only or ())
     names = list(chain.tree.joints)
-    for name in only or ():
-        if name not in names:
-            raise InputError(f'{urdf}: joint {name!r} is not in the URDF')
     scales = None
     if set(names) <= set(declared):
         scales = np.array([1.0 / drives[name].torque_per_current for name in names])
@@ -98,36 +92,63 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
         notes.append('the efforts are no torques in N·m of this URDF: taken as currents of unknown '
                      'torque constants (--unit A says so, --torque-constant and --gear-ratio say '
                      'more)')
-    if (fit.tree.gravity != chain.tree.gravity).any():
-        direction = ', '.join(f'{value:.2f}' for value in fit.tree.gravity / 9.81)
-        notes.append(f'the currents fit gravity along ({direction}) of the base far better than '
-                     'along its -z: the arm is assumed to be mounted that way')
-    arm = Arm(fit.tree, fit.differentiation)
+    notes += _said_of_gravity(fit, chain)
     refined = list(only or names)
     results: dict[str, RefineResult] = {}
     for index, name in enumerate(refined):
         def report_joint(share: float, word: str, index: int = index, name: str = name) -> None:
             report(_BODIES + (1.0 - _BODIES) * (index + share) / len(refined), f'{name}: {word}')
-        samples = Samples.concatenate(recorded[name])
-        # In the order along the arm, which that of a recording need not be.
-        samples = samples.with_(rigid_body=fit.torque(samples),
-                                arm=samples.arm and samples.arm.of(names))
         drive = drives.get(name)
+        origin = replace((origins or {}).get(name, Origin()), declared=name in declared,
+                         unit='N·m' if torques else 'A' if drive else '')
         try:
-            result = refine([samples], models.get(name), drive, report_joint, origin=replace(
-                (origins or {}).get(name, Origin()), declared=name in declared,
-                unit='N·m' if torques else 'A' if drive else ''))
+            result = refine([_with_links(recorded[name], fit)], models.get(name), drive,
+                            report_joint, origin=origin)
         except InputError as error:
             notes.append(f'joint {name!r}: {error}')
-            continue
-        # The model may be the given one, which stays as it is.
-        own = result.model.arm
-        if any('rigid_body' in effect.needs for effect in result.model.effects):
-            own = replace(arm, friction=own if own and own.signal == 'coupling' else None)
-        results[name] = replace(result, model=replace(result.model, arm=own))
+        else:
+            results[name] = _with_arm(result, Arm(fit.tree, fit.differentiation))
     if not results:
         raise InputError(notes[-1])
     return ArmResult(fit, results, notes)
+
+
+def _chain_of(urdf: str | Path, recorded: list[str], only: Sequence[str]
+              ) -> tuple[Chain, list[str]]:
+    """Return the chain of the recorded joints, which `only` must be some of, and notes on it."""
+    chain = Chain(urdf, recorded)
+    for name in only:
+        if name not in chain.tree.joints:
+            raise InputError(f'{urdf}: joint {name!r} is not in the URDF')
+    return chain, [
+        *(f'joint {name!r} is not in the URDF: left out' for name in chain.unknown),
+        *(f'joint {name!r} of the URDF is not recorded: assumed to stay at position zero'
+          for name in chain.locked)]
+
+
+def _said_of_gravity(fit: ArmFit, chain: Chain) -> list[str]:
+    if (fit.tree.gravity == chain.tree.gravity).all():
+        return []
+    direction = ', '.join(f'{value:.2f}' for value in fit.tree.gravity / 9.81)
+    return [f'the currents fit gravity along ({direction}) of the base far better than along its '
+            '-z: the arm is assumed to be mounted that way']
+
+
+def _with_links(recorded: list[Samples], fit: ArmFit) -> Samples:
+    """Return a joint's recordings as one, with the torque of the links and all joints' motion."""
+    samples = Samples.concatenate(recorded)
+    # In the order along the arm, which that of a recording need not be.
+    return samples.with_(rigid_body=fit.torque(samples),
+                         arm=samples.arm and samples.arm.of(fit.tree.joints))
+
+
+def _with_arm(result: RefineResult, arm: Arm) -> RefineResult:
+    """Return the result of a joint whose model has the arm, if it needs the arm's links."""
+    # The model may be the given one, which stays as it is.
+    own = result.model.arm
+    if any('rigid_body' in effect.needs for effect in result.model.effects):
+        own = replace(arm, friction=own if own and own.signal == 'coupling' else None)
+    return replace(result, model=replace(result.model, arm=own))
 
 
 def _add_person_torque(samples: Samples, drive: Drive) -> Samples:
