@@ -114,23 +114,27 @@ class Recorded:
     ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
     error: float | None = None  # to expect in motion of another recording, RMS, A
     load: float = 0.0  # mean measured load in motion, N·m
+    sample_time: float | None = None  # the longest of the recordings, s: `error` is at this rate
 
     @classmethod
     def from_dict(cls, section: Any) -> Recorded:
         """Read the section `recorded` of a model file."""
-        check_mapping(section, 'recorded', ('speeds', 'intervals', 'ranges', 'error', 'load'))
+        check_mapping(section, 'recorded', (
+            'speeds', 'intervals', 'ranges', 'error', 'load', 'sample_time'))
         speeds = tuple(check_number(value, 'recorded.speeds', above=0.0) for value in check_list(
             section.get('speeds'), 'recorded.speeds'))
         intervals = check_mapping(section.get('intervals') or {}, 'recorded.intervals',
                                   (*LINE, 'inertia', 'static', 'transition'))
-        error = section.get('error')
+        error, sample_time = (
+            None if section.get(name) is None else
+            check_number(section[name], f'recorded.{name}', least=0.0)
+            for name in ('error', 'sample_time'))
         return cls(
             speeds, {name: check_interval(ends, f'recorded.intervals.{name}')
                      for name, ends in intervals.items()},
             {str(name): check_interval(ends, f'recorded.ranges.{name}') for name, ends in
              check_mapping(section.get('ranges') or {}, 'recorded.ranges').items()},
-            None if error is None else check_number(error, 'recorded.error', least=0.0),
-            check_number(section.get('load', 0.0), 'recorded.load'))
+            error, check_number(section.get('load', 0.0), 'recorded.load'), sample_time)
 
     def with_ranges(self, samples: Samples, effects: Iterable[Effect]) -> Recorded:
         """Return it with the ranges of samples in motion, which effects were fitted to."""

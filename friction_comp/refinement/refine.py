@@ -111,12 +111,18 @@ def refine(recorded: Samples | Sequence[Samples], model: FrictionModel | None = 
     # A given model that is kept keeps what its file says of the recordings it was fitted to.
     known = None if refined.model is model else refined.model.recorded
     written = replace(refined.model, recorded=known and replace(
-        known, error=report.after.elsewhere_motion_rmse), notes={
+        known, error=report.after.elsewhere_motion_rmse, sample_time=_longest_step(raw)), notes={
         **refined.model.notes, **origin.notes, 'unit': origin.unit, 'verdict': report.verdict,
         'reasons': [] if report.verdict == TRUST else report.reasons, 'assumed': report.assumed})
     return RefineResult(
         report=report, model=written, start=start.model, samples=rows.samples, usable=rows.usable,
         before=start.held_out, after=refined.held_out, coverage=rows.coverage)
+
+
+def _longest_step(raw: Samples) -> float:
+    """Return the longest of the recordings' sample times, s."""
+    return max(round(raw.take(raw.recording == number).sample_time, 6)
+               for number in np.unique(raw.recording))
 
 
 def _without_late_velocity(samples: Samples, model: FrictionModel | None

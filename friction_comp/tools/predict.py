@@ -24,6 +24,7 @@ from friction_comp.units import in_own_units
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.model.measured import Recorded
     from friction_comp.recordings import RecordingInfo
     from friction_comp.samples import Samples
 
@@ -46,7 +47,7 @@ def main(argv: list[str] | None = None) -> int:
     arguments = parser.parse(argv)
     keep_inputs(arguments.output, arguments.recording, arguments.model)
     from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.recordings import find_recording, read_recording_with_info
+    from friction_comp.recordings import find_recording, read_recording_with_info, recorded_joints
     from friction_comp.recordings.plans import read_plan
 
     plan = read_plan(arguments.recording, layout_of(arguments))
@@ -56,10 +57,11 @@ def main(argv: list[str] | None = None) -> int:
         return predict_plan(arguments, plan)
     model = FrictionModel.load(arguments.model, arguments.joint)
     with progress('reading') as report:
+        path, layout = find_recording(arguments.recording), layout_of(arguments)
+        own = model.joint if model.joint in recorded_joints(path, layout) else None
         (samples, info), = read_recording_with_info(
-            find_recording(arguments.recording),
-            arguments.joint or (model.joint if model.arm else None), model.drive.torque_constant,
-            model.drive.gear_ratio, progress=report, layout=layout_of(arguments))
+            path, arguments.joint or own, model.drive.torque_constant, model.drive.gear_ratio,
+            progress=report, layout=layout)
         model.check_joint(info.joint, arguments.model)
         report(1.0, 'predicting')
         with errors_name(arguments.recording):
@@ -105,6 +107,8 @@ def compared(model: FrictionModel, samples: Samples, measured: np.ndarray,
         if error > constant:
             remarks.append(f'where the joint moves, a constant is only {constant:.4g} {unit} off: '
                            'the model does not hold for this recording')
+        if known is not None and known.error:
+            error = _as_fitted(samples, residual, moves, known)
         if known is not None and known.error and error > LARGER * known.error:
             change = recorded_change(model, residual, moved, moves)
             remarks.append(f'where the joint moves, the error is {error / known.error:.2g} '
@@ -115,6 +119,19 @@ def compared(model: FrictionModel, samples: Samples, measured: np.ndarray,
         remarks += [in_own_units(note, model.is_linear) for note in known.beyond(
             moved.take(moves), model.effects, model.is_linear, model.drive.torque_per_current)]
     return errors, remarks
+
+
+def _as_fitted(samples: Samples, residual: np.ndarray, moves: np.ndarray, known: Recorded) -> float:
+    """Return the RMS residual in motion, of averages as long as the samples that were fitted.
+
+    The error to expect of a slower recording, or of averages, holds less noise.
+    """
+    from friction_comp.statistics import rms
+
+    length = round((known.sample_time or 0.0) / max(samples.sample_time, 1e-9))
+    averages = samples.with_(current=np.where(moves, residual, np.nan)).averaged(max(length, 1))
+    found = averages.current[np.isfinite(averages.current)]
+    return rms(found if len(found) else residual[moves])
 
 
 def table(samples: Samples, info: RecordingInfo, measured: np.ndarray,
