@@ -132,7 +132,7 @@ def without_time(names: Sequence[str], layout: Layout, where: str) -> tuple[Colu
     """Return the columns of velocity and effort of a table of steady states, else None.
 
     Its rows are means of motion at constant speed, without time and position. Raises InputError if
-    it has several joints, and none is named.
+    it has several joints, and none is named, or several speeds and one torque.
     """
     if layout.rate or {'time', 'position'} & set(layout.columns):
         return None
@@ -144,6 +144,9 @@ def without_time(names: Sequence[str], layout: Layout, where: str) -> tuple[Colu
     # A commanded speed is that of the means, where the measured one is not given.
     measured = any(c.signal == 'velocity' for c in columns)
     wanted = 'velocity' if measured else 'reference_velocity'
+    told = {_kind(c.signal): c for c in named}
+    if {wanted, 'effort'} <= set(told):
+        return told[wanted], told['effort']
     pairs = [(speed, effort) for speed in columns if speed.signal == wanted
              for effort in columns if _kind(effort.signal) == 'effort'
              and (effort.key in (speed.key, ()) or speed.key == ())]
@@ -152,7 +155,16 @@ def without_time(names: Sequence[str], layout: Layout, where: str) -> tuple[Colu
     if len(chosen) > 1:
         raise InputError(f'{where}: several joints, name one with --joint or --columns: '
                          + ', '.join(repr(speed.joint or effort.joint) for speed, effort in chosen))
-    return chosen[0] if chosen else None
+    if not chosen:
+        return None
+    speed, effort = chosen[0]
+    # Both sides of a gear, for instance.
+    speeds = [name for name in names if (reading := read_name(name)).signal == wanted
+              and reading.key in (speed.key, effort.key, ())]
+    if len(speeds) > 1 and speed not in named:
+        raise InputError(f'{where}: which speed belongs to {effort.name}? Name both with --columns '
+                         f'velocity=NAME,effort={effort.name}; there are {", ".join(speeds)}')
+    return speed, effort
 
 
 def _notes(used: Sequence[Column], layout: Layout) -> list[str]:

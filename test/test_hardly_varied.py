@@ -100,3 +100,22 @@ def test_weight_and_inertia_are_said_to_be_those_of_a_posture():
     assert 'position of b' not in notes_on(found.model, in_posture(0.5, 2))[1]
     assert 'position of b' in notes_on(found.model, in_posture(1.5, 2))[1]
     assert 'one_posture' not in {one.code for one in refine([recording(1)]).report.findings}
+
+
+def test_the_error_to_expect_of_averages_is_compared_with_that_of_averages():
+    found = refine([recording(1).averaged(10)])
+    model, samples = found.model, recording(2)
+    assert model.recorded.sample_time == pytest.approx(0.05)
+    # Most of what a sample scatters is noise that averages do not have.
+    assert rms(model.measured(samples) - model.predict(samples)) > 2.0 * model.recorded.error
+    assert 'that refine expected' not in notes_on(model, samples)[1]
+
+
+def test_what_other_joints_do_is_a_cause_of_a_load_in_an_arm():
+    model = refine([recording(1)]).model
+    one = recording(2)
+    for arm, said in ((None, False), (JointStates(('a', 'b'), np.column_stack(
+            (one.position, np.sin(one.time)))), True)):
+        notes = notes_on(model, one.with_(current=one.current + 0.5, joint='a', arm=arm))[1]
+        assert 'the same everywhere' in notes
+        assert ('or what the other joints do' in notes) == said

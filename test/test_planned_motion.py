@@ -126,6 +126,16 @@ def test_predict_says_where_the_model_does_not_hold(tmp_path, capsys, change, sa
             assert (cause in shown) == (name == 'log' and what in change)
 
 
+def test_of_several_recorded_joints_the_model_knows_its_own(tmp_path):
+    time, q, v, a = motion()
+    replace(MODEL, effects=MODEL.effects[:2]).save(tmp_path / 'model.yaml')
+    rows = predicted(tmp_path, 'model.yaml', t=time, **{
+        'wrist.position': -q, 'wrist.effort': q, 'elbow.position': q,
+        'elbow.effort': needed(q, v, a)})
+    inside = (np.abs(v) > 0.3) & (time > 0.3) & (time < 3.7)
+    np.testing.assert_allclose(rows['predicted'][inside], rows['measured'][inside], atol=0.01)
+
+
 def test_a_position_beyond_is_said_also_where_motion_is_short(tmp_path, capsys):
     recorded = Recorded((0.2, 1.0, 1.9), {}, {'position': (-1.0, 1.0)}, error=0.02)
     replace(MODEL, effects=MODEL.effects[:2], recorded=recorded).save(tmp_path / 'model.yaml')

@@ -4,6 +4,7 @@
 
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from scipy.io import savemat
 from table_maker import swing, write
 
 from friction_comp import InputError, Layout, read_recording
+from friction_comp.__main__ import main
 from friction_comp.recordings import read_recording_with_info
 from friction_comp.recordings.sources import find_recordings
 
@@ -200,3 +202,60 @@ def test_records_of_json_that_hold_lists_are_trials(tmp_path, sizes):
     assert samples.position == pytest.approx(np.concatenate([one['pos'] for one in trials]))
     assert "column 'episode' says which episode each row is of" in info.notes
     assert np.count_nonzero(np.diff(samples.time) > 0.5) == len(sizes) - 1
+
+
+def bench(path, sign=1.0, **others):
+    """Write means of a gear on a test bench, whose motor turns nine times as fast as its output."""
+    speed = np.concatenate((-np.linspace(0.2, 3.0, 6), np.linspace(0.2, 3.0, 6)))
+    return write(path, motor_speed=9.0 * speed, motor_torque=sign * (
+        0.3 * np.sign(speed) + 0.01 * speed), **others)
+
+
+def test_of_two_speeds_nobody_guesses_whose_torque_it_is(tmp_path, refuses, capsys):
+    path = bench(tmp_path / 'means.csv', output_speed=np.linspace(-3.0, 3.0, 12),
+                 output_torque=np.zeros(12))
+    refuses('which speed belongs to motor_torque', 'refine', path)
+    assert main(['refine', str(path), '--columns', 'velocity=motor_speed,effort=motor_torque',
+                 '--output', str(tmp_path / 'out')]) == 0
+    said = capsys.readouterr().out
+    assert re.search(r'viscous +0\.001111', said)
+    # The torque of the other side is part of what the motor gives.
+    assert 'output_torque: not taken into account' in said
+    assert 'verdict: trust in part' in said
+
+
+@pytest.mark.parametrize(('sign', 'verdict'), [(1.0, 'trust\n'), (-1.0, 'record again\n')])
+def test_friction_that_would_push_is_not_trusted_in_means_either(tmp_path, capsys, sign, verdict):
+    assert main(['refine', str(bench(tmp_path / 'means.csv', sign)), '--output', str(
+        tmp_path / 'out')]) == 0
+    said = capsys.readouterr().out
+    assert f'verdict: {verdict}' in said
+    assert ('would have to push' in said) == (sign < 0.0)
+
+
+TIME = 0.01 * np.arange(600)
+
+
+def rows_with(*cells):
+    """Return the lines of a log with more cells in each row."""
+    return [f'{t:.2f},{np.sin(t):.6f},{0.3 * np.sign(np.cos(t)):.3f},{",".join(cells)}'
+            for t in TIME]
+
+
+def test_columns_that_share_a_name_are_left_out(tmp_path, refuses):
+    log = tmp_path / 'log.csv'
+    log.write_text('\n'.join(['time,position,current,target,target', *rows_with('1', '2')]))
+    (samples, info), = read_recording_with_info(log)
+    np.testing.assert_allclose(samples.position, np.sin(TIME), atol=1e-6)
+    assert any("several columns have this name: 'target'" in note for note in info.notes)
+    log.write_text('\n'.join(['time,position,current,position,x', *rows_with('1', '2')]))
+    refuses("two columns called 'position'", 'evaluate', log)
+
+
+@pytest.mark.parametrize('cells', [
+    ('"one\ntwo, three"', '7'), ('"a ""word"""', '7'), ('5"', '7')])
+def test_a_quoted_cell_may_have_lines_and_a_quote_alone_is_a_character(tmp_path, cells):
+    log = tmp_path / 'log.csv'
+    log.write_text('\n'.join(['time,position,current,note,x', *rows_with(*cells)]))
+    (samples, _), = read_recording_with_info(log)
+    np.testing.assert_allclose(samples.time, TIME, atol=1e-9)

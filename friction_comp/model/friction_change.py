@@ -49,6 +49,8 @@ class FrictionChange:
     whole: float = 0.0
     # Whether the joint moved in one direction only, so that an offset counts as friction.
     one_way: bool = False
+    # Whether other joints were recorded whose links load this one in a way that no URDF tells.
+    in_arm: bool = False
 
     @property
     def level(self) -> float:
@@ -70,9 +72,10 @@ class FrictionChange:
         if not self.whole and self._explains(self.load):
             size = rms(self.load)
             varies = float(np.var(self.load)) > _VARIES * size ** 2
-            found.append(f'a load of {in_unit(size, unit)} is not in the model, ' + (
-                'which varies with position: a weight or a spring' if varies else
-                'the same everywhere: an offset of the sensor or a weight'))
+            causes = ('which varies with position: a weight, a spring' if varies else
+                      'the same everywhere: an offset of the sensor, a weight')
+            found.append(f'a load of {in_unit(size, unit)} is not in the model, {causes}'
+                         + ', or what the other joints do' * self.in_arm)
         return found
 
 
@@ -131,4 +134,5 @@ def friction_change(residual: np.ndarray, predicted: np.ndarray, friction: np.nd
                 <= rms(rest) ** 2 + _AS_GOOD * rms(residual) ** 2)
     return FrictionChange(
         float(fit[0]), math.hypot(chance, 0.5 * model_error / float(scale[0])), parts[:, 0],
-        parts[:, 2:].sum(axis=1), parts[:, 1], residual, whole * is_whole, one_way)
+        parts[:, 2:].sum(axis=1), parts[:, 1], residual, whole * is_whole, one_way,
+        samples.rigid_body is None and samples.arm is not None and len(samples.arm.joints) > 1)

@@ -8,7 +8,7 @@ The encoding, the lines above the header, the separator and the decimal mark are
 from __future__ import annotations
 
 import codecs
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 import csv
 import gzip
 import io
@@ -28,6 +28,9 @@ from friction_comp.units import parse_unit
 _COMMENTS = ('#', '%')
 # Lines in which the header is looked for, and bytes by which the encoding is told.
 _FIRST_LINES, _FIRST_BYTES = 200, 65536
+# Lines of the longest quoted cell, a cell in quotes, and one that begins with a quote at the end.
+_LONGEST_CELL = 50
+_QUOTED, _UNFINISHED = re.compile(r'"[^"]*"'), re.compile(r'(^|[,;\t])\s*"[^"]*$')
 
 
 class Csv(Table):
@@ -37,7 +40,7 @@ class Csv(Table):
         super().__init__(path)
         self._encoding = _encoding(path)
         with path.open('rb') as file:
-            lines = list(islice(self._text(file), _FIRST_LINES))
+            lines = list(islice(_whole_rows(self._text(file)), _FIRST_LINES))
         if any('\0' in line for line in lines):
             raise InputError(f'{path}: not a text file')
         # Skip comments before the header; numpy.savetxt writes the header itself as a comment.
@@ -62,10 +65,8 @@ class Csv(Table):
         # Spreadsheets end lines with empty cells: a column without a name is none.
         self._index = {name: k for k, name in enumerate(self.names) if name}
         named = [name for name in self.names if name]
-        duplicate = next((name for name in named if named.count(name) > 1), None)
-        self.names = named
-        if duplicate is not None:
-            raise InputError(f'{path}: has two columns called {duplicate!r}')
+        self.doubled = list(dict.fromkeys(name for name in named if named.count(name) > 1))
+        self.names = [name for name in named if name not in self.doubled]
 
     def _names_in(self, comment: str) -> list[str]:
         """Return names in a comment, which are often separated by space only."""
@@ -87,7 +88,9 @@ class Csv(Table):
         indices = [self._index[name] for name in wanted]
         size = self.path.stat().st_size
         with self.path.open('rb') as file:
-            text = self._text(file)
+            # Kept, since it closes the file when it goes.
+            plain = self._text(file)
+            text = _whole_rows(plain)
             first_line = sum(1 for _ in islice(text, self._skip))
             while lines := list(islice(text, rows)):
                 columns = self._parse(lines, indices, first_line).T
@@ -140,6 +143,24 @@ class Csv(Table):
                     'direction': f': {NOT_A_SIGNAL}'}.get(read_name(name).signal, '')
             raise InputError(f'{self.path}: line {line}, column {name!r}: {cell!r} is not a number'
                              f'{hint}') from None
+
+
+def _whole_rows(lines: Iterable[str]) -> Iterator[str]:
+    """Yield the lines, those of a quoted cell that goes on in the next line as one."""
+    begun: list[str] = []
+    for line in lines:
+        if not begun and '"' not in line:
+            yield line
+            continue
+        begun.append(line)
+        row = ' '.join(part.rstrip('\r\n') for part in begun)
+        goes_on = _UNFINISHED.search(_QUOTED.sub('', row)) is not None
+        if goes_on and len(begun) < _LONGEST_CELL:
+            continue
+        # A quote that does not end is a character.
+        yield from begun if goes_on else [row + '\n']
+        begun = []
+    yield from begun
 
 
 def _separator(line: str) -> str | None:

@@ -25,7 +25,7 @@ _CONTRADICTING, _FEWEST_BLOCKS = 0.5, 30
 _OPPOSED = -0.9
 # Fewest samples of each direction in a bin of position, and the share of the motion in which the
 # effort must appear reversed.
-_PER_BIN, _REVERSED_SHARE = 20, 0.8
+_PER_BIN, _REVERSED_SHARE = 10, 0.8
 # Difference between the directions, of the usual effort, that counts as none, and the share of the
 # motion in which an effort without a sign must show none.
 _NO_DIFFERENCE, _UNSIGNED_SHARE = 0.02, 0.2

@@ -57,6 +57,7 @@ class Table(ABC):
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self.doubled: list[str] = []    # names of several columns, which are left out
         self.labels: dict[str, Labels] = {}     # columns whose values are numbered
 
     @abstractmethod

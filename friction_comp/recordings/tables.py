@@ -14,7 +14,7 @@ import numpy as np
 
 from friction_comp.column_names import in_turns_of, is_of_motor, skeleton
 from friction_comp.column_values import to_csv
-from friction_comp.columns import assign
+from friction_comp.columns import assign, Assignment
 from friction_comp.errors import InputError
 from friction_comp.files import write_atomically
 from friction_comp.layout import Layout
@@ -53,7 +53,7 @@ class TableScanner:
         with unreadable_on_error(path):
             self._table = open_table(path)
         self._table.names = of_one_clock(self._table, self._layout, str(path))
-        self._use = assign(self._table.names, layout, str(path))
+        self._use = self._assigned(layout)
         self._whose = self._column_of_joints()
         self._episode, self._episodes = self._column_of_episodes(), Episodes()
         self._effort_unit = next((column.unit for column in self._use.columns if column.unit
@@ -63,6 +63,18 @@ class TableScanner:
         # The other part of a stamp of ROS.
         self._below_second = [name for name in self._table.names if time and re.sub(
             r'n(ano)?(?=sec(s|onds)?$)', '', name) == time.name != name]
+
+    def _assigned(self, layout: Layout | None) -> Assignment:
+        """Return the used columns, none of which may share its name with another."""
+        doubled = ', '.join(map(repr, self._table.doubled))
+        try:
+            use = assign(self._table.names, layout, str(self._path))
+        except InputError as error:
+            raise InputError(f'{self._path}: has two columns called {doubled}'
+                             if doubled else str(error)) from None
+        if doubled:
+            use.notes.append(f'left out, since several columns have this name: {doubled}')
+        return use
 
     def _column_of_joints(self) -> str | None:
         """Return the column that says whose row each row is; columns are then of no joint."""

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from friction_comp.column_names import read_name
 from friction_comp.columns import Column
 from friction_comp.errors import errors_name, InputError
 from friction_comp.identification.steady_state import fit_steady_states, SteadyStates
@@ -57,7 +58,9 @@ def refine_table(arguments: Namespace, columns: tuple[Column, Column]) -> int:
                    'current_limit': 'the largest current of the table, since no other limit was '
                                     'given'})})
     fit = replace(fit, model=model)
-    report = in_own_units(_report(fit, unit), linear)
+    loads = [name for name in open_table(path).names if name != effort.name
+             and read_name(name).signal in ('load', 'link_torque')]
+    report = in_own_units(_report(fit, unit, loads), linear)
     with units_of_axis(linear):
         page = steady_state_report(report, fit.model, fit.speeds, fit.currents, [str(path)])
     write_results(arguments, report, page, fit.model)
@@ -88,10 +91,15 @@ def _values(path: Path, columns: tuple[Column, Column], joint: str | None) -> li
     return [column[own] for column in values]
 
 
-def _report(fit: SteadyStates, unit: str) -> dict[str, Any]:
+def _report(fit: SteadyStates, unit: str, loads: list[str]) -> dict[str, Any]:
     one_direction = 'offset' not in fit.values
     signal = rms(fit.currents)
     reasons, again = [], []
+    pushes = fit.intervals['coulomb'][1] < 0.0
+    if pushes:
+        reasons.append('Friction would have to push: effort or velocity has the wrong sign, or '
+                       'the torque is that of a brake.')
+        again.append('the same with the sign of effort reversed (--unit effort=-1Nm)')
     if one_direction:
         reasons.append('Motion was in one direction only: Coulomb friction cannot be '
                        'distinguished from an offset.')
@@ -99,6 +107,10 @@ def _report(fit: SteadyStates, unit: str) -> dict[str, Any]:
     if fit.intervals['coulomb'][0] <= 0.0 <= fit.intervals['coulomb'][1]:
         reasons.append('Coulomb friction cannot be distinguished from zero.')
         again.append('more and slower speeds')
+    if loads:
+        reasons.append(f'{" and ".join(loads)}: not taken into account, so that what the joint '
+                       'carried counts as friction.')
+        again.append('the joint without a load')
     if fit.is_curved:
         reasons.append(f'The remaining error, {fit.fit_rmse:.2g} {unit} RMS, depends on the speed: '
                        'friction has another form than Coulomb, viscous and Stribeck friction.')
@@ -117,7 +129,8 @@ def _report(fit: SteadyStates, unit: str) -> dict[str, Any]:
         'effects': [{**effect.to_dict(), 'intervals': {}, 'chosen': None}
                     for effect in fit.model.effects],
         'friction': {**fit.values, 'intervals': fit.intervals},
-        'unexplained': [], 'ambiguous': [], 'verdict': 'trust in part' if reasons else 'trust',
+        'unexplained': [], 'ambiguous': [],
+        'verdict': 'record again' if pushes else 'trust in part' if reasons else 'trust',
         'reasons': reasons or ['Each row of the table is predicted by the others.'],
         'record_again': again,
         'warnings': ['inertia, weight and breakaway do not show in means at constant speeds'],
