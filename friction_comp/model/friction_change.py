@@ -72,10 +72,10 @@ class FrictionChange:
         if not self.whole and self._explains(self.load):
             size = rms(self.load)
             varies = float(np.var(self.load)) > _VARIES * size ** 2
-            causes = ('which varies with position: a weight, a spring' if varies else
-                      'the same everywhere: an offset of the sensor, a weight')
-            found.append(f'a load of {in_unit(size, unit)} is not in the model, {causes}'
-                         + ', or what the other joints do' * self.in_arm)
+            found.append(f'a load of {in_unit(size, unit)} is not in the model, ' + (
+                'which varies with position: a weight or a spring' if varies else
+                'the same everywhere: an offset of the sensor or a weight')
+                + ', or what the other joints do' * self.in_arm)
         return found
 
 
