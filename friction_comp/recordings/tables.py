@@ -70,7 +70,7 @@ class TableScanner:
         try:
             use = assign(self._table.names, layout, str(self._path))
         except InputError as error:
-            raise InputError(f'{self._path}: has two columns called {doubled}'
+            raise InputError(f'{error}, and two columns called {doubled}'
                              if doubled else str(error)) from None
         if doubled:
             use.notes.append(f'left out, since several columns have this name: {doubled}')
