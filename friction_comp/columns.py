@@ -131,40 +131,32 @@ def assign(names: Sequence[str], layout: Layout | None, where: str, of_plan: boo
 def without_time(names: Sequence[str], layout: Layout, where: str) -> tuple[Column, Column] | None:
     """Return the columns of velocity and effort of a table of steady states, else None.
 
-    Its rows are means of motion at constant speed, without time and position. Raises InputError if
-    it has several joints, and none is named, or several speeds and one torque.
+    Its rows are means at constant speeds, without time and position. Raises InputError if it has
+    several joints, and none is named, or several speeds for a torque, as of both sides of a gear.
     """
-    if layout.rate or {'time', 'position'} & set(layout.columns):
-        return None
     layout = layout.naming(names, where)
     named = _named(layout, where)
-    columns = [*named, *_guessed([name for name in names if name], named, (), layout)]
-    if any(c.signal in ('time', 'position') for c in columns):
+    columns = [*named, *_guessed(list(filter(None, names)), named, (), layout)]
+    if layout.rate or any(c.signal in ('time', 'position') for c in columns):
         return None
-    # A commanded speed is that of the means, where the measured one is not given.
-    measured = any(c.signal == 'velocity' for c in columns)
-    wanted = 'velocity' if measured else 'reference_velocity'
-    told = {_kind(c.signal): c for c in named}
-    if {wanted, 'effort'} <= set(told):
-        return told[wanted], told['effort']
+    # A commanded speed is that of the means where none is measured.
+    wanted = 'velocity' if any(c.signal == 'velocity' for c in columns) else 'reference_velocity'
     pairs = [(speed, effort) for speed in columns if speed.signal == wanted
              for effort in columns if _kind(effort.signal) == 'effort'
              and (effort.key in (speed.key, ()) or speed.key == ())]
-    pairs = [pair for pair in pairs if pair[0] in named or pair[1] in named] or pairs
+    told = [sum(column in named for column in pair) for pair in pairs]
+    pairs = [pair for pair, count in zip(pairs, told) if count == max(told)]
     chosen = [pair for pair in pairs if layout.joint in (pair[0].joint, pair[1].joint)] or pairs
     if len(chosen) > 1:
         raise InputError(f'{where}: several joints, name one with --joint or --columns: '
                          + ', '.join(repr(speed.joint or effort.joint) for speed, effort in chosen))
-    if not chosen:
-        return None
-    speed, effort = chosen[0]
-    # Both sides of a gear, for instance.
-    speeds = [name for name in names if (reading := read_name(name)).signal == wanted
-              and reading.key in (speed.key, effort.key, ())]
-    if len(speeds) > 1 and speed not in named:
-        raise InputError(f'{where}: which speed belongs to {effort.name}? Name both with --columns '
-                         f'velocity=NAME,effort={effort.name}; there are {", ".join(speeds)}')
-    return speed, effort
+    for speed, effort in chosen:
+        speeds = [name for name in names if (reading := read_name(name)).signal == wanted
+                  and reading.key in (speed.key, effort.key, ())]
+        if len(speeds) > 1 and speed not in named:
+            raise InputError(f'{where}: which speed is that of {effort.name}? Name both, --columns '
+                             f'velocity=NAME,effort={effort.name}; there are {", ".join(speeds)}')
+    return chosen[0] if chosen else None
 
 
 def _notes(used: Sequence[Column], layout: Layout) -> list[str]:

@@ -214,7 +214,7 @@ def bench(path, sign=1.0, **others):
 def test_of_two_speeds_nobody_guesses_whose_torque_it_is(tmp_path, refuses, capsys):
     path = bench(tmp_path / 'means.csv', output_speed=np.linspace(-3.0, 3.0, 12),
                  output_torque=np.zeros(12))
-    refuses('which speed belongs to motor_torque', 'refine', path)
+    refuses('which speed is that of motor_torque', 'refine', path)
     assert main(['refine', str(path), '--columns', 'velocity=motor_speed,effort=motor_torque',
                  '--output', str(tmp_path / 'out')]) == 0
     said = capsys.readouterr().out
