@@ -20,11 +20,11 @@ import re
 from typing import Any, NamedTuple
 
 from friction_comp.note.note_report import compared
+from friction_comp.number_text import number
 from friction_comp.reports.demo_report import EvaluatedTrial, torque_figure
 from friction_comp.reports.direction_scenes import HandTrial, intention_figure, loops_figure
 from friction_comp.reports.evaluation_words import peak_text
 from friction_comp.reports.figures import thin, to_file
-from friction_comp.reports.html import number
 from friction_comp.tools.demo_directions import SOURCES, WAYS
 from friction_comp.tools.demo_loop import recorded, TRIALS
 

@@ -15,6 +15,7 @@ import pytest
 from friction_comp.evaluation.compare import Trend
 from friction_comp.evaluation.neighbours import mean_interval
 from friction_comp.evaluation.sessions import evaluate_recordings
+from friction_comp.number_text import number
 from friction_comp.reports.evaluation_report import (
     evaluation_figure,
     evaluation_report,
@@ -22,7 +23,6 @@ from friction_comp.reports.evaluation_report import (
     trend_figure,
 )
 from friction_comp.reports.figures import COLOURS, for_page, new_figure, thin_extremes
-from friction_comp.reports.html import number
 from friction_comp.reports.moving_joint import moving_joint, MovingScene, still_joint
 
 LIVE_PAGES = True

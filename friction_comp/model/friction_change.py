@@ -16,6 +16,7 @@ import numpy as np
 
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.measured import Recorded
+from friction_comp.number_text import quantity
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
 
@@ -72,7 +73,7 @@ class FrictionChange:
         if not self.whole and self._explains(self.load):
             size = rms(self.load)
             varies = float(np.var(self.load)) > _VARIES * size ** 2
-            found.append(f'a load of {in_unit(size, unit)} is not in the model, ' + (
+            found.append(f'a load of {quantity(size, unit)} is not in the model, ' + (
                 'which varies with position: a weight or a spring' if varies else
                 'the same everywhere: an offset of the sensor or a weight')
                 + ', or what the other joints do' * self.in_arm)
@@ -91,11 +92,6 @@ def recorded_change(model: FrictionModel, residual: np.ndarray, samples: Samples
     return friction_change(
         residual[slides], predicted[slides], friction[slides], moved,
         (model.recorded or Recorded()).error_at(np.abs(np.asarray(moved.velocity))))
-
-
-def in_unit(value: float, unit: str) -> str:
-    """Return a number with its unit, mA for small currents."""
-    return f'{1e3 * value:.3g} mA' if unit == 'A' else f'{value:.3g} {unit}'
 
 
 def friction_change(residual: np.ndarray, predicted: np.ndarray, friction: np.ndarray,

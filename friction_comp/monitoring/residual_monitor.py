@@ -14,8 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from friction_comp.checks import check_number
-from friction_comp.model.friction_change import friction_change, FrictionChange, in_unit
+from friction_comp.model.friction_change import friction_change, FrictionChange
 from friction_comp.model.measured import LARGER, Recorded
+from friction_comp.number_text import quantity
 from friction_comp.samples import Samples
 from friction_comp.signal_checks import STANDSTILL
 from friction_comp.statistics import quantile_edges, rms
@@ -68,7 +69,7 @@ class ModelFit:
         """The verdict as one line of text."""
         if not self.known:
             return 'not enough motion yet to tell whether the model fits'
-        error = f'{100 * self.share:.0f} % of the friction ({in_unit(self.error, self.unit)})'
+        error = f'{100 * self.share:.0f} % of the friction ({quantity(self.error, self.unit)})'
         if self.fits:
             return (f'its error is {error}, which refine expected: the model was never better'
                     if self.as_expected else f'the model fits: its error is {error}')

@@ -11,10 +11,11 @@ import numpy as np
 
 from friction_comp.evaluation.conditions import evaluate
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.number_text import number
 from friction_comp.refinement.result import FoundEffect, RefineResult
 from friction_comp.reports.evaluation_words import peak_text
 from friction_comp.reports.figures import band, COLOURS, curve, new_figure, styled
-from friction_comp.reports.html import number, Report
+from friction_comp.reports.html import Report
 from friction_comp.reports.moving_joint import moving_joint, MovingScene
 from friction_comp.reports.refinement_figures import residual_figure
 from friction_comp.reports.refinement_report import effect_names, formula, limitations, model_words

@@ -10,8 +10,9 @@ from matplotlib.figure import Figure
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
+from friction_comp.number_text import number
 from friction_comp.reports.figures import COLOURS, INK, new_figure, styled, thin
-from friction_comp.reports.html import number, Report
+from friction_comp.reports.html import Report
 from friction_comp.reports.moving_joint import moving_joint, MovingScene
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms

@@ -12,7 +12,7 @@ from friction_comp.evaluation.compare import Comparison, Trend
 from friction_comp.evaluation.conditions import Condition, Evaluation
 from friction_comp.evaluation.neighbours import Interval
 from friction_comp.evaluation.repetitions import Compensation, FIGURES
-from friction_comp.reports.html import number
+from friction_comp.number_text import number
 
 
 class _Peaks(NamedTuple):

@@ -13,8 +13,9 @@ import numpy as np
 from friction_comp.excitation.improve import Improvement
 from friction_comp.excitation.plan import JointPlan
 from friction_comp.excitation.separation import Pair
+from friction_comp.number_text import quantity
 from friction_comp.reports.figures import COLOURS, curve, new_figure, styled
-from friction_comp.reports.html import quantity, Report
+from friction_comp.reports.html import Report
 from friction_comp.reports.refinement_report import effect_names
 
 _RATE = 50.0  # of the drawn curves, Hz

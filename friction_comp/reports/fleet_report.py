@@ -12,8 +12,9 @@ import numpy as np
 
 from friction_comp.fleet.new_unit import NewUnit
 from friction_comp.fleet.population import ParameterSpread, Population, UnitValue
+from friction_comp.number_text import interval_text, number, quantity
 from friction_comp.reports.figures import COLOURS, new_figure, styled
-from friction_comp.reports.html import interval_text, number, quantity, Report
+from friction_comp.reports.html import Report
 
 # Units up to which each has a row in a table, and its name and interval in the figure.
 _MOST_ROWS, _MOST_NAMES = 100, 60

@@ -8,7 +8,7 @@ import math
 from typing import NamedTuple
 
 from friction_comp.model.friction_numbers import FrictionNumbers
-from friction_comp.reports.html import number
+from friction_comp.number_text import number
 
 # Name and unit of each number, A standing for the unit of current.
 NAMES = {'coulomb': ('Coulomb', 'A'), 'viscous': ('viscous', 'A·s/rad'), 'offset': ('offset', 'A'),

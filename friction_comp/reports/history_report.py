@@ -10,8 +10,9 @@ from matplotlib.figure import Figure
 import numpy as np
 
 from friction_comp.evaluation.drive_history import RecordedFriction
+from friction_comp.number_text import quantity
 from friction_comp.reports.figures import COLOURS, curve, new_figure, styled
-from friction_comp.reports.html import quantity, Report
+from friction_comp.reports.html import Report
 
 # Largest number of dates on the axis of the figure.
 _MOST_LABELS = 16

@@ -23,6 +23,7 @@ import numpy as np
 
 from friction_comp import __version__
 from friction_comp.files import write_atomically
+from friction_comp.number_text import number
 from friction_comp.reports.figures import for_page
 from friction_comp.units import in_own_units
 
@@ -207,42 +208,6 @@ class Report:
     def save(self, path: str | Path) -> None:
         """Write the page atomically; an `InputError` says why it cannot be written."""
         write_atomically(path, self.html())
-
-
-def number(value: float | int | None, digits: int = 3) -> str:
-    """Return a number with few significant digits (thousands in full); a dash for None or NaN."""
-    if value is None or math.isnan(value):
-        return '–'
-    if isinstance(value, (int, np.integer)):
-        return str(value)
-    if value == 0 or math.isinf(value):
-        return f'{value:g}'
-    magnitude = math.floor(math.log10(abs(value)))
-    form = f'.{max(digits - 1 - magnitude, 0)}f' if -4 <= magnitude < 6 else f'.{digits - 1}e'
-    return format(value, form).replace('-', '\u2212')
-
-
-def interval_text(ends: Sequence[float | None], digits: int = 3) -> str:
-    """Return an interval as text."""
-    low, high = ends
-    if low is None or high is None:
-        return 'not determined'
-    return f'{number(low, digits)} to {number(high, digits)}'
-
-
-def quantity(value: float, unit: str) -> str:
-    """Return a number with its unit, small currents in mA, and a dash for NaN.
-
-    Examples
-    --------
-    >>> quantity(0.0123, 'A')
-    '12.3 mA'
-    >>> quantity(0.0123, 'N·m')
-    '0.0123 N·m'
-    """
-    if unit == 'A' and abs(value) < 0.1:
-        value, unit = 1e3 * value, 'mA'
-    return '–' if math.isnan(value) else f'{number(value)} {unit}'
 
 
 def _is_number(value: object) -> bool:

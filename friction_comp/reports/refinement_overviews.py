@@ -14,10 +14,11 @@ import numpy as np
 
 from friction_comp.arm.whole_arm import ArmResult
 from friction_comp.fleet.population import Population
+from friction_comp.number_text import interval_text, number
 from friction_comp.refinement.result import RefinementReport
 from friction_comp.reports.figures import COLOURS, curve, legend_below, new_figure, styled
 from friction_comp.reports.fleet_report import add_fleet, fleet_verdict
-from friction_comp.reports.html import interval_text, Link, number, Report
+from friction_comp.reports.html import Link, Report
 from friction_comp.reports.refinement_report import effect_names
 
 # Effects found in fewer than this share of a joint's recordings may be due to chance.

@@ -15,12 +15,13 @@ from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.friction_numbers import FrictionNumbers, quantity_in
 from friction_comp.model.measured import LINE
+from friction_comp.number_text import interval_text, number, quantity
 from friction_comp.refinement.findings import in_unit
 from friction_comp.refinement.result import RefinementReport, RefineResult
 from friction_comp.refinement.thresholds import LEAST_SHARE
 from friction_comp.reports import refinement_figures as figures
 from friction_comp.reports.friction_words import number_rows
-from friction_comp.reports.html import interval_text, number, quantity, Report
+from friction_comp.reports.html import Report
 
 # Units of the effects' constants.
 _UNITS = {'velocity': 'rad/s', 'reference': 'rad/s', 'speed': 'rad/s', 'transition': 'rad/s',

@@ -19,10 +19,11 @@ from friction_comp.evaluation.neighbours import Interval, mean_interval
 from friction_comp.evaluation.repetitions import Repetition
 from friction_comp.exercise.exercise_script import ExerciseScript
 from friction_comp.exercise.taught_exercise import TURN
+from friction_comp.number_text import number
 from friction_comp.reports.evaluation_report import evaluation_report
 from friction_comp.reports.evaluation_words import with_interval
 from friction_comp.reports.figures import COLOURS, legend_below, new_figure, styled, thin
-from friction_comp.reports.html import number, Report
+from friction_comp.reports.html import Report
 from friction_comp.reports.refinement_report import effect_names
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms

@@ -11,9 +11,10 @@ from matplotlib.figure import Figure
 import numpy as np
 
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.number_text import interval_text, number, quantity
 from friction_comp.reports.figures import curve, new_figure, styled
 from friction_comp.reports.friction_words import NAMES
-from friction_comp.reports.html import interval_text, number, quantity, Report
+from friction_comp.reports.html import Report
 from friction_comp.samples import Samples
 
 

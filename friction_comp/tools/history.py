@@ -26,9 +26,9 @@ def main(argv: list[str] | None = None) -> int:
     arguments = parser.parse(argv)
     from friction_comp.evaluation.drive_history import recorded_friction
     from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.number_text import quantity
     from friction_comp.recordings.history import History
     from friction_comp.reports.history_report import history_report
-    from friction_comp.reports.html import quantity
 
     model = FrictionModel.load(arguments.model, arguments.joint)
     model.check_joint(arguments.joint, arguments.model)

@@ -58,9 +58,11 @@ def main(argv: list[str] | None = None) -> int:
     model = FrictionModel.load(arguments.model, arguments.joint)
     with progress('reading') as report:
         path, layout = find_recording(arguments.recording), layout_of(arguments)
-        own = model.joint if model.joint in recorded_joints(path, layout) else None
+        joint = arguments.joint
+        if not joint and model.joint and model.joint in recorded_joints(path, layout):
+            joint = model.joint
         (samples, info), = read_recording_with_info(
-            path, arguments.joint or own, model.drive.torque_constant, model.drive.gear_ratio,
+            path, joint, model.drive.torque_constant, model.drive.gear_ratio,
             progress=report, layout=layout)
         model.check_joint(info.joint, arguments.model)
         report(1.0, 'predicting')
@@ -107,9 +109,8 @@ def compared(model: FrictionModel, samples: Samples, measured: np.ndarray,
         if error > constant:
             remarks.append(f'where the joint moves, a constant is only {constant:.4g} {unit} off: '
                            'the model does not hold for this recording')
-        if known is not None and known.error:
-            error = _as_fitted(samples, residual, moves, known)
-        if known is not None and known.error and error > LARGER * known.error:
+        if known is not None and known.error and (
+                error := _as_fitted(samples, residual, moves, known)) > LARGER * known.error:
             change = recorded_change(model, residual, moved, moves)
             remarks.append(f'where the joint moves, the error is {error / known.error:.2g} '
                            f'times the {known.error:.4g} {unit} that refine expected in other '

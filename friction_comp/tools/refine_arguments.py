@@ -92,8 +92,8 @@ def folder_names(names: Iterable[str]) -> list[str]:
 
 def summary_lines(report: RefinementReport) -> list[str]:
     """Return the report of a refinement in a few lines."""
+    from friction_comp.number_text import number, quantity
     from friction_comp.reports.friction_words import number_lines
-    from friction_comp.reports.html import number, quantity
 
     unit, before, after = report.unit, report.before, report.after
     lines = ['friction in sliding, with 95 % intervals:']

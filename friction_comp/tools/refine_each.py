@@ -287,8 +287,8 @@ def _write(path: Path, files: dict[str, str]) -> None:
 
 
 def _print(content: dict[str, Any], populations: Sequence[Population]) -> None:
+    from friction_comp.number_text import number
     from friction_comp.reports.fleet_report import fleet_verdict
-    from friction_comp.reports.html import number
     from friction_comp.reports.refinement_overviews import verdict
 
     print(verdict(content).replace('**', ''))

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from argparse import Namespace
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from friction_comp.errors import errors_name, InputError
 from friction_comp.identification.steady_state import fit_steady_states, SteadyStates
 from friction_comp.recorded_drive.given import drive_of, figures_unit
 from friction_comp.recordings.row_groups import column_of_joints
+from friction_comp.recordings.table_base import Table
 from friction_comp.recordings.table_files import open_table
 from friction_comp.refinement import thresholds
 from friction_comp.reports.html import units_of_axis
@@ -37,7 +37,8 @@ def refine_table(arguments: Namespace, columns: tuple[Column, Column]) -> int:
         raise InputError(f'{path}: holds neither time nor position, only means at constant speeds: '
                          f'--{given} needs a recording')
     velocity, effort = columns
-    speeds, torques = _values(path, columns, arguments.joint)
+    table = open_table(path)
+    speeds, torques = _values(table, columns, arguments.joint)
     told = given_of(arguments)
     drive = drive_of(told, None)
     in_ampere = effort.dimension == 'current'
@@ -58,7 +59,7 @@ def refine_table(arguments: Namespace, columns: tuple[Column, Column]) -> int:
                    'current_limit': 'the largest current of the table, since no other limit was '
                                     'given'})})
     fit = replace(fit, model=model)
-    loads = [name for name in open_table(path).names if name != effort.name
+    loads = [name for name in table.names if name != effort.name
              and read_name(name).signal in ('load', 'link_torque')]
     report = in_own_units(_report(fit, unit, loads), linear)
     with units_of_axis(linear):
@@ -71,9 +72,9 @@ def refine_table(arguments: Namespace, columns: tuple[Column, Column]) -> int:
         *(f'  {line}' for line in (*report['reasons'], *report['warnings']))])
 
 
-def _values(path: Path, columns: tuple[Column, Column], joint: str | None) -> list[np.ndarray]:
+def _values(table: Table, columns: tuple[Column, Column], joint: str | None) -> list[np.ndarray]:
     """Return the columns in SI units, of one joint's rows where a column says whose they are."""
-    table, names = open_table(path), [column.name for column in columns]
+    path, names = table.path, [column.name for column in columns]
     whose = column_of_joints(table, names, None)
     read = table.whole([*names, *([whose] if whose else [])])
     if not len(read[names[0]]):
