@@ -7,6 +7,7 @@ from __future__ import annotations
 import functools
 from typing import Any, TypeGuard
 
+from numba import njit
 import numpy as np
 
 from friction_comp.checks import check_mapping, check_number
@@ -175,13 +176,23 @@ def shifted_in_time(values: np.ndarray, samples: Samples, lag: float) -> np.ndar
         time, own = samples.time[part], source[:, part]
         # The same for all columns: the sample before each time, and the share of the step to it.
         place = np.interp(time + lag, time, np.arange(len(time)))
-        index = place.astype(int)
-        before = own.take(index, axis=1)
-        change = own.take(np.minimum(index + 1, len(time) - 1), axis=1)
-        change -= before
-        change *= place - index
-        np.add(before, change, out=shifted[:, part])
+        shifted[:, part] = _between_samples(own, place)
     return shifted.T.reshape(np.shape(values))
+
+
+@njit(cache=True)
+def _between_samples(values: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Return values, (M, N), at places, (P,), between 0 and N - 1, linear between samples."""
+    # In one pass over memory: NumPy needs an array for each step, and eight times as long.
+    result = np.empty((values.shape[0], len(place)))
+    last = values.shape[1] - 1
+    for row in range(values.shape[0]):
+        for column in range(len(place)):
+            index = int(place[column])
+            before = values[row, index]
+            change = values[row, min(index + 1, last)] - before
+            result[row, column] = before + (place[column] - index) * change
+    return result
 
 
 def as_recorded(current: np.ndarray, samples: Samples, time_constant: float | None) -> np.ndarray:

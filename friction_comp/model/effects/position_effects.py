@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 import math
 from typing import Any
 
@@ -184,36 +185,38 @@ class Bump(Effect):
 
     @classmethod
     def grid(cls, coverage: Coverage) -> list[dict[str, float]]:
-        points = []
+        return [{'position': position, 'width': width, 'exponent': 2.0, 'directional': directional}
+                for width, places in cls._places(coverage) for position in places.tolist()
+                for directional in (1.0, 0.0)]
+
+    @staticmethod
+    def _places(coverage: Coverage) -> Iterator[tuple[float, np.ndarray]]:
+        """Yield the widths of the grid, and the positions for each."""
         for width in np.geomspace(0.008 * coverage.span, 0.12 * coverage.span, 5).tolist():
             # About the middle, so that both directions of position count alike.
             each_way = math.ceil(0.5 * coverage.span / width)
-            places = 0.5 * (coverage.lowest + coverage.highest) + width * np.arange(
+            yield width, 0.5 * (coverage.lowest + coverage.highest) + width * np.arange(
                 -each_way, each_way + 1)
-            points += [{'position': float(position), 'width': width, 'exponent': 2.0,
-                        'directional': directional}
-                       for position in places for directional in (1.0, 0.0)]
-        return points
 
     @classmethod
     def propose(cls, view: ResidualView) -> list[dict[str, float]]:
         """Return for each width where the mean of the residual stands out most from its scatter."""
         order = np.argsort(view.position)
-        position = view.position[order]
-        proposed = []
-        shapes: dict[Any, list[dict[str, float]]] = {}
-        for constants in cls.points(view.coverage):
-            shapes.setdefault((constants['width'], constants['directional']), []).append(constants)
-        for (width, directional), points in shapes.items():
-            places = np.array([point['position'] for point in points])
-            values = (view.residual * (view.sign if directional else 1.0))[order]
+        position, proposed = view.position[order], []
+        # Sums over positions up to each, by whether the bump changes sign with the direction.
+        totals = {directional: np.concatenate(([0.0], np.cumsum(values[order])))
+                  for directional, values in ((1.0, view.residual * view.sign),
+                                              (0.0, view.residual))}
+        for width, places in cls._places(view.coverage):
             low = np.searchsorted(position, places - width)
             high = np.searchsorted(position, places + width)
-            sums = np.concatenate(([0.0], np.cumsum(values)))
             count = high - low
-            score = np.where(count < _FEWEST, 0.0,
-                             (sums[high] - sums[low]) ** 2 / np.maximum(count, 1))
-            proposed += [points[k] for k in np.argsort(score)[::-1][:_PLACES]]
+            for directional, sums in totals.items():
+                score = np.where(count < _FEWEST, 0.0,
+                                 (sums[high] - sums[low]) ** 2 / np.maximum(count, 1))
+                proposed += [{'position': float(places[k]), 'width': width, 'exponent': 2.0,
+                              'directional': directional, 'transition': view.coverage.transition}
+                             for k in np.argsort(score)[::-1][:_PLACES]]
         return proposed
 
     @staticmethod
