@@ -7,6 +7,7 @@ from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 
+from friction_comp import refine
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.differentiation import shifted_in_time
@@ -50,7 +51,7 @@ def test_too_little_is_refused_in_one_line(parts, words):
 
 
 @pytest.mark.parametrize(('change', 'words'), [
-    ({'current': np.sign(swings(1).velocity)}, 'at a limit in nearly all motion'),
+    ({'current': np.clip(50.0 * swings(1).velocity, -1.0, 1.0)}, 'at a limit in nearly all motion'),
     ({'time': np.zeros(4000)}, 'time stamps')])
 def test_a_recording_that_shows_no_friction_is_refused(change, words):
     with pytest.raises(InputError, match=words):
@@ -83,6 +84,23 @@ def test_a_current_that_is_cut_off_is_seen_and_one_that_is_not_is_left_alone():
                         mode='same')
     noise = 0.01 * np.random.default_rng(5).standard_normal(4000)
     assert not clipped(0.4 * np.tanh(speed / 0.01) + 0.3 * speed + noise).any()
+
+
+@pytest.mark.parametrize('rests', [False, True])
+def test_a_current_of_two_levels_is_a_command(rests):
+    """Coulomb friction 0.4 A, inertia 0.05 A·s²/rad; pushed to and fro by 1 A, or not at all."""
+    rng, step = np.random.default_rng(0), 0.002
+    levels = np.repeat(np.tile([1.0, -1.0], 40), rng.integers(80, 200, 80))
+    if rests:
+        levels[rng.integers(0, len(levels) - 60, 4)[:, None] + np.arange(60)] = 0.0
+    assert not clipped(levels).any()
+    velocity = np.zeros(len(levels))
+    for n, pushed in enumerate(levels[:-1]):
+        driven = velocity[n] + step / 0.05 * pushed
+        velocity[n + 1] = np.sign(driven) * max(abs(driven) - step / 0.05 * 0.4, 0.0)
+    found = refine([Samples(time=step * np.arange(len(levels)), current=levels,
+                            position=step * np.cumsum(velocity))])
+    assert found.report.friction.coulomb == pytest.approx(0.4, rel=0.03)
 
 
 @pytest.mark.parametrize('step', [0.02, 0.05])

@@ -32,6 +32,8 @@ _SLOWEST_RATE = 100.0
 # A limit occurs more often than this multiple of the value next to it. At its turning points, a
 # sine in coarse steps has 2.4 times as many samples in the outermost step.
 _MORE_OFTEN = 3.0
+# As many different currents, or fewer, are a command: both directions, and none.
+_LEVELS = 3
 # Most rows that are searched, in multiples of `ROWS`, and how many are kept or left out together.
 _MOST, _PIECE = 4.0, 100
 # Parts of the range of position that tell whether a joint has come back.
@@ -139,7 +141,7 @@ def clipped(current: np.ndarray) -> np.ndarray:
     """Return which samples sit at the limits of the current signal, shape (N,).
 
     Runs of samples repeat a limit exactly, and much more often than the value next to it: neither a
-    noisy signal nor one in coarse steps does so.
+    noisy signal nor one in coarse steps does so. A current of a few levels was commanded so.
     """
     mark = np.zeros(len(current), dtype=bool)
     span = float(np.ptp(current))
@@ -154,7 +156,7 @@ def clipped(current: np.ndarray) -> np.ndarray:
         if (count >= max(20, 1e-3 * len(current)) and runs.sum() >= 0.5 * count
                 and count > _MORE_OFTEN * beside):
             mark |= at_limit
-    return mark
+    return mark if mark.any() and len(np.unique(current)) > _LEVELS else np.zeros_like(mark)
 
 
 def _cut(points: np.ndarray, parts: int) -> np.ndarray:
