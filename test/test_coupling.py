@@ -11,9 +11,8 @@ import pytest
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.model.arm.coupling import Coupling
+from friction_comp.model.arm.coupling import Coupling, groups_for, neighbourhood
 from friction_comp.refinement import refine
-from friction_comp.refinement.effect_columns import groups_for, neighbourhood
 from friction_comp.refinement.judge import friction_would_push
 from friction_comp.refinement.prepare import join, prepare
 from friction_comp.samples import JointStates, Samples

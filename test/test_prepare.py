@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """From recordings to rows of a fit: motion, blocks of time, lag, limits and load."""
 
+from dataclasses import replace
+
 from helpers import sines
 from hypothesis import given, strategies as st
 import numpy as np
@@ -12,6 +14,7 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.differentiation import shifted_in_time
 from friction_comp.model.effects import EFFECTS
+from friction_comp.refinement.effect_columns import Table, Term
 from friction_comp.refinement.prepare import clipped, coverage_of, join, prepare, samples_per_row
 from friction_comp.refinement.recorded_motion import blocks_of, load_coefficient, row_starts
 from friction_comp.samples import Samples
@@ -232,3 +235,16 @@ def test_bumps_are_not_looked_for_where_every_place_is_passed_in_one_motion():
                           current=np.tanh(velocity / 0.02))
         coverage = coverage_of(samples, np.abs(velocity) > 0.01, 0.01, samples)
         assert ('bumps' in EFFECTS['bump'].insufficient_data(coverage)) is one
+
+
+def test_what_only_the_posture_left_out_shows_has_no_coefficient_in_the_others():
+    rows, _ = prepare(join([swings(2)]), DRIVE)
+    position = np.asarray(rows.at_rows.position)
+    top = float(position.max())
+    table = Table(replace(rows, region=(position > 0.5 * top).astype(int)), 20.0)
+    bump = Term(EFFECTS['bump'], {'position': top, 'width': 0.02 * top, 'exponent': 2.0,
+                                  'directional': 1.0, 'transition': 0.01})
+    table.add([bump])
+    columns = table.indices([bump], derivatives=False)
+    assert table.sums.fit(columns)[-1] != 0.0
+    assert table.without(1).sums.fit(columns)[-1] == 0.0

@@ -18,11 +18,12 @@ from typing import Any
 import numpy as np
 
 from friction_comp.arm.solver import ArmRows, FRICTION, FRICTION_SIGNS, linearised, Prior, Sums
+from friction_comp.model.arm.coupling import friction_groups
 from friction_comp.model.arm.tree import PARAMETERS, Tree
 from friction_comp.model.effects import EFFECTS, ResidualView
 from friction_comp.refinement import search
 from friction_comp.refinement.block_sums import BlockSums
-from friction_comp.refinement.effect_columns import friction_groups, signs_of, Table, Term
+from friction_comp.refinement.effect_columns import signs_of, Table, Term
 from friction_comp.refinement.prepare import coverage_of
 from friction_comp.refinement.recorded_motion import standstill_speed, TRANSITIONS
 from friction_comp.refinement.search import Search

@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import stats
 
+from friction_comp.model.arm.coupling import neighbourhood
 from friction_comp.model.differentiation import shifted_in_time
 from friction_comp.model.effects import EFFECTS
 from friction_comp.refinement import thresholds
@@ -28,7 +29,6 @@ from friction_comp.refinement.effect_columns import (
     eq6_columns,
     EQ6_LINEAR,
     first_model,
-    neighbourhood,
     proposals,
     Table,
     Term,

@@ -11,6 +11,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+import functools
+from itertools import combinations
 import math
 from typing import Any
 
@@ -154,3 +156,65 @@ class Coupling:
         except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise InputError(f'coupling: {error}') from None
         return cls(tuple(groups), tuple(coefficients))
+
+
+def friction_groups(names: Sequence[str], joint: str, widths: Sequence[float]) -> list[Group]:
+    """Return friction of the sum and the difference of a joint's velocity and its neighbours'.
+
+    `names` are in order along the arm; friction changes its sign over each of the `widths`, rad/s.
+    """
+    index = list(names).index(joint)
+    neighbours = names[max(0, index - 1):index + 2]
+    return [Group('friction', ((joint, 1), (name, side)), width=width)
+            for name in neighbours if name != joint for side in (1, -1) for width in widths]
+
+
+@functools.lru_cache(maxsize=8)
+def groups_for(names: Sequence[str], joint: str) -> list[Group]:
+    """Return the groups of terms through which other joints may affect a joint's current.
+
+    `names` are all joints, usually in their order along the arm. The potential energy of a serial
+    arm is a sum of harmonics of sums and differences of joint angles, its kinetic energy of such
+    harmonics times two velocities; the torque of a joint follows from both by Lagrange's equations.
+    Each harmonic is a group of columns. Two facts of mechanics rule out others: a joint's weight
+    torque depends on its own angle, and its angle does not change the inertia of the links behind.
+    """
+    # Of each harmonic the angles that are added (1) or subtracted (-1).
+    weights: list[tuple[tuple[str, int], ...]] = [
+        ((first, 1), (second, side)) for first, second in combinations(names, 2)
+        for side in (1, -1)]
+    weights += [tuple((name, 1) for name in names[start:stop])
+                for start in range(len(names)) for stop in range(start + 3, len(names) + 1)]
+    groups = [Group('weight', angles) for angles in weights if joint in dict(angles)]
+    neighbours = list(zip(names, names[1:]))
+    inertias: list[tuple[tuple[str, int], ...]] = [
+        (), *(((name, 1),) for name in names),
+        *(((first, 1), (second, 1)) for first, second in neighbours)]
+    moving = [(joint, name) for name in names] + [
+        pair for pair in [(name, name) for name in names] + neighbours if joint not in pair]
+    for first, second in moving:
+        for angles in inertias:
+            turning = {name for name, _ in angles}
+            # The coupled inertia of two joints does not depend on the angle of the first, and a
+            # term without the joint's own acceleration has to depend on its angle.
+            possible = not {first, second} <= turning and (first != second or turning)
+            if possible and (joint in (first, second) or joint in turning):
+                groups.append(Group('kinetic', angles, (joint, first, second)))
+    return groups
+
+
+def neighbourhood(names: Sequence[str], joint: str) -> list[Group]:
+    """Return the groups of a joint and its neighbours, and the weight of the links behind it.
+
+    Where an arm swings freely, weight and inertia cancel, so that they are tried together.
+    """
+    index = list(names).index(joint)
+    neighbours = set(names[max(0, index - 1):index + 2])
+
+    def is_weight_of_link(group: Group) -> bool:
+        """Return whether a group is the weight of a link at the summed angle of adjacent joints."""
+        indices = sorted(list(names).index(name) for name, _ in group.angles)
+        return (group.kind == 'weight' and all(side > 0 for _, side in group.angles)
+                and indices[-1] - indices[0] == len(indices) - 1)
+    return [group for group in groups_for(tuple(names), joint)
+            if group.all_joints <= neighbours or is_weight_of_link(group)]
