@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the verdict says of recordings on which a small error hides that something is wrong."""
 
+from dataclasses import replace
 import re
 from types import SimpleNamespace
 
@@ -18,10 +19,13 @@ from friction_comp.model.simulator_joint import cautions_of
 from friction_comp.parallel import one_thread
 from friction_comp.recordings import write_samples
 from friction_comp.refinement import refine, thresholds
+from friction_comp.refinement.best_fit import Fit
 from friction_comp.refinement.dependence import remaining_dependences
+from friction_comp.refinement.effect_columns import Table, Term
 from friction_comp.refinement.judge import findings_on_numbers
-from friction_comp.refinement.prepare import clipped, passed_again
+from friction_comp.refinement.prepare import clipped, join, passed_again, prepare
 from friction_comp.refinement.recorded_motion import load_coefficient
+from friction_comp.refinement.report import unnamed_dependence
 from friction_comp.refinement.stability import Intervals
 from friction_comp.samples import JointStates, Samples
 from friction_comp.statistics import rms
@@ -366,6 +370,21 @@ def test_recordings_that_agree_are_not_told_apart():
     report = of_two_days()
     assert 'recordings_differ' not in codes(report)
     assert report.thirds['recording'] == pytest.approx(1.0, abs=0.1)
+
+
+def test_what_was_found_explains_no_more_than_it_lowers_the_error():
+    """Though the transition was fitted to a few slow samples, too, where its slopes are spikes."""
+    rows, settings = prepare(join([swings(5)]), DRIVE)
+    velocity = np.array(rows.samples.velocity)
+    velocity[rows.start[50]] = 0.007
+    velocity[rows.start[1000:1200]] = 0.0005
+    table = Table(replace(rows, samples=rows.samples.with_(velocity=velocity)), 200.0)
+    inertia, bump = table.add([Term(EFFECTS['inertia'], {}), Term(EFFECTS['bump'], {
+        'position': 0.1, 'width': 0.05, 'exponent': 2.0, 'directional': 1.0, 'transition': 0.01})])
+    fit = Fit(table, [inertia], 0, settings, [], found=(inertia, bump))
+    fit = replace(fit, found_error=fit.rmse_with(fit.found))
+    table.set_transition(1000.0, 0.0)
+    assert not unnamed_dependence(fit)
 
 
 def test_a_current_that_is_zero_but_for_single_values_is_no_limit():

@@ -51,7 +51,7 @@ class Fit:
     candidates: list[Term]  # the last ones
     # Share of bootstrap samples in which the lag lowers the error enough; 1 without a lag.
     lag_confidence: float = 1.0
-    # Before terms that cannot be named were left out: the terms, and `mean_error`, A².
+    # Before terms that cannot be named were left out: the terms, and `rmse_with` them, A.
     found: tuple[Term, ...] = ()
     found_error: float = math.nan
     # Share of repeated searches that choose each term, and intervals; filled when terms are named.

@@ -141,7 +141,7 @@ def clipped(current: np.ndarray) -> np.ndarray:
     """Return which samples sit at the limits of the current signal, shape (N,).
 
     Runs of samples repeat a limit exactly, and much more often than the value next to it: neither a
-    noisy signal nor one in coarse steps does so. A current of a few levels was commanded so.
+    noisy signal nor one in coarse steps does so. A current of a level each way was commanded so.
     """
     mark = np.zeros(len(current), dtype=bool)
     span = float(np.ptp(current))
@@ -156,7 +156,9 @@ def clipped(current: np.ndarray) -> np.ndarray:
         if (count >= max(20, 1e-3 * len(current)) and runs.sum() >= 0.5 * count
                 and count > _MORE_OFTEN * beside):
             mark |= at_limit
-    return mark if mark.any() and len(np.unique(current)) > _LEVELS else np.zeros_like(mark)
+    if mark.any() and current.min() < 0.0 < current.max() and len(np.unique(current)) <= _LEVELS:
+        mark[:] = False
+    return mark
 
 
 def _cut(points: np.ndarray, parts: int) -> np.ndarray:

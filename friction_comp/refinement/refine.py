@@ -147,7 +147,7 @@ def select_named(fit: Fit) -> Fit:
     A term is named where most repeated searches choose it, where the interval of one of its
     coefficients excludes zero, and where none of its defining constants is at its limit.
     """
-    fit = replace(fit, found=tuple(fit.terms), found_error=fit.mean_error())
+    fit = replace(fit, found=tuple(fit.terms), found_error=fit.rmse_with(fit.terms))
     chosen = repeat_search(fit.table, fit.terms, fit.initial_count, fit.candidates)
     # The links of a URDF are all weight: another beside them makes up for what is wrong with them.
     links = any('rigid_body' in term.kind.needs for term in fit.terms)

@@ -138,8 +138,9 @@ def unnamed_dependence(fit: Fit) -> list[Dependence]:
     """Return what an effect that was found, but cannot be named, would explain, if it is much."""
     named = {(term.kind, term.group) for term in fit.terms}
     unnamed = [term.kind for term in fit.found if (term.kind, term.group) not in named]
-    error = fit.mean_error()
-    share = 1.0 - fit.found_error / error if error > 0.0 else 0.0
+    # Not with the derivatives of the transition, which was fitted to standstill, too, since then.
+    error = fit.rmse_with(fit.terms)
+    share = 1.0 - (fit.found_error / error) ** 2 if error > 0.0 else 0.0
     if not unnamed or share < thresholds.UNEXPLAINED:
         return []
     names = ' and '.join(dict.fromkeys(kind.name.replace('_', ' ') for kind in unnamed))
