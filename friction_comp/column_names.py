@@ -74,7 +74,7 @@ _BRACKET = re.compile(r'\s*[\[(]([^\])]*)[\])]\s*$')
 _WORD = re.compile(r'[^\W\d_]+|\d+')
 _CAMEL = re.compile(r'(?<=[a-z])(?=[A-Z])')
 # Units that the package does not know: a column in one of them is in none of its own.
-_OTHER_UNITS = {'%', 'percent', 'pct', 'v', 'mv', 'w', 'lsb', 'tick', 'ticks', 'count', 'counts',
+OTHER_UNITS = {'%', 'percent', 'pct', 'v', 'mv', 'w', 'lsb', 'tick', 'ticks', 'count', 'counts',
                 'pulse', 'pulses', 'inc', 'increments', 'grad', 'raw', 'p.u.', 'pu', 'a.u.', 'au',
                 'edeg', 'erpm'}
 # Units that are more often something else, unless they are the last word.
@@ -124,7 +124,7 @@ def read_name(name: str) -> Reading:
     match = _BRACKET.search(name)
     text = _PREPOSITION.sub('', match[1].strip()) if match else ''
     if match and (parse_unit(text) is not None or _MARK.search(text)
-                  or text.lower() in _OTHER_UNITS):
+                  or text.lower() in OTHER_UNITS):
         return _read_plain(name[:match.start()], text)
     return _read_plain(name)
 
@@ -218,7 +218,7 @@ def _unit_in(words: list[tuple[int, str]], used: set[int], signal: str) -> tuple
                 fits = unit_of(signal, text) if signal else len(text) > 1 and parse_unit(text)
                 if fits:
                     return text, set(range(first, first + size))
-    other = [k for k, word in enumerate(spelt) if word.lower() in _OTHER_UNITS - {'raw', 'v', 'w'}]
+    other = [k for k, word in enumerate(spelt) if word.lower() in OTHER_UNITS - {'raw', 'v', 'w'}]
     return (spelt[other[-1]], {other[-1]}) if other and signal else ('', set())
 
 

@@ -21,7 +21,7 @@ _POUND = 0.45359237 * _STANDARD     # N
 _INCH = 0.0254
 # Symbol to factor and dimension; those of the second table take prefixes.
 _WORDS = {word: (factor, dimension) for dimension, factor, words in (
-    ('angle', _TURN / 360.0, 'deg degree degrees °'), ('angle', 1.0, 'radian radians'),
+    ('angle', _TURN / 360.0, 'deg degree degrees Grad °'), ('angle', 1.0, 'radian radians'),
     ('angle', _TURN, 'turn turns rev revs revolution revolutions rotation rotations rot'),
     ('angle/time', _TURN / 60.0, 'rpm RPM'), ('angle/time', _TURN / 360.0, 'dps'),
     ('angle/time', _TURN, 'rps'), ('angle/time', 1.0, 'radps rads'),
@@ -52,6 +52,8 @@ _EXAMPLES = {
     'inch', 'angle/time': 'rad/s, deg/s, rpm, counts/N/s, m/s', 'torque': 'N·m, mN·m, N, kN, lbf',
     'current': 'A, mA', 'temperature': '°C'}
 _COUNTS = r'counts?/(\d+(?:\.\d+)?)'
+# As in rad·s⁻¹.
+_PER_SECOND = re.compile(r'[·*. ]?s(\^?-1|⁻¹)$')
 # Factor, what is above the quotient, and below.
 _PARTS = re.compile(r'\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)?\s*\*?\s*'
                     rf'({_COUNTS}|[^/]*)(?:/(.*))?')
@@ -72,7 +74,8 @@ def parse_unit(text: str) -> Unit | None:
     """
     if text.strip() in _PER_MINUTE:
         return Unit(*_WORDS['rpm'])
-    match = _PARTS.fullmatch(text.strip().replace('\u03bc', 'µ'))
+    text = _PER_SECOND.sub('/s', text.strip().replace('\u03bc', 'µ'))
+    match = _PARTS.fullmatch(text)
     number, above_text, _, below_text = match.groups() if match else (None, '', None, None)
     factor, above = float(number or 1.0), _product(above_text)
     if above is None or not math.isfinite(factor) or factor == 0.0:

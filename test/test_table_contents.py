@@ -330,16 +330,6 @@ def test_times_too_close_for_the_unit_in_their_name_are_asked(tmp_path, refuses)
     assert samples.sample_time == pytest.approx(0.004)
 
 
-def test_a_stamp_in_two_columns_is_one_time(tmp_path):
-    time, position, velocity = swing(3000, 0.001)
-    seconds = np.floor(time + 0.5)
-    path = write(tmp_path / 'log.csv', **{
-        'header.stamp.sec': seconds, 'header.stamp.nanosec': np.round(1e9 * (time + 0.5 - seconds)),
-        'q': position, 'tau': velocity})
-    samples, = read_recording(path)
-    np.testing.assert_allclose(np.diff(samples.time), 0.001, atol=1e-9)
-
-
 @pytest.mark.parametrize(('turn', 'unit'), [(1.0, 'turn'), (360.0, 'deg'), (TURN, '')])
 @pytest.mark.parametrize('weight', [2.0, 0.0])
 def test_a_weight_tells_in_which_unit_a_turn_is_one(turn, unit, weight):

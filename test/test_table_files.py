@@ -259,3 +259,46 @@ def test_a_quoted_cell_may_have_lines_and_a_quote_alone_is_a_character(tmp_path,
     log.write_text('\n'.join(['time,position,current,note,x', *rows_with(*cells)]))
     (samples, _), = read_recording_with_info(log)
     np.testing.assert_allclose(samples.time, TIME, atol=1e-9)
+
+
+@pytest.mark.parametrize('parts', [
+    {'header.stamp.sec': (1000, 10**9), 'header.stamp.nanosec': (1e-6, 1000)},
+    {'hour': (3600000, 24), 'minute': (60000, 60), 'second': (1000, 60), 'msec': (1, 1000)},
+    {'Hours': (3600000, 24), 'Minutes': (60000, 60), 'Seconds': (1000, 60),
+     'Milliseconds': (1, 1000)},
+    {'t_sec': (1000, 10**9), 't_us': (1e-3, 1000)}])
+def test_the_reading_of_a_clock_in_several_columns_is_one_time(tmp_path, parts):
+    """Columns are given by their unit in ms, and how many of these there are."""
+    time, position, velocity = swing(3000, 0.001)
+    # Over the end of an hour.
+    clock = np.round(1000.0 * (14.0 * 3600.0 + 3598.5 + time)).astype(int)
+    path = write(tmp_path / 'log.csv', q=position, tau=velocity, **{
+        name: clock // size % count if size >= 1 else np.round(clock % count / size)
+        for name, (size, count) in parts.items()})
+    (samples, info), = read_recording_with_info(path)
+    np.testing.assert_allclose(np.diff(samples.time), 0.001, atol=1e-6)
+    assert any(all(name in note for name in parts) for note in info.notes)
+
+
+@pytest.mark.parametrize('count', [5, 70])
+def test_other_whole_numbers_beside_seconds_are_no_part_of_a_clock(tmp_path, count):
+    """The hours of a machine, and minutes that do not end at 60."""
+    time, position, velocity = swing(3000, 0.001)
+    path = write(tmp_path / 'log.csv', h=np.full(3000, count), minute=np.arange(3000) % 90,
+                 sec=time, q=position, tau=velocity)
+    samples, = read_recording(path)
+    np.testing.assert_allclose(np.diff(samples.time), 0.001, atol=1e-9)
+
+
+def test_a_line_of_units_may_have_one_that_is_not_known(tmp_path, refuses):
+    time, position, velocity = swing(500)
+    rows = '\n'.join(f'{t:.9g},{57.29578 * q:.9g},{v:.9g},{v:.9g}'
+                     for t, q, v in zip(time, position, velocity))
+    path = tmp_path / 'log.csv'
+    path.write_text(f't,q,v,tau\ns,Grad,rad s-1,N.mm\n{rows}\n')
+    samples, = read_recording(path)
+    assert np.ptp(samples.position) == pytest.approx(np.ptp(position), rel=1e-6)
+    assert np.ptp(samples.current) == pytest.approx(1e-3 * np.ptp(velocity), rel=1e-6)
+    path.write_text(f't,q,v,tau\ns,deg,flops,N.mm\n{rows}\n')
+    with pytest.raises(InputError, match="'flops.' does not tell what a velocity of 1 is"):
+        read_recording(path, layout=Layout(columns={'velocity': 'v'}))

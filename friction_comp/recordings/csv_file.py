@@ -19,7 +19,7 @@ from typing import Any, IO
 
 import numpy as np
 
-from friction_comp.column_names import read_name
+from friction_comp.column_names import OTHER_UNITS, read_name
 from friction_comp.column_values import date_in_seconds, NOT_A_SIGNAL
 from friction_comp.errors import InputError
 from friction_comp.recordings.table_base import Columns, Table
@@ -74,11 +74,18 @@ class Csv(Table):
         return names if len(names) > 1 else comment.split()
 
     def _units_in(self, lines: list[str]) -> list[str]:
-        """Return the units in the line below the names; empty if it is not one of units."""
-        cells = [cell.strip('[]()') for cell in _split(lines[0], self._separator)] if lines else []
-        known = [cell for cell in cells if cell in ('', '-') or parse_unit(cell) is not None]
-        return ([cell.strip('-') for cell in cells] if any(cells) and (
-            len(known) == len(cells) == len(self.names)) else [])
+        """Return the units in the line below the names; empty if it is not one of units.
+
+        Not all need to be known: one that is not is marked, so that it is asked for.
+        """
+        cells = [cell.strip('[]()-') for cell in _split(lines[0], self._separator)] if lines else []
+        units = [cell for cell in cells if cell]
+        known = [unit for unit in units
+                 if parse_unit(unit) is not None or unit.lower() in OTHER_UNITS]
+        if (2 * len(known) < len(units) or not units or any(map(_all_numbers, units))
+                or len(cells) != len(self.names)):
+            return []
+        return [f'{cell}?' if cell and cell not in known else cell for cell in cells]
 
     def _text(self, file: IO[bytes]) -> IO[str]:
         return io.TextIOWrapper(_opened(self.path, file), encoding=self._encoding,

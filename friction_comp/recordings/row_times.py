@@ -9,9 +9,12 @@ slope instead. Or a logger may round times: several different rows then share on
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from friction_comp.errors import InputError
+from friction_comp.recordings.table_base import Table
 from friction_comp.statistics import smallest_step
 
 # Changes of position above which steps are compared with the resolution: fewer say nothing.
@@ -24,6 +27,47 @@ _SHUFFLED = 0.1
 _BENT, _STRAIGHT, _ODD, _SLOWEST = 0.1, 0.3, 0.05, 0.25
 # Share of velocities that may differ from zero where positions are held, of those where one is new.
 _FEW = 0.1
+
+# Parts of the reading of a clock: how names of columns end, their length in s, and how many make
+# one of the next larger part, or of a second.
+_CLOCK = (('n(ano)?s(ec(ond)?)?', 1e-9, 1e9), ('(u|µ|micro)s(ec(ond)?)?', 1e-6, 1e6),
+          ('m(illi)?s(ec(ond)?)?', 1e-3, 1e3), ('s(ec(ond)?)?', 1.0, 60),
+          ('min(ute)?', 60.0, 60), ('h(r|our)?', 3600.0, 24))
+
+
+def clock_parts(table: Table, seconds: str) -> dict[str, float]:
+    """Return the other columns of a clock whose column of seconds is given, and their units, s.
+
+    These are named alike, and hold whole numbers: ``hour, minute, second, msec``, or ``sec`` and
+    ``nanosec`` of a stamp of ROS. What is more than a second counts only if seconds end at 60.
+    """
+    named = {_clock_part(name): name for name in table.names}
+    stem = _clock_part(seconds)[0]
+    parts: dict[str, float] = {}
+    if named.get((stem, 1.0)) != seconds:
+        return parts
+    values, = table.first_rows(seconds)
+    ends = bool(np.nanmax(values, initial=0.0) < 60.0)
+    for _, size, count in _CLOCK:
+        name = named.get((stem, size))
+        if name is None or size == 1.0 or (size > 1.0 and not ends):
+            continue
+        part, = table.first_rows(name)
+        below = size < 1.0 and (values % 1.0 == 0.0).all()
+        if (below or size > 1.0) and ((part % 1.0 == 0.0) & (part >= 0.0) & (part < count)).all():
+            parts[name] = size
+        elif size > 1.0:
+            # Hours without minutes are of something else.
+            break
+    return parts
+
+
+def _clock_part(name: str) -> tuple[str, float]:
+    """Return what a name begins with, and the part of a clock's reading it is, s; 0 if none."""
+    found = [(match[1], size) for words, size, _ in _CLOCK
+             if (match := re.fullmatch(f'(.*?)({words})s?', name, re.IGNORECASE))]
+    # `minutes` also ends like a second.
+    return min(found, key=lambda entry: len(entry[0]), default=(name, 0.0))
 
 
 def spread_rounded(stamp: np.ndarray, position: np.ndarray, notes: list[str]) -> np.ndarray:

@@ -8,7 +8,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 import io
 from pathlib import Path
-import re
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from friction_comp.errors import InputError
 from friction_comp.files import write_atomically
 from friction_comp.layout import Layout
 from friction_comp.recordings.row_groups import column_of_episodes, column_of_joints, Episodes
-from friction_comp.recordings.row_times import in_no_order
+from friction_comp.recordings.row_times import clock_parts, in_no_order
 from friction_comp.recordings.scan import Scan, Track
 from friction_comp.recordings.sparse_rows import gathered
 from friction_comp.recordings.storage import unreadable_on_error
@@ -60,9 +59,11 @@ class TableScanner:
                                   and column.signal == 'effort' and not column.dimension), '')
         self._gains = self._layout.gains(self._table.names, str(path))
         time = self._use.time
-        # The other part of a stamp of ROS.
-        self._below_second = [name for name in self._table.names if time and re.sub(
-            r'n(ano)?(?=sec(s|onds)?$)', '', name) == time.name != name]
+        with unreadable_on_error(path):
+            self._clock = clock_parts(self._table, time.name) if time and (
+                time.factor == 1.0) else {}
+        if self._clock and time:
+            self._use.notes.append(f'time is that of {time.name}, {", ".join(self._clock)}')
 
     def _assigned(self, layout: Layout | None) -> Assignment:
         """Return the used columns, none of which may share its name with another."""
@@ -100,7 +101,7 @@ class TableScanner:
         """Yield a scan of each block of rows."""
         use = self._use
         wanted = [column.name for column in use.columns]
-        wanted += [gain for gain in self._gains if isinstance(gain, str)] + self._below_second
+        wanted += [gain for gain in self._gains if isinstance(gain, str)] + [*self._clock]
         wanted += [name for name in (self._whose, self._episode) if name is not None]
         rows = 0
         with unreadable_on_error(self._path):
@@ -228,8 +229,8 @@ class TableScanner:
             size = len(next(iter(columns.values())))
             return (first + np.arange(size)) / float(rate or 1.0)
         seconds = time.factor * columns[time.name]
-        for name in self._below_second:
-            seconds = seconds + 1e-9 * columns[name]
+        for name, part in self._clock.items():
+            seconds = seconds + part * columns[name]
         return seconds
 
     def _tracks_by_joint(self, columns: Columns, time: np.ndarray, order: np.ndarray
