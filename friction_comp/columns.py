@@ -23,8 +23,7 @@ from friction_comp.units import default_unit, parse_unit, unit_of
 # Signals whose unit a signal takes if none is given for it.
 _SAME_UNIT = {'current': ('effort',), 'command': ('current', 'effort'),
               'reference_position': ('position',), 'reference_velocity': ('velocity',)}
-# Names of columns that a message lists.
-_MOST_NAMES = 200
+_MOST_NAMES = 200    # columns that a message lists
 
 
 @dataclass(frozen=True)
@@ -203,10 +202,13 @@ def _named(layout: Layout, where: str) -> list[Column]:
             numbers(name) == numbers(first) for name in names):
         # Where words differ, as in pos_read_1 and curr_1, the number is the joint.
         key = numbers(first)
-    readings = {name: Reading(signal, () if signal == 'time' else key,
-                              read_name(name).joint or '_'.join(key), read_name(name).unit)
-                for signal, name in layout.columns.items()}
-    for name, reading in readings.items():
+    readings = {}
+    for signal, name in layout.columns.items():
+        own = read_name(name)
+        # An effort whose name says that it is a current is one, and in A.
+        signal = own.signal if (signal, own.signal) == ('effort', 'current') else signal
+        reading = readings[name] = Reading(
+            signal, () if signal == 'time' else key, own.joint or '_'.join(key), own.unit)
         if _unknown_unit(reading, layout):
             raise InputError(f'{where}: {_say_unit(name, reading)}')
     return [_column(name, reading, layout) for name, reading in readings.items()]
@@ -260,27 +262,26 @@ def _guessed(names: Sequence[str], named: Sequence[Column], own: tuple[str, ...]
     """Return the columns recognised by their names, the best of those for one signal of a joint."""
     patterns = {skeleton(column.name): column.signal for column in named
                 if skeleton(column.name) and column.signal != 'time'}
-    taken = {column.name for column in named}
-    signals = {_kind(column.signal) for column in named}
+    taken, signals = {c.name for c in named}, {_kind(c.signal) for c in named}
     by_number = own in [numbers(c.name) for c in named if c.signal != 'time']
     found: list[tuple[tuple[int, ...], Column]] = []
     for place, name in enumerate(names):
-        reading = read_name(name)
+        reading, alike = read_name(name), skeleton(name) in patterns
         if of_plan:
             reading = replace(reading, signal=reading.signal.removeprefix('reference_'))
-        if skeleton(name) in patterns:
+        if alike:
             key = numbers(name) if by_number else _key(name)
             reading = replace(reading, signal=patterns[skeleton(name)], key=key,
                               joint=reading.joint or '_'.join(numbers(name)))
         named_already = _kind(reading.signal) in signals and reading.key in (own, ())
-        if reading.signal and name not in taken and not named_already:
-            if _unknown_unit(reading, layout):
-                continue
+        if reading.signal and name not in taken and not (
+                named_already or _unknown_unit(reading, layout)):
             column = _column(name, reading, layout)
             kind = _kind(column.signal)
-            # A column in V or % is used only if none is in a unit of effort.
-            found.append(((SIGNALS.index(kind), kind == 'effort' and not reading.measured,
-                           column.stated and not column.dimension,
+            # What is named as the user's columns comes first. A column in V or % is used only if
+            # none is in a unit of effort.
+            found.append(((SIGNALS.index(kind), not alike, kind == 'effort' and not
+                           reading.measured, column.stated and not column.dimension,
                            SIGNALS.index(column.signal), reading.rank, place), column))
     best: dict[tuple[str, tuple[str, ...]], Column] = {}
     in_ampere = any(c.dimension == 'current' for c in named if _kind(c.signal) == 'effort')

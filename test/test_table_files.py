@@ -302,3 +302,15 @@ def test_a_line_of_units_may_have_one_that_is_not_known(tmp_path, refuses):
     path.write_text(f't,q,v,tau\ns,deg,flops,N.mm\n{rows}\n')
     with pytest.raises(InputError, match="'flops.' does not tell what a velocity of 1 is"):
         read_recording(path, layout=Layout(columns={'velocity': 'v'}))
+
+
+def test_the_current_of_a_table_that_also_has_torques_is_named_for_all_joints(tmp_path):
+    time, position, velocity = swing(500)
+    path = write(tmp_path / 'log.csv', Time=time, Position1=position, Position2=2.0 * position,
+                 Torque1=velocity, Torque2=velocity, Cur1=3.0 * velocity, Cur2=2.0 * velocity)
+    for layout in (Layout(columns={'position': 'Position2', 'current': 'Cur2'}),
+                   Layout(columns={'current': 'Cur2'}), Layout(columns={'effort': 'Cur2'})):
+        for joint, size in (('2', 2.0), ('1', 3.0)):
+            samples, info = read_recording_with_info(path, joint=joint, layout=layout)[0]
+            assert info.effort_is_current
+            assert np.ptp(samples.current) == pytest.approx(size * np.ptp(velocity))
