@@ -14,9 +14,11 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.differentiation import shifted_in_time
 from friction_comp.model.effects import EFFECTS
+from friction_comp.refinement.best_fit import Fit
 from friction_comp.refinement.effect_columns import Table, Term
 from friction_comp.refinement.prepare import clipped, coverage_of, join, prepare, samples_per_row
 from friction_comp.refinement.recorded_motion import blocks_of, load_coefficient, row_starts
+from friction_comp.refinement.refine import select_named
 from friction_comp.samples import Samples
 
 DRIVE = Drive(0.1, 100.0)
@@ -248,3 +250,19 @@ def test_what_only_the_posture_left_out_shows_has_no_coefficient_in_the_others()
     columns = table.indices([bump], derivatives=False)
     assert table.sums.fit(columns)[-1] != 0.0
     assert table.without(1).sums.fit(columns)[-1] == 0.0
+
+
+def test_waves_that_differ_by_less_than_a_tenth_over_the_range_are_one():
+    """A wave that grows along the range: two large ones would cancel at its middle."""
+    motion = swings(3)
+    wave = 0.1 * (1.0 + motion.position) * np.cos(95.2 * motion.position)
+    rows, settings = prepare(join([motion.with_(current=motion.current + wave)]), DRIVE)
+    table, span = Table(rows, 200.0), rows.coverage.span
+    one, twin, other = table.add([
+        Term(EFFECTS['cogging'], {'frequency': 95.2 + waves * 2.0 * np.pi / span, 'growth': 0.0,
+                                  'speed': 1.0, 'transition': 0.01}) for waves in (0, 0.03, 5)])
+    assert twin.repeats(one, span)
+    assert not other.repeats(one, span)
+    fit = select_named(Fit(table, [one, twin], 0, settings, [one, twin]))
+    assert len(fit.terms) == 1
+    assert abs(fit.terms[0].constants['frequency'] - 95.2) < 1.0

@@ -70,6 +70,16 @@ class Term:
         """What it is, of which form, constants or the width of a group are one choice."""
         return self.kind.form_of or self.kind, self.group and replace(self.group, width=0.0)
 
+    def repeats(self, other: Term, span: float) -> bool:
+        """Return whether another term is a ripple of the same shape and about the same wave.
+
+        Over the range of position, `span` rad, they are less than a tenth of a wave apart: large
+        ones that cancel are one wave whose size changes.
+        """
+        apart = (self.constants.get('frequency', math.inf) - other.constants.get('frequency', 0.0))
+        return (self.choice == other.choice and abs(apart) * span < 0.2 * math.pi
+                and self.constants['growth'] == other.constants['growth'])
+
     def same_effect(self, other: Term, span: float) -> bool:
         """Return whether another term is the same effect with similar constants.
 

@@ -145,7 +145,8 @@ def select_named(fit: Fit) -> Fit:
     """Return a fit of the terms that can be named, with what is certain of them.
 
     A term is named where most repeated searches choose it, where the interval of one of its
-    coefficients excludes zero, and where none of its defining constants is at its limit.
+    coefficients excludes zero, where none of its defining constants is at its limit, and where it
+    is not the same wave as another.
     """
     fit = replace(fit, found=tuple(fit.terms), found_error=fit.rmse_with(fit.terms))
     chosen = repeat_search(fit.table, fit.terms, fit.initial_count, fit.candidates)
@@ -161,7 +162,8 @@ def select_named(fit: Fit) -> Fit:
         terms, table, coverage = fit.terms, fit.table, fit.rows.coverage
         bounds = intervals(table, terms)
         certain = [term for k, term in enumerate(terms) if k < fit.initial_count or (
-            bounds.excludes_zero(table, term) and not at_limit(term, coverage))]
+            bounds.excludes_zero(table, term) and not at_limit(term, coverage)
+            and not any(term.repeats(other, coverage.span) for other in terms[:k]))]
         if len(certain) == len(terms):
             return replace(fit, chosen=chosen,
                            intervals=intervals(table, terms, unsettled(table, terms)),
