@@ -43,6 +43,9 @@ _STILL_COUNTS = 2.5
 # velocity times this delay; and longest time constant of a low pass, s: behind it, the integral
 # differs by just the change of the filtered velocity times this time.
 _VELOCITY_LAG, _LOW_PASS = 0.02, 0.1
+# Fewest steps of an encoder from row to row that show whether a row is missing, and the share of
+# rows from which on such a loss is more than noise.
+_SURE_STEPS, _LOST = 5.0, 0.01
 # Time steps above this in s, and above this multiple of the usual one, are gaps, over which nothing
 # is integrated.
 _GAP, _GAP_STEPS = 0.02, 3.0
@@ -162,6 +165,25 @@ def velocity_fault(ratios: np.ndarray, factor: float) -> str:
                 f'unit, or a rate that is really {abs(ratio):.3g} times the one given)')
     return text + (unit or 'they differ in unit, or one of them is wrong') + (
         ', and one has the wrong sign' if ratio < 0.0 else '')
+
+
+def lost_rows(time: np.ndarray, position: np.ndarray, step: float) -> float:
+    """Return the share of rows before which others are missing in spite of their times; else 0.
+
+    Between two rates that are alike the position, in steps of `step` rad, then moves a whole number
+    of times as far, and seldom one and a half times, as it does by noise.
+    """
+    change = np.diff(time)
+    rate = np.divide(np.diff(position), change, out=np.zeros(len(change)), where=change > 0.0)
+    before, own, after = rate[:-2], rate[1:-1], rate[2:]
+    size = np.abs((before, after))
+    steady = (before * after > 0.0) & (size.max(axis=0) < 1.5 * size.min(axis=0)) & (
+        size.min(axis=0) * change[1:-1] > _SURE_STEPS * step)
+    if not steady.any():
+        return 0.0
+    ratio = 2.0 * own[steady] / (before + after)[steady]
+    far, between = np.mean(ratio > 1.8), np.mean((ratio > 1.4) & (ratio < 1.8))
+    return float(far) if far > _LOST and between < 0.2 * far else 0.0
 
 
 class VelocityCheck:

@@ -16,6 +16,7 @@ from friction_comp.signal_checks import (
     current_answer,
     current_fault,
     late_answer,
+    lost_rows,
     velocity_fault,
     velocity_ratios,
     VelocityCheck,
@@ -154,3 +155,19 @@ def test_values_that_no_joint_can_have():
     assert beyond('position', np.array([1.0, 1e300, -np.inf, np.nan])).tolist() == [
         False, True, True, False]
     assert not beyond('velocity', np.array([9e3])).any()
+
+
+@pytest.mark.parametrize(('lost', 'noise', 'step'), [
+    (0.03, 0.0, 1e-5), (0.1, 0.02, 1e-5), (0.03, 0.0, 1e-4), (0.0, 0.0, 1e-5), (0.0, 0.3, 1e-5),
+    (0.0, 2.0, 1e-5), (0.0, 0.0, 1e-3), (0.0, 0.0, 4e-3)])
+def test_rows_that_are_missing_show_in_the_position(lost, noise, step):
+    """By even times; noise in parts of the usual motion from row to row."""
+    rng = np.random.default_rng(3)
+    true = 0.001 * np.arange(30_000)
+    position = 0.8 * np.sin(2.0 * true) + 0.0016 * noise * rng.standard_normal(len(true))
+    kept = np.flatnonzero(rng.random(len(true)) >= lost)
+    position = step * np.round(position[kept] / step)
+    found = lost_rows(true[:len(kept)], position, step)
+    assert found == pytest.approx(lost, rel=0.3)
+    # With the true times nothing is missing.
+    assert lost_rows(true[kept], position, step) == 0.0

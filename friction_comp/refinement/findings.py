@@ -81,6 +81,11 @@ _FINDINGS = {
     'velocity': (
         IN_PART, '{fault}.', 'let one clock stamp position, velocity and current, and check the '
         'units of velocity'),
+    'lost_rows': (
+        IN_PART, 'Rows are missing: in {percent:.2g} % of them the position moves twice as far as '
+        'around them, or farther, though times say otherwise. Speeds are uncertain, and inertia '
+        'may be outside its interval.',
+        'the time of each row, by the clock of who measures'),
     'coarse': (
         IN_PART, '{reason}', 'record the motor-side encoder, or move over a wider range'),
     'hardly_moved': (

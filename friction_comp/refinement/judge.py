@@ -28,7 +28,7 @@ from friction_comp.refinement.result import Errors, Finding, FoundEffect, Predic
 from friction_comp.refinement.search import Search
 from friction_comp.refinement.stability import Disagreement, POSTURE, RECORDING, starts_of
 from friction_comp.samples import Samples
-from friction_comp.signal_checks import STANDSTILL, velocity_fault, velocity_ratios
+from friction_comp.signal_checks import lost_rows, STANDSTILL, velocity_fault, velocity_ratios
 from friction_comp.statistics import rms, robust_std
 
 STEPS = 'steps of the velocity'
@@ -329,6 +329,8 @@ def findings_on_recording(rows: Rows, raw: Samples) -> Iterator[Finding]:
         yield finding('moves_as_one', joint=raw.joint)
     if fault := fault_of_velocity(raw):
         yield finding('velocity', fault=fault[0].upper() + fault[1:])
+    if lost := lost_rows(raw.time, raw.position, raw.position_step):
+        yield finding('lost_rows', percent=100.0 * lost)
     coarse = too_coarse(coverage)
     if coarse and coverage.speed < STANDSTILL:
         yield finding('hardly_moved', steps=coverage.distinct_positions, speed=coverage.speed)
