@@ -16,6 +16,7 @@ from node_process import environment, ROOT
 import numpy as np
 import pytest
 from report_pages import assert_documented
+from table_maker import swing, write
 from test_evaluate import trial
 from work_that_may_die import work_that_may_die
 
@@ -71,6 +72,24 @@ def test_each_recording_has_its_own_report_and_one_page_tells_of_all(folder, tmp
     assert 'broken.mcap' in page
     told = capsys.readouterr().out
     assert told.startswith('2 of 3 refined')
+
+
+def test_a_linear_axis_is_in_metres_and_newtons_on_every_page(tmp_path):
+    times, position, velocity = swing(3000, 0.005)
+    rng = np.random.default_rng(1)
+    for name in 'ab':
+        write(tmp_path / f'{name}.csv', **{
+            't': times, 'pos [mm]': 100.0 * position,
+            'force [N]': 30.0 * np.tanh(velocity / 0.02) + rng.standard_normal(len(times))})
+    for command in (['--each'], []):
+        out = tmp_path / f'out{len(command)}'
+        assert run('refine', [*map(str, tmp_path.glob('*.csv')), *command, '--output', str(out)]
+                   ) == 0
+        for page in out.rglob('report.*'):
+            text = page.read_text(encoding='utf-8')
+            assert 'm/s' in text or page.parent == out
+            assert 'N·m' not in text
+            assert 'rad/s' not in text
 
 
 @pytest.mark.slow

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 from friction_comp.errors import errors_name, InputError
 from friction_comp.recorded_drive.given import drive_of, Given, unit_of, with_current_limit
 from friction_comp.results import output_folder, write_report
-from friction_comp.units import in_own_units
 
 if TYPE_CHECKING:
     from friction_comp.recordings import RecordingInfo
@@ -26,14 +25,11 @@ def refine_to_folder(given: Given, paths: Sequence[Path], output: Path, command:
     """Refine a model; write report.json, report.html with the command, and model.yaml."""
     result, history = refine_recordings(given, paths, show)
     show(0.9, 'writing')
-    from friction_comp.reports.html import units_of_axis
     from friction_comp.reports.refinement_report import refinement_report
 
-    linear = result.model.is_linear
-    with units_of_axis(linear):
-        page = refinement_report(result, list(map(str, paths)))
+    page = refinement_report(result, list(map(str, paths)))
     with output_folder(output) as folder:
-        write_report(folder, in_own_units(result.report.content(), linear), page, command)
+        write_report(folder, result.content(), page, command)
         result.model.save(folder / 'model.yaml')
         if history is not None:
             history.save(folder / 'model.yaml')

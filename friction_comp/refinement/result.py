@@ -15,6 +15,7 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.friction_numbers import FrictionNumbers
 from friction_comp.refinement.dependence import Dependence
 from friction_comp.samples import Samples
+from friction_comp.units import in_own_units
 
 TRUST, IN_PART, AGAIN = 'trust', 'trust in part', 'record again'
 
@@ -181,6 +182,10 @@ class RefineResult:
     before: np.ndarray
     after: np.ndarray
     coverage: Coverage  # the ranges that the recordings cover
+
+    def content(self) -> dict[str, Any]:
+        """Return the content of report.json, that of a linear axis in m and N."""
+        return in_own_units(self.report.content(), self.model.is_linear)
 
     def __repr__(self) -> str:
         """Return verdict, numbers and errors, not the samples, as shown at a prompt."""

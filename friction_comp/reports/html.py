@@ -4,9 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
-from contextvars import ContextVar
+from collections.abc import Iterable, Sequence
 from datetime import datetime
 from html import escape
 import math
@@ -26,18 +24,6 @@ from friction_comp.files import write_atomically
 from friction_comp.number_text import number
 from friction_comp.reports.figures import for_page
 from friction_comp.units import in_own_units
-
-_LINEAR: ContextVar[bool] = ContextVar('linear', default=False)
-
-
-@contextmanager
-def units_of_axis(linear: bool) -> Iterator[None]:
-    """Write pages in m and N instead of rad and N·m while the block runs, if `linear`."""
-    token = _LINEAR.set(linear)
-    try:
-        yield
-    finally:
-        _LINEAR.reset(token)
 
 
 def _keep_formulas_together(state: StateCore) -> None:
@@ -63,7 +49,8 @@ class Report:
     """A page that grows from top to bottom.
 
     Texts may contain Markdown: ``**strong**``, ``*emphasis*`` and ```code```; `text` and `verdict`
-    also take several paragraphs and lists. `subtitle` is a line under the title.
+    also take several paragraphs and lists. `subtitle` is a line under the title. The page of a
+    `linear` axis is in m and N instead of rad and N·m.
 
     Examples
     --------
@@ -74,8 +61,8 @@ class Report:
     True
     """
 
-    def __init__(self, title: str, subtitle: str = '') -> None:
-        self.title, self.subtitle = title, subtitle
+    def __init__(self, title: str, subtitle: str = '', linear: bool = False) -> None:
+        self.title, self.subtitle, self._linear = title, subtitle, linear
         self._figures = 0
         self._parts: list[str] = []
         self._sections: list[str] = []
@@ -137,7 +124,7 @@ class Report:
 
     def figure(self, figure: Figure, caption: str) -> None:
         """Add a figure with a text below it, which screen readers read in place of the figure."""
-        if _LINEAR.get():
+        if self._linear:
             for text in figure.findobj(Text):
                 text.set_text(in_own_units(text.get_text(), True))
         drawing, note = for_page(figure)
@@ -181,7 +168,8 @@ class Report:
         when = datetime.now().astimezone().strftime('%Y-%m-%d %H:%M %Z')
         footer = '<br>'.join([f'Made by friction_comp {__version__} on {when}.',
                               *map(_inline, self._origin)])
-        scripts, parts = '\n'.join(self._scripts.values()), '\n'.join(self._parts)
+        scripts = '\n'.join(self._scripts.values())
+        parts = in_own_units('\n'.join(self._parts), self._linear)
         return f"""<!DOCTYPE html>
 <html lang="en">
 <head>
@@ -234,17 +222,16 @@ def _cell(value: Any, decimals: int | None) -> str:
 
 
 def _block(text: str) -> str:
-    return str(_MARKDOWN.render(in_own_units(text, _LINEAR.get())))
+    return str(_MARKDOWN.render(text))
 
 
 def _inline(text: object) -> str:
     """Return a line of text as HTML."""
-    return str(_MARKDOWN.renderInline(in_own_units(str(text), _LINEAR.get())))
+    return str(_MARKDOWN.renderInline(str(text)))
 
 
 def _unbroken(value: str) -> str:
     """Return an escaped value without a line break between number and unit."""
-    value = in_own_units(value, _LINEAR.get())
     return escape(re.sub(r'(?<=\d) (?=\S+$)', '\u00a0', value))
 
 

@@ -34,7 +34,7 @@ def refinement_report(result: RefineResult, names: list[str]) -> Report:
     report = result.report
     joint = f'joint {report.joint}' if report.joint else 'the joint'
     page = Report(f'What the friction model of {joint} lacked',
-                  f'Refined on {", ".join(names)}')
+                  f'Refined on {", ".join(names)}', result.model.is_linear)
     before, after, unit = report.before, report.after, report.unit
     first, _, rest = summary(report).partition('\n\n')
     page.verdict(f'**Verdict: {report.verdict}.** {first}')

@@ -29,7 +29,8 @@ def value_rows(report: dict[str, Any]) -> list[list[str]]:
 def steady_state_report(report: dict[str, Any], model: FrictionModel, speeds: np.ndarray,
                         currents: np.ndarray, names: Sequence[str]) -> Report:
     """Return the page; `report` is the content of report.json."""
-    page, unit = Report('Friction at constant speeds', ', '.join(names)), report['unit']
+    page = Report('Friction at constant speeds', ', '.join(names), model.is_linear)
+    unit = report['unit']
     page.verdict(f'**Verdict: {report["verdict"]}.** {report["reasons"][0]}')
     page.table(['', 'value', '95 % interval'], value_rows(report), 'Friction in sliding')
     page.figure(_figure(model, speeds, currents, unit), 'The rows of the table, and the fitted '

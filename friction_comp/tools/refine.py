@@ -82,9 +82,8 @@ def main(argv: list[str] | None = None) -> int:
     with progress('reading') as show:
         result = refine_to_folder(given_of(arguments), arguments.recordings, arguments.output,
                                   arguments.command, show)
-    content, lines = result.report.content(), summary_lines(result.report)
-    linear = result.model.is_linear
-    return print_results(arguments, in_own_units(content, linear), in_own_units(lines, linear))
+    return print_results(arguments, result.content(), in_own_units(
+        summary_lines(result.report), result.model.is_linear))
 
 
 def _check_together(arguments: Namespace) -> None:

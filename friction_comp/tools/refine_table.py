@@ -19,7 +19,6 @@ from friction_comp.recordings.row_groups import column_of_joints
 from friction_comp.recordings.table_base import Table
 from friction_comp.recordings.table_files import open_table
 from friction_comp.refinement import thresholds
-from friction_comp.reports.html import units_of_axis
 from friction_comp.reports.steady_state_report import steady_state_report, value_rows
 from friction_comp.statistics import rms
 from friction_comp.tools.common import print_results, write_results
@@ -62,8 +61,7 @@ def refine_table(arguments: Namespace, columns: tuple[Column, Column]) -> int:
     loads = [name for name in table.names if name != effort.name
              and read_name(name).signal in ('load', 'link_torque')]
     report = in_own_units(_report(fit, unit, loads), linear)
-    with units_of_axis(linear):
-        page = steady_state_report(report, fit.model, fit.speeds, fit.currents, [str(path)])
+    page = steady_state_report(report, fit.model, fit.speeds, fit.currents, [str(path)])
     write_results(arguments, report, page, fit.model)
     rows = [f'  {name:<28}{value}  ({interval})' for name, value, interval in value_rows(report)]
     return print_results(arguments, report, [
