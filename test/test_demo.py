@@ -109,10 +109,11 @@ def test_an_interrupt_while_a_process_starts_is_deferred():
 
 @pytest.mark.slow
 @pytest.mark.skipif(not Path('/proc/self/cmdline').exists(), reason='needs /proc')
-def test_an_interrupted_demo_leaves_no_process(tmp_path):
+@pytest.mark.parametrize('scene', ['loop', 'improve'])
+def test_an_interrupted_demo_leaves_no_process(tmp_path, scene):
     folder = tmp_path / 'room'
     process = subprocess.Popen(
-        [sys.executable, '-m', 'friction_comp', 'demo', '--output', str(folder)],
+        [sys.executable, '-m', 'friction_comp', 'demo', '--scene', scene, '--output', str(folder)],
         env=dict(os.environ, PYTHONPATH=str(ROOT)), cwd=tmp_path,
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     end = time.monotonic() + 120.0

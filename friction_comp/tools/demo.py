@@ -8,8 +8,6 @@ Identify, compensate, evaluate, refine, load the refined model, compare.
 from __future__ import annotations
 
 from pathlib import Path
-import signal
-from typing import NoReturn
 
 from friction_comp.files import check_folder
 from friction_comp.package_files import package_file
@@ -69,14 +67,6 @@ def main(argv: list[str] | None = None) -> int:
         play = {'loop': play_loop, 'two_joints': play_two_joints, 'arm': play_arm,
                 'to_and_fro': play_to_and_fro, 'intention': play_intention,
                 'wear': play_wear}[arguments.scene]
-        previous = signal.signal(signal.SIGTERM, _interrupt)
-        try:
-            with open_system(arguments) as system:
-                play(system)
-        finally:
-            signal.signal(signal.SIGTERM, previous)
+        with open_system(arguments) as system:
+            play(system)
     return 0
-
-
-def _interrupt(*_: object) -> NoReturn:
-    raise KeyboardInterrupt

@@ -69,17 +69,22 @@ def only_user(folder: Path) -> Iterator[None]:
 
 
 class Nodes:
-    """Runs nodes of this package as processes, with log files, in a ``with`` block."""
+    """Runs nodes of this package as processes, with log files, in a ``with`` block.
+
+    They end with it, also if the tool is interrupted or asked to end.
+    """
 
     def __init__(self, logs: Path) -> None:
         self._logs = logs
         self._running: dict[str, subprocess.Popen[bytes]] = {}
 
     def __enter__(self) -> Nodes:
+        self._previous = signal.signal(signal.SIGTERM, signal.default_int_handler)
         return self
 
     def __exit__(self, *_: object) -> None:
         self.stop(*self._running)
+        signal.signal(signal.SIGTERM, self._previous)
 
     def start(self, name: str, parameters: Mapping[str, Any],
               remappings: Mapping[str, str] | None = None) -> None:
