@@ -34,20 +34,29 @@ class ControllerTuning:
             self._bandwidth(factor))
 
     def _quiet(self) -> float:
-        return control.quiet_bandwidth(
-            min(self._push.values()), self.acceleration, self._resolution)
+        """Return the bandwidth, rad/s, at which an encoder count hardly changes the current."""
+        return math.sqrt(
+            0.06 * min(self._push.values()) * self.acceleration / self._resolution)
 
     def _bandwidth(self, factor: float = 1.0) -> float:
         """Return the controller's bandwidth in rad/s that delay, encoder and joint allow."""
-        stable = control.stable_bandwidth(self.supervision.step, self.supervision.delay)
+        # Holding a current and computing the velocity from two positions delay by half a sample
+        # each.
+        late = max(self.supervision.step + self.supervision.delay, 1e-6)
+        stable = min(control.BANDWIDTH, control.DELAY_SHARE * control.PHASE / late)
         return max(min(factor * self._calmness * stable, self._quiet()),
                    0.5 * control.LEAST_BANDWIDTH)
 
     def _why_slow(self) -> str:
-        if not math.isfinite(self.acceleration):
+        """Return what keeps the controller slow; '' if it is not slow, or not known yet."""
+        if not math.isfinite(self.acceleration) or self._bandwidth() > 0.4 * control.BANDWIDTH:
             return ''
-        return control.why_slow(
-            self._bandwidth(), self._quiet(), self._calmness < 1.0, self.supervision.delay)
+        delay = self.supervision.delay
+        cause = ('encoder counts are coarse' if self._bandwidth() >= self._quiet() else
+                 'the joint oscillated at higher gains' if self._calmness < 1.0 else
+                 f'the measured current is {delay:.2g} s late' if delay > 0.0 else
+                 'joint states come seldom')
+        return f': the velocity controller is slow ({self._bandwidth():.0f} rad/s), since {cause}'
 
     def _plausible_current(self, speed: float) -> float:
         """Return the largest plausible current in A at a speed.

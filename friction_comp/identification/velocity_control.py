@@ -9,7 +9,6 @@ is the difference of encoder positions, filtered by a first-order low pass.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 from numba import njit
@@ -19,7 +18,7 @@ from friction_comp.low_pass import low_pass_weight
 
 BANDWIDTH = 100.0
 """Crossover frequency in rad/s: far below the sampling frequency of 1 kHz, far above that of the
-profile. It falls with rate and delay, see `stable_bandwidth`."""
+profile. It falls with rate and delay."""
 
 PHASE = 1.0
 """Phase margin in rad without any delay: a quarter turn less filter, integrator and position, 0.2 +
@@ -58,37 +57,6 @@ class Controller(NamedTuple):
     push_positive: float = 0.0          # A
     push_negative: float = 0.0          # A, negative
     bandwidth: float = BANDWIDTH        # rad/s
-
-
-def stable_bandwidth(step: float, delay: float) -> float:
-    """Return the crossover frequency in rad/s at a time between samples and a delay, s.
-
-    Holding a current and computing the velocity from two positions delay by half a sample each.
-    """
-    return min(BANDWIDTH, DELAY_SHARE * PHASE / max(step + delay, 1e-6))
-
-
-def quiet_bandwidth(friction: float, acceleration_per_current: float, resolution: float) -> float:
-    """Return the crossover frequency in rad/s at which encoder counts hardly change the current.
-
-    A single count, of so many rad, must not change it by more than a share of `friction`, A.
-    """
-    return math.sqrt(0.06 * friction * acceleration_per_current / resolution)
-
-
-def why_slow(bandwidth: float, quiet: float, oscillated: bool, delay: float) -> str:
-    """Return what keeps the controller slow; '' if it is not slow.
-
-    Both bandwidths are in rad/s, `quiet` as of `quiet_bandwidth`; the delay is that of the current,
-    s.
-    """
-    if bandwidth > 0.4 * BANDWIDTH:
-        return ''
-    cause = ('encoder counts are coarse' if bandwidth >= quiet else
-             'the joint oscillated at higher gains' if oscillated else
-             f'the measured current is {delay:.2g} s late' if delay > 0.0 else
-             'joint states come seldom')
-    return f': the velocity controller is slow ({bandwidth:.0f} rad/s), since {cause}'
 
 
 def velocity_controller_state() -> np.ndarray:
