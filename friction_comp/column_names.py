@@ -40,11 +40,10 @@ _QUANTITIES = {
         'cur+mode electrical+angle electrical+position '
         'electrical+degrees elec+angle elec+pos angle+elec theta+elec',
 }
-_MEASURED = {'actual', 'act', 'measured', 'meas', 'present', 'feedback', 'fb', 'observed', 'sensed',
-             'observation', 'observations', 'obs', 'mean', 'avg', 'average', 'real', 'applied',
-             'estimated', 'est', 'estimate', 'ist', 'istwert', 'gemessen'}
 _SURELY_MEASURED = {'actual', 'act', 'measured', 'meas', 'present', 'feedback', 'fb', 'sensed',
                     'ist', 'istwert', 'gemessen'}
+_MEASURED = _SURELY_MEASURED | {'observed', 'observation', 'observations', 'obs', 'mean', 'avg',
+                                'average', 'real', 'applied', 'estimated', 'est', 'estimate'}
 _TARGET = {'target', 'tgt', 'reference', 'ref', 'desired', 'des', 'goal', 'command', 'commanded',
            'cmd', 'cmptd', 'setpoint', 'set', 'sp', 'computed', 'planned', 'requested', 'demand',
            'demanded', 'action', 'soll', 'sollwert'}

@@ -9,13 +9,12 @@ from dataclasses import dataclass, field, replace
 
 from friction_comp.column_names import plain_name
 from friction_comp.errors import InputError
-from friction_comp.units import Unit, unit_factor, unit_of
+from friction_comp.units import DIMENSIONS, Unit, unit_factor, unit_of
 
 # Suffixes of table files.
 TABLES = ('.csv', '.csv.gz', '.tsv', '.txt', '.dat', '.parquet', '.npz', '.npy', '.mat', '.h5',
           '.hdf5', '.json', '.jsonl')
-SIGNALS = ('time', 'position', 'velocity', 'effort', 'current', 'command', 'direction', 'load',
-           'link_torque', 'temperature', 'reference_position', 'reference_velocity')
+SIGNALS = tuple(DIMENSIONS)
 STATES = ('position', 'velocity', 'effort')
 """Signals of joint states."""
 

@@ -13,6 +13,7 @@ import numpy as np
 import yaml
 
 from friction_comp.errors import InputError, os_errors_name
+from friction_comp.files import load_yaml
 from friction_comp.stamps import NANO
 
 _STATES = ('positions', 'velocities', 'accelerations')
@@ -31,11 +32,9 @@ class Trajectory:
     @classmethod
     def load(cls, path: str | Path) -> Trajectory:
         """Read a message from a YAML file; raises InputError if it is not valid."""
-        # The C loader reads a minute of motion in a tenth of the time.
-        loader = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
         try:
             with os_errors_name(path, 'cannot be read: '):
-                document: Any = yaml.load(Path(path).read_text(encoding='utf-8'), loader)
+                document: Any = load_yaml(Path(path).read_text(encoding='utf-8'))
         except (yaml.YAMLError, UnicodeDecodeError):
             raise InputError(f'{path}: not a YAML file') from None
         try:

@@ -39,7 +39,7 @@ _PRODUCTS = {('force', 'length'): 'torque', ('length', 'force'): 'torque'}
 _ANGLE, _RATE = ('angle', 'length', 'counts'), ('angle/time', 'length/time', 'counts/time')
 _TORQUE = ('torque', 'force')
 # What each signal may measure; the first SI unit of each is its default.
-_DIMENSIONS = {
+DIMENSIONS = {
     'time': ('time', 'counts'), 'position': _ANGLE, 'velocity': _RATE,
     'effort': (*_TORQUE, 'current'), 'current': ('current',), 'command': ('current', *_TORQUE),
     'direction': (), 'load': _TORQUE, 'link_torque': _TORQUE, 'temperature': ('temperature',),
@@ -95,7 +95,7 @@ def unit_of(signal: str, text: str) -> Unit | None:
     An angle as the unit of a velocity means angle per second.
     """
     unit = parse_unit(text)
-    possible = _DIMENSIONS[signal]
+    possible = DIMENSIONS[signal]
     if unit is not None and unit.dimension not in possible:
         unit = Unit(unit.factor, f'{unit.dimension}/time')
     if unit is None or unit.dimension not in possible:
@@ -117,14 +117,14 @@ def unit_factor(signal: str, unit: str) -> float:
     if signal == 'effort':
         # In other units, such as volts or per cent of a servo's range, values stay as they are.
         return 1.0
-    possible = ', '.join(_EXAMPLES[one] for one in _DIMENSIONS[signal] if one in _EXAMPLES)
+    possible = ', '.join(_EXAMPLES[one] for one in DIMENSIONS[signal] if one in _EXAMPLES)
     raise InputError(f'{signal} cannot be in {unit!r}; its units are {possible or "none"}, '
                      'with a factor before them if needed, as in 2.69mA')
 
 
 def signal_with_unit(unit: str) -> str | None:
     """Return a signal that has a known unit which effort cannot have, else None."""
-    signals = [signal for signal in _DIMENSIONS if unit_of(signal, unit) is not None]
+    signals = [signal for signal in DIMENSIONS if unit_of(signal, unit) is not None]
     if not signals or 'effort' in signals:
         return None
     # Counts may be those of a timer, but are seldom.
@@ -133,7 +133,7 @@ def signal_with_unit(unit: str) -> str | None:
 
 def default_unit(signal: str) -> str:
     """Return the SI unit of a signal, '' if it has none."""
-    return _SI.get(next(iter(_DIMENSIONS[signal]), ''), '')
+    return _SI.get(next(iter(DIMENSIONS[signal]), ''), '')
 
 
 def in_own_units(content: T, linear: bool) -> T:

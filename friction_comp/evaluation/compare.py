@@ -16,7 +16,7 @@ from scipy import stats
 
 from friction_comp.evaluation.neighbours import first_coefficient, Interval, mean_interval, NOTHING
 from friction_comp.evaluation.repetitions import Compensation, FIGURES, ODD, Repetition
-from friction_comp.statistics import CONFIDENCE, holm, student_quantile
+from friction_comp.statistics import CONFIDENCE, holm, rms, student_quantile
 
 # Compared where they are known, the trend is of the first; the first two need a torque sensor.
 COMPARED = ('peak_torque', 'rms_torque', 'residual_current', 'announcement_to_motion', 'onset',
@@ -161,8 +161,8 @@ def _compare_movements(figure: str, first: Compensation, second: Compensation,
 def _with_change(values: np.ndarray, columns: np.ndarray, place: np.ndarray, scatter: np.ndarray
                  ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return the arguments of `first_coefficient` with one more value: a change of 0, loosely."""
-    rate = _CHANGE * math.sqrt(float(np.mean(values ** 2))) / max(float(np.ptp(columns[:, 1])), 1.0)
-    usual = math.sqrt(float(np.mean(scatter ** 2)))
+    rate = _CHANGE * rms(values) / max(float(np.ptp(columns[:, 1])), 1.0)
+    usual = rms(scatter)
     row = np.zeros(columns.shape[1])
     row[1] = usual / max(rate, math.sqrt(NOTHING))
     return (np.append(values, 0.0), np.vstack([columns, row]), np.append(place, np.inf),

@@ -30,7 +30,7 @@ from friction_comp.identification.breakaway import (
 from friction_comp.identification.goal import IdentificationError
 from friction_comp.identification.kinetic import local_parabolas
 from friction_comp.model.measured import Presliding
-from friction_comp.statistics import noise_level
+from friction_comp.statistics import noise_level, rms
 
 # Limits of the smoothing window of f, s: a rotor breaks free more slowly, the gear resonates
 # faster.
@@ -182,7 +182,7 @@ def presliding_std(measured: Sequence[Crossed], distance: float, unknown: float,
     # From the interquartile range, since single distances may be far off.
     scatter = [float(np.subtract(*np.quantile(side, (0.75, 0.25)))) / 1.35
                if len(side) > 2 else 0.3 * distance for side in sides if len(side)]
-    return unknown + math.hypot(float(np.sqrt(np.mean(np.square(scatter)))),
+    return unknown + math.hypot(rms(np.array(scatter)),
                                 _SHARE_OF_COUNT * resolution, _METHOD * distance)
 
 

@@ -15,13 +15,13 @@ import math
 
 import numpy as np
 from scipy.optimize import minimize_scalar
-from scipy.stats import t as student
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.effects import Effect, EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.statistics import rms, student_quantile
 
 # Steepness of the sign change, in units of one over the slowest speed: there it is complete.
 _STEEP = 10.0
@@ -68,7 +68,7 @@ def fit_steady_states(speeds: np.ndarray, currents: np.ndarray, drive: Drive) ->
     best = min(fits, key=lambda fit: fit.criterion)
     return SteadyStates(
         speeds=speeds, currents=currents, values=best.values, intervals=best.intervals(),
-        model=best.model(drive), fit_rmse=float(np.sqrt(np.mean(best.residual ** 2))),
+        model=best.model(drive), fit_rmse=rms(best.residual),
         left_out_rmse=best.left_out(), plain_rmse=fits[0].left_out(), is_curved=best.is_curved())
 
 
@@ -127,7 +127,7 @@ class _Curve:
         count, free = self._jacobian.shape
         variance = float(self.residual @ self.residual) / (count - free)
         spread = np.sqrt(variance * np.diag(np.linalg.pinv(self._jacobian.T @ self._jacobian)))
-        half = float(student.ppf(0.975, count - free)) * spread
+        half = float(student_quantile(count - free)) * spread
         return {name: (value - width, value + width)
                 for (name, value), width in zip(self.values.items(), half.tolist())}
 
@@ -146,7 +146,7 @@ class _Curve:
     def left_out(self) -> float:
         """Return the RMS error of each row, predicted by a fit to the others."""
         leverage = np.diag(self._jacobian @ np.linalg.pinv(self._jacobian))
-        return float(np.sqrt(np.mean((self.residual / np.maximum(1.0 - leverage, 1e-6)) ** 2)))
+        return rms(self.residual / np.maximum(1.0 - leverage, 1e-6))
 
     def model(self, drive: Drive) -> FrictionModel:
         """Return the curve as a model with the table in it."""

@@ -240,7 +240,7 @@ class SupervisedRun(ControllerTuning, ABC):
         if self.goal.ramp_slope is None:
             self.ramp_slope = push / _RISE_TIME
             self.ramp_peak = min(_BEYOND * push, self.drive.current_limit)
-        self.supervision.require_controllable(1.0 / control.LEAST_RATE, control.LONGEST_DELAY)
+        self.supervision.require_controllable()
         typical = 10.0 / push
         rates = [rate for rate in rates if math.isfinite(rate) and rate > typical / 100.0]
         if not rates:

@@ -18,7 +18,7 @@ import math
 from friction_comp.drive import Drive
 from friction_comp.identification.goal import IdentificationError
 from friction_comp.identification.kinetic import KineticPoint
-from friction_comp.identification.velocity_control import LONGEST_DELAY, PHASE
+from friction_comp.identification.velocity_control import LEAST_RATE, LONGEST_DELAY, PHASE
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.signal_checks import Answer, current_fault, CurrentCheck, VelocityCheck
 
@@ -180,15 +180,15 @@ class Supervision:
         """Take note of the controller's bandwidth, rad/s, which limits the delay from now on."""
         self._late = min(LONGEST_DELAY, max(PHASE / bandwidth - self.step, 0.0))
 
-    def require_controllable(self, longest_step: float, longest_delay: float) -> None:
+    def require_controllable(self) -> None:
         """Raise if samples are too far apart or the measured current is too late, s."""
         # Time stamps jitter by some percent.
-        if self.step > 1.05 * longest_step:
+        if self.step > 1.05 / LEAST_RATE:
             raise IdentificationError(
                 f'joint_states come {1.0 / self.step:.3g} times per second; to move a joint by '
-                f'currents takes {1.0 / longest_step:g}')
-        if self.delay > longest_delay:
-            self._late = longest_delay
+                f'currents takes {LEAST_RATE:g}')
+        if self.delay > LONGEST_DELAY:
+            self._late = LONGEST_DELAY
             self._refuse_late(self._currents.answer()._replace(delay=self.delay))
 
     def _refuse_late(self, answer: Answer) -> None:

@@ -24,7 +24,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Footer, Metadata, Schema, Statistics
 from mcap.stream_reader import get_chunk_data_stream, StreamReader
 
-from friction_comp.recordings.metadata import load_yaml
+from friction_comp.files import load_yaml
 
 Message = tuple[str, str, int, bytes]
 Wanted = Callable[[str, str], bool]

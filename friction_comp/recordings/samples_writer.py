@@ -20,8 +20,8 @@ from friction_comp.topics import TOPICS
 
 def write_samples(path: AnyPath, samples: Samples | Sequence[Samples],
                   torque_constant: float = 1.0, gear_ratio: float = 1.0, namespace: str = '',
-                  start_ns: int = NANO, custom_data: dict[str, str] | None = None,
-                  compression: str = 'none') -> None:
+                  start_ns: int = NANO, custom_data: dict[str, str] | None = None
+                  ) -> None:
     """Write samples, one per joint, as a recording with the topics that the nodes publish.
 
     Several joints must share their time base; those without a name become ``joint_1`` and so on.
@@ -35,7 +35,7 @@ def write_samples(path: AnyPath, samples: Samples | Sequence[Samples],
         raise InputError('samples: the joints of one recording must share their time base')
     store = get_typestore(Stores.ROS2_JAZZY)
     prefix = f'/{namespace.strip("/")}' if namespace.strip('/') else ''
-    with RecordingWriter(path, custom_data, compression) as recording:
+    with RecordingWriter(path, custom_data) as recording:
         try:
             for stamp, topic, message in _messages(
                     store.types, joints, torque_constant * gear_ratio, start_ns):

@@ -20,8 +20,8 @@ from urllib.parse import quote
 import zstandard
 
 from friction_comp.errors import InputError, one_line
+from friction_comp.files import load_yaml
 from friction_comp.recordings.mcap_file import DamagedError, McapFile, Message, MessageFile, Wanted
-from friction_comp.recordings.metadata import load_yaml
 
 AnyPath = str | PathLike[str]
 

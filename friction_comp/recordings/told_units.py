@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from friction_comp.statistics import smallest_step
+from friction_comp.statistics import rms, smallest_step
 from friction_comp.units import unit_factor
 
 # Turns of units other than rad: values wrap around at them, and encoders divide them.
@@ -63,7 +63,7 @@ def _distance(position: np.ndarray, turn: float) -> float:
     steps = (position - position[0]) * 2.0 ** bits / turn
     if np.ptp(steps) <= _FEWEST_STEPS:
         return 0.5
-    return float(np.sqrt(np.mean((steps - np.round(steps)) ** 2)))
+    return rms(steps - np.round(steps))
 
 
 def unit_of_weight(time: np.ndarray, position: np.ndarray, effort: np.ndarray) -> str:

@@ -18,8 +18,7 @@ from rosbags.typesys import get_typestore, Stores
 import zstandard
 
 from friction_comp.errors import InputError, os_errors_name
-from friction_comp.files import write_atomically
-from friction_comp.recordings.metadata import dump_yaml
+from friction_comp.files import dump_yaml, write_atomically
 from friction_comp.recordings.storage import AnyPath, METADATA
 
 Qos = dict[str, Any]

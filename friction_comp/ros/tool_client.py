@@ -110,15 +110,11 @@ class ToolClient:
             self._check()
             self._executor.spin_once(timeout_sec=0.05)
 
-    def subscriptions(self, topic: str) -> int:
-        """Return the number of subscriptions of a topic."""
-        return self.node.count_subscribers(topic)
-
     def wait_until_connected(self, topic: str, publishers: int, subscriptions: int) -> None:
         """Wait until a topic has at least these numbers of publishers and subscriptions."""
         self.wait_until(
             lambda: (self.node.count_publishers(topic) >= publishers
-                     and self.subscriptions(topic) >= subscriptions),
+                     and self.node.count_subscribers(topic) >= subscriptions),
             f'{topic} with {publishers} publishers and {subscriptions} subscriptions')
 
     @contextmanager

@@ -110,7 +110,8 @@ class DemoSystem:
             self.ros.forget('compensator')
             self.ros.wait_until(
                 lambda: int(self.ros.value('compensator', 'listeners to the command') or 0)
-                >= self.ros.subscriptions('current_command'), 'the compensator and its listeners')
+                >= self.ros.node.count_subscribers('current_command'),
+                'the compensator and its listeners')
 
     def wait_while(self, title: str, going: Callable[[], bool], share: Callable[[], float]) -> None:
         """Wait while `going` returns True, and show the share of the work that is done."""
