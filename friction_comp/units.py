@@ -74,17 +74,18 @@ def parse_unit(text: str) -> Unit | None:
     """
     if text.strip() in _PER_MINUTE:
         return Unit(*_WORDS['rpm'])
-    text = _PER_SECOND.sub('/s', text.strip().replace('\u03bc', 'µ'))
-    match = _PARTS.fullmatch(text)
-    number, above_text, _, below_text = match.groups() if match else (None, '', None, None)
+    match = _PARTS.fullmatch(_PER_SECOND.sub('/s', text.strip().replace('\u03bc', 'µ')))
+    if match is None:
+        return None
+    number, above_text, _, below_text = match.groups()
     factor, above = float(number or 1.0), _product(above_text)
     if above is None or not math.isfinite(factor) or factor == 0.0:
         return None
     if not below_text:
         return Unit(factor * above.factor, above.dimension)
     divisor = _product(below_text)
-    if divisor is None or divisor.dimension == 'counts' or (
-            '/' in divisor.dimension + above.dimension):
+    if divisor is None or divisor.dimension == 'counts' or any(
+            '/' in part.dimension for part in (above, divisor)):
         return None
     return Unit(factor * above.factor / divisor.factor, f'{above.dimension}/{divisor.dimension}')
 

@@ -117,7 +117,10 @@ class EffectCurrents:
 
     def _shift(self, effect: Effect, term: LiveTerm, time: float, position: float,
                signals: dict[str, float | None]) -> tuple[float, float]:
-        """Return by how much breakaway is larger here than where it was measured, A."""
+        """Return by how much more current breaks the joint free here than where that was measured.
+
+        In A, in positive direction, and in negative direction by magnitude.
+        """
         # Terms with memory, and torques of the whole arm, cannot be evaluated at another position.
         if self.breakaway_positions is None or term.has_memory or _ARM_SIGNALS & set(term.needs):
             return 0.0, 0.0
@@ -127,9 +130,10 @@ class EffectCurrents:
                 # It is applied at rest anyway, so it is removed from the level measured with it.
                 shifts.append(-sign * term.update(time, elsewhere, 0.0, **signals))
                 continue
-            here, there = (term.both_sides(time, x, 0.0, **signals) for x in (position, elsewhere))
-            # The part that does not depend on the direction acted there as well.
-            shifts.append(0.5 * (here[0] - here[1] - there[0] + there[1]))
+            # Half of the difference of the sides resists; their mean acted there as well.
+            here, there = (0.5 * (forward - backward) for forward, backward in (
+                term.both_sides(time, x, 0.0, **signals) for x in (position, elsewhere)))
+            shifts.append(here - there)
         positive, negative = (value if math.isfinite(value) else 0.0 for value in shifts)
         return positive, negative
 

@@ -67,7 +67,7 @@ class Inputs:
             self._velocities = [VelocityCheck(_VELOCITY_FACTOR, _VELOCITY_BLOCKS, resolution)
                                 for resolution in resolutions]
             self._block: list[tuple[float, np.ndarray, np.ndarray]] = []
-            self._due: list[tuple[VelocityCheck, list[np.ndarray]]] = []
+            self._due: list[tuple[VelocityCheck, tuple[np.ndarray, ...]]] = []
 
     def forget_directions(self) -> None:
         """Count all directions as 0 until they are announced again."""
@@ -176,20 +176,23 @@ class Inputs:
         self._faults.report('missing', f'joint_states lack {", ".join(self.states.missing)}')
 
     def compare_velocities(self) -> None:
-        """Compare velocity and position, block by block; to be called after an answer."""
+        """Collect blocks of velocity and position, or compare those of one joint.
+
+        To be called after an answer. One joint each time, so that the next answer is not delayed.
+        """
         states, block = self.states, self._block
         if self.anew or states.velocity is None:
             block.clear()
         if states.velocity is not None:
             block.append((self.time, states.position, states.velocity))
-        # One joint per answer, so that the next answer is not delayed.
         if self._due:
             check, signals = self._due.pop()
             check.judge(*signals)
         elif block and self.time - block[0][0] >= BLOCK:
-            time, *rows = map(np.array, zip(*block))
-            self._due = [(check, [time, *(signal[:, j] for signal in rows)])
+            time, position, velocity = map(np.array, zip(*block))
+            self._due = [(check, (time, position[:, j], velocity[:, j]))
                          for j, check in enumerate(self._velocities)]
+            # A block begins where the one before ends.
             del block[:-1]
 
     def _fall_silent(self) -> None:

@@ -49,9 +49,13 @@ class DesiredMotion:
 
     def take(self, time: float, desired: float) -> None:
         """Take a desired position in rad at a time in s."""
+        if math.isfinite(desired) and not (self._past and time <= self._past[-1][0]):
+            self._remember(time, desired)
+            self._judge(time, desired)
+
+    def _remember(self, time: float, desired: float) -> None:
+        """Keep the positions over `_WINDOW`, and the smallest step between two."""
         past = self._past
-        if not math.isfinite(desired) or (past and time <= past[-1][0]):
-            return
         if past and time - past[-1][0] > _SILENCE:
             past.clear()
             self._direction = 0
@@ -61,8 +65,12 @@ class DesiredMotion:
         past.append((time, desired))
         while len(past) > 2 and time - past[1][0] >= _WINDOW:
             past.popleft()
+
+    def _judge(self, time: float, desired: float) -> None:
+        """Begin, turn or end the movement by the distance covered within `_WINDOW`."""
         least = max(self._least, _STEPS * self._step if self._step < math.inf else 0.0)
-        covered = desired - past[0][1]
+        begin, position = self._past[0]
+        covered = desired - position
         if self._direction == 0:
             if abs(covered) >= least:
                 self._move(1 if covered > 0.0 else -1, desired)
@@ -70,7 +78,8 @@ class DesiredMotion:
         self._extreme = (max if self._direction > 0 else min)(self._extreme, desired)
         if (self._extreme - desired) * self._direction >= least:
             self._move(-self._direction, desired)
-        elif abs(covered) < 0.5 * least and time - past[0][0] >= 0.9 * _WINDOW:
+        # Half of what begins a movement, so that a slow one does not end and begin again.
+        elif abs(covered) < 0.5 * least and time - begin >= 0.9 * _WINDOW:
             self._direction, self._rests_since = 0, time
 
     def _move(self, direction: int, desired: float) -> None:

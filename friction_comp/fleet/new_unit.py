@@ -66,25 +66,33 @@ def fit_new_unit(recorded: Sequence[Samples], population: Population,
     if len(mean) != len(common.columns):
         raise InputError(f"the population's model has {len(common.columns)} coefficients, its "
                          f'prior {len(mean)}')
-    alone = _fitted(sums, common.columns, mean, np.full(len(mean), np.inf), 1.0)
+    no_prior = np.full(len(mean), np.inf)
     # A sensor noisier than those of the fleet counts by its own noise.
-    noise = max(prior.error, _rms(sums, common.columns, alone[0])) ** 2 * prior.inflation
-    alone = _fitted(sums, common.columns, mean, np.full(len(mean), np.inf), noise)
-    spread = np.sqrt(np.diag(alone[1]) + deviation ** 2)
-    p = holm(2.0 * stats.t.sf(np.abs(alone[0] - mean) / np.maximum(spread, 1e-300),
+    own_error = _rms(sums, common.columns, _fitted(sums, common.columns, mean, no_prior, 1.0)[0])
+    noise = max(prior.error, own_error) ** 2 * prior.inflation
+    alone, scatter = _fitted(sums, common.columns, mean, no_prior, noise)
+    spread = np.sqrt(np.diag(scatter) + deviation ** 2)
+    p = holm(2.0 * stats.t.sf(np.abs(alone - mean) / np.maximum(spread, 1e-300),
                               max(len(population.units) - 2, 1)))
     if (p < 1.0 - CONFIDENCE).any():
-        deviation = np.full(len(mean), np.inf)
+        deviation = no_prior
     values, covariance = _fitted(sums, common.columns, mean, deviation, noise)
     errors = np.sqrt(np.diag(covariance))
-    told = np.where(np.isinf(deviation), 1.0, 1.0 - np.minimum(
-        errors / np.where(deviation > 0.0, deviation, np.inf), 1.0) ** 2)
-    told = np.where(deviation > 0.0, told, 0.0)
     return NewUnit(
         model=common.model(values, like), names=_names(common), values=values, errors=errors,
-        told=told, p=p, population_error=_rms(sums, common.columns, mean),
-        alone_error=_left_out(sums, common.columns, mean, np.full(len(mean), np.inf), noise),
+        told=_told(errors, deviation), p=p, population_error=_rms(sums, common.columns, mean),
+        alone_error=_left_out(sums, common.columns, mean, no_prior, noise),
         error=_left_out(sums, common.columns, mean, deviation, noise))
+
+
+def _told(errors: np.ndarray, deviation: np.ndarray) -> np.ndarray:
+    """Return by which share the recording tells each coefficient, and not the population.
+
+    It is one minus the variance that is left of the prior's: 0 where that has none, and 1 without
+    a prior, whose deviation is infinite.
+    """
+    left = np.divide(errors, deviation, out=np.ones(len(errors)), where=deviation > 0.0)
+    return np.asarray(1.0 - np.minimum(left, 1.0) ** 2)
 
 
 def _names(common: CommonModel) -> list[str]:

@@ -261,22 +261,9 @@ class PlantNode(Node):
             self._advance()
 
     def _advance(self) -> None:
-        """Advance until an input is missing."""
-        while True:
+        """Publish states and step, again and again, until an input is missing."""
+        while self._published or self._may_publish():
             if not self._published:
-                tick = self._samples % self._clock_every == 0
-                if tick and self._ticked_sample != self._samples:
-                    if not self._pace.may_step(
-                            self.get_parameter('pace').value,
-                            self._clock_every * self._sample, time.monotonic_ns()):
-                        return
-                    self._ticked_sample = self._samples
-                    self._tick()
-                if tick and self._lacks():
-                    return
-                if not self._samples and (
-                        self._states.get_subscription_count() < self._listeners):
-                    return
                 self._published = True
                 self._publish()
             if not self._answered:
@@ -284,6 +271,20 @@ class PlantNode(Node):
             self._answered = self._published = False
             self._checks = 0
             self._step()
+
+    def _may_publish(self) -> bool:
+        """Return whether the present states may be published; a tick that is due comes first."""
+        if self._samples % self._clock_every == 0:
+            if self._ticked_sample != self._samples:
+                if not self._pace.may_step(
+                        self.get_parameter('pace').value, self._clock_every * self._sample,
+                        time.monotonic_ns()):
+                    return False
+                self._ticked_sample = self._samples
+                self._tick()
+            if self._lacks():
+                return False
+        return bool(self._samples or self._states.get_subscription_count() >= self._listeners)
 
     def _tick(self) -> None:
         """Publish the present tick, possibly again."""

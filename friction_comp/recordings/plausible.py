@@ -153,9 +153,10 @@ def _fault_of_power(samples: Samples) -> str:
     bins = _by_position(samples)
     if bins is None:
         return ''
-    mean, spread, weight = bins
+    mean, variance, weight = bins
     difference = mean[:, 1] - mean[:, 0]
-    scatter = np.sqrt(max(float(weight @ (0.5 * spread.sum(axis=1))), 0.0))
+    # A difference within the scatter of single samples may be that of another load.
+    scatter = np.sqrt(max(float(weight @ variance.mean(axis=1)), 0.0))
     if weight @ difference < -scatter and weight[difference < 0].sum() > _REVERSED_SHARE:
         # Whether these are A or N·m is not known here.
         return ('the motor brakes the motion: effort has the wrong sign (--unit effort=-1Nm or '

@@ -78,10 +78,12 @@ class Table(ABC):
     def is_labelled(self, name: str, holds: Callable[..., bool], *others: str) -> bool:
         """Number the values of a column, if that makes sense; return whether it does.
 
-        `holds` says so of the labels, the numbers of the first rows, and the values of `others`.
+        `holds` says so of the labels of the first rows, their numbers, and the values of `others`.
         """
         labels = self.labels[name] = Labels()
-        if not holds(labels, *self.first_rows(name, *others)):
+        # Reading numbers the values.
+        first = self.first_rows(name, *others)
+        if not holds(labels, *first):
             del self.labels[name]
         return name in self.labels
 

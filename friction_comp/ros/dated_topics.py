@@ -222,10 +222,13 @@ class DatedTopics:
         self._sent: deque[int] = deque(maxlen=_MEMORY)
         self._stamps: deque[int] = deque(maxlen=_MEMORY)
         self.waiting: deque[tuple[int, str, bytes]] = deque()
-        self.topics = {topic: RecordedTopic(
-            node, kind, topic, partial(self._on_stamped if stamped else self._on_unstamped, topic),
-            diagnosed_nodes if kind is DiagnosticArray else None)
-            for topic, kind, stamped in _SUBSCRIBED if topic not in left_out}
+        self.topics: dict[str, RecordedTopic] = {}
+        for topic, kind, stamped in _SUBSCRIBED:
+            if topic not in left_out:
+                receive = self._on_stamped if stamped else self._on_unstamped
+                self.topics[topic] = RecordedTopic(
+                    node, kind, topic, partial(receive, topic),
+                    diagnosed_nodes if kind is DiagnosticArray else None)
         steady_timer(node, _CHECK_PERIOD, self._check)
 
     def _check(self) -> None:

@@ -51,18 +51,17 @@ def refine_whole_arm(arguments: Namespace) -> int:
         for name, parts in recorded.items():
             drives[name], limits[name] = with_current_limit(
                 known, drive_of(known, models.get(name)), parts)
+        in_ampere = given or models or arguments.figures == 'A' or any(
+            info.effort_is_current for parts in recordings.values() for _, info in parts)
+        origins = {name: Origin(
+            warnings=notes_on(recordings[name]), assumed=assumed_in(known, recordings[name]),
+            notes={'refined_from': names, 'urdf': str(arguments.urdf), **limits[name]})
+            for name in recorded}
         try:
             result = refine_arm(
                 recorded, arguments.urdf, drives, models, recorded if given else models,
                 [arguments.joint] if arguments.joint else None,
-                lambda share, word: report(0.1 + 0.8 * share, word), not (
-                    given or models or arguments.figures == 'A' or any(
-                        info.effort_is_current for parts in recordings.values()
-                        for _, info in parts)), {
-                    name: Origin(warnings=notes_on(recordings[name]), assumed=assumed_in(
-                        known, recordings[name]), notes={
-                        'refined_from': names, 'urdf': str(arguments.urdf), **limits[name]})
-                    for name in recorded})
+                lambda share, word: report(0.1 + 0.8 * share, word), not in_ampere, origins)
         except InputError as error:
             # Name the recording, unless a file is named already.
             named = str(error).startswith((str(arguments.urdf), names[0]))
