@@ -150,6 +150,14 @@ def to_svg(figure: Figure) -> str:
     return text.replace(INK, 'currentColor')
 
 
+def shade_directions(axes: Axes, time: np.ndarray, direction: np.ndarray) -> None:
+    """Shade the times, (N,), at which a direction is announced: blue positive, orange negative."""
+    for sign, colour in ((1, 'blue'), (-1, 'orange')):
+        axes.fill_between(time, 0, 1, where=direction == sign, alpha=0.15, color=COLOURS[colour],
+                          linewidth=0, transform=axes.get_xaxis_transform(),
+                          label=f'announced: {sign:+d}')
+
+
 def to_file(figure: Figure, title: str, description: str) -> str:
     """Return a figure as the content of an SVG file for light and dark pages."""
     text = to_svg(figure)

@@ -22,7 +22,14 @@ from friction_comp.exercise.taught_exercise import TURN
 from friction_comp.number_text import number
 from friction_comp.reports.evaluation_report import evaluation_report
 from friction_comp.reports.evaluation_words import with_interval
-from friction_comp.reports.figures import COLOURS, legend_below, new_figure, styled, thin
+from friction_comp.reports.figures import (
+    COLOURS,
+    legend_below,
+    new_figure,
+    shade_directions,
+    styled,
+    thin,
+)
 from friction_comp.reports.html import Report
 from friction_comp.reports.refinement_report import effect_names
 from friction_comp.samples import Samples
@@ -57,11 +64,8 @@ def exercise_figure(shown: Mapping[str, Samples]) -> Figure:
             axis.plot(*thin(part.time, np.degrees(part.reference_position)), '--',
                       color=COLOURS['grey'], linewidth=1.0)
         axis.plot(*thin(part.time, np.degrees(part.position)), color=COLOURS['green'])
-        for sign, colour in ((1, 'blue'), (-1, 'orange')):
-            if part.direction is not None:
-                axis.fill_between(part.time, 0, 1, where=part.direction == sign, alpha=0.15,
-                                  color=COLOURS[colour], linewidth=0,
-                                  transform=axis.get_xaxis_transform())
+        if part.direction is not None:
+            shade_directions(axis, part.time, part.direction)
     return figure
 
 

@@ -9,9 +9,7 @@ import numpy as np
 
 from friction_comp.exercise.exercise_script import ExerciseScript
 from friction_comp.exercise.taught_exercise import Taught
-from friction_comp.reports.figures import INK, new_figure, styled, thin
-
-_FORWARD, _BACK, _PATH = '#c4661a', '#1f6fae', '#9aa5b1'
+from friction_comp.reports.figures import COLOURS, INK, new_figure, shade_directions, styled, thin
 
 
 @styled
@@ -24,15 +22,11 @@ def taught_figure(taught: Taught, script: ExerciseScript) -> Figure:
     position = np.degrees([state[0] for state in states])
     direction = np.array([state[2] for state in states])
     for j, row in enumerate(axes[:, 0]):
-        row.plot(*thin(taught.time, np.degrees(taught.path[:, j])), color=_PATH, linewidth=4.0,
-                 alpha=0.6, label='guided')
+        row.plot(*thin(taught.time, np.degrees(taught.path[:, j])), color=COLOURS['grey'],
+                 linewidth=4.0, alpha=0.6, label='guided')
         row.plot(time, position[:, j], color=INK, linewidth=1.2, label='exercise')
         row.plot(taught.waypoints, np.interp(taught.waypoints, time, position[:, j]), 'o',
                  color=INK, markersize=4, label='waypoint')
-        low, high = row.get_ylim()
-        for sign, colour, label in ((1, _FORWARD, 'announced: +1'), (-1, _BACK, 'announced: -1')):
-            row.fill_between(time, low, high, where=direction[:, j] == sign, color=colour,
-                             alpha=0.16, linewidth=0, label=label)
-        row.set_ylim(low, high)
+        shade_directions(row, time, direction[:, j])
     axes[0, 0].legend(loc='upper right', fontsize=8, ncol=3)
     return figure
