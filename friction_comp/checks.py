@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 import math
 from numbers import Integral, Real
 from typing import Any
@@ -52,6 +52,19 @@ def check_interval(value: Any, name: str) -> tuple[float, float]:
         if low <= high:
             return low, high
     raise InputError(f'{name} must be two numbers, the lower one first, not {value!r}')
+
+
+def one_of(joints: Sequence[str], joint: str | None, where: object = None) -> str:
+    """Return the joint that is named, or the only one; `where` names what holds them, in errors.
+
+    Raises InputError, which lists them, if there are several and none is named, or not that one.
+    """
+    place, listed = '' if where is None else f'{where}: ', ', '.join(map(repr, joints))
+    if not joint and len(joints) > 1:
+        raise InputError(f'{place}several joints, name one with --joint: {listed}')
+    if joint and joint not in joints:
+        raise InputError(f'{place}no joint {joint!r} in it, but {listed}')
+    return joint or joints[0]
 
 
 def check_mapping(value: Any, name: str, known: Collection[str] | None = None) -> dict[str, Any]:

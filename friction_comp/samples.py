@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from friction_comp.checks import one_of
 from friction_comp.column_values import to_numbers
 from friction_comp.columns import assign
 from friction_comp.controller_effort import without_link_torque
@@ -276,11 +277,7 @@ class Samples:
         """
         names = [str(name) for name in (frame.columns if hasattr(frame, 'columns') else frame)]
         use = assign(names, layout, 'data frame')
-        if joint is None and len(use.joints) > 1:
-            raise InputError(f'data frame: several joints, name one: {", ".join(use.joints)}')
-        chosen = use.joints[0] if joint is None or use.joints == [''] else joint
-        if chosen not in use.joints:
-            raise InputError(f'data frame: no joint {joint!r} in it, but {", ".join(use.joints)}')
+        chosen = '' if use.joints == [''] else one_of(use.joints, joint, 'data frame')
         gains = layout.gains(names, 'data frame') if layout else ()
         wanted = {*(column.name for column in use.columns), *(
             gain for gain in gains if isinstance(gain, str))}

@@ -234,7 +234,7 @@ def test_of_the_file_of_an_arm_the_joint_is_used_that_was_named(swinging, refuse
     write_yaml(swinging / 'arm.yaml', arm_document(
         {joint: FrictionModel.load(MODEL).to_dict() for joint in ('elbow', 'wrist')}))
     path = [swinging / 'arm.yaml'] if tool != 'excite' else ['--model', swinging / 'arm.yaml']
-    refuses("arm.yaml: holds no joint 'knee', but 'elbow', 'wrist'", tool, *path, *arguments)
+    refuses("arm.yaml: no joint 'knee' in it, but 'elbow', 'wrist'", tool, *path, *arguments)
 
 
 def test_a_recording_of_one_sample_has_no_movement(tmp_path, refuses):

@@ -6,8 +6,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from friction_comp.checks import check_document, check_mapping
-from friction_comp.errors import InputError
+from friction_comp.checks import check_document, check_mapping, one_of
 
 FORMAT, VERSION = 'friction_comp_arm', 1
 
@@ -46,12 +45,7 @@ def one_joint_of(document: Any, joint: str | None) -> Any:
     names = joints_of(document)
     if names is None:
         return document
-    listed = ', '.join(map(repr, names))
-    if not joint and len(names) > 1:
-        raise InputError(f'holds several joints, name one (--joint): {listed}')
-    joint = joint or names[0]
-    if joint not in names:
-        raise InputError(f'holds no joint {joint!r}, but {listed}')
+    joint = one_of(names, joint)
     model = document['joints'][joint]
     own = model.get('arm') if isinstance(model, dict) else None
     if own == 'shared' or (isinstance(own, dict) and list(own) == ['friction']):

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from friction_comp.checks import one_of
 from friction_comp.controller_effort import without_link_torque
 from friction_comp.errors import InputError
 from friction_comp.recordings import row_times, time_base
@@ -300,16 +301,10 @@ def _select_joint(scan: Scan, joint: str | None) -> tuple[Track, str, list[str],
     joints = scan.joints
     if not joints:
         raise InputError(f'{scan.path}: joint_states names no joint')
-    listed = ', '.join(repr(name) for name in joints)
     joint = scan.selected if joint is None else name
-    if joint is None:
-        if len(joints) > 1:
-            raise InputError(f'{scan.path}: several joints, name one with --joint: {listed}')
-        joint = joints[0]
-    elif joint not in joints and joints != ['']:
-        raise InputError(f'{scan.path}: no joint {joint!r} in it, but {listed}')
     # A single joint may have no name in the recording.
-    key = '' if joints == [''] else joint
+    key = '' if joints == [''] else one_of(joints, joint, scan.path)
+    joint = joint or key
     matching = [track for track in tracks if key in track.names]
     if len(matching) > 1:
         raise InputError(

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from friction_comp.checks import one_of
 from friction_comp.column_values import to_csv
 from friction_comp.errors import errors_name, InputError
 from friction_comp.files import read_yaml, write_atomically
@@ -65,14 +66,10 @@ def _models(arguments: Namespace, plan: dict[str, Samples]) -> dict[str, Frictio
     if names is None or arguments.joint:
         model = FrictionModel.load(path, arguments.joint)
         wanted = arguments.joint or model.joint
-        if wanted and wanted not in plan and list(plan) != ['']:
-            raise InputError(f'{arguments.recording}: no joint {wanted!r} in it, but '
-                             f'{", ".join(map(repr, plan))}')
-        if not wanted and len(plan) > 1:
-            raise InputError(f'{arguments.recording}: several joints, name one with --joint: '
-                             f'{", ".join(map(repr, plan))}')
+        if list(plan) != ['']:
+            wanted = one_of(list(plan), wanted, arguments.recording)
         model.check_joint(arguments.joint, path)
-        return {wanted or next(iter(plan)): model}
+        return {wanted: model}
     known = [name for name in plan if name in names]
     if not known:
         raise InputError(f'{arguments.recording}: none of its joints '

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from friction_comp.checks import one_of
 from friction_comp.column_names import read_name
 from friction_comp.columns import Column
 from friction_comp.errors import errors_name, InputError
@@ -81,12 +82,7 @@ def _values(table: Table, columns: tuple[Column, Column], joint: str | None) -> 
     if whose is None:
         return values
     joints = table.labels[whose].names
-    if joint is None and len(joints) > 1:
-        raise InputError(f'{path}: several joints, name one with --joint: '
-                         + ', '.join(map(repr, joints)))
-    if joint not in (None, *joints):
-        raise InputError(f'{path}: no joint {joint!r} in it, but {", ".join(map(repr, joints))}')
-    own = read[whose] == (joints.index(joint) if joint is not None else 0)
+    own = read[whose] == joints.index(one_of(joints, joint, path))
     return [column[own] for column in values]
 
 
