@@ -57,6 +57,12 @@ def test_both_of_a_pair_are_named(pair):
     assert ratio <= 1.3
 
 
+def test_a_backlash_is_no_hysteresis_though_inertia_was_not_known_when_it_was_found():
+    report, ratio = refined(('backlash', 'inertia'), 35)
+    assert {effect.name for effect in report.effects} == {'backlash', 'inertia'}
+    assert ratio <= 1.3
+
+
 def test_nothing_is_found_where_nothing_is():
     report, ratio = refined((), 40)
     assert report.effects == []

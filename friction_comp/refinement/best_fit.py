@@ -136,6 +136,22 @@ class EffectSearch(Search):
         self.update_candidates(terms)
         return terms
 
+    def in_best_form(self, terms: list[Term]) -> list[Term]:
+        """Replace terms by other forms of their effect where these, once adjusted, predict better.
+
+        Beside effects that are not known yet, the form that explains more may be the wrong one.
+        """
+        for term in terms:
+            forms = [other for other in self.candidates
+                     if other.choice == term.choice and other.kind is not term.kind]
+            if forms and term not in self.fixed:
+                rest = [other for other in terms if other != term]
+                best = min(forms, key=lambda form: self.error([*rest, form]))
+                changed = adjust_constants(self.table, [*rest, best], 5)
+                if self.error(changed) < self.error(terms):
+                    terms = changed
+        return terms
+
     def starts(self) -> list[list[Term]]:
         """Return the starts of the search, without what the initial model has."""
         starts = [[term for term in start if term.group or term.kind not in self._known]
@@ -156,7 +172,7 @@ class EffectSearch(Search):
         self.table.fit_transition(terms)
         self.update_candidates(terms)
         adjusted = self.after_addition(self.forward(terms), 5)
-        terms = self.backward(self.exchange(adjusted))
+        terms = self.backward(self.in_best_form(self.exchange(adjusted)))
         self._time_effects = True
         self.update_candidates(terms)
         terms = self.forward(terms)
