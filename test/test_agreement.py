@@ -29,8 +29,8 @@ def cycles(friction, load=lambda x: 0.0, speeds=SPEEDS, begin=0.0, noise=0.002, 
     for speed in speeds:
         duration = 2.5 * RANGE / speed
         time = np.arange(0.0, duration, STEP)
-        x = cycle_position(time, speed, duration)
-        v = cycle_velocity(time, speed, duration)
+        x = np.array([cycle_position(t, speed, duration) for t in time])
+        v = np.array([cycle_velocity(t, speed, duration) for t in time])
         command = np.sign(v) * friction(np.abs(v), x, begin + time) + load(x)
         measured = (sensor or (lambda i: i))(command) + noise * random.standard_normal(len(x))
         driven.append(agreement.Cycle.measured(

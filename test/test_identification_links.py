@@ -22,7 +22,7 @@ def cycles(hertz, link_share=0.35, damping=0.02, noise=2e-3):
     for speed in GOAL.speeds:
         duration, _ = GOAL.cycle(speed)
         time = np.arange(0.0, duration, 1e-3)
-        motor = cycle_position(time, speed, duration)
+        motor = np.array([cycle_position(t, speed, duration) for t in time])
         velocity = np.gradient(motor, time)
         w = 2.0 * np.pi * hertz
         ring = ([2.0 * damping * w, w ** 2], [1.0, 2.0 * damping * w, w ** 2])

@@ -99,7 +99,7 @@ def test_loading_from_a_file_of_an_arm_requires_a_joint(refined):
     assert FrictionModel.load(path, 'bend').joint == 'bend'
     with pytest.raises(InputError, match='several joints'):
         FrictionModel.load(path)
-    with pytest.raises(InputError, match="no joint 'wrist', but"):
+    with pytest.raises(InputError, match="no joint 'wrist' in it, but"):
         FrictionModel.load(path, 'wrist')
 
 

@@ -165,7 +165,7 @@ def _smoothed(cycle: np.ndarray) -> _Smoothed:
     even = np.linspace(time[0], time[-1], max(int(duration / np.median(np.diff(time))), 50))
     step = float(even[1] - even[0])
     count = max(int(_SMOOTHING * duration / step), 3)
-    speed = cycle_velocity(even - time[0], 1.0, duration)
+    speed = np.array([cycle_velocity(t, 1.0, duration) for t in even - time[0]])
     profile = np.column_stack([speed, np.gradient(speed, step)])
     signals = np.column_stack([
         np.interp(even, time, position), np.interp(even, time, current),

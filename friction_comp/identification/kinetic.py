@@ -16,7 +16,6 @@ from typing import NamedTuple
 from numba import njit
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import make_interp_spline
 from scipy.signal import savgol_filter
 
 from friction_comp.errors import InputError
@@ -27,21 +26,41 @@ SETTLING = 0.25
 """Time in s at the beginning of a constant-velocity phase that is not used."""
 
 
-# Eq. 3: the velocity at shares of the cycle, straight between them, and its integral. The fifth
-# phase begins at 0.9, where the note prints ``0.9 < t``.
-_VELOCITY = make_interp_spline(
-    [0.0, 0.1, 0.4, 0.6, 0.9, 1.0], [0.0, 1.0, 1.0, -1.0, -1.0, 0.0], k=1)
-_POSITION = _VELOCITY.antiderivative()
+def cycle_velocity(time: float, speed: float, cycle_time: float) -> float:
+    """Return the reference velocity of Eq. 3 in rad/s at a time in s; zero outside the cycle.
+
+    The fifth phase begins at 0.9 T, where the note prints ``0.9 < t``.
+    """
+    share = time / cycle_time
+    if share <= 0.0 or share >= 1.0:
+        return 0.0
+    if share <= 0.1:
+        return 10.0 * speed * share
+    if share <= 0.4:
+        return speed
+    if share <= 0.6:
+        return speed - 10.0 * speed * (share - 0.4)
+    if share <= 0.9:
+        return -speed
+    return -speed + 10.0 * speed * (share - 0.9)
 
 
-def cycle_velocity(time: ArrayLike, speed: float, cycle_time: float) -> np.ndarray:
-    """Return the reference velocity of Eq. 3 in rad/s at times in s; zero outside the cycle."""
-    return speed * _VELOCITY(np.clip(np.divide(time, cycle_time), 0.0, 1.0))
-
-
-def cycle_position(time: ArrayLike, speed: float, cycle_time: float) -> np.ndarray:
+def cycle_position(time: float, speed: float, cycle_time: float) -> float:
     """Return the integral of Eq. 3 in rad; its far end at T/2 is 0.4·ω_c·T away (Eq. 4)."""
-    return speed * cycle_time * _POSITION(np.clip(np.divide(time, cycle_time), 0.0, 1.0))
+    share = time / cycle_time
+    if share <= 0.0 or share >= 1.0:
+        return 0.0
+    if share <= 0.1:
+        integral = 5.0 * (share * share)
+    elif share <= 0.4:
+        integral = share - 0.05
+    elif share <= 0.6:
+        integral = 0.35 + (share - 0.4) - 5.0 * ((share - 0.4) * (share - 0.4))
+    elif share <= 0.9:
+        integral = 0.95 - share
+    else:
+        integral = 5.0 * ((1.0 - share) * (1.0 - share))
+    return speed * cycle_time * integral
 
 
 @njit(cache=True)

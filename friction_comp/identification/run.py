@@ -203,8 +203,7 @@ class IdentificationRun(SupervisedRun):
         start = self.sample.position
 
         def reference(t: float) -> tuple[float, float]:
-            return (float(start + cycle_position(t, speed, duration)),
-                    float(cycle_velocity(t, speed, duration)))
+            return start + cycle_position(t, speed, duration), cycle_velocity(t, speed, duration)
 
         allowance = max(0.05 * self.goal.motion_range, 0.25 * width)
         try:
