@@ -148,7 +148,7 @@ class EffectSearch(Search):
                 rest = [other for other in terms if other != term]
                 best = min(forms, key=lambda form: self.error([*rest, form]))
                 changed = adjust_constants(self.table, [*rest, best], 5)
-                if self.error(changed) < self.error(terms):
+                if self.is_improvement(self.errors(terms), self.errors(changed)):
                     terms = changed
         return terms
 
