@@ -19,6 +19,7 @@ from friction_comp.refinement.effect_columns import Table, Term
 from friction_comp.refinement.prepare import clipped, coverage_of, join, prepare, samples_per_row
 from friction_comp.refinement.recorded_motion import blocks_of, load_coefficient, row_starts
 from friction_comp.refinement.refine import select_named
+from friction_comp.refinement.search import adjust_constants
 from friction_comp.samples import Samples
 
 DRIVE = Drive(0.1, 100.0)
@@ -266,3 +267,17 @@ def test_waves_that_differ_by_less_than_a_tenth_over_the_range_are_one():
     fit = select_named(Fit(table, [one, twin], 0, settings, [one, twin]))
     assert len(fit.terms) == 1
     assert abs(fit.terms[0].constants['frequency'] - 95.2) < 1.0
+
+
+def test_a_constant_at_its_upper_limit_is_adjusted_too():
+    motion = swings(6)
+    speed = np.abs(motion.velocity)
+    current = np.sign(motion.velocity) * (0.5 + 0.3 * np.exp(-speed / 0.4))
+    rows, _ = prepare(join([motion.with_(current=current, acceleration=None)]), DRIVE)
+    table = Table(rows, 1000.0)
+    limit = EFFECTS['stribeck'].limited('velocity', np.inf, {}, rows.coverage)
+    term, = table.add([Term(EFFECTS['stribeck'], {
+        'velocity': limit, 'exponent': 1.0, 'transition': rows.coverage.transition})])
+    found, = adjust_constants(table, [term], 5)
+    assert limit > 0.6
+    assert found.constants['velocity'] == pytest.approx(0.4, rel=0.2)

@@ -296,10 +296,13 @@ def constant_derivatives(table: Table, terms: Sequence[Term], free: Sequence[tup
     rows, shares = np.empty((len(free), len(table.target))), np.zeros((len(free), len(gram) - 1))
     for k, (index, name) in enumerate(free):
         columns = table.columns_of[terms[index]]
-        changed = with_step(terms[index], name, _STEP, table.rows.coverage)
+        step, changed = _STEP, with_step(terms[index], name, _STEP, table.rows.coverage)
+        if changed == terms[index]:
+            # It is at its upper limit.
+            step, changed = -_STEP, with_step(terms[index], name, -_STEP, table.rows.coverage)
         gain = np.array([coefficients[column] for column in columns])
         own = table.columns[columns]
-        change = gain @ (changed.at_rows(table.rows) - own) / _STEP
+        change = gain @ (changed.at_rows(table.rows) - own) / step
         shares[k, columns] = np.linalg.lstsq(
             gram[np.ix_(columns, columns)], own @ change, rcond=None)[0]
         rows[k] = change - shares[k, columns] @ own
