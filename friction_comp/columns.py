@@ -14,30 +14,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from friction_comp.column_names import common_name, is_target, numbers, read_name, Reading, skeleton
+from friction_comp.column_names import common_name, numbers, read_name, Reading, skeleton
 from friction_comp.controller_effort import controller_effort
 from friction_comp.errors import InputError
 from friction_comp.layout import Layout, SIGNALS
 from friction_comp.units import default_unit, parse_unit, unit_of
+from friction_comp.used_columns import Column, notes_on
 
 # Signals whose unit a signal takes if none is given for it.
 _SAME_UNIT = {'current': ('effort',), 'command': ('current', 'effort'),
               'reference_position': ('position',), 'reference_velocity': ('velocity',)}
 _MOST_NAMES = 200    # columns that a message lists
-
-
-@dataclass(frozen=True)
-class Column:
-    """A used column: its name, signal, joint and unit, and the factor to SI units."""
-
-    name: str
-    signal: str
-    joint: str
-    unit: str
-    factor: float
-    dimension: str = ''     # what the unit measures, such as angle; '' if it is not known
-    key: tuple[str, ...] = ()
-    stated: bool = False    # whether the unit was given, by the user or in the name
 
 
 @dataclass
@@ -122,8 +109,7 @@ def assign(names: Sequence[str], layout: Layout | None, where: str, of_plan: boo
         raise InputError(f'{where}: some joints have a current, others an effort: name the columns '
                          'of one joint with --columns')
     return Assignment(used, in_ampere == {True},
-                      [*_notes(used, layout), *_asked_for(named), *_nameless(used, names),
-                       *_idle(used, found)],
+                      notes_on(used, named, found, names, layout),
                       labels.get(own) if named and len(keys) > 1 else None)
 
 
@@ -156,40 +142,6 @@ def without_time(names: Sequence[str], layout: Layout, where: str) -> tuple[Colu
             raise InputError(f'{where}: which speed is that of {effort.name}? Name both, --columns '
                              f'velocity=NAME,effort={effort.name}; there are {", ".join(speeds)}')
     return chosen[0] if chosen else None
-
-
-def _notes(used: Sequence[Column], layout: Layout) -> list[str]:
-    # A column named after its signal is not a guess.
-    guessed = [column for column in used if column.name not in layout.columns.values()
-               and column.name.lower() != f'{column.joint}.{column.signal}'.strip('.').lower()
-               and not (column.signal == 'effort' and column.name == 'current')]
-    if not guessed:
-        return []
-    # Columns of other joints that are named alike but for a number need no line of their own.
-    alike: dict[tuple[str, str, str], list[Column]] = {}
-    for column in guessed:
-        alike.setdefault((column.signal, column.unit, skeleton(column.name) or column.name),
-                         []).append(column)
-    return ['columns guessed from their names: ' + ', '.join(
-        f'{first.joint}.{first.signal}'.lstrip('.') + f'={first.name}'
-        + (f' in {first.unit}' if first.unit else '')
-        + (f' and {len(others)} alike' if others else '')
-        for first, *others in alike.values()) + ' (override with --columns and --unit)']
-
-
-def _asked_for(named: Sequence[Column]) -> list[str]:
-    return [f'{c.name}: by its name an effort that was asked for, not measured: friction is in it '
-            'only if the drive gives just this' for c in named
-            if _kind(c.signal) == 'effort' and is_target(c.name)]
-
-
-def _nameless(used: Sequence[Column], names: Sequence[str]) -> list[str]:
-    """Return a note if other columns, enough for another joint, have numbers instead of names."""
-    left = set(names) - {column.name for column in used}
-    if len(left) < 2 or not all(name.isdigit() for name in names):
-        return []
-    return [f'{len(left)} other columns have no names: if other joints moved, their motion is not '
-            'taken into account; a first line of names, such as q_1,q_2,tau_1,tau_2, tells it']
 
 
 def _named(layout: Layout, where: str) -> list[Column]:
@@ -309,25 +261,6 @@ def _named_joints(columns: Sequence[Column]) -> list[Column]:
     label = common_name([c.name for c in own]) if len(own) > 1 and others else ''
     return [replace(c, key=(label.lower(),), joint=label) if label and not c.key and common_name(
         [c.name, own[0].name]) else c for c in columns]
-
-
-def _idle(used: Sequence[Column], found: Sequence[Column]) -> list[str]:
-    """Return notes on columns of joints with a position or an effort alone, beside those used."""
-    keys, names = {c.key for c in used if c.signal == 'position'}, {c.name for c in used}
-    left = [c for c in found if c.key not in keys and c.name not in names]
-    idle = [c.name for c in left if c.signal == 'position']
-    torques = ('effort', 'load', 'link_torque')
-    # Neither siblings of named columns nor the only effort are called so.
-    loose = [c.name for c in left if c.signal in torques and read_name(c.name).signal in torques]
-    return ([idle_note(idle)] if idle else []) + ([
-        f'{", ".join(loose)}: not used, since no position belongs to it; a torque from outside is '
-        'named with --columns load=NAME, one behind the gear with link_torque=NAME']
-        if loose else [])
-
-
-def idle_note(names: Sequence[str]) -> str:
-    """Return the note on other joints, or their columns, that have a position, but no effort."""
-    return f'the motion of {", ".join(names)} is left out: no effort belongs to it'
 
 
 def _joint_columns(used: Sequence[Column], own: tuple[str, ...] | None, where: str

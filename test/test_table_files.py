@@ -9,6 +9,7 @@ import re
 import numpy as np
 import pytest
 from scipy.io import savemat
+from scipy.io.matlab import MatlabOpaque
 from table_maker import swing, write
 
 from friction_comp import InputError, Layout, read_recording
@@ -314,3 +315,34 @@ def test_the_current_of_a_table_that_also_has_torques_is_named_for_all_joints(tm
             samples, info = read_recording_with_info(path, joint=joint, layout=layout)[0]
             assert info.effort_is_current
             assert np.ptp(samples.current) == pytest.approx(size * np.ptp(velocity))
+
+
+def test_a_current_beside_the_torque_that_is_used_is_mentioned(tmp_path):
+    time, position, velocity = swing(500)
+    path = write(tmp_path / 'log.csv', time=time, q_1=position, q_2=position, tau_1=velocity,
+                 tau_2=velocity, current_1=velocity, current_2=velocity)
+    _, info = read_recording_with_info(path, joint='2')[0]
+    assert any('current_1 and 1 alike: not used beside a torque' in note for note in info.notes)
+    _, info = read_recording_with_info(path, layout=Layout(columns={
+        'position': 'q_1', 'current': 'current_1', 'link_torque': 'tau_1'}))[0]
+    assert not any('not used' in note for note in info.notes)
+
+
+def test_other_columns_of_one_array_are_mentioned(tmp_path):
+    time, position, velocity = swing(500)
+    savemat(tmp_path / 'log.mat', {'log1': np.column_stack(
+        (position, velocity, velocity, position, velocity, velocity))})
+    _, info = read_recording_with_info(tmp_path / 'log.mat', layout=Layout(
+        columns={'position': 'log1_1', 'effort': 'log1_3'}, rate=1000.0))[0]
+    assert any('4 other columns have no names' in note for note in info.notes)
+
+
+def test_objects_within_a_struct_of_matlab_are_no_columns(tmp_path, monkeypatch):
+    time, position, velocity = swing(500)
+    symbol = MatlabOpaque(np.array([(b'q', b'MCOS', b'sym', 3)], dtype=[
+        ('s0', 'O'), ('s1', 'O'), ('s2', 'O'), ('arr', 'O')]))
+    monkeypatch.setattr('scipy.io.loadmat', lambda *_, **__: {
+        'gen': {'q': symbol}, 't': time, 'q': position, 'tau': velocity})
+    (tmp_path / 'log.mat').write_bytes(b'')
+    samples, = read_recording(tmp_path / 'log.mat')
+    assert len(samples) == 500

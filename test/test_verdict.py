@@ -53,9 +53,10 @@ def unrelated(motion, seed, step=0.5):
     return np.interp(motion.time, knots, np.random.default_rng(seed).normal(size=len(knots)))
 
 
-def test_a_torque_behind_the_gear_holds_no_friction_and_says_so():
+@pytest.mark.parametrize('side', [1.0, -1.0])
+def test_a_torque_behind_the_gear_holds_no_friction_whatever_its_sign_and_says_so(side):
     motion = swings(1)
-    torque = 6.0 * np.sin(motion.position) + 0.3 * motion.acceleration + noise(motion)
+    torque = 6.0 * np.sin(motion.position) + side * 0.3 * motion.acceleration + noise(motion)
     result = refined(motion, torque)
     report = result.report
     assert report.verdict == 'record again'

@@ -10,7 +10,6 @@ from functools import reduce
 
 import numpy as np
 
-from friction_comp.columns import idle_note
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.layout import Layout
@@ -21,6 +20,7 @@ from friction_comp.recordings.sources import Progress
 from friction_comp.recordings.storage import AnyPath
 from friction_comp.recordings.time_base import gap_length, GAPS
 from friction_comp.samples import Samples
+from friction_comp.used_columns import idle_note
 
 # Other topics are read this far beyond the end of a stretch, ns: a recorder may write them later.
 _MARGIN = 2_000_000_000

@@ -231,6 +231,8 @@ def _flat(items: Iterable[tuple[str, Any]]) -> Columns:
             columns.update(_episodes(value) or _flat(
                 (key, [row.get(key) for row in value]) for key in value[0]))
             continue
+        if type(value).__name__ == 'MatlabOpaque':
+            continue    # an object, as of symbols, whatever its fields are called
         try:
             values = np.asarray(value)
         except ValueError:

@@ -233,7 +233,8 @@ def findings(fit: Fit, raw: Samples, after: Errors, growth: dict[str, float],
     """
     rows, held_out = fit.rows, after.held_out_rmse
     constant = error_of_constant(rows)
-    if code := friction_would_push(rows):
+    # Without friction, nothing tells the sign of a current.
+    if (code := friction_would_push(rows)) and (code != 'turned' or friction_shows(fit)):
         yield finding(code)
     variable, largest = max(growth.items(), key=lambda entry: entry[1])
     differ = between is not None and between.ratio > thresholds.GROWTH

@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING
 
 from friction_comp.checks import check_number
 from friction_comp.column_values import read_pairs
-from friction_comp.columns import Column, without_time
+from friction_comp.columns import without_time
 from friction_comp.errors import InputError
 from friction_comp.layout import Layout
 from friction_comp.recorded_drive.given import Given
+from friction_comp.used_columns import Column
 
 if TYPE_CHECKING:
     from friction_comp.refinement import RefinementReport

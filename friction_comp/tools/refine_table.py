@@ -12,7 +12,6 @@ import numpy as np
 
 from friction_comp.checks import one_of
 from friction_comp.column_names import read_name
-from friction_comp.columns import Column
 from friction_comp.errors import errors_name, InputError
 from friction_comp.identification.steady_state import fit_steady_states, SteadyStates
 from friction_comp.recorded_drive.given import drive_of, figures_unit
@@ -25,6 +24,7 @@ from friction_comp.statistics import rms
 from friction_comp.tools.common import print_results, write_results
 from friction_comp.tools.refine_arguments import given_of
 from friction_comp.units import in_own_units
+from friction_comp.used_columns import Column
 
 _OTHER_OPTIONS = ('model', 'urdf', 'history', 'each', 'stiffness', 'rate')
 
