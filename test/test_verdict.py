@@ -18,7 +18,7 @@ from friction_comp.model.effects.definitions import Coverage
 from friction_comp.model.simulator_joint import cautions_of
 from friction_comp.parallel import one_thread
 from friction_comp.recordings import write_samples
-from friction_comp.refinement import refine, thresholds
+from friction_comp.refinement import judge, refine, thresholds
 from friction_comp.refinement.best_fit import Fit
 from friction_comp.refinement.dependence import remaining_dependences
 from friction_comp.refinement.effect_columns import Table, Term
@@ -53,10 +53,12 @@ def unrelated(motion, seed, step=0.5):
     return np.interp(motion.time, knots, np.random.default_rng(seed).normal(size=len(knots)))
 
 
-@pytest.mark.parametrize('side', [1.0, -1.0])
-def test_a_torque_behind_the_gear_holds_no_friction_whatever_its_sign_and_says_so(side):
+@pytest.mark.parametrize('sign', ['', 'turned'])
+def test_a_torque_behind_the_gear_holds_no_friction_and_says_so(monkeypatch, sign):
+    """And nothing of its sign, which only friction tells."""
+    monkeypatch.setattr(judge, 'friction_would_push', lambda _: sign)
     motion = swings(1)
-    torque = 6.0 * np.sin(motion.position) + side * 0.3 * motion.acceleration + noise(motion)
+    torque = 6.0 * np.sin(motion.position) + 0.3 * motion.acceleration + noise(motion)
     result = refined(motion, torque)
     report = result.report
     assert report.verdict == 'record again'
