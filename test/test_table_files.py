@@ -329,7 +329,7 @@ def test_a_current_beside_the_torque_that_is_used_is_mentioned(tmp_path):
 
 
 def test_other_columns_of_one_array_are_mentioned(tmp_path):
-    time, position, velocity = swing(500)
+    _, position, velocity = swing(500)
     savemat(tmp_path / 'log.mat', {'log1': np.column_stack(
         (position, velocity, velocity, position, velocity, velocity))})
     _, info = read_recording_with_info(tmp_path / 'log.mat', layout=Layout(
