@@ -38,7 +38,8 @@ _PREFIXES = {'': 1.0, 'k': 1e3, 'c': 1e-2, 'm': 1e-3, 'µ': 1e-6, 'u': 1e-6, 'n'
 _PRODUCTS = {('force', 'length'): 'torque', ('length', 'force'): 'torque'}
 _ANGLE, _RATE = ('angle', 'length', 'counts'), ('angle/time', 'length/time', 'counts/time')
 _TORQUE = ('torque', 'force')
-# What each signal may measure; the first SI unit of each is its default.
+# What each signal may measure; the first SI unit of each is its default. Of several columns for
+# one thing, that of the signal that comes first is used.
 DIMENSIONS = {
     'time': ('time', 'counts'), 'position': _ANGLE, 'velocity': _RATE,
     'effort': (*_TORQUE, 'current'), 'current': ('current',), 'command': ('current', *_TORQUE),

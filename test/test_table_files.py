@@ -346,3 +346,20 @@ def test_objects_within_a_struct_of_matlab_are_no_columns(tmp_path, monkeypatch)
     (tmp_path / 'log.mat').write_bytes(b'')
     samples, = read_recording(tmp_path / 'log.mat')
     assert len(samples) == 500
+
+
+def test_a_row_without_the_part_of_a_clock_does_not_take_it_from_the_others(tmp_path):
+    time, position, velocity = swing(3000, 0.001)
+    part = np.round(1e9 * (time % 1.0))
+    part[7] = np.nan
+    path = write(tmp_path / 'log.csv', sec=np.floor(time), nanosec=part, q=position, tau=velocity)
+    samples, = read_recording(path)
+    assert len(samples) == 2999
+    assert np.sum(np.diff(samples.time) > 0.0015) == 1
+
+
+def test_hours_without_minutes_are_no_part_of_a_clock(tmp_path):
+    time, position, velocity = swing(3000, 0.001)
+    path = write(tmp_path / 'log.csv', sec=time, hour=np.arange(3000) % 7, q=position, tau=velocity)
+    samples, = read_recording(path)
+    np.testing.assert_allclose(np.diff(samples.time), 0.001, atol=1e-9)

@@ -42,20 +42,22 @@ def clock_parts(table: Table, seconds: str) -> dict[str, float]:
     ``nanosec`` of a stamp of ROS. What is more than a second counts only if seconds end at 60.
     """
     named = {_clock_part(name): name for name in table.names}
-    stem = _clock_part(seconds)[0]
+    stem, own = _clock_part(seconds)
+    others = {size: named[stem, size] for _, size, _ in _CLOCK
+              if size != 1.0 and (stem, size) in named}
+    if own != 1.0 or not others:
+        return {}
+    # Rows may lack a value.
+    read, *rest = (values[np.isfinite(values)]
+                   for values in table.first_rows(seconds, *others.values()))
+    values = dict(zip(others, rest))
+    whole, ends = bool((read % 1.0 == 0.0).all()), bool(read.max(initial=0.0) < 60.0)
     parts: dict[str, float] = {}
-    if named.get((stem, 1.0)) != seconds:
-        return parts
-    values, = table.first_rows(seconds)
-    ends = bool(np.nanmax(values, initial=0.0) < 60.0)
     for _, size, count in _CLOCK:
-        name = named.get((stem, size))
-        if name is None or size == 1.0 or (size > 1.0 and not ends):
-            continue
-        part, = table.first_rows(name)
-        below = size < 1.0 and (values % 1.0 == 0.0).all()
-        if (below or size > 1.0) and ((part % 1.0 == 0.0) & (part >= 0.0) & (part < count)).all():
-            parts[name] = size
+        held = size in others and (whole if size < 1.0 else ends) and bool((
+            (values[size] % 1.0 == 0.0) & (values[size] >= 0.0) & (values[size] < count)).all())
+        if held:
+            parts[others[size]] = size
         elif size > 1.0:
             # Hours without minutes are of something else.
             break

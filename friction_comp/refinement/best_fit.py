@@ -137,7 +137,7 @@ class EffectSearch(Search):
         return terms
 
     def in_best_form(self, terms: list[Term]) -> list[Term]:
-        """Replace terms by other forms of their effect where these, once adjusted, predict better.
+        """Replace a term by another form of its effect if that, once adjusted, predicts better.
 
         Beside effects that are not known yet, the form that explains more may be the wrong one.
         """
@@ -149,7 +149,8 @@ class EffectSearch(Search):
                 best = min(forms, key=lambda form: self.error([*rest, form]))
                 changed = adjust_constants(self.table, [*rest, best], 5)
                 if self.is_improvement(self.errors(terms), self.errors(changed)):
-                    terms = changed
+                    # All others were adjusted beside it.
+                    return changed
         return terms
 
     def starts(self) -> list[list[Term]]:

@@ -76,8 +76,7 @@ class Term:
         Over the range of position, `span` rad, they are less than a tenth of a wave apart: large
         ones that cancel are one wave whose size changes.
         """
-        apart = (self.constants.get('frequency', math.inf) - other.constants.get('frequency', 0.0))
-        return (self.choice == other.choice and abs(apart) * span < 0.2 * math.pi
+        return ('frequency' in self.constants and self.same_effect(other, 10.0 * span)
                 and self.constants['growth'] == other.constants['growth'])
 
     def same_effect(self, other: Term, span: float) -> bool:

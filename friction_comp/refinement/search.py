@@ -285,19 +285,20 @@ def at_limit(term: Term, coverage: Coverage) -> bool:
                for step in (_STEP, -_STEP))
 
 
-def constant_derivatives(table: Table, terms: Sequence[Term], free: Sequence[tuple[int, str]]
-                         ) -> tuple[np.ndarray, np.ndarray]:
+def constant_derivatives(table: Table, terms: Sequence[Term], free: Sequence[tuple[int, str]],
+                         at_limits: bool = True) -> tuple[np.ndarray, np.ndarray]:
     """Return the derivatives of a fit's prediction by Q `free_constants`, shape (Q, R).
 
     The unit of each constant is its `step_size`. The part that the term's own columns can express
-    is subtracted, and returned as coefficients of all columns, (Q, P).
+    is subtracted, and returned as coefficients of all columns, (Q, P). A constant at its upper
+    limit counts as known unless `at_limits`.
     """
     coefficients, gram = table.coefficients(terms), table.sums.gram.sum(axis=0)
     rows, shares = np.empty((len(free), len(table.target))), np.zeros((len(free), len(gram) - 1))
     for k, (index, name) in enumerate(free):
         columns = table.columns_of[terms[index]]
         step, changed = _STEP, with_step(terms[index], name, _STEP, table.rows.coverage)
-        if changed == terms[index]:
+        if at_limits and changed == terms[index]:
             # It is at its upper limit.
             step, changed = -_STEP, with_step(terms[index], name, -_STEP, table.rows.coverage)
         gain = np.array([coefficients[column] for column in columns])

@@ -198,11 +198,12 @@ def intervals(table: Table, terms: Sequence[Term], others: Sequence[np.ndarray] 
 
     Each fit has one more column for each constant, the derivative of its term, so that the interval
     of a coefficient includes the uncertainty of the constants. An interval also includes how far
-    the columns of `others`, each (M, R), move the coefficient, see `unsettled`.
+    the columns of `others`, each (M, R), move the coefficient, see `unsettled`; without these, as
+    where it is asked whether an effect is there, a constant at its upper limit counts as known.
     """
     free = free_constants(terms)
     indices = table.indices(terms)
-    derivatives, own = constant_derivatives(table, terms, free)
+    derivatives, own = constant_derivatives(table, terms, free, bool(others))
     columns = np.vstack((table.columns[indices], derivatives, *others, table.target))
     # A coefficient that physics keeps at zero is as uncertain as if it were free.
     signs = np.zeros(len(columns) - 1, dtype=int)

@@ -83,8 +83,10 @@ class Nodes:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.stop(*self._running)
-        signal.signal(signal.SIGTERM, self._previous)
+        try:
+            self.stop(*self._running)
+        finally:
+            signal.signal(signal.SIGTERM, self._previous)
 
     def start(self, name: str, parameters: Mapping[str, Any],
               remappings: Mapping[str, str] | None = None) -> None:
