@@ -82,6 +82,20 @@ def test_other_terms_of_an_effect_are_no_other_effect():
     assert not any("'other_joints' in the place of 'other_joints'" in why for why in said)
 
 
+@pytest.mark.parametrize('size, told', [(300, False), (1000, True)])
+def test_a_weight_that_other_joints_may_be_holds_its_value_beyond_the_recorded_positions(
+        size, told):
+    names = ('shoulder', 'elbow', 'wrist')
+    currents, motion = planar(np.random.default_rng(0), size)
+    recorded = seen_by('shoulder', names, currents[0], motion)
+    weight = next(effect for effect in refine([recorded]).model.effects
+                  if effect.name == 'gravity')
+    last = float(recorded.position.max())
+    beyond, at_the_end = weight.of_states(np.array([last + 1.0, last]), np.ones(2), np.zeros(2))
+    expected = 2.0 * np.cos(last + 1.0) if told else at_the_end
+    assert beyond == pytest.approx(expected, abs=0.1)
+
+
 @pytest.mark.parametrize('own', 'abcd')
 def test_what_mechanics_rules_out_is_not_tried(own):
     for group in groups_for('abcd', own):

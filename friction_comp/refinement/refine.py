@@ -229,8 +229,10 @@ def model_of(fit: Fit, problem: Problem) -> FrictionModel:
     for term in fit.terms:
         values = tuple(coefficients[column] for column in table.columns_of[term])
         if term.group is None:
+            # What may be the doing of other joints has no law by which it goes on beyond.
             effects.append(with_range(
-                term.kind({**term.constants, 'coefficients': list(values)}), moving))
+                term.kind({**term.constants, 'coefficients': list(values)}), moving,
+                only_recorded='other_joints' in fit.rivals.get(term, ())))
         else:
             groups.append(term.group)
             gains.append(values)

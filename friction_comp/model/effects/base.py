@@ -72,7 +72,8 @@ class Effect(ABC):
     gives_load = False  # whether it loads the teeth by a torque that depends on position
     # Whether its constants contain the load of the other effects on the gear.
     uses_inner_load = False
-    # Signals beyond whose recorded range, and this share of it on either side, it is constant.
+    # Signals beyond whose recorded range, and this share of it on either side, it is constant; inf
+    # for one that is limited only where the effect may be another one, see `with_range`.
     range_margins: dict[str, float] = {}
     Constants: Any
 
@@ -327,16 +328,17 @@ def checked_range(ranges: Any, range_margins: Collection[str]) -> dict[str, tupl
     return {name: check_interval(ends, f'valid_range.{name}') for name, ends in ranges.items()}
 
 
-def with_range(effect: Effect, samples: Samples) -> Effect:
-    """Return the effect with a valid range: that of these samples, plus `range_margins`."""
-    if not effect.range_margins:
-        return effect
+def with_range(effect: Effect, samples: Samples, only_recorded: bool = False) -> Effect:
+    """Return the effect with a valid range: that of these samples, plus `range_margins`.
+
+    These do not count if it is a curve of what was recorded, which nothing says to go on beyond.
+    """
     ranges = {}
     for name, beyond in effect.range_margins.items():
-        values = getattr(samples, name)
-        if values is not None and len(values):
+        values, margin = getattr(samples, name), 0.0 if only_recorded else beyond
+        if values is not None and len(values) and math.isfinite(margin):
             low, high = np.percentile(values, (_TAIL, 100.0 - _TAIL))
-            more = beyond * (high - low)
+            more = margin * (high - low)
             ranges[name] = (float(low - more), float(high + more))
     twin = copy.copy(effect)
     twin.valid_range = ranges

@@ -34,6 +34,7 @@ class Gravity(Effect):
     variable = 'position'
     role = CARRIES
     in_first_model = weight = gives_load = True
+    range_margins = {'position': math.inf}
     equation = '{A:+.4g}·cos(q) {B:+.4g}·sin(q)'
 
     @staticmethod
