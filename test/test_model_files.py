@@ -142,6 +142,17 @@ def test_a_missing_section_is_named(missing, tmp_path):
     refused(path, missing)
 
 
+def test_a_drive_that_nothing_has_measured_has_no_friction_and_drives_no_motor(tmp_path):
+    path = tmp_path / 'drive.yaml'
+    path.write_text(yaml.safe_dump({name: value for name, value in document().items() if name in (
+        'format', 'version', 'drive', 'joint')}))
+    model = FrictionModel.load(path)
+    assert not model.friction_known and not np.any(model.sigmoid([-1.0, 0.0, 1.0]))
+    with pytest.raises(InputError, match='nothing has measured the friction'):
+        check_for_motor(model)
+    assert not FrictionModel.from_dict(model.to_dict()).friction_known
+
+
 @pytest.mark.parametrize('content', [
     bytes(range(256)), b'\x00\x01\x02', b'\xff\xfe\xfd', b'', b'42\n', b'[1, 2]\n', b'a: &a [*a\n',
     b'made: 2001-99-99\n', b'[' * 5000, b'format: ' + b'9' * 5000,

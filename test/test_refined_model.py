@@ -134,6 +134,17 @@ def test_a_result_is_complete_when_it_is_made_and_leaves_the_given_model_as_it_i
     assert refined.to_dict() == result.model.to_dict()
 
 
+def test_refinement_of_a_drive_that_nothing_has_measured_starts_from_the_recording():
+    samples = swings(6)
+    samples = samples.with_(current=0.5 * np.tanh(samples.velocity / 0.01))
+    drive = FrictionModel(Drive(0.1, 100.0), Sigmoid(0.0, 0.0, 1.0), position_limits=(-1.0, 1.0))
+    result = refine([samples], drive)
+    plain = refine([samples], drive=Drive(0.1, 100.0))
+    assert result.report == plain.report
+    assert result.start.to_dict() == plain.start.to_dict()
+    assert result.model.position_limits == (-1.0, 1.0)
+
+
 def test_a_current_unrelated_to_the_motion_is_not_trusted():
     samples = swings(6)
     rng = np.random.default_rng(6)

@@ -172,6 +172,11 @@ class FrictionModel:
         return current, friction - self.sigmoid.line[0]
 
     @property
+    def friction_known(self) -> bool:
+        """Whether it has friction: the file of a drive that nothing has measured yet has none."""
+        return any(self.sigmoid.line) or bool(self.effects)
+
+    @property
     def settings(self) -> dict[str, Any]:
         """How velocity and acceleration are derived: as in the fit, else as `DEFAULT_SETTINGS`."""
         return dict(self.differentiation or DEFAULT_SETTINGS)
@@ -283,7 +288,8 @@ class FrictionModel:
         given = {name: value for name, value in document.items() if value is not None}
         return cls(
             drive=_section(Drive, given.get('drive'), 'drive'),
-            sigmoid=_sigmoid(given.get('sigmoid')),
+            sigmoid=(_sigmoid(given.get('sigmoid')) if given.keys() & _MEASURED
+                     else Sigmoid(0.0, 0.0, 1.0)),
             effects=[_effect(entry) for entry in check_list(given.get('effects'), 'effects')],
             joint=str(given.get('joint', '')),
             **{name: read(given[name]) for name, read in _OPTIONAL.items() if name in given})
@@ -338,6 +344,8 @@ def _lookup_table(section: Any) -> dict[str, list[float]]:
 
 
 _OF_BREAKAWAY = ('mean', 'std', 'position')
+# Sections of which any says that friction was measured: then Eq. 6 must not be missing.
+_MEASURED = {'sigmoid', 'breakaway', 'presliding', 'effects', 'lookup_table', 'recorded', 'arm'}
 _OF_EFFECT = ('name', 'variable', 'parameters', 'valid_range')
 _OPTIONAL: dict[str, Callable[[Any], Any]] = {
     'breakaway': _breakaway,

@@ -47,6 +47,9 @@ def check_for_motor(model: FrictionModel, joint: str = '', joints: Collection[st
     """
     if model.joint != joint and model.joint in joints:
         raise InputError(f"this is the model of joint '{model.joint}', not of '{joint}'")
+    if not model.friction_known:
+        raise InputError('it has no sigmoid: nothing has measured the friction of this drive yet. '
+                         'Identify the joint, or refine a recording of it, and give the new file')
     unit = unit_of(model)
     if unit not in (CURRENT, TORQUE):
         raise InputError(

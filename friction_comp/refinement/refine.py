@@ -71,7 +71,10 @@ def refine(recorded: Samples | Sequence[Samples], model: FrictionModel | None = 
         If the recordings cannot be used.
     """
     report_progress = progress or (lambda share, word: None)
-    origin = origin or Origin()
+    origin, limits = origin or Origin(), model and model.position_limits
+    if model and not model.friction_known:
+        # The file of a drive that nothing has measured yet.
+        drive, model = drive or model.drive, None
     declared = origin.declared
     if declared is None:
         declared = drive is not None or model is not None
@@ -110,7 +113,7 @@ def refine(recorded: Samples | Sequence[Samples], model: FrictionModel | None = 
     report = report_of(problem, fit, start, refined, origin)
     # A given model that is kept keeps what its file says of the recordings it was fitted to.
     known = None if refined.model is model else refined.model.recorded
-    written = replace(refined.model, recorded=known and replace(
+    written = replace(refined.model, position_limits=limits, recorded=known and replace(
         known, error=report.after.elsewhere_motion_rmse, sample_time=_longest_step(raw)), notes={
         **refined.model.notes, **origin.notes, 'unit': origin.unit, 'verdict': report.verdict,
         'reasons': [] if report.verdict == TRUST else report.reasons, 'assumed': report.assumed})
