@@ -167,6 +167,22 @@ def test_each_fault_is_reported_with_a_remedy(harm, about, words):
     assert all(finding.do for finding in found)
 
 
+@pytest.mark.parametrize('counts, said', [
+    (None, ''), (0.5, ''), (1.0, ''), (20.0, '20 times that of drive.encoder_counts')])
+def test_a_position_coarser_than_the_encoder_of_the_model_is_named(counts, said):
+    seen, drive = healthy(), MODEL.drive
+    if counts:
+        step = counts * drive.position_resolution
+        seen.states = replace(
+            seen.states, position=np.round(seen.states.position / step) * step)
+    found = [finding.what for finding in check_joint(seen, JOINT, MODEL)
+             if 'encoder_counts' in finding.what]
+    assert len(found) == bool(said)
+    assert said in ' '.join(found)
+    # A constant velocity has equal changes, whatever the encoder.
+    assert not drive.encoder_fault(0.0123 * np.arange(1000))
+
+
 def test_a_current_against_the_motion_is_a_problem_before_any_model_is_compared():
     seen = healthy()
     seen.states = states(share=-1.0)

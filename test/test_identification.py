@@ -312,6 +312,19 @@ def test_presliding_of_an_encoder_coarser_than_stated_is_not_made_up():
     model.drive = replace(model.drive, encoder_counts=4000)
     run, _, _ = identify(model, IdentificationGoal(**QUICK), alter=measured)
     assert run.result().presliding is None
+    assert 'these seem to be about 200 per motor turn' in ' '.join(run.result().warnings)
+
+
+def test_at_the_lowest_rate_the_documented_speeds_are_driven_and_what_is_too_short_is_said():
+    model = note_model(1)
+    goal = IdentificationGoal(speeds=[0.17, 0.7, 1.7], motion_range=0.5, breakaway_cycles=1)
+    run, _, _ = identify(model, goal, Plant([model], seed=1, sample_time=0.01))
+    result = run.result()
+    assert result.speeds[-1] == pytest.approx(1.7, rel=0.05)
+    assert result.currents == pytest.approx(model.sigmoid(result.speeds), rel=0.05)
+    narrow = replace(goal, motion_range=0.4)
+    assert 'widen motion_range to 0.46 rad' in narrow.too_short(1.7, 0.01)
+    assert not replace(goal, motion_range=0.46).too_short(1.7, 0.01)
 
 
 def test_goal_drops_signs_and_repeats():

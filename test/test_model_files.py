@@ -147,7 +147,8 @@ def test_a_drive_that_nothing_has_measured_has_no_friction_and_drives_no_motor(t
     path.write_text(yaml.safe_dump({name: value for name, value in document().items() if name in (
         'format', 'version', 'drive', 'joint')}))
     model = FrictionModel.load(path)
-    assert not model.friction_known and not np.any(model.sigmoid([-1.0, 0.0, 1.0]))
+    assert not model.friction_known
+    assert not np.any(model.sigmoid([-1.0, 0.0, 1.0]))
     with pytest.raises(InputError, match='nothing has measured the friction'):
         check_for_motor(model)
     assert not FrictionModel.from_dict(model.to_dict()).friction_known

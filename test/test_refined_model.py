@@ -136,7 +136,8 @@ def test_a_result_is_complete_when_it_is_made_and_leaves_the_given_model_as_it_i
 
 def test_refinement_of_a_drive_that_nothing_has_measured_starts_from_the_recording():
     samples = swings(6)
-    samples = samples.with_(current=0.5 * np.tanh(samples.velocity / 0.01))
+    samples = samples.with_(current=0.5 * np.tanh(samples.velocity / 0.01)
+                            + 0.01 * np.sin(np.arange(len(samples))))
     drive = FrictionModel(Drive(0.1, 100.0), Sigmoid(0.0, 0.0, 1.0), position_limits=(-1.0, 1.0))
     result = refine([samples], drive)
     plain = refine([samples], drive=Drive(0.1, 100.0))

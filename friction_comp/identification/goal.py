@@ -15,7 +15,7 @@ from friction_comp.checks import check_number, check_whole_number
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.identification.breakaway import BreakawayRecords
-from friction_comp.identification.kinetic import KineticPoint, LARGEST_SPEED
+from friction_comp.identification.kinetic import KineticPoint, LARGEST_SPEED, shortest_cycle
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.measured import Breakaway, Presliding
 from friction_comp.model.sigmoid import Sigmoid
@@ -126,6 +126,15 @@ class IdentificationGoal(MotionGoal):
         """Return duration T in s and width in rad of the cycle at a speed (Eq. 5)."""
         width = min(_USED_SHARE * self.motion_range, 0.4 * speed * self.longest_cycle)
         return 2.5 * width / speed, width
+
+    def too_short(self, speed: float, step: float) -> str:
+        """Return why a cycle has too few samples, one every `step`, s; '' if it has enough."""
+        (duration, width), shortest = self.cycle(speed), shortest_cycle(step)
+        if duration >= shortest:
+            return ''
+        wider = self.motion_range * shortest / duration
+        return (f'within {width:.2g} rad it is over too soon for states at {1.0 / step:.0f} Hz: '
+                f'widen motion_range to {wider + 0.005:.2f} rad')
 
 
 @dataclass(frozen=True)

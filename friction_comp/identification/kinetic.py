@@ -24,6 +24,8 @@ LARGEST_SPEED = math.radians(100.0)
 """Bound on |ω_c| in Eq. 5, rad/s."""
 SETTLING = 0.25
 """Time in s at the beginning of a constant-velocity phase that is not used."""
+FEWEST_SAMPLES = 6
+"""Of a constant-velocity phase, for an average."""
 
 
 def cycle_velocity(time: float, speed: float, cycle_time: float) -> float:
@@ -95,6 +97,16 @@ def constant_velocity_windows(cycle_time: float, settling: float = 0.0
             (0.6 * cycle_time + skipped, 0.9 * cycle_time))
 
 
+def shortest_cycle(step: float) -> float:
+    """Return the shortest cycle of Eq. 3, s, in which samples every `step`, s, suffice.
+
+    A fifth more than `FEWEST_SAMPLES`, as they may come unevenly.
+    """
+    needed = 1.2 * FEWEST_SAMPLES * step
+    # As in `constant_velocity_windows`: without `SETTLING`, or 60 % of the phase.
+    return min(needed / 0.12, (needed + SETTLING) / 0.3)
+
+
 class Sample(NamedTuple):
     """What a motion is told of its joint at a time: s, rad and A; current is NaN if unknown."""
 
@@ -145,7 +157,7 @@ def constant_velocity_currents(time: ArrayLike, position: ArrayLike, current: Ar
     for sign, (begin, end) in zip((1.0, -1.0), constant_velocity_windows(cycle_time, SETTLING)):
         chosen = (time >= begin) & (time <= end)
         count = int(np.sum(chosen))
-        if count < 10:
+        if count < FEWEST_SAMPLES:
             raise InputError(
                 f'speed {sign * speed:g} rad/s: {count} samples of the constant-velocity phase are '
                 'too few to average')

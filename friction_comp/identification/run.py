@@ -125,6 +125,7 @@ class IdentificationRun(SupervisedRun):
     def _movements(self) -> Generator[float, Sample, None]:
         self._check_accelerations()
         yield from self._velocities(self._to_drive, self.cycles)
+        self.warnings += filter(None, [self.supervision.encoder_fault()])
         if len(self.cycles) < 2:
             raise IdentificationError('too few speeds could be held: ' + '; '.join(self.warnings))
         # Directions alternate in pairs of ramps: a gear yields less after a slide in the ramp's own
@@ -155,19 +156,19 @@ class IdentificationRun(SupervisedRun):
             if needed > 0.9 * self.drive.current_limit:
                 raise IdentificationError(
                     f'{speed:g} rad/s within {self.goal.motion_range:g} rad would take about '
-                    f'{self.say(needed)} to accelerate, the current limit is '
+                    f'{self.say(needed)} to accelerate, more than 90 % of the current limit of '
                     f'{self.say(self.drive.current_limit)}: lower the speed or widen the range')
 
     def _velocities(self, speeds: list[float], driven: list[Cycle]
                     ) -> Generator[float, Sample, None]:
         """Drive each speed, add its cycle to `driven`, and take the speed off the list."""
         while speeds:
-            best = yield from self._constant_velocity(speeds[0])
+            why = self.goal.too_short(speeds[0], self.supervision.step)
+            best = None if why else (yield from self._constant_velocity(speeds[0]))
             speed = speeds.pop(0)
             if best is None:
-                self.warnings.append(
-                    f'{speed:g} rad/s left out: stick-slip, or the joint oscillates'
-                    + self._why_slow())
+                why = why or f'stick-slip, or the joint oscillates{self._why_slow()}'
+                self.warnings.append(f'{speed:g} rad/s left out: {why}')
                 continue
             driven.append(best)
             if driven is self.cycles:

@@ -15,6 +15,8 @@ from collections import deque
 from collections.abc import Callable, Sequence
 import math
 
+import numpy as np
+
 from friction_comp.drive import Drive
 from friction_comp.identification.goal import IdentificationError
 from friction_comp.identification.kinetic import KineticPoint
@@ -33,6 +35,8 @@ LEAST_SHARE = 0.02
 """Smallest commanded current that is compared, as a share of one that breaks the joint free."""
 # Samples from which the time between them is known.
 _SAMPLES = 20
+# Different positions, the first ones, that are compared with the encoder.
+_PLACES = 400
 # Time in s over which arrivals are compared.
 _LATELY = 1.0
 # Longest step between samples that is integrated, s.
@@ -85,6 +89,7 @@ class Supervision:
         self._first, self._count = math.nan, 0
         self._resolution = drive.position_resolution or 1e-6
         self._last: tuple[float, float] | None = None
+        self._places = [math.nan]   # rad, each other than that before
         self._currents = CurrentCheck()
         self._velocities = VelocityCheck(_FACTOR, resolution=self._resolution, zeros=True)
         self._window: deque[tuple[float, float]] = deque(maxlen=10)
@@ -102,6 +107,8 @@ class Supervision:
         step = time - self._last[0]
         if step <= 0.0:
             return
+        if position != self._places[-1] and len(self._places) < _PLACES:
+            self._places.append(position)
         self._last = time, position
         self._count += 1
         if self._count > _SAMPLES:
@@ -116,6 +123,10 @@ class Supervision:
             raise IdentificationError(fault)
         if friction is not None and math.isfinite(acceleration):
             self._expect_motion(step, time, position, (command, current), friction, acceleration)
+
+    def encoder_fault(self) -> str:
+        """Return what is wrong with the drive's `encoder_counts`, '' if nothing is."""
+        return self._drive.encoder_fault(np.array(self._places)[1:])
 
     # The measured current must be the commanded one.
 
@@ -270,7 +281,8 @@ class Supervision:
             self._refuse_late(self._currents.answer())
             raise IdentificationError(
                 f'the joint does not move at {self._say(command)}, although less current broke it '
-                'free before: it is blocked, at a stop or held, or the encoder is stuck')
+                'free before: it is blocked, at a stop or held, or the encoder is stuck, or '
+                'coarser than encoder_counts')
         self._begin_answer(time, position, sign)
 
 

@@ -301,8 +301,15 @@ def check_joint(seen: Observation, joint: str, model: FrictionModel) -> list[Fin
     states = states.of_joint(joint)
     if seen.effort_is_current:
         states = replace(states, effort=states.effort * model.drive.torque_per_current)
-    return [*_check_current(seen, states, joint, model), *_check_fit(
-        seen, joint, model, _rows(states, seen.load.get(joint), model))]
+    return [*_check_encoder(states, joint, model), *_check_current(seen, states, joint, model),
+            *_check_fit(seen, joint, model, states.rows(
+                seen.load.get(joint), model.drive.torque_per_current))]
+
+
+def _check_encoder(states: StatesSeen, joint: str, model: FrictionModel) -> Iterator[Finding]:
+    if fault := model.drive.encoder_fault(states.position[:, 0]):
+        yield Finding(WARNING, joint, fault, 'set drive.encoder_counts in the model file to what '
+                      'the position shows: it decides how fast the compensator follows')
 
 
 def _check_current(seen: Observation, states: StatesSeen, joint: str, model: FrictionModel
@@ -379,18 +386,3 @@ def _check_fit(seen: Observation, joint: str, model: FrictionModel, rows: np.nda
     elif verdict.fits:
         level, do = OK, ''
     return [sign, Finding(level, joint, residual.blind or verdict.text, do)]
-
-
-def _rows(states: StatesSeen, measured_load: np.ndarray | None, model: FrictionModel) -> np.ndarray:
-    """Return the measurements of one joint as rows for `LiveResidual`, shape (N, 6)."""
-    time = states.stamp if states.stamp.any() else states.received
-    load = temperature = np.full(len(time), np.nan)
-    if measured_load is not None and len(measured_load) > 1:
-        load = np.interp(states.received, measured_load[:, 0], measured_load[:, 1])
-    position, velocity = states.position[:, 0], states.velocity[:, 0]
-    if not np.isfinite(velocity).all():
-        velocity = np.gradient(position, time)
-    order = np.argsort(time, kind='stable')
-    return np.column_stack((
-        time, position, velocity, states.effort[:, 0] / model.drive.torque_per_current, load,
-        temperature))[order]

@@ -70,6 +70,19 @@ class StatesSeen:
             [joint], self.received[rows], self.stamp[rows], self.position[rows, column],
             self.velocity[rows, column], self.effort[rows, column], self.twice)
 
+    def rows(self, measured_load: np.ndarray | None, torque_per_current: float) -> np.ndarray:
+        """Return the measurements of the first joint as rows for `LiveResidual`, shape (N, 6)."""
+        time = self.stamp if self.stamp.any() else self.received
+        load = temperature = np.full(len(time), np.nan)
+        if measured_load is not None and len(measured_load) > 1:
+            load = np.interp(self.received, measured_load[:, 0], measured_load[:, 1])
+        position, velocity = self.position[:, 0], self.velocity[:, 0]
+        if not np.isfinite(velocity).all():
+            velocity = np.gradient(position, time)
+        order = np.argsort(time, kind='stable')
+        return np.column_stack((time, position, velocity, self.effort[:, 0] / torque_per_current,
+                                load, temperature))[order]
+
 
 @dataclass
 class Observation:
