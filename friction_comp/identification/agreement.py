@@ -208,7 +208,8 @@ def check_positions(first: Sequence[Cycle], again: Sequence[Cycle]) -> list[str]
     for part, (what, then) in enumerate((
             ('friction', 'the look-up table has means over the range driven, breakaway is nearer '
              'to the peaks in its middle; in other places, either may differ by more'),
-            ('the load', 'gravity, a spring or cogging, which are no part of the model'))):
+            ('the load', 'gravity, a spring or cogging, which are no part of the model: add them '
+             'with refine, since compensated friction no longer holds a weight'))):
         one, other = (profile[part] for profile in profiles)
         known = np.isfinite(one) & np.isfinite(other)
         if np.sum(known) < _RANGES // 2:

@@ -185,7 +185,7 @@ class SupervisedRun(ControllerTuning, ABC):
         low, high = self._bounds()
         place, speed = self._aim
         if not low <= place <= high:
-            return ''
+            return ': a weight, a spring or a person moves it' if math.isnan(place) else ''
         return (f': at {speed:.3g} rad/s, it went {abs(position - place):.2g} rad beyond its '
                 'reference. If nobody pushed it, it swings, as one with an elastic or heavy link: '
                 'request lower speeds, or widen motion_range')

@@ -281,8 +281,8 @@ class Supervision:
             self._refuse_late(self._currents.answer())
             raise IdentificationError(
                 f'the joint does not move at {self._say(command)}, although less current broke it '
-                'free before: it is blocked, at a stop or held, or the encoder is stuck, or '
-                'coarser than encoder_counts')
+                'free before: it is blocked, at a stop or held, as by a weight, or the encoder is '
+                'stuck, or coarser than encoder_counts')
         self._begin_answer(time, position, sign)
 
 
@@ -330,5 +330,7 @@ def check_load(points: Sequence[KineticPoint], breakaway: tuple[float, float], s
         more = 2.0 * max(shift, sliding, key=abs)
         return '', (f'the {"positive" if more > 0.0 else "negative"} direction needs '
                     f'{say(abs(more))} more than the other: gravity or a spring, friction that '
-                    'differs, or somebody leant on the joint')
+                    'differs, or somebody leant on the joint. If it is a weight, add it to the '
+                    'model with refine before people let go: compensated friction holds it no '
+                    'longer')
     return '', ''
