@@ -38,6 +38,7 @@ class Problem:
     drive: Drive
     declared: bool  # whether torque constant and gear ratio are known
     model: FrictionModel | None  # the initial one
+    linear: bool = False  # whether positions are in m
 
 
 @dataclass(frozen=True)
@@ -100,7 +101,8 @@ def without_lag(settings: dict[str, Any]) -> dict[str, Any]:
 def fit_eq6_alone(problem: Problem, settings: dict[str, Any]) -> Fit:
     """Fit Eq. 6 to the recordings, without effects and without a lag."""
     settings = without_lag(settings)
-    rows, settings = prepare(problem.raw, problem.drive, settings, problem.declared)
+    rows, settings = prepare(
+        problem.raw, problem.drive, settings, problem.declared, problem.linear)
     table = Table(rows, 2.0 / rows.coverage.transition)
     table.fit_transition([])
     return Fit(table, [], 0, settings, [])
@@ -190,7 +192,8 @@ def search_with(problem: Problem, settings: dict[str, Any] | None = None,
     The search begins with the terms of the initial model and those of `begin`, or with each of
     `EffectSearch.starts`. In the comparison, each term costs `LEAST_SHARE` of the error.
     """
-    rows, settings = prepare(problem.raw, problem.drive, settings, problem.declared)
+    rows, settings = prepare(
+        problem.raw, problem.drive, settings, problem.declared, problem.linear)
     model = problem.model
     start = model.sigmoid if model else Sigmoid(1.0, -1.0, 2.0 / rows.coverage.transition)
     table = Table(rows, start.steepness, start.shift)

@@ -131,6 +131,10 @@ _FINDINGS = {
         IN_PART, '{load} hardly varied, {low:.3g} to {high:.3g} N·m: friction and offset that '
         'depend on it cannot be told from those that do not, and hold at such loads only.',
         'record several loads, and none'),
+    'impossible_friction': (
+        AGAIN, 'Coulomb friction would be {value:.3g} A, more than the largest current, '
+        '{largest:.3g} A: other terms cancel it, and none of them is that of the drive.',
+        'more speeds in both directions, with a joint that slides'),
     'negative_friction': (
         IN_PART, 'The straight line through friction has {name} below zero, {value:.3g}, '
         'which no drive has: neither its Coulomb nor its viscous friction is that of the drive.',

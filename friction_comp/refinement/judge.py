@@ -270,12 +270,15 @@ def findings(fit: Fit, raw: Samples, after: Errors, growth: dict[str, float],
         yield finding('written', error=after.fit_rmse, fitted=fitted)
 
 
-def findings_on_numbers(friction: FrictionNumbers, error: float = math.inf) -> Iterator[Finding]:
+def findings_on_numbers(friction: FrictionNumbers, error: float = math.inf,
+                        largest: float = math.inf) -> Iterator[Finding]:
     """Yield numbers that no drive has, and those of which half the interval is a large part.
 
     One that may be zero, or larger than the held-out `error` of the current by which it was chosen,
-    is not known at all.
+    is not known at all. `largest` is the largest current of the recordings.
     """
+    if friction.coulomb > largest:
+        yield finding('impossible_friction', value=friction.coulomb, largest=largest)
     names = {'coulomb': 'Coulomb friction', 'viscous': 'viscous friction', 'inertia': 'inertia'}
     wide = []
     for name, said in names.items():
@@ -333,7 +336,8 @@ def findings_on_recording(rows: Rows, raw: Samples) -> Iterator[Finding]:
     if lost := lost_rows(raw.time, raw.position, raw.position_step):
         yield finding('lost_rows', percent=100.0 * lost)
     coarse = too_coarse(coverage)
-    if coarse and coverage.speed < STANDSTILL:
+    if coarse and (coverage.speed < STANDSTILL
+                   or coverage.distinct_positions < thresholds.FEWEST_STEPS):
         yield finding('hardly_moved', steps=coverage.distinct_positions, speed=coverage.speed)
     elif coarse:
         yield finding('coarse', reason=coarse)

@@ -200,10 +200,11 @@ def thinned(start: np.ndarray) -> np.ndarray:
 
 
 def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = None,
-            declared: bool = True) -> tuple[Rows, dict[str, Any]]:
+            declared: bool = True, linear: bool = False) -> tuple[Rows, dict[str, Any]]:
     """Return the rows that effects are fitted to, and the settings, chosen when omitted.
 
-    `samples` are joined; `declared` says that torque constant and gear ratio are known.
+    `samples` are joined; `declared` says that torque constant and gear ratio are known, `linear`
+    that positions are in m.
     """
     at_limit = clipped(samples.current)
     # Their neighbours are below the limit if their noise is: a fit to these alone would be bent.
@@ -229,7 +230,7 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
             'is; 1 for both gives friction in N·m')
         raise InputError('the current is zero throughout the motion: there is no friction to fit'
                          + why)
-    coverage = coverage_of(moved, usable, slowest, samples)
+    coverage = replace(coverage_of(moved, usable, slowest, samples), linear=linear)
     # Rigid bodies are the same in all postures.
     unknown = motion if samples.rigid_body is None else None
     region = regions_of(unknown[0][start]) if unknown else np.zeros_like(block)

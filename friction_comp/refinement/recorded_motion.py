@@ -187,7 +187,8 @@ def in_motion(samples: Samples, unusable: np.ndarray, slowest: float,
             ('the current is zero in nearly all motion of the recordings, where the motor has to '
              'move the joint (where a hand moves it, its torque may be the effort): ' if idle else
              'the current is at a limit in nearly all motion of the recordings: '
-             if limited else 'the joint hardly moves in the recordings: ')
+             if limited else 'the joint hardly moves in the recordings: '
+             if np.mean(still) > 0.5 else 'the recordings are short: ')
             + f'{int(moving.sum())} samples of motion are too few')
     return moving
 

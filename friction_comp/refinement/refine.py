@@ -82,7 +82,8 @@ def refine(recorded: Samples | Sequence[Samples], model: FrictionModel | None = 
     origin = replace(origin, unit=unit or origin.unit or ('A' if declared else 'N·m'))
     samples, late = _without_late_velocity(join(recorded), model)
     origin = replace(origin, warnings=[*origin.warnings, *late])
-    problem = Problem(samples, drive, declared, model)
+    problem = Problem(samples, drive, declared, model,
+                      linear=origin.unit == 'N' or 'position_unit' in origin.notes)
     fit = find_best_fit(problem)
     report_progress(0.6, 'repeating the search on resampled parts')
     fit = select_named(fit)
@@ -141,7 +142,10 @@ def _without_late_velocity(samples: Samples, model: FrictionModel | None
     note = f'The recorded velocity is {1e3 * delay:.2g} ms later than the position'
     if needed:
         return samples, [f'{note}: inertia is too large by viscous friction times this.']
-    return samples.with_(velocity=None), [f'{note}, as after a filter: it is not used.']
+    # No filter is that late: noise hides another unit.
+    return samples.with_(velocity=None), [
+        (f'{note}, as after a filter' if delay <= thresholds.LONGEST_LAG else
+         'The recorded velocity is not the slope of the position') + ': it is not used.']
 
 
 def select_named(fit: Fit) -> Fit:

@@ -85,7 +85,8 @@ def report_of(problem: Problem, fit: Fit, start: Predicted, refined: Predicted, 
         notes.append(finding('breakaway_taken_along', factor=(
             (now.positive_mean - now.negative_mean) / (old.positive_mean - old.negative_mean))))
     verdict = verdict_of([
-        *judge.findings_on_numbers(friction, errors.held_out_rmse), *judge.findings(
+        *judge.findings_on_numbers(
+            friction, errors.held_out_rmse, float(np.abs(raw.current).max())), *judge.findings(
             fit, raw, errors, tested, noise, dependences, open_questions, between), *notes], unit)
     return RefinementReport(
         unit=unit, joint=model.joint, samples=len(raw), samples_in_motion=int(rows.usable.sum()),

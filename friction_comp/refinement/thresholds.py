@@ -104,6 +104,8 @@ SAME_LOAD = Threshold(
     0.02, 'of -1/(k_t·n)', 'if the load coefficient deviates by more, the torque constant is wrong')
 ONE_LOAD = Threshold(
     1.5, 'times', 'the smallest load: what it does cannot be told from offset and friction below')
+FEWEST_STEPS = Threshold(
+    10, 'positions', 'of the encoder: between fewer, no velocity is known')
 UNCERTAIN = Threshold(
     0.2, 'of a number', 'half an interval that is larger is said in words')
 WRITTEN_ERROR = Threshold(

@@ -54,6 +54,7 @@ class Coverage:
     temperature_span: float = math.inf        # range of the motor temperature, K
     median_speed: float = math.inf     # median of the speed while moving, rad/s
     speed_spread: float = math.inf    # its standard deviation as a share of its mean
+    linear: bool = False              # whether positions are in m
 
     @property
     def span(self) -> float:

@@ -48,6 +48,8 @@ class Gravity(Effect):
 
     @classmethod
     def insufficient_data(cls, coverage: Coverage) -> str:
+        if coverage.linear:
+            return 'The axis is linear: what a weight holds is part of the offset.'
         if coverage.span >= 0.5:
             return ''
         return (f'Position covered {coverage.span:.3g} rad only: offset and spring contain what '
