@@ -5,17 +5,19 @@
 
 from dataclasses import FrozenInstanceError
 import pickle
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from test_prepare import swings
 
 from friction_comp.drive import Drive
+from friction_comp.errors import InputError
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.measured import Breakaway
 from friction_comp.model.sigmoid import Sigmoid
-from friction_comp.refinement import Origin, refine
+from friction_comp.refinement import judge, Origin, refine
 from friction_comp.refinement.dependence import remaining_dependences
 from friction_comp.refinement.findings import (
     AGAIN,
@@ -28,7 +30,7 @@ from friction_comp.refinement.findings import (
 )
 from friction_comp.refinement.judge import noise_floor
 from friction_comp.refinement.prepare import prepare
-from friction_comp.samples import JointStates
+from friction_comp.samples import JointStates, Samples
 from friction_comp.statistics import rms
 
 RAW = {'method': 'zero-phase Butterworth', 'source': 'velocity', 'bandwidth': None}
@@ -144,6 +146,46 @@ def test_refinement_of_a_drive_that_nothing_has_measured_starts_from_the_recordi
     assert result.report == plain.report
     assert result.start.to_dict() == plain.start.to_dict()
     assert result.model.position_limits == (-1.0, 1.0)
+
+
+def test_friction_of_more_than_the_largest_current_is_not_that_of_the_drive():
+    numbers = SimpleNamespace(coulomb=2.7, viscous=-280.0, inertia=None, intervals={})
+    for largest, found in ((0.012, True), (3.0, False)):
+        said = {one.code: one.grade for one in judge.findings_on_numbers(numbers, 0.01, largest)}
+        assert said.get('impossible_friction') == (AGAIN if found else None)
+
+
+def test_a_joint_that_bent_over_a_few_steps_has_not_slid_however_fast_its_steps_come():
+    # Seven steps of 0.6 mrad in a tenth of a second each way, as of a torque that bends a gear.
+    time = np.arange(0.0, 20.0, 0.001)
+    bent = 0.0019 * np.sin(10.0 * time)
+    steps = 6.3e-4 * np.round(bent / 6.3e-4)
+    noise = 1e-4 * np.random.default_rng(1).standard_normal(time.size)
+    report = refine(Samples(time=time, position=steps, current=6.0 * bent + noise)).report
+    assert report.verdict == AGAIN
+    assert 'hardly_moved' in {one.code for one in report.findings}
+
+
+def test_a_linear_axis_has_no_weight_once_a_turn():
+    samples = swings(6)
+    samples = samples.with_(current=samples.current + 0.4 * np.sin(samples.position))
+    for unit, found in (('N·m', True), ('N', False)):
+        report = refine([samples], unit=unit).report
+        assert ('gravity' in {effect.name for effect in report.effects}) == found
+
+
+def test_a_recording_of_few_rows_is_called_short_and_not_at_rest():
+    samples = swings(6)
+    moving = np.flatnonzero(np.abs(samples.velocity) > 0.1)
+    with pytest.raises(InputError, match='the recordings are short: '):
+        refine([samples.take(slice(moving[0], moving[0] + 205))])
+
+
+def test_a_velocity_that_noise_hides_the_unit_of_is_no_late_one():
+    samples = swings(6)
+    noise = 30.0 * np.random.default_rng(2).standard_normal(len(samples))
+    report = refine([samples.with_(velocity=360.0 * samples.velocity + noise)]).report
+    assert not any('ms later than the position' in one for one in report.warnings)
 
 
 def test_a_current_unrelated_to_the_motion_is_not_trusted():
