@@ -183,7 +183,7 @@ def test_a_recording_of_few_rows_is_called_short_and_not_at_rest():
 
 @pytest.mark.parametrize('late, said', [
     (5, 'ms later than the position, as after a filter'),
-    (40, 'velocity is not the slope of the position')])
+    (20, 'velocity is not the slope of the position')])
 def test_a_velocity_that_no_filter_would_delay_so_is_not_called_late(late, said):
     samples = swings(6)
     warnings = refine([samples.with_(velocity=np.roll(samples.velocity, late))]).report.warnings
