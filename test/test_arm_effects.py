@@ -11,8 +11,7 @@ import pytest
 
 from friction_comp.arm.whole_arm import refine_arm
 from friction_comp.compensation.law import CompensationLaw
-from friction_comp.files import write_yaml
-from friction_comp.model.arm_file import arm_document
+from friction_comp.model.arm_file import write_arm
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.statistics import rms
 
@@ -95,8 +94,7 @@ def differential(q, v, a):
 def test_friction_between_joints_is_named_beside_the_links_and_written(urdf, tmp_path):
     result = refined(urdf, differential, LIFT, BEND)
     assert weights(result) == pytest.approx(true_weights(), rel=0.05)
-    write_yaml(tmp_path / 'model.yaml', arm_document(
-        {name: one.model.to_dict() for name, one in result.results.items()}))
+    write_arm(tmp_path / 'model.yaml', {name: one.model for name, one in result.results.items()})
     models = [FrictionModel.load(tmp_path / 'model.yaml', name) for name in ('lift', 'bend')]
     for joint, model in zip((LIFT, BEND), models):
         coulomb, viscous = found(result, joint)['friction_between']['coefficients']

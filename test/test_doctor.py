@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from friction_comp.__main__ import main
-from friction_comp.files import write_yaml
-from friction_comp.model.arm_file import arm_document
+from friction_comp.model.arm_file import write_arm
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.monitoring.checkup import check_joint, check_system
@@ -249,8 +248,8 @@ def compensated(share):
 
 def test_a_joint_of_the_compensator_is_read_from_the_file_of_a_whole_arm(tmp_path):
     seen = compensated(1.0)
-    write_yaml(tmp_path / 'arm.yaml', arm_document(
-        {name: {**MODEL.to_dict(), 'joint': name} for name in (JOINT, 'wrist')}))
+    write_arm(tmp_path / 'arm.yaml',
+              {name: replace(MODEL, joint=name) for name in (JOINT, 'wrist')})
     seen.parameters['/compensator']['model_files'] = [str(tmp_path / 'arm.yaml')]
     found = doctor._check_models(seen, [])
     assert {finding.level for finding in found} <= {'ok', 'note'}

@@ -21,8 +21,7 @@ from friction_comp.evaluation.conditions import evaluate
 from friction_comp.evaluation.ensemble import Ensemble
 from friction_comp.evaluation.movements import spectral_arc_length
 from friction_comp.evaluation.sessions import evaluate_pieces, evaluate_recordings, pieces_of
-from friction_comp.files import write_yaml
-from friction_comp.model.arm_file import arm_document
+from friction_comp.model.arm_file import write_arm
 from friction_comp.recordings import read_recording_with_info, RecordingInfo, write_samples
 from friction_comp.recordings.activity import Activity
 from friction_comp.recordings.reader import stream_recording_with_info
@@ -238,9 +237,9 @@ def test_each_joint_is_evaluated_and_compared_with_its_own_model(tmp_path, capsy
     joints = [trial([peak] * 4).with_(joint=joint)
               for joint, peak in (('elbow', 1.0), ('wrist', 0.5), ('grip', 1.0))]
     write_samples(tmp_path / 'r', joints)
-    models = {joint: replace(note_model(number), joint=joint).to_dict()
+    models = {joint: replace(note_model(number), joint=joint)
               for joint, number in (('elbow', 1), ('wrist', 2))}
-    write_yaml(tmp_path / 'arm.yaml', arm_document(models))
+    write_arm(tmp_path / 'arm.yaml', models)
     assert run('evaluate', [str(tmp_path / 'r'), '--model', str(tmp_path / 'arm.yaml'),
                             '--output', str(tmp_path / 'out')]) == 0
     assert 'left out: ' in capsys.readouterr().out

@@ -20,8 +20,7 @@ from ros_system import Goals, joint_state, MODELS, own_domain, probe_node, RELIA
 from sensor_msgs.msg import JointState
 
 from friction_comp.errors import InputError
-from friction_comp.files import write_yaml
-from friction_comp.model.arm_file import arm_document
+from friction_comp.model.arm_file import write_arm
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.monitoring.live_residual import JointWatch
 from friction_comp.nodes.live_signals import LiveSignals
@@ -256,8 +255,7 @@ def test_the_client_is_told_when_the_node_is_stopped(tmp_path):
 def test_a_joint_of_an_arm_file_is_watched_with_its_own_model(tmp_path):
     models = [FrictionModel.load(path) for path in MODELS[:2]]
     path = tmp_path / 'arm.yaml'
-    write_yaml(path, arm_document({
-        joint: model.to_dict() for joint, model in zip((JOINT, 'wrist'), models)}))
+    write_arm(path, dict(zip((JOINT, 'wrist'), models)))
     watch = JointWatch(0.25, 'wrist', MODELS[0])
     watch.use(str(path))
     assert watch.residual.model.sigmoid == models[1].sigmoid

@@ -127,7 +127,7 @@ def joints(path):
     found = []
     for joint, file in zip(JOINTS, FILES):
         drive = FrictionModel.load(file).drive
-        found += read_recording_with_info(path, joint, drive.torque_constant, drive.gear_ratio)
+        found += read_recording_with_info(path, joint, drive.torque_per_current)
     return found
 
 

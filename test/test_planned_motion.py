@@ -12,8 +12,7 @@ from table_maker import write
 from friction_comp.__main__ import run
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.files import write_yaml
-from friction_comp.model.arm_file import arm_document
+from friction_comp.model.arm_file import write_arm
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.measured import Recorded, signals_read
@@ -170,8 +169,7 @@ def test_the_range_of_a_signal_counts_where_a_term_depends_on_its_value():
 
 def test_a_plan_of_an_arm_gives_the_torque_of_each_joint(tmp_path):
     other = replace(MODEL, joint='wrist', sigmoid=Sigmoid(0.05, -0.05, 200.0), effects=[])
-    write_yaml(tmp_path / 'arm.yaml', arm_document(
-        {model.joint: model.to_dict() for model in (MODEL, other)}))
+    write_arm(tmp_path / 'arm.yaml', {model.joint: model for model in (MODEL, other)})
     time, q, *_ = motion()
     _, q2, v2, _ = motion(phase=1.0)
     rows = predicted(tmp_path, 'arm.yaml', **{

@@ -21,8 +21,8 @@ import pytest
 
 from friction_comp.__main__ import main, run
 from friction_comp.errors import InputError
-from friction_comp.files import check_file, check_folder, write_atomically, write_yaml
-from friction_comp.model.arm_file import arm_document
+from friction_comp.files import check_file, check_folder, write_atomically
+from friction_comp.model.arm_file import write_arm
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.recordings import write_samples
 from friction_comp.results import output_folder
@@ -231,8 +231,7 @@ def test_one_constant_of_the_drive_is_not_enough(swinging, refuses):
     ('export', ['--to', 'urdf', '--joint', 'knee']), ('history', ['--joint', 'knee']),
     ('excite', ['--joint', 'knee', '--position', -1, 1, '--velocity', 1, '--acceleration', 5])])
 def test_of_the_file_of_an_arm_the_joint_is_used_that_was_named(swinging, refuses, tool, arguments):
-    write_yaml(swinging / 'arm.yaml', arm_document(
-        {joint: FrictionModel.load(MODEL).to_dict() for joint in ('elbow', 'wrist')}))
+    write_arm(swinging / 'arm.yaml', dict.fromkeys(('elbow', 'wrist'), FrictionModel.load(MODEL)))
     path = [swinging / 'arm.yaml'] if tool != 'excite' else ['--model', swinging / 'arm.yaml']
     refuses("arm.yaml: no joint 'knee' in it, but 'elbow', 'wrist'", tool, *path, *arguments)
 

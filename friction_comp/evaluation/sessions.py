@@ -110,14 +110,13 @@ def _measure_piece(piece: Piece, model: str | Path | None, seconds: float) -> Me
     if model is not None:
         friction = FrictionModel.load(model, piece.joint)
         friction.check_joint(piece.joint, model)
-    constants = (1.0, 1.0) if friction is None else (
-        friction.drive.torque_constant, friction.drive.gear_ratio)
+    gain = 1.0 if friction is None else friction.drive.torque_per_current
     measured = MeasuredJoint('')
     notes = measured.notes
     buffer: Samples | None = None
     cut = -math.inf     # end of the last movement measured
     for part, info in stream_recording_with_info(
-            path, piece.joint, *constants, seconds=seconds, layout=piece.layout):
+            path, piece.joint, gain, seconds, layout=piece.layout):
         notes.extend(text for note in info.notes if (text := f'{path}: {note}') not in notes)
         at_end = not len(part)
         if not at_end:

@@ -4,29 +4,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from friction_comp.checks import check_document, check_mapping, one_of
+from friction_comp.files import write_yaml
 
 FORMAT, VERSION = 'friction_comp_arm', 1
 
 
-def arm_document(models: dict[str, dict[str, Any]]) -> dict[str, Any]:
-    """Return the document of a whole arm, from the document of each joint.
+def write_arm(path: str | Path, models: Mapping[str, Any]) -> None:
+    """Write the file of a whole arm, from the `FrictionModel` of each joint.
 
     The links of the arm, which are the same in all of them, are written once. Of an arm with links,
     only friction that turns with two joints is one joint's own.
     """
-    shared = [model['arm'] for model in models.values() if 'links' in model.get('arm', {})]
+    documents = {name: model.to_dict() for name, model in models.items()}
+    shared = [model['arm'] for model in documents.values() if 'links' in model.get('arm', {})]
     document: dict[str, Any] = {'format': FORMAT, 'version': VERSION, 'joints': {}}
-    for name, model in models.items():
+    for name, model in documents.items():
         if shared and 'links' in model.get('arm', {}):
             own = {key: model['arm'][key] for key in ('friction',) if key in model['arm']}
             model = {**model, 'arm': own or 'shared'}
         document['joints'][name] = model
     if shared:
         document['arm'] = {name: value for name, value in shared[0].items() if name != 'friction'}
-    return document
+    write_yaml(path, document)
 
 
 def joints_of(document: Any) -> list[str] | None:

@@ -55,8 +55,8 @@ def refine_recordings(given: Given, paths: Sequence[Path],
     history = (History.beside(given.model, drive, model.joint)
                if model and given.model and given.history else None)
     recordings = read_condensed(
-        paths, joint, drive.torque_constant, drive.gear_ratio,
-        progress=lambda share: show(0.2 * share, 'reading'), layout=given.layout)
+        paths, joint, drive.torque_per_current,
+        lambda share: show(0.2 * share, 'reading'), given.layout)
     if model and given.model:
         model.check_joint(recordings[0][1].joint, given.model)
     unit = unit_of(given, model, [info for _, info in recordings])

@@ -71,9 +71,9 @@ def _longest_average(samples: Samples) -> int:
 
 
 def read_condensed(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
-                   torque_constant: float = 1.0, gear_ratio: float = 1.0,
-                   progress: Progress | None = None, layout: Layout | None = None,
-                   limit: int = LIMIT) -> list[tuple[Samples, RecordingInfo]]:
+                   torque_per_current: float = 1.0, progress: Progress | None = None,
+                   layout: Layout | None = None, limit: int = LIMIT
+                   ) -> list[tuple[Samples, RecordingInfo]]:
     """Read recordings of one joint as `read_recording_with_info` does, in limited memory.
 
     More than about `limit` samples of all recordings together are averaged, and a note says so.
@@ -81,12 +81,10 @@ def read_condensed(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
     recordings = find_recordings(paths)
     averaging = _choose_averaging(recordings, joint, layout, limit)
     if averaging == Averaging():
-        return read_recording_with_info(recordings, joint, torque_constant, gear_ratio,
-                                        progress=progress, layout=layout)
+        return read_recording_with_info(recordings, joint, torque_per_current, progress, layout)
     read = number_recordings(_read(averaging, path, stream_recording_with_info(
-        path, joint, torque_constant, gear_ratio, _STRETCH,
-        layout and layout.of_recording(index, len(recordings)), others=True,
-        progress=part_of(progress, index, len(recordings))))
+        path, joint, torque_per_current, _STRETCH, part_of(progress, index, len(recordings)),
+        layout and layout.of_recording(index, len(recordings)), others=True))
         for index, path in enumerate(recordings))
     read[0][1].notes.append(str(averaging))
     return read

@@ -59,18 +59,18 @@ def read_recording(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
         If a path, the joint, or a recording cannot be used; the text names it and says why.
     """
     return [samples for samples, _ in read_recording_with_info(
-        paths, joint, torque_constant, gear_ratio, progress=progress, layout=layout)]
+        paths, joint, Drive(torque_constant, gear_ratio).torque_per_current, progress, layout)]
 
 
 def read_recording_with_info(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
-                             torque_constant: float = 1.0, gear_ratio: float = 1.0,
-                             progress: Progress | None = None, others: bool = True,
-                             layout: Layout | None = None) -> list[tuple[Samples, RecordingInfo]]:
+                             torque_per_current: float = 1.0, progress: Progress | None = None,
+                             layout: Layout | None = None, others: bool = True
+                             ) -> list[tuple[Samples, RecordingInfo]]:
     """Read recordings as `read_recording` does, each with its `RecordingInfo`.
 
-    The motion of all joints is added as `arm` unless `others` is false.
+    `torque_per_current` is k_t · n in N·m/A. The motion of all joints is added as `arm` unless
+    `others` is false.
     """
-    torque_per_current = Drive(torque_constant, gear_ratio).torque_per_current
     return joint_samples.number_recordings(
         _read_joint(scan, joint, torque_per_current, others)
         for scan in _scan_all(paths, progress, _read_of(joint, others), layout))
@@ -158,10 +158,9 @@ def _scan_all(paths: AnyPath | Sequence[AnyPath], progress: Progress | None, joi
 
 
 def stream_recording_with_info(path: AnyPath, joint: str | None = None,
-                               torque_constant: float = 1.0, gear_ratio: float = 1.0,
-                               seconds: float = 60.0, layout: Layout | None = None,
-                               others: bool = False, progress: Progress | None = None
-                               ) -> Iterator[tuple[Samples, RecordingInfo]]:
+                               torque_per_current: float = 1.0, seconds: float = 60.0,
+                               progress: Progress | None = None, layout: Layout | None = None,
+                               others: bool = False) -> Iterator[tuple[Samples, RecordingInfo]]:
     """Read one joint of one recording in stretches of some seconds, each with its `RecordingInfo`.
 
     Concatenated, the stretches equal the result of `read_recording_with_info`, except that signals
@@ -169,7 +168,6 @@ def stream_recording_with_info(path: AnyPath, joint: str | None = None,
     None there. The last item has no samples, but the notes on the whole recording. Raises
     InputError if the recording, the joint or a value cannot be used.
     """
-    gain = Drive(torque_constant, gear_ratio).torque_per_current
     scanner = sources.open_scanner(sources.find_recording(path), _read_of(joint, others), layout)
     clock, turns = _CommonClock(), _Turns()
     info = None
@@ -177,7 +175,7 @@ def stream_recording_with_info(path: AnyPath, joint: str | None = None,
         if info is not None and not scan.of('joint_states'):
             info.notes = list(scan.notes)
             break
-        samples, info = _read_joint(scan, joint, gain, others)
+        samples, info = _read_joint(scan, joint, torque_per_current, others)
         if progress:
             progress(scanner.progress)
         # Gaps are counted over all stretches.

@@ -15,8 +15,7 @@ from friction_comp.errors import InputError
 from friction_comp.evaluation.conditions import repetitions_csv
 from friction_comp.evaluation.sessions import evaluate_recordings
 from friction_comp.exercise.exercise_script import load_exercise
-from friction_comp.files import write_yaml
-from friction_comp.model.arm_file import arm_document
+from friction_comp.model.arm_file import write_arm
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.package_files import package_file
 from friction_comp.recordings import read_arm
@@ -108,8 +107,7 @@ def play_arm(system: DemoSystem) -> None:
             {joint: model.drive for joint, model in drives.items()}, drives,
             declared=drives, progress=show)
     path = system.output / 'models' / 'arm.yaml'
-    write_yaml(path, arm_document({
-        joint: one.model.to_dict() for joint, one in result.results.items()}))
+    write_arm(path, {joint: one.model for joint, one in result.results.items()})
     system.log('refined all joints from that: weight and inertia of the links, in '
                f'{path.relative_to(system.output.parent)}')
     system.ros.set_parameter('compensator', 'model_files', [str(path)] * len(ARM))

@@ -260,8 +260,8 @@ def recorded_motion(arguments: Namespace, model: FrictionModel
             setattr(arguments, name, None if named else model.notes.get(f'{name}_of_table'))
     try:
         (samples, _), = read_recording_with_info(
-            find_recordings(paths[:1])[0], model.joint or None, model.drive.torque_constant,
-            model.drive.gear_ratio, others=model.arm is not None, layout=layout_of(arguments))
+            find_recordings(paths[:1])[0], model.joint or None, model.drive.torque_per_current,
+            layout=layout_of(arguments), others=model.arm is not None)
         measured = model.measured(samples)
         motion = model.differentiated(model.with_arm(samples))
         for effect in model.effects:

@@ -89,8 +89,7 @@ def main(argv: list[str] | None = None) -> int:
 
     schedule = Schedule(arguments.seconds, arguments.budget, arguments.seed)
     recordings = read_recording_with_info(
-        arguments.recorded, limits.joint, drive.torque_constant, drive.gear_ratio
-    ) if arguments.recorded else []
+        arguments.recorded, limits.joint, drive.torque_per_current) if arguments.recorded else []
     recorded = [samples for samples, _ in showing_friction({limits.joint: recordings})[limits.joint]
                 ] if recordings else []
     for note in (note for _, info in recordings for note in info.notes):

@@ -62,8 +62,7 @@ def main(argv: list[str] | None = None) -> int:
         if not joint and model.joint and model.joint in recorded_joints(path, layout):
             joint = model.joint
         (samples, info), = read_recording_with_info(
-            path, joint, model.drive.torque_constant, model.drive.gear_ratio,
-            progress=report, layout=layout)
+            path, joint, model.drive.torque_per_current, report, layout)
         model.check_joint(info.joint, arguments.model)
         report(1.0, 'predicting')
         with errors_name(arguments.recording):

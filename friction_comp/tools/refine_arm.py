@@ -10,8 +10,8 @@ from typing import Any
 
 from friction_comp.arm.whole_arm import ArmResult, refine_arm
 from friction_comp.errors import InputError
-from friction_comp.files import read_yaml, write_yaml
-from friction_comp.model.arm_file import arm_document, joints_of
+from friction_comp.files import read_yaml
+from friction_comp.model.arm_file import joints_of, write_arm
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.recorded_drive.given import drive_of, with_current_limit
 from friction_comp.recorded_drive.refine_recordings import assumed_in, notes_on, showing_friction
@@ -105,6 +105,5 @@ def _write(folder: Path, result: ArmResult, names: list[str], arguments: Namespa
              'joints': {name: one.report.content() for name, one in result.results.items()}}
     write_report(folder, whole, arm_report(
         result, names, {name: own.name for name, own in folders.items()}), command)
-    write_yaml(folder / 'model.yaml', arm_document(
-        {name: one.model.to_dict() for name, one in result.results.items()}))
+    write_arm(folder / 'model.yaml', {name: one.model for name, one in result.results.items()})
     return whole

@@ -240,8 +240,8 @@ def _fleet_of(arguments: Namespace, refined: Sequence[_Refined], run: Runner,
 
 def _sums_of_one(given: Given, item: _Summed) -> BlockSums:
     piece, model = item.one.piece, item.one.model
-    recordings = read_condensed([piece.path], piece.joint, model.drive.torque_constant,
-                                model.drive.gear_ratio, layout=given.layout)
+    recordings = read_condensed([piece.path], piece.joint, model.drive.torque_per_current,
+                                layout=given.layout)
     usable, = showing_friction({piece.joint or '': recordings}).values()
     declared = bool(given.model or given.torque_constant or given.gear_ratio
                     or model.notes.get('unit') == 'N·m')

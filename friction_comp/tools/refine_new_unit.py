@@ -29,8 +29,7 @@ def refine_new_unit(arguments: Namespace) -> int:
     given = given_of(arguments)
     drive = drive_of(given, like)
     recordings = read_condensed(
-        arguments.recordings, arguments.joint, drive.torque_constant, drive.gear_ratio,
-        layout=given.layout)
+        arguments.recordings, arguments.joint, drive.torque_per_current, layout=given.layout)
     like.check_joint(recordings[0][1].joint, arguments.fleet)
     constants = arguments.torque_constant or arguments.gear_ratio
     # The effort of the fleet's recordings is in the unit of its file unless constants were given.

@@ -16,7 +16,6 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from friction_comp.drive import Drive
 from friction_comp.errors import InputError, os_errors_name
 from friction_comp.layout import Layout
 from friction_comp.package_files import add_environment_to_ament_path
@@ -172,10 +171,10 @@ def recorded_feed(path: Path, joints: list[str], models: Sequence[FrictionModel]
         layout = Layout(units={'effort': 'A'} if in_ampere else {})
         chosen = dict(zip(wanted, models))
         for index, joint in enumerate(wanted):
-            drive = chosen[joint].drive if joint in chosen else Drive(1.0, 1.0)
+            gain = chosen[joint].drive.torque_per_current if joint in chosen else 1.0
             try:
                 (samples[joint], info), = read_recording_with_info(
-                    path, joint, drive.torque_constant, drive.gear_ratio, layout=layout)
+                    path, joint, gain, layout=layout)
             except InputError as error:
                 # One without effort, such as a gripper, unless it was asked for.
                 if joints or (not samples and index == len(wanted) - 1):
