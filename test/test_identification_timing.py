@@ -66,7 +66,7 @@ def test_an_overloaded_machine_is_told_from_a_late_drive(pause, words):
 
     def alter(run, sample):
         count[0] += 1
-        run.arrivals.take(sample[0], STEP * pause * math.ceil(count[0] / pause) + 7.0)
+        run.supervision.arrivals.take(sample[0], STEP * pause * math.ceil(count[0] / pause) + 7.0)
         return sample
     bench = Bench(alter, late=15)
     with pytest.raises(IdentificationError, match=words):

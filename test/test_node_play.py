@@ -119,7 +119,7 @@ def test_a_trajectory_that_cannot_be_played_is_refused(wrong, words):
     message = message_of(motion())
     wrong(message)
     with pytest.raises(InputError, match=words):
-        make_trajectory(PlayTrajectory.Goal(trajectory=message), [JOINT, 'wrist'], [DRIVE] * 2,
+        make_trajectory(PlayTrajectory.Goal(trajectory=message), [JOINT, 'wrist'],
                         {'ramp_slope': 0.06, 'ramp_period': 10.0})
 
 

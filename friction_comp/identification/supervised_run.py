@@ -24,7 +24,7 @@ from friction_comp.identification.controller_tuning import ControllerTuning
 from friction_comp.identification.goal import IdentificationError, MotionGoal
 from friction_comp.identification.inertia import acceleration_of_push
 from friction_comp.identification.kinetic import KineticPoint, Sample, sample_rows, travel_state
-from friction_comp.identification.supervision import Arrivals, LEAST_SHARE, LONGEST_GAP, Supervision
+from friction_comp.identification.supervision import LEAST_SHARE, LONGEST_GAP, Supervision
 from friction_comp.signal_checks import LATEST
 
 STILL_TIME = 0.2        # s of standstill required before each ramp
@@ -82,7 +82,8 @@ class SupervisedRun(ControllerTuning, ABC):
         # Slope of the ramps in A/s and their largest current in A.
         self.ramp_slope = goal.ramp_slope or math.nan
         self.ramp_peak = goal.ramp_peak or drive.current_limit
-        # Has to confirm that the measured current is the commanded one before the first push.
+        # Has to confirm that the measured current is the commanded one before the first push. Who
+        # drives a real joint adds each sample to its `arrivals` before `update`.
         self.supervision = Supervision(
             drive, goal.ramp_peak or _BLIND_SHARE * drive.current_limit, self.say)
         # Largest friction current known so far in the positive and negative direction, signed, A.
@@ -104,11 +105,6 @@ class SupervisedRun(ControllerTuning, ABC):
         self._begin: float | None = None
         self._last: float | None = None
         self._estimated, self._command = -math.inf, 0.0
-
-    @property
-    def arrivals(self) -> Arrivals:
-        """When samples arrive; whoever drives a real joint adds each before `update`."""
-        return self.supervision.arrivals
 
     @abstractmethod
     def _movements(self) -> Generator[float, Sample, None]:

@@ -31,9 +31,9 @@ class Action:
     kind: Any
     name: str
     # `make_goal` or `make_trajectory`.
-    make_goal: Callable[[Any, list[str], list[Drive], dict[str, Any], bool], tuple[int, Any]]
+    make_goal: Callable[[Any, list[str], dict[str, Any]], tuple[int, Any]]
     # Makes the run of a goal and a drive; the last argument is whether messages have torques.
-    run: Callable[[Any, Any, bool], SupervisedRun]
+    run: Callable[[Any, Drive, bool], SupervisedRun]
     # Fills the result message of a finished run of a joint; returns what it says.
     finish: Callable[[SupervisedRun, int, Any], str]
 
@@ -73,15 +73,13 @@ def declare_defaults(node: Any) -> dict[str, Any]:
             ('breakaway_cycles', 20, '', 1, 100_000))}
 
 
-def make_goal(request: Any, joints: list[str], drives: list[Drive], defaults: dict[str, Any],
-              torque: bool = False) -> tuple[int, IdentificationGoal]:
-    """Return joint index and checked goal of an IdentifyFriction goal."""
+def make_goal(request: Any, joints: list[str], defaults: dict[str, Any]
+              ) -> tuple[int, IdentificationGoal]:
+    """Return joint index and goal of an IdentifyFriction goal."""
     index = _index_of(request.joint, joints) if request.joint else 0
     fields = {name: getattr(request, name) or default for name, default in defaults.items()}
-    goal = IdentificationGoal(**dict(
+    return index, IdentificationGoal(**dict(
         fields, speeds=tuple(fields['speeds']), ramp_slope=fields['ramp_slope'] or None))
-    goal.check(drives[index], torque)
-    return index, goal
 
 
 def _index_of(joint: str, joints: list[str]) -> int:
@@ -90,23 +88,20 @@ def _index_of(joint: str, joints: list[str]) -> int:
     return joints.index(joint)
 
 
-def make_trajectory(request: Any, joints: list[str], drives: list[Drive],
-                    defaults: dict[str, Any], torque: bool = False
+def make_trajectory(request: Any, joints: list[str], defaults: dict[str, Any]
                     ) -> tuple[int, TrajectoryGoal]:
-    """Return joint index and checked goal of a PlayTrajectory goal."""
+    """Return joint index and goal of a PlayTrajectory goal."""
     names, points = list(request.trajectory.joint_names), request.trajectory.points
     if len(names) != 1:
         raise InputError(f'one joint is moved at a time, not {len(names)}')
     index = _index_of(names[0], joints)
     if any(len(point.positions) != 1 or len(point.velocities) != 1 for point in points):
         raise InputError('a point of the trajectory lacks position or velocity')
-    goal = TrajectoryGoal(
+    return index, TrajectoryGoal(
         [point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec for point in points],
         [point.positions[0] for point in points], [point.velocities[0] for point in points],
         request.ramp_slope or defaults['ramp_slope'] or None,
         request.ramp_period or defaults['ramp_period'])
-    goal.check(drives[index], torque)
-    return index, goal
 
 
 def fill_result(message: Any, result: Any) -> None:

@@ -79,7 +79,7 @@ class IdentificationNode(Node):
         self._rate = Rate()
         self._received = self._fresh = -math.inf
         self._busy = False
-        # Joint index and goal of the last request that was accepted.
+        # Joint index and run of the last request that was accepted.
         self._accepted: tuple[int, Any] = 0, None
         self._goal: RunningGoal | None = None
         self._last_end = self._refused = ''
@@ -102,9 +102,9 @@ class IdentificationNode(Node):
                 raise InputError('another goal is running')
             if action.kind is IdentifyFriction:
                 check_folder(self.get_parameter('output_folder').value)
-            self._accepted = action.make_goal(
-                request, self._joints, self._drives, self._defaults, self._torque)
-            self._check_surroundings(self._joints[self._accepted[0]])
+            index, goal = action.make_goal(request, self._joints, self._defaults)
+            self._accepted = index, action.run(goal, self._drives[index], self._torque)
+            self._check_surroundings(self._joints[index])
         except InputError as error:
             self._refused = str(error)
             self.get_logger().warning(f'goal rejected: {error}')
@@ -131,12 +131,10 @@ class IdentificationNode(Node):
     async def _execute(self, action: Action, goal_handle: Any) -> Any:
         result = action.kind.Result()
         try:
-            index, request = self._accepted
+            index, run = self._accepted
             self._states.forget()
             self._port.open()
-            goal = self._goal = RunningGoal(
-                action, goal_handle, index, self._joints[index],
-                action.run(request, self._drives[index], self._torque))
+            goal = self._goal = RunningGoal(action, goal_handle, index, self._joints[index], run)
             self.get_logger().info(f'{action.name}: moves {goal.joint}')
             if goal_handle.is_cancel_requested:
                 # It arrived before there was a run to end.
@@ -233,7 +231,7 @@ class IdentificationNode(Node):
                 f'joint_states hold no finite position and effort of {goal.joint}')
         measured = effort * self._per_effort[index]
         if not self._simulated:
-            run.arrivals.take(at, received)
+            run.supervision.arrivals.take(at, received)
         current = run.update(at, position, velocity, measured)
         commands = [0.0] * len(self._joints)
         commands[index] = 0.0 if run.finished else current
