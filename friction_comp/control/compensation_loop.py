@@ -146,7 +146,7 @@ class CompensationLoop:
         texts = self._faults.reset()
         if texts:
             self._law.reset()
-            self.inputs.forget_directions()
+            self.inputs.directions.forget()
             self._alone_since = None
         return texts
 

@@ -33,7 +33,7 @@ class Inputs:
     """Joint states, directions and temperatures of a compensator, validated.
 
     Age or silence of joint states beyond `timeout` (ns) is a fault: `on_silence` is then called, in
-    the watchdog's thread. `direction_timeout` is in s.
+    the watchdog's thread. `direction_timeout` is in s, and that of `directions`.
 
     Of the last new joint state are: `time`, s since the first one (seconds since 1970 have too
     little resolution as a float); `position`, `direction` and `ends` (of announced movements),
@@ -49,7 +49,7 @@ class Inputs:
         self._joints, self._faults = list(joints), faults
         self._on_silence, self._clock = on_silence, clock
         self.states = JointStateInput(joints, timeout)
-        self._direction = Direction(joints, direction_timeout)
+        self.directions = Direction(joints, direction_timeout)
         self._temperature = MotorTemperature(joints)
         self.watchdog = Watchdog(timeout / NANO, self._fall_silent, clock)
         self.forget()
@@ -58,7 +58,7 @@ class Inputs:
         """Forget all inputs; `resolutions` are those of the encoders, rad, if they change."""
         self.watchdog.rest()
         self.states.forget()
-        self._direction.forget()
+        self.directions.forget()
         self._temperature.forget()
         self._silent_since: float | None = None
         self.silence = 0.0
@@ -68,10 +68,6 @@ class Inputs:
                                 for resolution in resolutions]
             self._block: list[tuple[float, np.ndarray, np.ndarray]] = []
             self._due: list[tuple[VelocityCheck, tuple[np.ndarray, ...]]] = []
-
-    def forget_directions(self) -> None:
-        """Count all directions as 0 until they are announced again."""
-        self._direction.forget()
 
     def take(self, message: Any, now: int, received: int = 0, sequence: int = 0) -> str:
         """Read a joint state and return the verdict; arguments of `JointStateInput.take`."""
@@ -94,24 +90,20 @@ class Inputs:
         """Take a plain direction; it is as old as the newest joint state."""
         # By the time of the states, not of arrival: in a simulation, a direction must not age while
         # time stops, and its age must be reproducible.
-        if not self._direction.take(values, self.states.stamp or now):
+        if not self.directions.take(values, self.states.stamp or now):
             self._refuse_direction()
 
     def take_stamped_direction(self, names: Any, velocities: Any, stamp: int, now: int,
                                ends: Any = (), pushes: Any = ()) -> None:
         """Take a direction with its stamp, where the movement ends, and whether a push is felt."""
         at = self.states.stamp or now
-        if not self._direction.take_stamped(names, velocities, stamp or at, max(at, now), ends,
+        if not self.directions.take_stamped(names, velocities, stamp or at, max(at, now), ends,
                                             pushes):
             self._refuse_direction()
 
     def _refuse_direction(self) -> None:
         self._faults.report(
-            'direction', f'a direction was counted as 0: {self._direction.why}', WARN)
-
-    def awaits_direction(self, time: int) -> bool:
-        """Return whether directions came before, but none with this stamp or a later one."""
-        return self._direction.outlived(time)
+            'direction', f'a direction was counted as 0: {self.directions.why}', WARN)
 
     def take_temperature(self, joint: str, value: float, stamp: int, now: int) -> None:
         """Take a temperature in degrees Celsius with the stamp of its measurement."""
@@ -121,21 +113,17 @@ class Inputs:
 
     def set_sources(self, states: list[str], planners: list[str]) -> None:
         """Tell who publishes joint states, and directions, if there are several."""
-        self.states.publishers, self._direction.planners = states, planners
-
-    def set_direction_timeout(self, seconds: float) -> None:
-        """Set the age in s after which a direction counts as 0."""
-        self._direction.timeout = seconds
+        self.states.publishers, self.directions.planners = states, planners
 
     def _read(self) -> None:
         states, stamp = self.states, self.states.stamp
         self.anew = states.restarted or states.gap
         if states.restarted:
-            self._direction.forget()
+            self.directions.forget()
             self._temperature.forget()
         if states.restarted or not self._first:
             self._first = stamp
-            self._direction.begin(stamp)
+            self.directions.begin(stamp)
         self.time = (stamp - self._first) / NANO
         self.position, self.velocity = states.position, states.velocity
         if not (within(states.position, _MAX_POSITION) and (
@@ -149,8 +137,8 @@ class Inputs:
             self.position[wrong] = np.nan
             self._faults.report('velocity', '; '.join(
                 f'{self._joints[j]}: {self._velocities[j].fault}' for j in wrong))
-        self.direction, self.ends = self._direction.at(stamp), self._direction.ends
-        self.is_pushed = self._direction.is_pushed
+        self.direction, self.ends = self.directions.at(stamp), self.directions.ends
+        self.is_pushed = self.directions.is_pushed
         self.temperature = self._temperature.before(stamp)
 
     def _possible(self) -> np.ndarray:
@@ -207,7 +195,7 @@ class Inputs:
         """Report what is in doubt now."""
         if self._silent_since is not None:
             self._report_silence()
-        direction, stamp = self._direction, self.states.stamp
+        direction, stamp = self.directions, self.states.stamp
         disputed, silent = direction.disputed(stamp), direction.silent(stamp)
         if disputed:
             self._faults.report('planners', f'the direction of {", ".join(disputed)} counts as 0: '
@@ -230,11 +218,11 @@ class Inputs:
     def direction_values(self) -> tuple[np.ndarray, list[float]]:
         """Return directions at the last state, and their ages in s, NaN where there is none."""
         stamp = self.states.stamp
-        return self._direction.at(stamp), [
-            self._direction.age(joint, stamp) for joint in range(len(self._joints))]
+        return self.directions.at(stamp), [
+            self.directions.age(joint, stamp) for joint in range(len(self._joints))]
 
     @property
     def counts(self) -> dict[str, int]:
         """Numbers of messages that were not used, for diagnostics."""
-        return {'directions refused': self._direction.refused,
+        return {'directions refused': self.directions.refused,
                 'joint_states passed over': self.states.passed_over}

@@ -59,7 +59,7 @@ class ConfiguredCompensator(CompensationLoop):
 
     def _hear_in_step(self, message: Any, info: dict[str, Any]) -> None:
         """Answer a joint state, or wait for its direction: a plant in lockstep repeats it."""
-        if not (self.inputs.awaits_direction(self._now())
+        if not (self.inputs.directions.outlived(self._now())
                 and self._node.count_publishers(self._node.resolve_topic_name(STAMPED))):
             self.hear(message, info)
 
@@ -112,7 +112,7 @@ class ConfiguredCompensator(CompensationLoop):
         """Apply parameters that have changed; `loaded` if `model_files` is one of them."""
         logger = self._node.get_logger()
         if 'direction_timeout' in names:
-            self.inputs.set_direction_timeout(self._value('direction_timeout'))
+            self.inputs.directions.timeout = self._value('direction_timeout')
         if loaded is not None:
             # Before they are used.
             self._tell(loaded)
