@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 import io
 from itertools import product
 import math
+from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
@@ -227,7 +228,7 @@ def evaluate(recordings: Sequence[Samples], names: Sequence[str] | None = None,
         raise InputError('no recording to evaluate')
     measured = MeasuredJoint(recordings[0].joint)
     for k, (samples, name) in enumerate(zip(recordings, names)):
-        info = about[k] if about else None
+        info = about[k] if about else RecordingInfo(Path())
         found = repetitions_of(samples, name, info, friction, measured.notes)
         if not found:
             raise InputError(f'{name}: no movement of joint {samples.joint!r} found in it')
@@ -294,7 +295,7 @@ def _of_one_condition(repetitions: list[Repetition], notes: list[str]) -> list[R
     return kept
 
 
-def repetitions_of(samples: Samples, name: str, info: RecordingInfo | None,
+def repetitions_of(samples: Samples, name: str, info: RecordingInfo,
                    friction: FrictionModel | None, notes: list[str],
                    whole: bool = True) -> list[Repetition]:
     """Find and measure the movements of a recording, or of a stretch of it; add new `notes`.

@@ -135,7 +135,7 @@ class Repetition:
         return self.compensation, self.movement.sign, self.movement.direction, self.duration_class
 
 
-def measure(samples: Samples, movement: Movement, name: str, info: RecordingInfo | None,
+def measure(samples: Samples, movement: Movement, name: str, info: RecordingInfo,
             residual: np.ndarray | None) -> Repetition:
     """Measure one movement; `residual` is a model's minus the commanded current, A, (N,)."""
     part = _between(samples.time, movement.begin, movement.end)
@@ -239,7 +239,7 @@ def _missing(samples: Samples, movement: Movement, onset: float | None) -> Compe
         steps > longest).any() else None
 
 
-def _active_compensation(samples: Samples, movement: Movement, info: RecordingInfo | None,
+def _active_compensation(samples: Samples, movement: Movement, info: RecordingInfo,
                          onset: float | None, moved: bool) -> Compensation:
     """Return the law and model of a movement: by the compensator's reports and its commands.
 
@@ -248,8 +248,7 @@ def _active_compensation(samples: Samples, movement: Movement, info: RecordingIn
     announced = movement.direction * movement.sign
     command = None if samples.command is None else (
         samples.command[_between(samples.time, movement.begin, movement.end)])
-    loaded = (info.model or '') if info else ''
-    reports = info.activity if info else []
+    loaded, reports = info.model or '', info.activity
     # A report is valid from the sample to which it is dated.
     first = sum(since <= movement.earliest + samples.sample_time for since, _ in reports)
     last = sum(since <= max(movement.end, onset or -math.inf) for since, _ in reports)
@@ -280,10 +279,8 @@ def _compensation(command: np.ndarray | None, report: Activity | None, loaded: s
         Compensation(law, model, announced, settings))
 
 
-def _date_of(info: RecordingInfo | None) -> str:
+def _date_of(info: RecordingInfo) -> str:
     """Return a recording's ISO date here by its stamps, in simulated time by its path, or ''."""
-    if info is None:
-        return ''
     if _wall_time(info):
         return datetime.fromtimestamp(info.start).date().isoformat()
     dated = re.search(r'(20\d\d)[-_.]?([01]\d)[-_.]?([0-3]\d)', str(info.path))
@@ -293,9 +290,9 @@ def _date_of(info: RecordingInfo | None) -> str:
         return ''
 
 
-def _wall_time(info: RecordingInfo | None) -> float:
+def _wall_time(info: RecordingInfo) -> float:
     """Return when a recording began, s; 0 for stamps before 2000, which are of no clock."""
-    return info.start if info is not None and info.start > 946_684_800 else 0.0
+    return info.start if info.start > 946_684_800 else 0.0
 
 
 def _curves(samples: Samples, movement: Movement, shown_time: float) -> dict[str, np.ndarray]:

@@ -32,7 +32,7 @@ def fleet_verdict(population: Population) -> str:
                       one.scale == 'logarithmic'), key=lambda one: -one.spread)
     if varying:
         text += ' From unit to unit vary most: ' + ', '.join(
-            f'{one.name} ({_spread(one)})' for one in varying[:3]) + '.'
+            f'{one.name} ({_spread(one)[0]})' for one in varying[:3]) + '.'
     return text
 
 
@@ -57,9 +57,9 @@ def add_fleet(page: Report, population: Population) -> None:
     page.table(
         ['parameter', 'mean', '95 % interval', 'unit', 'spread', '95 % interval',
          'range of 95 % of units', 'varies'],
-        [[one.name, one.mean, interval_text(one.mean_interval), one.unit, _spread(one),
-          _spread_interval(one), interval_text(one.range),
-          'yes' if one.varies else 'not seen'] for one in population.parameters],
+        [[one.name, one.mean, interval_text(one.mean_interval), one.unit, *_spread(one),
+          interval_text(one.range), 'yes' if one.varies else 'not seen']
+         for one in population.parameters],
         'The population, without the units that are out. The spread is the standard deviation '
         'between units, without what errors of measurement explain; "varies" says whether it can '
         'be told from zero.')
@@ -153,16 +153,12 @@ def _draw(axis: Axes, one: ParameterSpread, count: int) -> None:
     axis.grid(axis='x', visible=False)
 
 
-def _spread(one: ParameterSpread) -> str:
+def _spread(one: ParameterSpread) -> tuple[str, str]:
+    """Return the spread, and its interval."""
+    values, unit = [one.spread, *one.spread_interval], one.unit
     if one.scale == 'logarithmic':
-        return f'{number(100.0 * math.expm1(one.spread), 2)} %'
-    return f'{number(one.spread, 2)} {one.unit}'
-
-
-def _spread_interval(one: ParameterSpread) -> str:
-    if one.scale == 'logarithmic':
-        return f'{interval_text([100.0 * math.expm1(end) for end in one.spread_interval], 2)} %'
-    return f'{interval_text(one.spread_interval, 2)} {one.unit}'
+        values, unit = [100.0 * math.expm1(value) for value in values], '%'
+    return f'{number(values[0], 2)} {unit}', f'{interval_text(values[1:], 2)} {unit}'
 
 
 def _cell(value: UnitValue) -> str:

@@ -87,32 +87,26 @@ def _values(table: Table, columns: tuple[Column, Column], joint: str | None) -> 
 
 
 def _report(fit: SteadyStates, unit: str, loads: list[str]) -> dict[str, Any]:
-    one_direction = 'offset' not in fit.values
     signal = rms(fit.currents)
-    reasons, again = [], []
-    pushes = fit.intervals['coulomb'][1] < 0.0
-    if pushes:
-        reasons.append('Friction would have to push: effort or velocity has the wrong sign, or '
-                       'the torque is that of a brake.')
-        again.append('the same with the sign of effort reversed (--unit effort=-1Nm)')
-    if one_direction:
-        reasons.append('Motion was in one direction only: Coulomb friction cannot be '
-                       'distinguished from an offset.')
-        again.append('move in both directions')
-    if fit.intervals['coulomb'][0] <= 0.0 <= fit.intervals['coulomb'][1]:
-        reasons.append('Coulomb friction cannot be distinguished from zero.')
-        again.append('more and slower speeds')
-    if loads:
-        reasons.append(f'{" and ".join(loads)}: not taken into account, so that what the joint '
-                       'carried counts as friction.')
-        again.append('the joint without a load')
-    if fit.is_curved:
-        reasons.append(f'The remaining error, {fit.fit_rmse:.2g} {unit} RMS, depends on the speed: '
-                       'friction has another form than Coulomb, viscous and Stribeck friction.')
-        again.append('a log of motion, in which refine finds other forms')
-    if fit.left_out_rmse > thresholds.UNEXPLAINED * signal:
-        reasons.append(f'{fit.left_out_rmse:.2g} {unit} of {signal:.2g} {unit} remain unexplained.')
-        again.append('each speed several times, over the same range of positions')
+    low, high = fit.intervals['coulomb']
+    pushes = high < 0.0
+    # Whether a reason applies, the reason, and what to record.
+    doubts = [(reason, record) for applies, reason, record in (
+        (pushes, 'Friction would have to push: effort or velocity has the wrong sign, or the '
+         'torque is that of a brake.',
+         'the same with the sign of effort reversed (--unit effort=-1Nm)'),
+        ('offset' not in fit.values, 'Motion was in one direction only: Coulomb friction cannot be '
+         'distinguished from an offset.', 'move in both directions'),
+        (low <= 0.0 <= high, 'Coulomb friction cannot be distinguished from zero.',
+         'more and slower speeds'),
+        (loads, f'{" and ".join(loads)}: not taken into account, so that what the joint carried '
+         'counts as friction.', 'the joint without a load'),
+        (fit.is_curved, f'The remaining error, {fit.fit_rmse:.2g} {unit} RMS, depends on the '
+         'speed: friction has another form than Coulomb, viscous and Stribeck friction.',
+         'a log of motion, in which refine finds other forms'),
+        (fit.left_out_rmse > thresholds.UNEXPLAINED * signal,
+         f'{fit.left_out_rmse:.2g} {unit} of {signal:.2g} {unit} remain unexplained.',
+         'each speed several times, over the same range of positions')) if applies]
     found = [effect.name for effect in fit.model.effects]
     return {
         'unit': unit, 'joint': fit.model.joint, 'samples': len(fit.speeds),
@@ -125,8 +119,9 @@ def _report(fit: SteadyStates, unit: str, loads: list[str]) -> dict[str, Any]:
                     for effect in fit.model.effects],
         'friction': {**fit.values, 'intervals': fit.intervals},
         'unexplained': [], 'ambiguous': [],
-        'verdict': 'record again' if pushes else 'trust in part' if reasons else 'trust',
-        'reasons': reasons or ['Each row of the table is predicted by the others.'],
-        'record_again': again,
+        'verdict': 'record again' if pushes else 'trust in part' if doubts else 'trust',
+        'reasons': [reason for reason, _ in doubts] or [
+            'Each row of the table is predicted by the others.'],
+        'record_again': [record for _, record in doubts],
         'warnings': ['inertia, weight and breakaway do not show in means at constant speeds'],
         'stopped_because': "Akaike's criterion prefers no further term"}
