@@ -68,11 +68,6 @@ class Layout:
                 unit_factor(signal, unit)
 
     @property
-    def describes_table(self) -> bool:
-        """Whether something is given that only a table needs."""
-        return bool(self.columns or self.units or self.rate)
-
-    @property
     def of_states(self) -> dict[str, Unit]:
         """Units of what joint states hold, if nothing else is given; else empty."""
         units = {signal: unit for signal, text in self.units.items() if signal in STATES

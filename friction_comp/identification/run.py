@@ -19,23 +19,8 @@ import numpy as np
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.identification import breakaway as stairs, velocity_control as control
-from friction_comp.identification.agreement import (
-    check_currents,
-    check_positions,
-    Cycle,
-    levelled,
-    MAX_SCATTER,
-    position_slopes,
-    say_drift,
-    say_lag,
-    say_scatter,
-    say_swing,
-    say_unseen_creep,
-    say_unsettled,
-    why_unreliable,
-    without_drift,
-)
+from friction_comp.identification import agreement, breakaway as stairs, velocity_control as control
+from friction_comp.identification.agreement import Cycle
 from friction_comp.identification.goal import (
     IdentificationError,
     IdentificationGoal,
@@ -190,7 +175,7 @@ class IdentificationRun(SupervisedRun):
                 self._uneven, self._highest_gain = True, math.inf
                 break
             best = driven
-            if self._uneven or scatter <= MAX_SCATTER:
+            if self._uneven or scatter <= agreement.MAX_SCATTER:
                 break
             # Higher gains would only cause more oscillation, at other speeds too.
             self._highest_gain = max(0.99 * factor, GAIN_LADDER[-1])
@@ -242,7 +227,7 @@ class IdentificationRun(SupervisedRun):
             if self._lost > 2 + _MOST_LOST * 2 * self.goal.breakaway_cycles:
                 raise IdentificationError(
                     f'no current holds the joint reliably: it slid at {self.say(level)}, although '
-                    f'more held it before; {why_unreliable(self.cycles[0])}')
+                    f'more held it before; {agreement.why_unreliable(self.cycles[0])}')
         held.append(level)
         self.ramps.append(ramp)
         self._ramp_time += (self.sample.time - begin - self._ramp_time) / min(len(self.ramps), 8)
@@ -313,14 +298,15 @@ class IdentificationRun(SupervisedRun):
         return self._result
 
     def _evaluate(self) -> IdentificationResult:
-        slopes = position_slopes(self.cycles)
-        inertia = self._inertia(levelled(self.cycles, slopes))
+        slopes = agreement.position_slopes(self.cycles)
+        inertia = self._inertia(agreement.levelled(self.cycles, slopes))
         acceleration, lag = inertia[:2] if inertia else (self.acceleration, 0.0)
         # An inertia that is not known must not correct anything.
         cycles, repeated = (
-            levelled([cycle.again(acceleration if inertia else math.inf, lag) for cycle in driven],
-                     slopes) for driven in (self.cycles, self.repeated))
-        points, drift = without_drift(cycles, repeated)
+            agreement.levelled([cycle.again(acceleration if inertia else math.inf, lag)
+                                for cycle in driven], slopes)
+            for driven in (self.cycles, self.repeated))
+        points, drift = agreement.without_drift(cycles, repeated)
         sigmoid, error = fit_sigmoid([p.actual_speed for p in points], [p.current for p in points])
         # The table is that of the speeds that were requested.
         points = sorted((replace(point, current=point.current + float(
@@ -341,12 +327,14 @@ class IdentificationRun(SupervisedRun):
             goal=replace(self.goal, ramp_slope=self.ramp_slope),
             warnings=[*self.warnings,
                       *([_TYPICAL] if self._inertia_is_typical and not inertia else []),
-                      *check_currents(cycles), *say_scatter(cycles),
-                      *say_lag(lag), *say_swing(inertia),
-                      *([] if inertia else say_unsettled(self.cycles, cycles)), *say_drift(drift),
+                      *agreement.check_currents(cycles), *agreement.say_scatter(cycles),
+                      *agreement.say_lag(lag), *agreement.say_swing(inertia),
+                      *([] if inertia else agreement.say_unsettled(self.cycles, cycles)),
+                      *agreement.say_drift(drift),
                       *([_ONE_RAMP] if self.goal.breakaway_cycles == 1 else []), *ramps.warnings,
-                      *say_unseen_creep(cycles[0], self.ramps, self._resolution),
-                      *check_positions(self.cycles, self.repeated), *filter(None, [doubtful]),
+                      *agreement.say_unseen_creep(cycles[0], self.ramps, self._resolution),
+                      *agreement.check_positions(self.cycles, self.repeated),
+                      *filter(None, [doubtful]),
                       *check_curve(points, sigmoid, CURVE_SHARE, self.say)],
             drift=drift, presliding=ramps.presliding, backlash=ramps.backlash)
 

@@ -104,11 +104,12 @@ def open_scanner(path: AnyPath, joint: str | None = None, layout: Layout | None 
     path = Path(path)
     if is_table(path) and not path.is_dir():
         return TableScanner(path, layout, joint, **options)
-    units = layout.of_states if layout is not None else {}
-    if layout is not None and layout.describes_table and not units:
+    layout = layout or Layout()
+    units = layout.of_states
+    if (layout.columns or layout.units or layout.rate) and not units:
         raise InputError(f'{path}: --columns, --rate, and units of other signals than position, '
                          'velocity and effort describe tables, and this is none')
-    if layout is not None and layout.stiffness:
+    if layout.stiffness:
         raise InputError(f'{path}: --stiffness and --damping need a table: convert the recording '
                          'with the tool convert')
     return MessageScanner(path, joint, units=units, **options)
