@@ -111,8 +111,7 @@ class Evaluation:
     def names_of(self, condition: Compensation) -> tuple[str, ...]:
         """Return the names of a condition; the model only if there are several."""
         models = {c.compensation.model for c in self.conditions if c.compensation.model}
-        parts = condition.names if len(models) > 1 else condition.names[:2]
-        return tuple(filter(None, parts))
+        return tuple(filter(None, condition.names if len(models) > 1 else condition.names[:2]))
 
     def label(self, condition: Compensation) -> str:
         """Return the names of a condition in one line."""
