@@ -51,8 +51,7 @@ def test_no_plan_leaves_its_limits(seed, bends, lowest, span, velocity, accelera
     limits = JointLimits('j', lowest, lowest + span, velocity, acceleration)
     shape = [low + bend * (high - low) for bend, (low, high) in zip(bends, SHAPE)]
     points = qmc.Sobol(3, scramble=True, seed=seed).random(512)
-    start, moves = moves_of_shape(shape, limits, seconds, points)
-    plan = JointPlan(limits, start, tuple(moves), seconds, {})
+    plan = JointPlan(limits, tuple(moves_of_shape(shape, limits, seconds, points)), seconds, {})
     q, v, a = (getattr(plan.samples(500.0), name)
                for name in ('position', 'velocity', 'acceleration'))
     assert lowest < q.min()
@@ -61,8 +60,8 @@ def test_no_plan_leaves_its_limits(seed, bends, lowest, span, velocity, accelera
     assert np.abs(a).max() < acceleration
     assert np.abs(np.diff(q)).max() * 500.0 < velocity
     assert np.abs(np.diff(q, 2)).max() * 500.0 ** 2 < acceleration * (1.0 + 1e-6) + 1e-6
-    assert q[0] == start
-    assert q[-1] == pytest.approx(start, abs=1e-9)
+    assert q[0] == limits.centre
+    assert q[-1] == pytest.approx(limits.centre, abs=1e-9)
     assert v[-1] == 0.0
 
 
@@ -162,9 +161,9 @@ def test_limits_come_from_files(tmp_path):
 @pytest.mark.parametrize(('rate', 'keeps'), [(20.0, True), (5.0, False)])
 def test_splines_through_the_points_of_the_lowest_rate_keep_the_limits(rate, keeps):
     limits = JointLimits('j', -0.1, 0.1, 2.0, 20.0)
-    start, moves = moves_of_shape([0.5, 4.0, 1.0, 0.05, 1.2], limits, 20.0,
-                                  qmc.Sobol(3, scramble=True, seed=0).random(512))
-    points = JointPlan(limits, start, tuple(moves), 20.0, {}).samples(rate)
+    moves = moves_of_shape([0.5, 4.0, 1.0, 0.05, 1.2], limits, 20.0,
+                           qmc.Sobol(3, scramble=True, seed=0).random(512))
+    points = JointPlan(limits, tuple(moves), 20.0, {}).samples(rate)
     # As a robot's trajectory controller moves between points.
     path = BPoly.from_derivatives(points.time, np.column_stack(
         (points.position, points.velocity, points.acceleration)))

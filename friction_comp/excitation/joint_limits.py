@@ -38,6 +38,11 @@ class JointLimits:
             raise InputError(f'joint {self.joint!r}: the lowest position {self.lowest:g} is not '
                              f'below the highest {self.highest:g}')
 
+    @property
+    def centre(self) -> float:
+        """The middle of the range, rad."""
+        return 0.5 * (self.lowest + self.highest)
+
 
 def from_yaml(path: str | Path, joints: Sequence[str] = ()) -> list[JointLimits]:
     """Return limits, of all joints by default, in a file like MoveIt's; or raise InputError."""

@@ -73,14 +73,13 @@ class Move:
         return 2.0 * self.ramp + self.cruise
 
 
-def samples_of(moves: Sequence[Move], start: float, seconds: float, rate: float,
-               joint: str) -> Samples:
+def samples_of(moves: Sequence[Move], limits: JointLimits, seconds: float, rate: float) -> Samples:
     """Return moves and rests between them, in order of time, sampled at a rate in Hz.
 
-    The current is zero; the last sample is at the end or just after it.
+    They begin at the centre. The current is zero; the last sample is at the end or just after it.
     """
     time = np.arange(math.ceil(seconds * rate - 1e-9) + 1) / rate
-    position = np.full(len(time), start)
+    position = np.full(len(time), limits.centre)
     velocity, acceleration = np.zeros(len(time)), np.zeros(len(time))
     for move in moves:
         first, stop = np.searchsorted(time, (move.begin, move.begin + move.duration))
@@ -100,7 +99,7 @@ def samples_of(moves: Sequence[Move], start: float, seconds: float, rate: float,
         acceleration[first:stop] = side * np.where(before < after, slope, -slope)
         position[stop:] = move.start + move.distance
     return Samples(time=time, position=position, velocity=velocity, acceleration=acceleration,
-                   current=np.zeros(len(time)), joint=joint)
+                   current=np.zeros(len(time)), joint=limits.joint)
 
 
 def _ramp_distance(move: Move, share: np.ndarray) -> np.ndarray:
@@ -110,17 +109,16 @@ def _ramp_distance(move: Move, share: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class JointPlan:
-    """The planned motion of one joint."""
+    """The planned motion of one joint, which begins and ends at the centre of its limits."""
 
     limits: JointLimits
-    start: float  # position at the begin and at the end, rad
     moves: tuple[Move, ...]
     seconds: float
     separation: dict[Pair, float]  # of each pair of effects, see `separations`
 
     def samples(self, rate: float) -> Samples:
         """Return the motion sampled at a rate in Hz, with zero current."""
-        return samples_of(self.moves, self.start, self.seconds, rate, self.limits.joint)
+        return samples_of(self.moves, self.limits, self.seconds, rate)
 
 
 def trajectory_of(plans: Sequence[JointPlan], rate: float) -> Trajectory:
@@ -132,16 +130,15 @@ def trajectory_of(plans: Sequence[JointPlan], rate: float) -> Trajectory:
 
 
 def moves_of_shape(shape: Sequence[float] | np.ndarray, limits: JointLimits, seconds: float,
-                   points: np.ndarray) -> tuple[float, list[Move]]:
-    """Return the position at the begin and end of a plan, rad, and its moves.
+                   points: np.ndarray) -> list[Move]:
+    """Return the moves of a plan.
 
     `shape` has a value of each parameter of `SHAPE`. The rows of `points`, (K, 3), are the target,
     speed and rest of each move as numbers from 0 to 1; the first gives only the rest at the begin.
     """
     slowest, speed_exponent, longest_move, longest_rest, position_exponent = shape
     top, acceleration = MARGIN * limits.velocity, MARGIN * limits.acceleration
-    centre = 0.5 * (limits.lowest + limits.highest)
-    half = 0.5 * MARGIN * (limits.highest - limits.lowest)
+    centre, half = limits.centre, 0.5 * MARGIN * (limits.highest - limits.lowest)
     time, position, moves = float(longest_rest * points[0, 2]), centre, []
     for u_target, u_speed, u_rest in points[1:]:
         speed = top * slowest ** (u_speed ** speed_exponent)
@@ -162,7 +159,7 @@ def moves_of_shape(shape: Sequence[float] | np.ndarray, limits: JointLimits, sec
         time, position = end, target
     if abs(position - centre) > 1e-6 * half:
         moves.append(Move.within(time, position, centre, 0.5 * top, acceleration))
-    return centre, moves
+    return moves
 
 
 @one_thread
@@ -181,13 +178,13 @@ def plan_joint(limits: JointLimits, pairs: Sequence[Pair], seconds: float, seed:
     coverage = coverage_within(limits, seconds)
     points = qmc.Sobol(3, scramble=True, seed=seed).random(_POINTS)
 
-    def separation(shape: np.ndarray, own: JointLimits) -> dict[Pair, float]:
-        start, moves = moves_of_shape(shape, own, seconds, points)
-        return separations(samples_of(moves, start, seconds, _EVALUATED, own.joint), pairs,
-                           coverage)
+    def planned(shape: np.ndarray, own: JointLimits) -> JointPlan:
+        moves = moves_of_shape(shape, own, seconds, points)
+        return JointPlan(limits, tuple(moves), seconds, separations(
+            samples_of(moves, limits, seconds, _EVALUATED), pairs, coverage))
 
     def cost(shape: np.ndarray) -> float:
-        shares = list(separation(shape, limits).values())
+        shares = list(planned(shape, limits).separation.values())
         logarithms = np.log(np.maximum(shares, 1e-6))
         return -float(min(logarithms) + len(pairs) * np.mean(logarithms) * _MEAN)
     generation = count(1)
@@ -196,14 +193,12 @@ def plan_joint(limits: JointLimits, pairs: Sequence[Pair], seconds: float, seed:
         callback=lambda *_, **__: report(next(generation) / _GENERATIONS)).x
     reduced = limits
     for _ in range(_TRIALS):
-        start, moves = moves_of_shape(shape, reduced, seconds, points)
-        shares = separation(shape, reduced)
-        if not any(shares.values()):
+        plan = planned(shape, reduced)
+        if not any(plan.separation.values()):
             # At this speed, hardly any move fits into the time.
             break
-        if model is None or peak_torque(model, samples_of(
-                moves, start, seconds, 200.0, limits.joint)) <= MARGIN * limits.effort:
-            return JointPlan(limits, start, tuple(moves), seconds, shares)
+        if model is None or peak_torque(model, plan.samples(200.0)) <= MARGIN * limits.effort:
+            return plan
         reduced = replace(reduced, velocity=_SLOWER * reduced.velocity,
                           acceleration=_SLOWER * reduced.acceleration)
     raise InputError(
@@ -220,8 +215,7 @@ def peak_torque(model: FrictionModel, samples: Samples) -> float:
 
 def staircase(limits: JointLimits, seconds: float, rate: float) -> Samples:
     """Return motion to and fro at a speed that rises in equally long steps, for comparison."""
-    centre = 0.5 * (limits.lowest + limits.highest)
-    half = 0.5 * MARGIN * (limits.highest - limits.lowest)
+    centre, half = limits.centre, 0.5 * MARGIN * (limits.highest - limits.lowest)
     time, position, side, moves = 0.0, centre, 1.0, list[Move]()
     while True:
         step = min(int(time / seconds * _SPEEDS) + 1, _SPEEDS)
@@ -230,7 +224,7 @@ def staircase(limits: JointLimits, seconds: float, rate: float) -> Samples:
         target = centre + side * min(half, 0.2 * speed * seconds / _SPEEDS)
         move = Move.within(time, position, target, speed, MARGIN * limits.acceleration)
         if time + move.duration > seconds:
-            return samples_of(moves, centre, seconds, rate, limits.joint)
+            return samples_of(moves, limits, seconds, rate)
         moves.append(move)
         time, position, side = time + move.duration, target, -side
 
@@ -248,7 +242,6 @@ def fourier_series(limits: JointLimits, seconds: float, rate: float, seed: int) 
     scale = MARGIN * min((limits.highest - limits.lowest) / np.ptp(position),
                          limits.velocity / np.abs(velocity).max(),
                          limits.acceleration / np.abs(acceleration).max())
-    centre = 0.5 * (limits.lowest + limits.highest)
-    return Samples(time=time, position=centre + scale * (position - middle),
+    return Samples(time=time, position=limits.centre + scale * (position - middle),
                    velocity=scale * velocity, acceleration=scale * acceleration,
                    current=np.zeros(len(time)), joint=limits.joint)

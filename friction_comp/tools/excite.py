@@ -88,11 +88,12 @@ def main(argv: list[str] | None = None) -> int:
     checked = 'effort limits are kept by the model' if model else 'effort is not checked'
     content = {'seconds': seconds, 'seed': arguments.seed,
                'effort_checked': model is not None, 'joints': [{
-                   'joint': plan.limits.joint, 'start': plan.start, 'moves': len(plan.moves),
-                   'pairs': [{'between': list(pair), 'plan': share,
-                              'staircase': other['staircase of speeds'][pair],
-                              'fourier': other['random Fourier series'][pair]}
-                             for pair, share in plan.separation.items()]}
+                   'joint': plan.limits.joint, 'start': plan.limits.centre,
+                   'moves': len(plan.moves), 'pairs': [{
+                       'between': list(pair), 'plan': share,
+                       'staircase': other['staircase of speeds'][pair],
+                       'fourier': other['random Fourier series'][pair]}
+                       for pair, share in plan.separation.items()]}
                    for plan, other in zip(plans, others)]}
     write_results(arguments, content, excitation_report(plans, others), files={
         'trajectory.yaml': trajectory_of(plans, arguments.rate).to_yaml(
