@@ -10,24 +10,10 @@ import math
 
 @dataclass(frozen=True)
 class Announcement:
-    """The direction of a joint's coming movement.
+    """The direction of a joint's coming movement."""
 
-    Attributes
-    ----------
-    direction : int
-        -1, 0 or +1.
-    reason : str
-        Why, in words for diagnostics.
-    end : float
-        Position at which the announced movement ends, rad; NaN if that is not known.
-    fault : bool
-        Whether the source cannot be used; the direction is then 0.
-    is_pushed : bool
-        Whether a sensor feels beyond doubt that the person pushes in this direction.
-    """
-
-    direction: int
-    reason: str
-    end: float = math.nan
-    fault: bool = False
-    is_pushed: bool = False
+    direction: int  # -1, 0 or +1
+    reason: str  # why, in words for diagnostics
+    end: float = math.nan  # position at which the announced movement ends, rad; NaN if not known
+    fault: bool = False  # whether the source cannot be used; the direction is then 0
+    is_pushed: bool = False  # whether a sensor feels beyond doubt that the person pushes this way

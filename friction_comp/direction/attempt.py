@@ -28,20 +28,9 @@ _CONTRADICTIONS = 3
 class Attempt:
     """Follows the attempts to move one joint.
 
-    Parameters
-    ----------
-    silent : bool
-        Whether the sensor is silent at rest in any pose, as a muscle.
-
-    Attributes
-    ----------
-    direction : int
-        What is announced now.
-    reason : str
-    resting : bool
-        Whether the sensor is at rest, so that its level may follow.
-    contradicted : bool
-        Whether the joint has moved against the sensor several times in a row.
+    A sensor that is `silent` at rest in any pose is that of a muscle. What is announced now is
+    `direction`, with its `reason`. The level of a sensor that is `resting` may follow, and it is
+    `contradicted` when the joint has moved against it several times in a row.
     """
 
     def __init__(self, silent: bool = False) -> None:
@@ -60,19 +49,9 @@ class Attempt:
             quiet: bool, calm: bool) -> bool:
         """Take what the sensor says; return whether its level at rest has to be found anew.
 
-        Parameters
-        ----------
-        time : float
-            s.
-        motion : JointMotion
-        side : int
-            Direction in which the person pushes, if that is certain, else 0.
-        strength : float
-            How much, positive in the direction +1; any unit.
-        quiet : bool
-            Whether the sensor has not changed for `REARM`.
-        calm : bool
-            Whether the sensor is at the level at rest that was known last.
+        `side` is the direction in which the person pushes at a time in s, if that is certain, else
+        0, and `strength` how much, positive in the direction +1, in any unit. The sensor is `quiet`
+        if it has not changed for `REARM`, and `calm` at the level at rest that was known last.
         """
         if self.direction:
             self._continue(time, motion, side, strength)

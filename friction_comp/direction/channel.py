@@ -45,15 +45,9 @@ FORCE = 'force'
 class Channel:
     """Watches the values of a channel; `test` is that for an onset, once it is calibrated.
 
-    Parameters
-    ----------
-    name : str
-        For messages.
-    low, high : float
-        The values at which the converter saturates.
-    smooth : bool
-        Whether a person changes the values smoothly, as force and envelopes; raw muscle signals
-        are tested for hum by their spectrum, and for onsets by their level (`muscle_level`).
+    Its converter saturates at `low` and `high`. Force and envelopes are `smooth`, as a person
+    changes them; raw muscle signals are tested for hum by their spectrum, and for onsets by their
+    level (`muscle_level`).
     """
 
     test: OnsetTest

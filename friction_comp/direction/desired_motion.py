@@ -30,12 +30,8 @@ _STUCK_TIME = 0.2
 class DesiredMotion:
     """Announces the direction of one joint's reference.
 
-    Parameters
-    ----------
-    least_speed : float
-        Slowest reference that moves, rad/s.
-    stuck_error : float
-        Error in rad from which on a joint at rest is stuck.
+    A reference moves from `least_speed` on, rad/s; a joint at rest with a larger error than
+    `stuck_error`, rad, is stuck.
     """
 
     def __init__(self, least_speed: float = 0.005, stuck_error: float = 0.01) -> None:

@@ -16,13 +16,7 @@ _SILENCE = 0.2
 
 
 class JointMotion:
-    """Speed and rest of one joint.
-
-    Attributes
-    ----------
-    speed : float
-        Mean speed of the last tenth of a second, rad/s; NaN if the position is not known.
-    """
+    """Rest of one joint, and its `speed`: the mean of the last 0.1 s, rad/s; NaN if not known."""
 
     def __init__(self) -> None:
         self._past: deque[tuple[float, float]] = deque()

@@ -29,12 +29,9 @@ SHORT, LONG = 0.03, 0.2
 
 
 class MuscleLevel:
-    """Turns samples of one channel into levels of blocks.
+    """Turns samples of one channel, `rate` per second, into levels of blocks.
 
-    Parameters
-    ----------
-    rate : float
-        Samples per second; InputError if it is too small for a raw signal.
+    Raises InputError if the rate is too small for a raw signal.
     """
 
     def __init__(self, rate: float) -> None:

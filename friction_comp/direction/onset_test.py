@@ -60,24 +60,13 @@ def alarm_limit(samples: float) -> float:
 
 @dataclass(frozen=True)
 class Rest:
-    """A channel at rest: what a calibration found.
+    """A channel at rest: what a calibration found."""
 
-    Attributes
-    ----------
-    level, scatter : float
-        Mean and standard deviation of the independent values, in the channel's unit.
-    rate : float
-        Samples per second.
-    memory : float
-        Number of values whose mean is as uncertain as one independent value.
-    inverse : ndarray, shape (N,)
-        Filter that makes values independent, the newest first, with a gain of 1 for the level.
-    """
-
-    level: float
-    scatter: float
-    rate: float
-    memory: float
+    level: float  # mean of the independent values, in the channel's unit
+    scatter: float  # their standard deviation
+    rate: float  # samples per second
+    memory: float  # number of values whose mean is as uncertain as one independent value
+    # (N,): filter that makes values independent, the newest first, with a gain of 1 for the level.
     inverse: np.ndarray
 
     @classmethod
@@ -102,16 +91,9 @@ class Rest:
 class OnsetTest:
     """Tests a channel for a rise or a fall from its level at rest.
 
-    Attributes
-    ----------
-    level : float
-        The level at rest, which follows the signal slowly while `follow` is called.
-    alarm : int
-        +1 or -1 while the signal is above or below the level at rest, else 0.
-    sure : int
-        The alarm where it is beyond doubt, else 0.
-    rising : int
-        Number of samples of which the sum of what is above the level is made.
+    `level`, that at rest, follows the signal slowly while `follow` is called. `alarm` is +1 or -1
+    while the signal is above or below it, else 0, and `sure` the alarm where it is beyond doubt.
+    `rising` is the number of samples of which the sum of what is above the level is made.
     """
 
     def __init__(self, rest: Rest, proportional: bool = False) -> None:

@@ -21,13 +21,8 @@ from friction_comp.exercise.exercise_script import ExerciseScript
 class PlannedDirection:
     """Announces what a plan says of the joints.
 
-    Parameters
-    ----------
-    joints : sequence of str
-    announcement : float
-        How long a movement from rest is announced ahead, s.
-    tolerance : float
-        Distance from the plan in rad from which on it is not followed.
+    A movement from rest is announced `announcement` seconds ahead; a joint that is farther from the
+    plan than `tolerance`, rad, does not follow it.
     """
 
     def __init__(self, joints: Sequence[str], announcement: float, tolerance: float) -> None:
@@ -45,18 +40,9 @@ class PlannedDirection:
              begin: float, present: np.ndarray) -> None:
         """Replace the plan; raises InputError if it cannot be used, and there is none then.
 
-        Parameters
-        ----------
-        names : sequence of str
-            Joints of the plan; others than the node's do not matter.
-        times : sequence of float
-            Of the points, s from the beginning.
-        positions : ndarray, shape (K, n)
-            rad.
-        now, begin : float
-            When the plan was received, and when it begins, s.
-        present : ndarray, shape (J,)
-            Positions of the joints now, rad.
+        It moves the joints `names`, of which others than the node's do not matter, to `positions`
+        in rad, (K, n), at `times` in s from its beginning. It was received `now`, s, begins at
+        `begin`, and finds the node's joints at the positions `present`, rad, (J,).
         """
         self.forget('no plan')
         if len(times) == 0:

@@ -43,15 +43,11 @@ _AVERAGED = 4
 
 
 class SensedDirection:
-    """Announces the direction of one joint from its sensor.
+    """Announces the direction of one joint from its sensor, whose kind is one of `KINDS`.
 
-    Parameters
-    ----------
-    kind : {'force', 'muscle_envelope', 'muscle_raw'}
-        A force has one channel, positive if it pushes towards larger positions; muscles have two,
-        the first of which moves the joint towards larger positions.
-    sensor_range : tuple of float
-        Lowest and highest value that the converter can give.
+    A force has one channel, positive if it pushes towards larger positions; muscles have two, the
+    first of which moves the joint towards larger positions. `sensor_range` are the lowest and the
+    highest value that the converter can give.
     """
 
     def __init__(self, kind: str, sensor_range: tuple[float, float]) -> None:

@@ -98,16 +98,10 @@ def friction_change(residual: np.ndarray, predicted: np.ndarray, friction: np.nd
                     samples: Samples, model_error: float) -> FrictionChange:
     """Return the parts of a residual of samples of a joint that slides.
 
-    Parameters
-    ----------
-    residual, predicted, friction : numpy.ndarray
-        Measured less predicted current, the predicted one, and the part of that which is friction,
-        A, (N,).
-    samples : Samples
-        With velocity and acceleration. Errors of one stroke are alike: the standard error is that
-        of clusters (Liang and Zeger 1986).
-    model_error : float
-        RMS error that the model has in any other recording, A: it may look like friction.
+    `residual` is the measured less the `predicted` current, of which `friction` is a part, all A,
+    (N,); `samples` have velocity and acceleration. Errors of one stroke are alike: the standard
+    error is that of clusters (Liang and Zeger 1986). `model_error` is the RMS error that the model
+    has in any other recording, A: it may look like friction.
     """
     side, position = np.sign(np.asarray(samples.velocity)), samples.position
     load = np.column_stack((np.ones(len(side)), np.cos(position), np.sin(position)))

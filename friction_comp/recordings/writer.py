@@ -46,22 +46,11 @@ class RecordingWriter:
     is called. If the process is killed, only messages after the last chunk are lost; a full disk
     loses nothing that was written. ``metadata.yaml`` exists from the beginning.
 
-    Parameters
-    ----------
-    path : path-like
-        Folder to create at once; it must not exist.
-    custom_data : dict of str, optional
-        Stored in metadata.yaml. ``model_file`` is the active model.
-    compression : str, optional
-        'none', 'message' or 'storage' (chunks inside the mcap file), all with zstd.
-    split_size, split_duration : float, optional
-        Size in bytes (from 10,000) and time in s (from 0.1) after which the next file begins; 0:
-        never.
-
-    Raises
-    ------
-    InputError
-        If the folder exists or cannot be created, or files would be too small.
+    `custom_data`, of which ``model_file`` is the active model, is stored in metadata.yaml.
+    `compression` is 'none', 'message' or 'storage' (chunks inside the mcap file), all with zstd.
+    The next file begins after `split_size` bytes (from 10,000) and `split_duration` s (from 0.1);
+    0: never. Raises InputError if the folder `path` exists or cannot be created, or files would be
+    too small.
     """
 
     def __init__(self, path: AnyPath, custom_data: dict[str, str] | None = None,

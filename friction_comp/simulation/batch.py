@@ -73,26 +73,13 @@ def closed_loops(
         ) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
     """Simulate R joints with their laws, which use Eq. 6 without further effects.
 
-    Parameters
-    ----------
-    parameters, random, laws : ndarray, shape (R,), (R, 1) and (R,)
-        `joint_parameters`, `random_states` and `CompensationLaw.parameters` of each run.
-    reference : tuple of ndarray, each of shape (M, L)
-        Position, velocity and direction of M movements, as `ReferenceMovement.at` returns them.
-    which : ndarray of int, shape (R,), optional
-        Index of each run's movement; the first for all when omitted.
-    every : int
-        Log every n-th sample; 0 logs nothing.
-    released : int, optional
-        Sample at which the person lets go; never when omitted.
-    speed, logged
-        Initial velocity, rad/s; and some of `SIGNALS`.
-
-    Returns
-    -------
-    log, extremes, states
-        The logged signals by name, each (R, ceil(L / every)); lowest and highest true position in
-        rad, (R, 2); and the final states of the laws, (R,).
+    Each run has its `joint_parameters`, (R,), `random_states`, (R, 1), and parameters of its
+    `CompensationLaw`, (R,). `reference` is position, velocity and direction, each (M, L), of M
+    movements, as `ReferenceMovement.at` returns them, and `which`, (R,), the index of each run's;
+    the first for all when omitted. The person lets go at the sample `released`, never when omitted;
+    `speed` is the initial velocity, rad/s. Return every n-th sample (`every`; 0: none) of the
+    `logged` ones of `SIGNALS`, by name, each (R, ceil(L / every)); lowest and highest true position
+    in rad, (R, 2); and the final states of the laws, (R,).
     """
     movements = np.ascontiguousarray(np.stack(
         [np.atleast_2d(np.asarray(a, dtype=float)) for a in reference], axis=1))
