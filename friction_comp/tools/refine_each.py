@@ -30,7 +30,7 @@ from friction_comp.recorded_drive.given import Given
 from friction_comp.recorded_drive.refine_recordings import refine_recordings, showing_friction
 from friction_comp.recordings.condense import read_condensed
 from friction_comp.refinement.block_sums import BlockSums
-from friction_comp.results import output_folder, Page, to_json
+from friction_comp.results import output_folder, to_json
 from friction_comp.tools.common import progress, write_results
 from friction_comp.tools.refine_arguments import folder_names, given_of, layout_of
 
@@ -111,7 +111,8 @@ def refine_each(arguments: Namespace) -> int:
             'out': {population.joint: population.out for population in populations},
             'seconds': time.monotonic() - begin}
         if batch.done:
-            _write_results(arguments, content, each_report(content, populations), populations)
+            write_results(arguments, content, each_report(content, populations),
+                          files=_files_of(populations))
     if arguments.json:
         print(to_json(content), end='')
     else:
@@ -269,15 +270,12 @@ def _earlier_result(folder: Path, made_from: str) -> dict[str, Any] | None:
     return found if usable and (folder / 'report.json').is_file() else None
 
 
-def _write_results(arguments: Namespace, content: dict[str, Any], page: Page,
-                   populations: Sequence[Population]) -> None:
-    files: dict[str, str] = {}
-    if populations:
-        names = folder_names(one.file_name for one in populations)
-        files = {'fleet.json': fleet_json(populations), **{
-            f'{name}.yaml': to_yaml(one.model.to_dict())
-            for name, one in zip(names, populations)}}
-    write_results(arguments, content, page, files=files)
+def _files_of(populations: Sequence[Population]) -> dict[str, str]:
+    if not populations:
+        return {}
+    names = folder_names(one.file_name for one in populations)
+    return {'fleet.json': fleet_json(populations), **{
+        f'{name}.yaml': to_yaml(one.model.to_dict()) for name, one in zip(names, populations)}}
 
 
 def _write(path: Path, files: dict[str, str]) -> None:
