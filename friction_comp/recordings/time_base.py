@@ -288,7 +288,7 @@ def other_signals(scan: Scan, joint: str, joints: list[str], base: TimeBase,
     command = _find_array(scan.of('current_command'), joint, order, notes, torque_per_current)
     if command is not None:
         signals['command'] = base.hold(*command)
-        # A compensator answers every joint state, but a table may name commands only as they change.
+        # A compensator answers every joint state; a table may hold commands only where they change.
         if scan.activity:
             signals['command'][base.silent(*command)] = np.nan
     return {**signals, 'direction': _direction(scan, joint, joints, order, base, notes)}
