@@ -147,5 +147,7 @@ def _measure_piece(piece: Piece, model: str | Path | None, seconds: float) -> Me
         buffer = buffer.take(buffer.time >= first)
     if not measured.repetitions:
         raise InputError(f'{path}: no movement of joint {info.joint!r} found in it')
-    measured.joint, measured.models = info.joint, [info.model] if info.model else []
+    # Joints of one name in several topics are different drives.
+    measured.joint = piece.joint or info.joint
+    measured.models = [info.model] if info.model else []
     return measured

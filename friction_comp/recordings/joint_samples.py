@@ -157,7 +157,7 @@ def to_samples(scan: Scan, joint: str | None,
         current=effort[order] / torque_per_current,
         velocity=None if velocity is None else velocity[order], joint=joint)
     samples = samples.with_(**time_base.other_signals(
-        scan, joint, joints, base, torque_per_current, info.notes))
+        scan.around(track.topic), joint, joints, base, torque_per_current, info.notes))
     if load is not None and samples.load is None:
         samples = samples.with_(load=load[order])
     check_plausible(samples, str(scan.path), alone=not _others_moved(scan, own))
@@ -302,7 +302,7 @@ def _select_joint(scan: Scan, joint: str | None) -> tuple[Track, str, list[str],
         raise InputError(f'{scan.path}: joint_states names no joint')
     joint = scan.selected if joint is None else joint.removeprefix(f'{scan.states}/')
     # A single joint may have no name in the recording.
-    key = '' if joints == [''] else one_of(joints, joint, scan.path)
+    key = '' if joints == [''] else one_of(joints if joint else scan.choices, joint, scan.path)
     joint = joint or key
     matching = [track for track in tracks if key in track.names]
     if len(matching) > 1:

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
@@ -104,10 +105,25 @@ class Scan:
         exact = [t for t in tracks if t.topic.rsplit('/', 1)[-1] == signal]
         return exact or tracks
 
+    def around(self, topic: str) -> Scan:
+        """Return a scan in which signals in the namespace of a topic go before another robot's."""
+        namespace = topic.rpartition('/')[0] + '/'
+        return replace(self, tracks=sorted(
+            self.tracks, key=lambda track: not track.topic.startswith(namespace)))
+
     @property
     def joints(self) -> list[str]:
         """Names of all joints in the joint states."""
         return list(dict.fromkeys(n for track in self.of('joint_states') for n in track.names))
+
+    @property
+    def choices(self) -> list[str]:
+        """All joints as a user may name them: as /TOPIC/NAME where several topics hold the name."""
+        tracks = self.of('joint_states')
+        count = Counter(name for track in tracks for name in set(track.names))
+        return list(dict.fromkeys(
+            f'{track.topic}/{name}' if count[name] > 1 else name
+            for track in tracks for name in track.names))
 
     @property
     def model(self) -> str | None:

@@ -126,8 +126,8 @@ def without_topic(path: AnyPath, joint: str | None) -> str | None:
 def recorded_joints(path: AnyPath, layout: Layout | None = None) -> list[str]:
     """Return the joints in a recording's first joint states, '' for one without a name.
 
-    If the layout names the columns of one joint, it is that joint only. Raises InputError if the
-    recording cannot be read.
+    Those in several topics are /TOPIC/NAME. If the layout names the columns of one joint, it is
+    that joint only. Raises InputError if the recording cannot be read.
     """
     scan = next(open_scanner(path, layout=layout, batch=_FIRST_MESSAGES).scans())
-    return scan.joints if scan.selected is None else [scan.selected]
+    return scan.choices if scan.selected is None else [scan.selected]
