@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 import errno
 import json
 import math
@@ -134,6 +135,20 @@ def read_json(path: str | Path) -> Any:
 def encodable(text: str) -> str:
     r"""Return text for UTF-8: other bytes, as of file names, become escapes such as ``\udcfc``."""
     return text.encode('utf-8', 'backslashreplace').decode('utf-8')
+
+
+def file_names(names: Iterable[str]) -> list[str]:
+    """Return a different name of a file for each name of a joint or recording.
+
+    It is the name itself without slashes, which would name other folders.
+    """
+    files: list[str] = []
+    for name in names:
+        file = name.strip('/').replace('/', '_')
+        while file in files:
+            file += '_'
+        files.append(file)
+    return files
 
 
 def write_atomically(path: str | Path, content: str | bytes, sync: bool = True) -> None:

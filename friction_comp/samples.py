@@ -92,7 +92,7 @@ class Samples:
     temperature : ndarray, optional
         Motor temperature in degrees Celsius.
     command : ndarray, optional
-        Commanded current in A.
+        Commanded current in A; NaN while a compensator that was recorded sends none.
     direction : ndarray, optional
         Direction d of the desired movement: -1, 0 or +1.
     reference_position, reference_velocity : ndarray, optional

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from recording_maker import record_with_diagnostics
 from scipy.signal import lfilter
 from test_evaluate import PERIOD, REST
 from test_evaluate_sessions import both, info_of
@@ -92,6 +93,28 @@ def test_only_a_change_that_matters_is_one():
         'none', 'paper', 'paper']
     assert laws(('inactive', 'paper', 'a.yaml'), ('active', 'paper', 'a.yaml'),
                 command=np.zeros(len(samples))) == ['none'] * 4
+
+
+@pytest.mark.parametrize('seconds', [600.0, 8.0])
+def test_a_compensator_that_fell_silent_compensates_nothing(tmp_path, seconds):
+    """Its last report says active, and its last command is a current."""
+    samples = both([1.0] * 10)
+    time, command = samples.time, np.ones(len(samples))
+    # From within the third movement until after the sixth; shorter than a driver's timeout; to the
+    # end, though the joint does not start again.
+    begin, rest = 2 * PERIOD + REST + 1.0, 8 * PERIOD + 0.5
+    command[((time > begin) & (time < 6 * PERIOD + 0.5)) | (time > rest)] = np.nan
+    short = 6 * PERIOD + REST + 1.0
+    command[(time > short) & (time < short + 0.05)] = np.nan
+    position = samples.position.copy()
+    position[time > rest] = position[time > rest][0]
+    record_with_diagnostics(tmp_path / 'r', samples.with_(position=position, command=command), [
+        (0, ('continuous', 'a.yaml'))])
+    evaluation, = evaluate_recordings([tmp_path / 'r'], seconds=seconds)
+    assert [r.compensation.law for r in sorted(
+        evaluation.repetitions, key=lambda r: r.begin)] == (
+        ['continuous'] * 2 + ['none'] * 3 + ['continuous'] * 2 + ['none'] * 2)
+    assert any('1 movement during which' in note for note in evaluation.notes)
 
 
 @pytest.mark.parametrize('alike', [0.0, 0.3, 0.6])

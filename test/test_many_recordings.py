@@ -15,6 +15,7 @@ import time
 from node_process import environment, ROOT
 import numpy as np
 import pytest
+from recording_maker import joint_state, record as record_bag, wrench
 from report_pages import assert_documented
 from table_maker import swing, write
 from test_evaluate import trial
@@ -72,6 +73,45 @@ def test_each_recording_has_its_own_report_and_one_page_tells_of_all(folder, tmp
     assert 'broken.mcap' in page
     told = capsys.readouterr().out
     assert told.startswith('2 of 3 refined')
+
+
+ROBOTS = [f'/{robot}/joint_states/elbow' for robot in ('left', 'right')]
+
+
+@pytest.fixture(scope='module')
+def two_robots(tmp_path_factory):
+    """A recording of joints with one name, whose signals are in the namespaces of two robots."""
+    times, position, velocity = swing(1000, 0.02)
+    noise = 0.01 * np.random.default_rng(1).normal(size=len(times))
+    messages = []
+    for time_, q, tau in zip(times, position, np.tanh(velocity / 0.02) + noise):
+        stamp = 10**9 + round(1e9 * time_)
+        for scale, robot in ((1.0, 'left'), (2.0, 'right')):
+            messages += [(f'/{robot}/joint_states', stamp, joint_state(
+                stamp, ['elbow'], [q], [], [scale * tau])), (
+                f'/{robot}/interaction_wrench', stamp, wrench(stamp, 'elbow', scale))]
+    return record_bag(tmp_path_factory.mktemp('two') / 'r', messages)
+
+
+def test_each_of_two_robots_in_one_recording_is_a_joint_of_its_own(two_robots, tmp_path, capsys):
+    pieces, failures = pieces_of([two_robots])
+    assert [piece.joint for piece in pieces] == ROBOTS
+    assert not failures
+    found = evaluate_pieces(pieces)
+    assert [evaluation.joint for evaluation in found] == ROBOTS
+    for evaluation, load in zip(found, (1.0, 2.0)):
+        assert {condition.peak_torque for condition in evaluation.conditions} == {load}
+    assert run('refine', [str(two_robots), '--output', str(tmp_path / 'one')]) == 2
+    assert f"name one with --joint: '{ROBOTS[0]}', '{ROBOTS[1]}'" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_each_of_two_robots_in_one_recording_is_refined(two_robots, tmp_path):
+    assert run('refine', [str(two_robots), '--each', '--output', str(tmp_path / 'out')]) == 0
+    rows = json.loads((tmp_path / 'out' / 'report.json').read_text())['recordings']
+    assert [(row['joint'], row['folder']) for row in rows] == [
+        (name, f'r_{name.replace("/", "_")}') for name in ROBOTS]
+    assert rows[1]['noise_floor'] == pytest.approx(2.0 * rows[0]['noise_floor'], rel=0.1)
 
 
 def test_a_linear_axis_is_in_metres_and_newtons_on_every_page(tmp_path):

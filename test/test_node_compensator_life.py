@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import Transition
@@ -17,6 +18,7 @@ import numpy as np
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+from rclpy.lifecycle import TransitionCallbackReturn
 from ros_system import (
     BEST_EFFORT,
     compensator,
@@ -38,6 +40,7 @@ from std_msgs.msg import Float64MultiArray, Int8MultiArray
 from std_srvs.srv import Trigger
 
 from friction_comp.control.compensation_loop import ALONE
+from friction_comp.nodes.compensator import CompensatorNode
 
 # Where a library is half imported, and where an exception would be lost.
 INTERRUPTED = """
@@ -143,6 +146,18 @@ def test_another_commander_is_a_fault_that_stays_until_it_is_reset(driver):
     assert 'may command' in reset().message
     driver.find(direction=[1, 1])
     assert driver.process.text.count('stays until') == 1
+
+
+@pytest.mark.parametrize(('yields', 'words'), [
+    (False, 'active: commands the motor'),
+    (True, 'active: commands nothing while another node may command the motor')])
+def test_one_that_yields_to_another_says_so_as_it_is_activated(yields, words):
+    node, said = object.__new__(CompensatorNode), []
+    node._ending, node._managed_entities = False, ()
+    node._configured = SimpleNamespace(open=lambda: None, yields=yields)
+    node._set_state = lambda *state: said.append(state)
+    assert node.on_activate(None) == TransitionCallbackReturn.SUCCESS
+    assert said == [('active', words)]
 
 
 def test_two_publishers_of_one_joint_are_named(driver):

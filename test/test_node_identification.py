@@ -23,7 +23,8 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.nodes.goals import RunningGoal
 from friction_comp.nodes.identification import IdentificationNode
 
-JOINT = 'elbow'
+# A name with slashes, as of an arm in a namespace, must not name another folder.
+JOINT = '/left/elbow'
 GOAL = {'joint': JOINT, 'speeds': [0.8, 1.4], 'motion_range': 0.8, 'ramp_slope': 0.2,
         'ramp_period': 2.0, 'breakaway_cycles': 2}
 
@@ -163,6 +164,7 @@ def test_identifies_a_drive(system):
     assert result.breakaway_positive_mean == pytest.approx(0.0995, rel=0.1)
     assert result.breakaway_negative_mean == pytest.approx(-0.0995, rel=0.1)
     assert result.breakaway_positive_std < 0.01
+    assert result.model_file == str(system.models / 'left_elbow.yaml')
     model = FrictionModel.load(result.model_file)
     assert model.joint == JOINT
     np.testing.assert_allclose(
@@ -226,5 +228,5 @@ def test_a_goal_for_a_joint_that_is_not_published_is_refused_for_that_reason():
     node = SimpleNamespace(
         _received=now, _fresh=-math.inf, _states=JointStateInput([JOINT], 50_000_000),
         _port=SimpleNamespace(others=lambda: []))
-    with pytest.raises(InputError, match='joint_states lack elbow'):
+    with pytest.raises(InputError, match=f'joint_states lack {JOINT}'):
         IdentificationNode._check_surroundings(node, JOINT)

@@ -9,15 +9,20 @@ import pytest
 from recording_maker import array, header, joint_state, make_samples, record, states, T, wrench
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
+from friction_comp.__main__ import run
 from friction_comp.errors import InputError
+from friction_comp.files import file_names
 from friction_comp.recordings import (
     cdr,
     find_recordings,
     read_recording,
     read_recording_with_info,
     recorded_joints,
+    stream_recording_with_info,
     write_samples,
 )
+from friction_comp.recordings.sources import without_topic
+from friction_comp.tools.refine_arguments import folder_names
 
 
 def test_what_was_written_is_read_back(tmp_path):
@@ -300,3 +305,55 @@ def test_one_joint_in_two_topics_is_named_with_its_topic(tmp_path):
         assert samples.arm.joints == ('elbow', 'wrist')
     with pytest.raises(InputError, match='no topic /other/joint_states in it, but /follower/joint'):
         read_recording(path, '/other/joint_states/elbow')
+
+
+@pytest.mark.parametrize(('topics', 'joints', 'given', 'place', 'name'), [
+    # A namespace in the name, with and without the topic.
+    (['/joint_states'], ['/left/elbow', '/left/wrist'], '/left/elbow', 0, '/left/elbow'),
+    (['/joint_states'], ['/left/elbow', 'wrist'], '/joint_states//left/elbow', 0, '/left/elbow'),
+    (['/a/joint_states', '/b/joint_states'], ['left/elbow', 'wrist'],
+     '/b/joint_states/left/elbow', 1, 'left/elbow'),
+    # Of two topics the longest, but first of all a joint that is called so.
+    (['/a', '/a/joint_states'], ['joint_states/elbow', 'elbow'], '/a/joint_states/elbow', 1,
+     'elbow'),
+    (['/joint_states', '/left'], ['/left/elbow', 'elbow'], '/left/elbow', 0, '/left/elbow')])
+def test_joint_and_topic_may_both_hold_slashes(tmp_path, topics, joints, given, place, name):
+    messages = [(topic, stamp, joint_state(
+        stamp, joints, [np.sin(0.04 * k) + 0.5 * j + 2.0 * i for j in range(len(joints))], [],
+        [1.0, 0.0])) for k, stamp in enumerate(range(10**9, 7 * 10**9, 20_000_000))
+        for i, topic in enumerate(topics)]
+    path = record(tmp_path / 'r', messages)
+    (samples, info), = read_recording_with_info(path, given)
+    assert samples.joint == info.joint == name
+    np.testing.assert_allclose(
+        samples.position, np.sin(0.04 * np.arange(300)) + 0.5 * joints.index(name) + 2.0 * place)
+    assert samples.arm.joints == tuple(joints)
+    streamed, *_ = stream_recording_with_info(path, given)
+    assert streamed[0].joint == name
+    assert without_topic(path, given) == name
+
+
+@pytest.mark.parametrize(('given', 'words'), [
+    ('/left/elbo', "no joint '/left/elbo' in it, but '/left/elbow', '/left/wrist'"),
+    ('elbow', "no joint 'elbow' in it, but '/left/elbow'")])
+def test_a_wrong_name_with_a_slash_is_answered_with_the_names(tmp_path, given, words):
+    with pytest.raises(InputError, match=words):
+        read_recording(record(tmp_path / 'r', states(names=('/left/elbow', '/left/wrist'))), given)
+
+
+def test_a_recording_of_joints_in_a_namespace_becomes_a_table_and_back(tmp_path):
+    joints = [make_samples(joint=name, seed=seed)
+              for seed, name in enumerate(('/left/elbow', '/left/wrist'))]
+    write_samples(tmp_path / 'r', joints)
+    for source, output in (('r', 'r.csv'), ('r.csv', 'again')):
+        assert run('convert', [str(tmp_path / source), '--output', str(tmp_path / output)]) == 0
+        read, = read_recording(tmp_path / output, '/left/wrist')
+        assert read.joint == '/left/wrist'
+        np.testing.assert_allclose(read.position, joints[1].position, rtol=1e-9)
+
+
+def test_the_file_of_a_joint_is_in_the_folder_where_it_is_written():
+    names = ['elbow', 'r1_elbow', 'linkes Knie', '/left/elbow', 'right/elbow', 'right_elbow']
+    assert file_names(names) == [
+        'elbow', 'r1_elbow', 'linkes Knie', 'left_elbow', 'right_elbow', 'right_elbow_']
+    assert not any('/' in name for name in folder_names(['/etc/x', '../x', '/../x', '/']))

@@ -313,8 +313,8 @@ def repetitions_of(samples: Samples, name: str, info: RecordingInfo,
                          'itself')
     residual = None
     if friction is not None and movements:
-        applied = samples.current if samples.command is None else samples.command
-        residual = friction.predict(samples) - applied
+        sent = np.nan if samples.command is None else samples.command
+        residual = friction.predict(samples) - np.where(np.isnan(sent), samples.current, sent)
     measured = []
     for movement in movements:
         if movement.end > samples.time[-1] - samples.sample_time and (

@@ -268,14 +268,18 @@ def _compensation(command: np.ndarray | None, report: Activity | None, loaded: s
         active = report.state in ('', 'active')
         law, model, settings = report.law, report.model or loaded, report.settings
     if command is not None:
-        idle = not command.any()
+        # Without commands, a compensator may have died that had reported to be active.
+        sent = command[np.isfinite(command)]
+        idle = not sent.any()
         # A law may command no current while the joint stands still.
-        if (idle and (moved or not law)) or not active:
+        if (idle and (moved or not law or not len(sent))) or not active:
             law = 'none' if idle else 'other'
+        elif len(sent) < len(command):
+            law = 'changed'
     elif not active:
         law = 'none'
     # Without a law, neither a loaded model nor settings are in use.
-    return Compensation(law, '', announced) if law in ('none', 'other') else (
+    return Compensation(law, '', announced) if law in ('none', 'other', 'changed') else (
         Compensation(law, model, announced, settings))
 
 

@@ -17,6 +17,7 @@ from friction_comp.layout import Layout
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.parallel import Failure, run_each, Runner
 from friction_comp.recordings import find_recordings, recorded_joints, stream_recording_with_info
+from friction_comp.recordings.sources import without_topic
 from friction_comp.samples import Samples
 
 # Length of the stretches in which recordings are read, s; those shorter than two are read whole.
@@ -108,8 +109,9 @@ def _in_order(outcomes: Iterable[tuple[int, MeasuredJoint | Failure]], count: in
 def _measure_piece(piece: Piece, model: str | Path | None, seconds: float) -> MeasuredJoint:
     path, friction = piece.path, None
     if model is not None:
-        friction = FrictionModel.load(model, piece.joint)
-        friction.check_joint(piece.joint, model)
+        name = without_topic(path, piece.joint)
+        friction = FrictionModel.load(model, name)
+        friction.check_joint(name, model)
     gain = 1.0 if friction is None else friction.drive.torque_per_current
     measured = MeasuredJoint('')
     notes = measured.notes
@@ -144,5 +146,7 @@ def _measure_piece(piece: Piece, model: str | Path | None, seconds: float) -> Me
         buffer = buffer.take(buffer.time >= first)
     if not measured.repetitions:
         raise InputError(f'{path}: no movement of joint {info.joint!r} found in it')
-    measured.joint, measured.models = info.joint, [info.model] if info.model else []
+    # Joints of one name in several topics are different drives.
+    measured.joint = piece.joint or info.joint
+    measured.models = [info.model] if info.model else []
     return measured

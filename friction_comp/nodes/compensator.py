@@ -166,7 +166,9 @@ class CompensatorNode(LifecycleNode):
         if self._configured is None or self._ending:
             return TransitionCallbackReturn.FAILURE
         self._configured.open()
-        self._set_state('active', 'active: commands the motor')
+        self._set_state('active', 'active: commands ' + (
+            'nothing while another node may command the motor' if self._configured.yields
+            else 'the motor'))
         return super().on_activate(state)
 
     def on_deactivate(self, state: Any) -> TransitionCallbackReturn:

@@ -24,7 +24,7 @@ from friction_comp.control import joint_states
 from friction_comp.control.joint_states import JointStateInput
 from friction_comp.control.watchdog import Watchdog
 from friction_comp.errors import InputError
-from friction_comp.files import check_folder
+from friction_comp.files import check_folder, file_names
 from friction_comp.identification.run import IdentificationRun
 from friction_comp.identification.trajectory_run import TrajectoryRun
 from friction_comp.nodes import goals
@@ -161,7 +161,8 @@ class IdentificationNode(Node):
     def _finish_identification(self, run: Any, index: int, result: Any) -> str:
         """Fit the model, write its file, and fill the result."""
         outcome, joint = run.result(), self._joints[index]
-        path = (Path(self.get_parameter('output_folder').value) / f'{joint}.yaml').absolute()
+        path = (Path(self.get_parameter('output_folder').value)
+                / f'{file_names(self._joints)[index]}.yaml').absolute()
         outcome.model(self._drives[index], joint, self._limits[index]).save(path)
         goals.fill_result(result, outcome)
         result.model_file = str(path)

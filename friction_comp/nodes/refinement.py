@@ -19,6 +19,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 
 from friction_comp.errors import InputError
+from friction_comp.files import file_names
 from friction_comp.monitoring.live_residual import JointWatch
 from friction_comp.nodes.live_signals import LiveSignals
 from friction_comp.nodes.refine_job import Message, RecentPast, RefineJob, refusal
@@ -249,7 +250,7 @@ class RefinementNode(Node):
         files = await self._compensator.files()
         start = files.get(joint, self._files[joint])
         output = Path(self.get_parameter('output_folder').value).absolute() / (
-            f'{joint}_{datetime.now():%Y-%m-%d_%H-%M-%S.%f}')
+            f'{file_names([joint])[0]}_{datetime.now():%Y-%m-%d_%H-%M-%S.%f}')
         messages = []
         if not request.recording:
             if blind := self._watches[joint].residual.blind:

@@ -49,8 +49,10 @@ def refine_recordings(given: Given, paths: Sequence[Path],
     joint, model = given.joint, None
     if given.model:
         from friction_comp.model.friction_model import FrictionModel
+        from friction_comp.recordings.sources import find_recordings, without_topic
 
-        model = FrictionModel.load(given.model, joint)
+        model = FrictionModel.load(given.model, joint and without_topic(
+            find_recordings(paths)[0], joint))
     drive = drive_of(given, model)
     history = (History.beside(given.model, drive, model.joint)
                if model and given.model and given.history else None)

@@ -16,7 +16,7 @@ from friction_comp.errors import InputError
 from friction_comp.recordings import row_times, time_base
 from friction_comp.recordings.activity import Activity
 from friction_comp.recordings.plausible import check_plausible
-from friction_comp.recordings.scan import in_topic, Scan, signal_of, Track
+from friction_comp.recordings.scan import Scan, signal_of, Track
 from friction_comp.samples import JointStates, Samples
 from friction_comp.statistics import smallest_step
 from friction_comp.topics import TOPICS
@@ -157,7 +157,7 @@ def to_samples(scan: Scan, joint: str | None,
         current=effort[order] / torque_per_current,
         velocity=None if velocity is None else velocity[order], joint=joint)
     samples = samples.with_(**time_base.other_signals(
-        scan, joint, joints, base, torque_per_current, info.notes))
+        scan.around(track.topic), joint, joints, base, torque_per_current, info.notes))
     if load is not None and samples.load is None:
         samples = samples.with_(load=load[order])
     check_plausible(samples, str(scan.path), alone=not _others_moved(scan, own))
@@ -283,11 +283,10 @@ def _select_joint(scan: Scan, joint: str | None) -> tuple[Track, str, list[str],
     The only joint by default; raises InputError with the choices if it is not clear.
     """
     tracks = scan.of('joint_states')
-    topic, name = in_topic(joint)
-    if topic and topic not in scan.topics:
-        raise InputError(f'{scan.path}: no topic {topic} in it, but '
-                         f'{", ".join(sorted(scan.topics)) or "none"}')
     if not tracks:
+        if scan.states and scan.states not in scan.topics:
+            raise InputError(f'{scan.path}: no topic {scan.states} in it, but '
+                             f'{", ".join(sorted(scan.topics)) or "none"}')
         if any(signal_of(topic, kind) == 'joint_states' for topic, (kind, _) in
                scan.topics.items()):
             raise InputError(f'{scan.path}: its joint_states contain no message')
@@ -301,9 +300,9 @@ def _select_joint(scan: Scan, joint: str | None) -> tuple[Track, str, list[str],
     joints = scan.joints
     if not joints:
         raise InputError(f'{scan.path}: joint_states names no joint')
-    joint = scan.selected if joint is None else name
+    joint = scan.selected if joint is None else joint.removeprefix(f'{scan.states}/')
     # A single joint may have no name in the recording.
-    key = '' if joints == [''] else one_of(joints, joint, scan.path)
+    key = '' if joints == [''] else one_of(joints if joint else scan.choices, joint, scan.path)
     joint = joint or key
     matching = [track for track in tracks if key in track.names]
     if len(matching) > 1:

@@ -15,7 +15,7 @@ from friction_comp.errors import InputError
 from friction_comp.layout import Layout
 from friction_comp.recordings import joint_samples, sources
 from friction_comp.recordings.joint_samples import RecordingInfo
-from friction_comp.recordings.scan import in_topic, Scan, Track
+from friction_comp.recordings.scan import Scan, Track
 from friction_comp.recordings.sources import Progress
 from friction_comp.recordings.storage import AnyPath
 from friction_comp.recordings.time_base import gap_length, GAPS
@@ -73,13 +73,7 @@ def read_recording_with_info(paths: AnyPath | Sequence[AnyPath], joint: str | No
     """
     return joint_samples.number_recordings(
         _read_joint(scan, joint, torque_per_current, others)
-        for scan in _scan_all(paths, progress, _read_of(joint, others), layout))
-
-
-def _read_of(joint: str | None, others: bool) -> str | None:
-    """Return what to read of a recording: one joint, or all of its topic or of all topics."""
-    topic, _ = in_topic(joint)
-    return joint if not others else topic and f'{topic}/'
+        for scan in _scan_all(paths, progress, joint, layout, others))
 
 
 def _read_joint(scan: Scan, joint: str | None, torque_per_current: float, others: bool
@@ -124,7 +118,7 @@ def read_joints(path: AnyPath, joint: str | None = None, progress: Progress | No
     `current` is the effort in N·m, as with k_t = n = 1; the information is that of the first joint,
     with the notes on all. Raises InputError if the recording or a joint cannot be used.
     """
-    scan, = _scan_all(sources.find_recording(path), progress, _read_of(joint, True), layout)
+    scan, = _scan_all(sources.find_recording(path), progress, joint, layout)
     notes: list[str] = []
     read = ([joint_samples.to_samples(scan, joint, 1.0)] if joint is not None else
             [*joint_samples.usable_joints(scan, lambda joint: 1.0, notes).values()])
@@ -141,13 +135,13 @@ def read_joints(path: AnyPath, joint: str | None = None, progress: Progress | No
 
 
 def _scan_all(paths: AnyPath | Sequence[AnyPath], progress: Progress | None, joint: str | None,
-              layout: Layout | None) -> Iterator[Scan]:
+              layout: Layout | None, others: bool = True) -> Iterator[Scan]:
     """Yield the scan of each recording, and report the progress of all."""
     recordings = sources.find_recordings(paths)
     for index, path in enumerate(recordings):
         report = sources.part_of(progress, index, len(recordings))
         own = layout and layout.of_recording(index, len(recordings))
-        scanner = sources.open_scanner(path, joint, own)
+        scanner = sources.open_scanner(path, joint, own, others)
         parts: dict[str, list[Track]] = {}
         for scan in scanner.scans():
             for track in scan.tracks:
@@ -168,7 +162,7 @@ def stream_recording_with_info(path: AnyPath, joint: str | None = None,
     None there. The last item has no samples, but the notes on the whole recording. Raises
     InputError if the recording, the joint or a value cannot be used.
     """
-    scanner = sources.open_scanner(sources.find_recording(path), _read_of(joint, others), layout)
+    scanner = sources.open_scanner(sources.find_recording(path), joint, layout, others)
     clock, turns = _CommonClock(), _Turns()
     info = None
     for scan in _stretches(scanner.scans(), round(seconds * 1e9)):

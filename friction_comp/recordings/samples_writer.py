@@ -72,7 +72,7 @@ def _messages(types: dict[str, Any], joints: list[Samples], torque_per_current: 
     for k, time in enumerate(joints[0].time):
         stamp = start_ns + round(float(time) * 1e9)
         # The command, direction and reference that belong to a joint state precede it.
-        if command.size:
+        if np.isfinite(command[k]).any():
             yield stamp, 'current_command', make['current_command'](layout, command[k])
         # At every change and every tenth sample, similar to the about 100 Hz of a planner.
         if direction.size and (k % 10 == 0 or (direction[k] != direction[k - 1]).any()):

@@ -4,8 +4,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +27,8 @@ _DYNAMIC = 'dynamic_joint_states'
 _INTERFACES = (('position',), ('velocity',), ('effort', 'torque'), ('current',),
                ('temperature', 'motor_temperature'))
 _EFFORT, _CURRENT, _TEMPERATURE = 2, 3, 4
+# Messages in which every topic and joint occurs at least once, even with several publishers.
+_FIRST_MESSAGES = 1000
 # Message type of each signal that is read.
 _TYPES = {**TOPICS, _DYNAMIC: cdr.DYNAMIC_STATE}
 
@@ -92,6 +96,7 @@ class Scan:
     effort_unit: str = ''                  # of efforts that are neither torques nor currents
     assumed: tuple[str, ...] = ()          # columns without a unit, with the one taken for it
     selected: str | None = None            # the joint to read if none is named
+    states: str | None = None              # the topic of joint states, where the user names it
     linear: bool = False                   # whether positions are in m and efforts in N
 
     def of(self, signal: str) -> list[Track]:
@@ -100,10 +105,25 @@ class Scan:
         exact = [t for t in tracks if t.topic.rsplit('/', 1)[-1] == signal]
         return exact or tracks
 
+    def around(self, topic: str) -> Scan:
+        """Return a scan in which signals in the namespace of a topic go before another robot's."""
+        namespace = topic.rpartition('/')[0] + '/'
+        return replace(self, tracks=sorted(
+            self.tracks, key=lambda track: not track.topic.startswith(namespace)))
+
     @property
     def joints(self) -> list[str]:
         """Names of all joints in the joint states."""
         return list(dict.fromkeys(n for track in self.of('joint_states') for n in track.names))
+
+    @property
+    def choices(self) -> list[str]:
+        """All joints as a user may name them: as /TOPIC/NAME where several topics hold the name."""
+        tracks = self.of('joint_states')
+        count = Counter(name for track in tracks for name in set(track.names))
+        return list(dict.fromkeys(
+            f'{track.topic}/{name}' if count[name] > 1 else name
+            for track in tracks for name in track.names))
 
     @property
     def model(self) -> str | None:
@@ -120,10 +140,29 @@ def signal_of(topic: str, type_name: str) -> str | None:
     return None
 
 
-def in_topic(joint: str | None) -> tuple[str | None, str | None]:
-    """Return topic and name of a joint given as /TOPIC/NAME; without a slash, it has no topic."""
-    topic, _, name = (joint or '').rpartition('/')
-    return (topic, name) if topic.startswith('/') else (None, joint)
+def in_topic(path: Path, joint: str | None) -> tuple[str | None, str | None]:
+    """Return topic and name of a joint given as /TOPIC/NAME; else it has no topic.
+
+    Both may contain slashes, so the recording decides: a joint of that very name goes first, then
+    the longest topic that fits.
+    """
+    if not joint or not joint.startswith('/'):
+        return None, joint
+    payloads: dict[tuple[str, str], list[bytes]] = {}
+    with unreadable_on_error(path):
+        for topic, kind, _, raw in islice(Storage(path).messages(
+                lambda _, kind: kind in (cdr.JOINT_STATE, cdr.DYNAMIC_STATE)), _FIRST_MESSAGES):
+            payloads.setdefault((topic, kind), []).append(unpack(raw))
+    names = {name for (topic, kind), own in payloads.items()
+             for _, listed, fields in cdr.decode(kind, own)
+             for name in values_of(signal_of(topic, kind) or 'joint_states', listed, fields)[0]}
+    if joint in names:
+        return None, joint
+    fit = [topic for topic, _ in payloads if joint.startswith(f'{topic}/')]
+    topic = max(fit, key=len) if fit else joint.rpartition('/')[0]
+    # A name is more likely to be wrong than a topic where all names begin with a slash.
+    return (None, joint) if not topic or (not fit and names and all(
+        name.startswith('/') for name in names)) else (topic, joint[len(topic) + 1:])
 
 
 def values_of(signal: str, names: tuple[str, ...], fields: dict[str, np.ndarray],
@@ -197,18 +236,21 @@ def _with_effort(tracks: Sequence[Track]) -> tuple[list[Track], bool, list[str]]
 
 
 class MessageScanner:
-    """Reads one rosbag2 recording, of all joints or only one, in batches of messages per topic."""
+    """Reads one rosbag2 recording in batches of messages per topic.
+
+    All joints are read or only one, with the `others` of its topic if these are wanted.
+    """
 
     def __init__(self, path: Path, joint: str | None = None, batch: int = 20_000,
-                 units: Mapping[str, Unit] | None = None) -> None:
+                 units: Mapping[str, Unit] | None = None, others: bool = False) -> None:
         with unreadable_on_error(path):
             self._storage = Storage(path)
         self._batch, self._units = batch, units or {}
         self._topics: dict[str, _TopicReader] = {}
         self._activity = ActivityLog()
         # The topic that holds the joint states, if the user names it or it has another name.
-        self._states, name = in_topic(joint)
-        self._joint = name or None
+        self._states, name = in_topic(path, joint)
+        self._joint = None if others else name or None
 
     @property
     def progress(self) -> float:
@@ -278,7 +320,7 @@ class MessageScanner:
             storage.path, [self._in_si(track) for track in tracks], storage.topics, notes + more,
             storage.custom, list(self._activity.changes),
             effort_is_current=in_ampere or 'current' in dimensions,
-            linear=bool(dimensions & {'length', 'length/time', 'force'}))
+            linear=bool(dimensions & {'length', 'length/time', 'force'}), states=self._states)
 
     def _in_si(self, track: Track) -> Track:
         if track.signal != 'joint_states' or not self._units:

@@ -11,7 +11,7 @@ from typing import Any
 
 from friction_comp.errors import InputError, os_errors_name
 from friction_comp.layout import Layout, TABLES
-from friction_comp.recordings.scan import MessageScanner
+from friction_comp.recordings.scan import in_topic, MessageScanner
 from friction_comp.recordings.storage import AnyPath, is_split_recording, is_storage, METADATA
 from friction_comp.recordings.table_files import is_table, parts_of, with_parts
 from friction_comp.recordings.tables import TableScanner
@@ -99,11 +99,14 @@ def _expand(path: Path) -> Iterator[Path]:
 
 
 def open_scanner(path: AnyPath, joint: str | None = None, layout: Layout | None = None,
-                 **options: Any) -> MessageScanner | TableScanner:
-    """Return a reader of a recording by ``batch`` messages or rows, of all joints or `joint`."""
+                 others: bool = False, **options: Any) -> MessageScanner | TableScanner:
+    """Return a reader of a recording by ``batch`` messages or rows, of all joints or `joint`.
+
+    With `others`, it also reads the joints that belong together with `joint`.
+    """
     path = Path(path)
     if is_table(path) and not path.is_dir():
-        return TableScanner(path, layout, joint, **options)
+        return TableScanner(path, layout, None if others else joint, **options)
     layout = layout or Layout()
     units = layout.of_states
     if (layout.columns or layout.units or layout.rate) and not units:
@@ -112,14 +115,20 @@ def open_scanner(path: AnyPath, joint: str | None = None, layout: Layout | None 
     if layout.stiffness:
         raise InputError(f'{path}: --stiffness and --damping need a table: convert the recording '
                          'with the tool convert')
-    return MessageScanner(path, joint, units=units, **options)
+    return MessageScanner(path, joint, units=units, others=others, **options)
+
+
+def without_topic(path: AnyPath, joint: str | None) -> str | None:
+    """Return the name of a recording's joint that may be given as /TOPIC/NAME."""
+    path = Path(path)
+    return joint if is_table(path) and not path.is_dir() else in_topic(path, joint)[1]
 
 
 def recorded_joints(path: AnyPath, layout: Layout | None = None) -> list[str]:
     """Return the joints in a recording's first joint states, '' for one without a name.
 
-    If the layout names the columns of one joint, it is that joint only. Raises InputError if the
-    recording cannot be read.
+    Those in several topics are /TOPIC/NAME. If the layout names the columns of one joint, it is
+    that joint only. Raises InputError if the recording cannot be read.
     """
     scan = next(open_scanner(path, layout=layout, batch=_FIRST_MESSAGES).scans())
-    return scan.joints if scan.selected is None else [scan.selected]
+    return scan.choices if scan.selected is None else [scan.selected]

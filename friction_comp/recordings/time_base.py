@@ -24,7 +24,8 @@ _FAR_OFF = NANO
 _GAP_STEPS, _GAP = 5.0, 0.02
 # A jump by about so much of a turn is a wrapped angle, if others are no larger than a share of it.
 _WRAP, _SLOW = (0.9, 1.1), 0.05
-# Time for which a person's torque or the motion may be interpolated, s.
+# Time for which a person's torque or the motion may be interpolated, s; a driver does not keep the
+# current of a command for longer (the plant's `command_timeout`).
 HOLE = 0.1
 GAPS = ' gaps in the joint states'
 # Stamps that are so many s older or newer than those of joint states received at the same time are
@@ -215,10 +216,22 @@ class TimeBase:
         order = np.argsort(other_times[finite], kind='stable')
         return times, other_times[finite][order], values[finite][order]
 
-    def to_state_time(self, receive: int) -> float:
-        """Convert a receive time in ns to the clock of the joint states, s."""
+    def to_state_time(self, receive: Any) -> Any:
+        """Convert receive times in ns to the clock of the joint states, s."""
         ahead = np.interp(receive, self.receive, self.stamp - self.receive)
-        return float(receive + ahead) * 1e-9
+        return (receive + ahead) * 1e-9
+
+    def silent(self, track: Track, values: np.ndarray) -> np.ndarray:
+        """Return at which joint states a topic's last value is too old to hold, bool, shape (N,).
+
+        On their clock, since they and their answers stop together, as in a simulation that waits.
+        """
+        times = np.sort(self.to_state_time(track.receive[np.isfinite(values)]))
+        index = np.searchsorted(times, 1e-9 * self.stamp, side='right') - 1
+        if not len(times):
+            return np.zeros(len(index), dtype=bool)
+        age = 1e-9 * self.stamp - times[index.clip(0)]
+        return (index >= 0) & (age > max(HOLE, gap_length(np.diff(times))))
 
     def hold(self, track: Track, values: np.ndarray, before: float = 0.0) -> np.ndarray:
         """Return the latest value at each joint state (zero-order hold); `before` if none yet."""
@@ -273,8 +286,12 @@ def other_signals(scan: Scan, joint: str, joints: list[str], base: TimeBase,
     # Arrays have no joint names: their order is that of the reference, or of the joint states.
     order = [*(track.names for track in scan.of('reference')), joints]
     command = _find_array(scan.of('current_command'), joint, order, notes, torque_per_current)
-    return {**signals, 'command': None if command is None else base.hold(*command),
-            'direction': _direction(scan, joint, joints, order, base, notes)}
+    if command is not None:
+        signals['command'] = base.hold(*command)
+        # A compensator answers every joint state; a table may hold commands only where they change.
+        if scan.activity:
+            signals['command'][base.silent(*command)] = np.nan
+    return {**signals, 'direction': _direction(scan, joint, joints, order, base, notes)}
 
 
 def _direction(scan: Scan, joint: str, joints: list[str], order: list[list[str]],

@@ -71,7 +71,7 @@ def refine(recorded: Samples | Sequence[Samples], model: FrictionModel | None = 
         If the recordings cannot be used.
     """
     report_progress = progress or (lambda share, word: None)
-    origin, limits = origin or Origin(), model and model.position_limits
+    origin, limits = origin or Origin(), model.position_limits if model else None
     if model and not model.friction_known:
         # The file of a drive that nothing has measured yet.
         drive, model = drive or model.drive, None

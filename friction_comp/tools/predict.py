@@ -49,15 +49,16 @@ def main(argv: list[str] | None = None) -> int:
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.recordings import find_recording, read_recording_with_info, recorded_joints
     from friction_comp.recordings.plans import read_plan
+    from friction_comp.recordings.sources import without_topic
 
     plan = read_plan(arguments.recording, layout_of(arguments))
     if plan is not None:
         from friction_comp.tools.predict_plan import predict_plan
 
         return predict_plan(arguments, plan)
-    model = FrictionModel.load(arguments.model, arguments.joint)
+    path, layout = find_recording(arguments.recording), layout_of(arguments)
+    model = FrictionModel.load(arguments.model, without_topic(path, arguments.joint))
     with progress('reading') as report:
-        path, layout = find_recording(arguments.recording), layout_of(arguments)
         joint = arguments.joint
         if not joint and model.joint and model.joint in recorded_joints(path, layout):
             joint = model.joint

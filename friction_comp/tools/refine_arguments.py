@@ -13,6 +13,7 @@ from friction_comp.checks import check_number
 from friction_comp.column_values import read_pairs
 from friction_comp.columns import without_time
 from friction_comp.errors import InputError
+from friction_comp.files import file_names
 from friction_comp.layout import Layout
 from friction_comp.recorded_drive.given import Given
 from friction_comp.used_columns import Column
@@ -82,13 +83,8 @@ def check_tables(arguments: Namespace) -> tuple[Column, Column] | None:
 
 def folder_names(names: Iterable[str]) -> list[str]:
     """Return a different name of a folder for each name of a joint or recording."""
-    folders: list[str] = []
-    for name in names:
-        folder = re.sub(r'[^\w.-]', '_', name).lstrip('.') or '_'
-        while folder in folders:
-            folder += '_'
-        folders.append(folder)
-    return folders
+    return file_names(re.sub(r'[^\w./-]', '_', name).strip('/').lstrip('.') or '_'
+                      for name in names)
 
 
 def summary_lines(report: RefinementReport) -> list[str]:

@@ -198,9 +198,10 @@ def _refine_one(arguments: Namespace, with_page: bool, piece: Piece
         page.made_by(arguments.command)
         files['report.html'] = page.html()
     row = {
-        'joint': report['joint'], 'unit': report['unit'], 'samples': report['samples'],
-        'verdict': report['verdict'], 'before': report['before']['held_out_rmse'],
-        'after': report['after']['held_out_rmse'], 'noise_floor': report['noise_floor'],
+        'joint': piece.joint or report['joint'], 'unit': report['unit'],
+        'samples': report['samples'], 'verdict': report['verdict'],
+        'before': report['before']['held_out_rmse'], 'after': report['after']['held_out_rmse'],
+        'noise_floor': report['noise_floor'],
         'effects': [{'name': effect['name'], 'variable': effect['variable']}
                     for effect in report['effects']],
         'unexplained': [entry['variable'] for entry in report['unexplained']],
@@ -236,6 +237,7 @@ def _fleet_of(arguments: Namespace, refined: Sequence[_Refined], run: Runner,
             populations.append(population_of(
                 [(items[index].one.robot, sums[index]) for index in own], items[own[0]].common,
                 group[0].model, key[1], len(groups)))
+            populations[-1] = replace(populations[-1], joint=key[0])
     return populations
 
 
