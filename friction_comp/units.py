@@ -26,6 +26,7 @@ _WORDS = {word: (factor, dimension) for dimension, factor, words in (
     ('angle/time', _TURN / 60.0, 'rpm RPM'), ('angle/time', _TURN / 360.0, 'dps'),
     ('angle/time', _TURN, 'rps'), ('angle/time', 1.0, 'radps rads'),
     ('length', _INCH, 'inch in'), ('length', 12.0 * _INCH, 'ft'), ('length', 1.0, 'meter metre'),
+    ('length/time', 1.0, 'mps'),
     ('time', 1.0, 'sec seconds'), ('time', 60.0, 'min'), ('time', 3600.0, 'h'),
     ('time', 1e-3, 'millis milliseconds'), ('time', 1e-6, 'micros microseconds'),
     ('force', _STANDARD, 'kgf kg'), ('force', 1e-3 * _STANDARD, 'gf'), ('force', _POUND, 'lbf lb'),

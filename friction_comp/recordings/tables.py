@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from friction_comp.column_names import in_turns_of, is_of_motor, skeleton
+from friction_comp.column_names import in_turns_of, is_of_motor, read_of_axis, skeleton
 from friction_comp.column_values import to_csv
 from friction_comp.columns import assign, Assignment
 from friction_comp.errors import InputError
@@ -139,9 +139,13 @@ class TableScanner:
                 found.setdefault(column.signal, []).append(column.name)
         units = {'position': 'rad', 'effort': 'A' if self._use.effort_is_current else 'N·m',
                  'velocity': 'rad/s', 'time': 's'}
+        # Of a motor, or in metres: nothing tells.
+        asked = ', or in m (--unit position=m)' if any(
+            read_of_axis(name).unit == 'm' for name in found.get('position', ())) else ''
         geared = [column.name for column in self._use.columns if is_of_motor(column.name)
                   and column.signal in ('position', 'velocity')]
         return (*(f'{found[signal][0]}{" and alike" * (len(found[signal]) > 1)} in {unit}'
+                  + asked * (signal == 'position')
                   for signal, unit in units.items() if signal in found),
                 *([f'{" and ".join(geared[:2])} behind the gear, of the joint'] if geared else []))
 
