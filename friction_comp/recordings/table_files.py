@@ -23,7 +23,7 @@ from friction_comp.files import library_for
 from friction_comp.layout import column_called, Layout, TABLES
 from friction_comp.recordings.csv_file import Csv
 from friction_comp.recordings.hdf5_file import fault_of_objects, Hdf5, is_hdf5, one_length
-from friction_comp.recordings.item_names import item_names
+from friction_comp.recordings.item_names import with_items
 from friction_comp.recordings.row_groups import EPISODE
 from friction_comp.recordings.table_base import Columns, Table
 
@@ -163,7 +163,6 @@ class Parquet(Table):
         self._file = pyarrow_of(path).parquet.ParquetFile(path)
         self._source: dict[str, tuple[str, int | None]] = {}
         first: Any = None
-        called = item_names(path)
         for field in self._file.schema_arrow:
             if not hasattr(field.type, 'value_type'):
                 self._source[field.name] = field.name, None
@@ -171,11 +170,8 @@ class Parquet(Table):
             if first is None:
                 first = next(self._file.iter_batches(batch_size=1), None)
             items = first.column(field.name)[0].as_py() if first is not None else None
-            names = called.get(field.name, [])
-            if len(names) != len(items or ()):
-                names = [str(k) for k in range(len(items or ()))]
-            self._source.update({f'{field.name}[{name}]': (field.name, k)
-                                 for k, name in enumerate(names)})
+            self._source.update({name: (field.name, k) for k, name in enumerate(
+                with_items(field.name, len(items or ()), path))})
         self.names = list(self._source)
 
     def blocks(self, wanted: Sequence[str], rows: int) -> Iterator[tuple[Columns, float]]:

@@ -1,0 +1,71 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Text tables without a header, with texts, lists and separators at the ends of lines."""
+
+import numpy as np
+import pytest
+from table_maker import swing
+
+from friction_comp import InputError, Layout, read_recording
+from friction_comp.recordings.table_files import open_table
+
+TIME, POSITION, VELOCITY = swing(60, 0.01)
+
+
+def lines_of(form):
+    """Return a line for each time with time, position and velocity in a form."""
+    return [form.format(*row) for row in zip(TIME, POSITION, VELOCITY)]
+
+
+@pytest.mark.parametrize('form', [
+    '{0:.3f} OK {1:.9f} {2:.9f}', '{0:.3f},0x0,{1:.9f},{2:.9f}',
+    '{0:.3f}\tposition\t{1:.9f}\t{2:.9f}\t', '{0:.3f}, -, {1:.9f}, {2:.9f}, '])
+def test_a_line_of_numbers_is_no_header_though_a_cell_is_text(tmp_path, form):
+    log = tmp_path / 'log.txt'
+    log.write_text('\n'.join(['% of a robot', *lines_of(form)]))
+    assert open_table(log).names == ['1', '2', '3', '4']
+    samples, = read_recording(log, layout=Layout({'time': '1', 'position': '3', 'effort': '4'}))
+    np.testing.assert_allclose(samples.position, POSITION, atol=1e-8)
+
+
+@pytest.mark.parametrize('head', ['t,flags,1,2', 'time,1,2,3', ',1,2,state'])
+def test_a_header_may_hold_numbers_above_numbers(tmp_path, head):
+    rows = lines_of('{0:.3f},{1:.9f},{2:.9f},7')
+    (tmp_path / 'log.csv').write_text('\n'.join([head, *rows]))
+    assert open_table(tmp_path / 'log.csv').names == [name for name in head.split(',') if name]
+
+
+@pytest.mark.parametrize('mark', ['\t', ',', ';'])
+@pytest.mark.parametrize('head', ['', '# time{0}q{0}tau\n', '# time{0}q{0}tau{0}\n'])
+def test_a_separator_at_the_end_of_each_line_makes_no_column(tmp_path, mark, head):
+    log = tmp_path / 'log.txt'
+    log.write_text(head.format(mark) + '\n'.join(lines_of(mark.join(['{0:.3f}', '{1:.9f}',
+                                                                     '{2:.9f}', '']))))
+    assert open_table(log).names == (['time', 'q', 'tau'] if head else ['1', '2', '3'])
+
+
+@pytest.mark.parametrize('form', [
+    '{0:.3f},"[{1:.9f}, {1}]","[{2:.9f}, {2}]"', '{0:.3f},"[ {1:.9f}\n {1}]",[{2:.9f} {2}]',
+    '{0:.3f};[{1:.9f}, {1}];({2:.9f}, {2})'])
+def test_cells_may_hold_lists(tmp_path, form):
+    log = tmp_path / 'log.csv'
+    mark = ';' if ';' in form else ','
+    log.write_text('\n'.join([mark.join(('time', 'positions', 'torques')), *lines_of(form)]))
+    assert open_table(log).names == [
+        'time', 'positions[0]', 'positions[1]', 'torques[0]', 'torques[1]']
+    for joint in ('0', '1'):
+        samples, = read_recording(log, joint)
+        np.testing.assert_allclose(samples.position, POSITION, atol=1e-8)
+        np.testing.assert_allclose(samples.current, VELOCITY, atol=1e-8)
+
+
+def test_a_short_list_lacks_values_and_a_text_in_its_place_is_named(tmp_path):
+    log = tmp_path / 'log.csv'
+    rows = lines_of('{0:.3f},"[0, {1:.9f}]","[0, {2:.9f}]","[\'a\', \'b\']"')
+    rows[4] = '0.04,[0],"[0, 1]",'
+    log.write_text('\n'.join(['time,q,tau,names', *rows]))
+    assert len(read_recording(log, '1')[0]) == len(rows) - 1
+    rows[5] = '0.05,[0],"[0, __import__(\'os\')]",'
+    log.write_text('\n'.join(['time,q,tau,names', *rows]))
+    with pytest.raises(InputError, match=r"line 7, column 'tau\[0\]': .* is not a number"):
+        read_recording(log, '1')
