@@ -76,6 +76,8 @@ _CAMEL = re.compile(r'(?<=[a-z])(?=[A-Z])')
 OTHER_UNITS = {'%', 'percent', 'pct', 'v', 'mv', 'w', 'lsb', 'tick', 'ticks', 'count', 'counts',
                'pulse', 'pulses', 'inc', 'increments', 'grad', 'raw', 'p.u.', 'pu', 'a.u.', 'au',
                'edeg', 'erpm'}
+# Others of a drive's effort, which names do not give.
+_OF_DRIVES = {'pwm', 'duty', '‰', 'permille', 'digit', 'digits', 'step', 'steps'}
 # Units that are more often something else, unless they are the last word.
 _LAST_ONLY = {'A', 's', 'C', 'sec', 'seconds'}
 _NEVER = {'m', 'N', 'h', 'in', 'rot', 'rotation'}   # of a motor, of an input, of what rotates
@@ -134,6 +136,11 @@ def read_name(name: str) -> Reading:
                   or text.lower() in OTHER_UNITS):
         return _read_plain(name[:match.start()], text)
     return _read_plain(name)
+
+
+def is_other_unit(text: str) -> bool:
+    """Return whether a text is a unit in which an effort stays as it is, such as V or 0.1 %."""
+    return text.strip().lstrip('+-.0123456789').strip(' *').lower() in OTHER_UNITS | _OF_DRIVES
 
 
 def read_of_axis(name: str) -> Reading:

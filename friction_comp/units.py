@@ -117,12 +117,11 @@ def unit_factor(signal: str, unit: str) -> float:
     known = unit_of(signal, unit)
     if known is not None:
         return known.factor
-    if signal == 'effort':
-        # In other units, such as volts or per cent of a servo's range, values stay as they are.
-        return 1.0
     possible = ', '.join(_EXAMPLES[one] for one in DIMENSIONS[signal] if one in _EXAMPLES)
+    others = '; values in V, %, counts, PWM or another of a drive stay as they are'
     raise InputError(f'{signal} cannot be in {unit!r}; its units are {possible or "none"}, '
-                     'with a factor before them if needed, as in 2.69mA')
+                     'with a factor before them if needed, as in 2.69mA'
+                     + others * (signal == 'effort'))
 
 
 def signal_with_unit(unit: str) -> str | None:

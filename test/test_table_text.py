@@ -69,3 +69,8 @@ def test_a_short_list_lacks_values_and_a_text_in_its_place_is_named(tmp_path):
     log.write_text('\n'.join(['time,q,tau,names', *rows]))
     with pytest.raises(InputError, match=r"line 7, column 'tau\[0\]': .* is not a number"):
         read_recording(log, '1')
+
+
+@pytest.mark.parametrize('unit', ['V', '%', '0.1 %', 'counts', 'PWM', 'mA', '-1Nm', 'kgf·cm'])
+def test_an_effort_may_be_in_units_that_stay_as_they_are(unit):
+    assert Layout(units={'effort': unit}).units == {'effort': unit}
