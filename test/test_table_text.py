@@ -1,12 +1,13 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Text tables without a header, with texts, lists and separators at the ends of lines."""
+"""Tables without a header, with texts, lists, separators that end lines, states and inputs."""
 
 import numpy as np
 import pytest
 from table_maker import swing
 
 from friction_comp import InputError, Layout, read_recording
+from friction_comp.recordings import read_recording_with_info
 from friction_comp.recordings.table_files import open_table
 
 TIME, POSITION, VELOCITY = swing(60, 0.01)
@@ -74,3 +75,29 @@ def test_a_short_list_lacks_values_and_a_text_in_its_place_is_named(tmp_path):
 @pytest.mark.parametrize('unit', ['V', '%', '0.1 %', 'counts', 'PWM', 'mA', '-1Nm', 'kgf·cm'])
 def test_an_effort_may_be_in_units_that_stay_as_they_are(unit):
     assert Layout(units={'effort': unit}).units == {'effort': unit}
+
+
+@pytest.mark.parametrize('layout', [Layout(), Layout({'position': 'q', 'effort': 'tau'})])
+@pytest.mark.parametrize('kind', ['npz', 'hdf5', 'txt'])
+def test_states_have_a_value_more_than_inputs(tmp_path, kind, layout):
+    columns = {'time': TIME, 'q': POSITION, 'dq': VELOCITY[:-1], 'tau': VELOCITY[:-1]}
+    paths = [tmp_path / f'log.{kind}']
+    if kind == 'npz':
+        np.savez(paths[0], **columns)
+    elif kind == 'hdf5':
+        with pytest.importorskip('h5py').File(paths[0], 'w') as file:
+            file.update(columns)
+    else:
+        paths = [tmp_path / f'{name}.txt' for name in columns]
+        for path, values in zip(paths, columns.values()):
+            np.savetxt(path, values)
+    (samples, info), = read_recording_with_info(paths, layout=layout)
+    np.testing.assert_allclose(samples.position, POSITION[:-1])
+    np.testing.assert_allclose(samples.velocity, VELOCITY[:-1])
+    assert ('time and 1 more: one value more than the rest, as states beside inputs; the last is '
+            'left out') in info.notes
+
+
+def test_two_values_more_are_refused(tmp_path, refuses):
+    np.savez(tmp_path / 'log.npz', time=TIME, q=POSITION, tau=VELOCITY[:-2])
+    refuses('differ in length: time 60, q 60, tau 58', 'evaluate', tmp_path / 'log.npz')

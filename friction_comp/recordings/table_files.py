@@ -58,8 +58,10 @@ def of_one_clock(table: Table, layout: Layout, where: str) -> list[str]:
     if not named or not isinstance(table, (Arrays, Hdf5)):
         return table.names
     sizes = table.sizes(table.names)
-    most = max(sizes.get(name, 1) for name in named)
-    return [name for name in table.names if sizes.get(name, 1) in (1, most) or name in named]
+    own = {sizes.get(name, 1) for name in named}
+    # The lengths of states and of inputs belong together.
+    alike = {1, max(own), *(own & {max(own) - 1})}
+    return [name for name in table.names if sizes.get(name, 1) in alike or name in named]
 
 
 def with_parts(paths: Sequence[Path]) -> list[Path]:
@@ -207,11 +209,12 @@ class Arrays(Table):
         return {name: self._columns[name].size for name in names}
 
     def blocks(self, wanted: Sequence[str], rows: int) -> Iterator[tuple[Columns, float]]:
-        size = one_length(self.sizes([name for name in wanted if self._columns[name].ndim]),
-                          self.path)
+        size = one_length(self.sizes([name for name in wanted if self._columns[name].ndim]), self)
         for first in range(0, size, rows):
             part = slice(first, first + rows)
-            yield ({name: self.numbers(np.broadcast_to(self._columns[name], size)[part], name)
+            yield ({name: self.numbers(np.broadcast_to(
+                self._columns[name][:size] if self._columns[name].ndim else self._columns[name],
+                size)[part], name)
                     for name in wanted}, min((first + rows) / size, 1.0))
 
 

@@ -108,6 +108,7 @@ class TableScanner:
             for columns, share in self._table.blocks(wanted, self._batch):
                 self.progress = share
                 size = len(columns[wanted[0]])
+                use.notes += [note for note in self._table.notes if note not in use.notes]
                 if size:
                     if not rows:
                         self._check_first(columns)
