@@ -1,9 +1,10 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Tables without a header, with texts, lists, separators that end lines, states and inputs."""
+"""Tables without a header, with texts, lists, separators that end lines; states and channels."""
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 from table_maker import swing
 
 from friction_comp import InputError, Layout, read_recording
@@ -101,3 +102,17 @@ def test_states_have_a_value_more_than_inputs(tmp_path, kind, layout):
 def test_two_values_more_are_refused(tmp_path, refuses):
     np.savez(tmp_path / 'log.npz', time=TIME, q=POSITION, tau=VELOCITY[:-2])
     refuses('differ in length: time 60, q 60, tau 58', 'evaluate', tmp_path / 'log.npz')
+
+
+@pytest.mark.parametrize(('names', 'read'), [
+    (['"Model Root"/"q"', '"Model Root"/"tau"'], ['q', 'tau']),
+    (['"Root"/"q"/"Out1"', '"Root"/"tau"/"Out1"'], ['q/Out1', 'tau/Out1'])])
+def test_channels_of_structs_are_columns_by_their_names(tmp_path, names, read):
+    channels = np.zeros(2, dtype=[('Name', 'O'), ('Data', 'O')])
+    channels['Name'][:], channels['Data'][:] = names, [POSITION, VELOCITY]
+    savemat(tmp_path / 'log.mat', {'rec': {'X': {'Name': [], 'Data': TIME}, 'Y': channels}})
+    assert open_table(tmp_path / 'log.mat').names == ['rec.time', *(f'rec.{one}' for one in read)]
+    samples, = read_recording(tmp_path / 'log.mat')
+    np.testing.assert_allclose(samples.time, TIME, atol=1e-9)
+    np.testing.assert_allclose(samples.position, POSITION)
+    np.testing.assert_allclose(samples.current, VELOCITY)

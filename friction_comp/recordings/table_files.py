@@ -238,14 +238,8 @@ def _flat(items: Iterable[tuple[str, Any]]) -> Columns:
             continue    # rows of different lengths
         if values.dtype == object and values.size == 1 and isinstance(values.item(), np.ndarray):
             values = values.item()
-        if values.dtype.names and values.size == 1:
-            # A struct of MATLAB, whose fields may be structs.
-            columns.update({f'{name}.{inner}': column for inner, column in _flat(
-                (field, values[field].item()) for field in values.dtype.names).items()})
-            continue
         if values.dtype.names:
-            columns.update(_flat((f'{name}.{field}', values[field].squeeze())
-                                 for field in values.dtype.names))
+            columns.update(_flat(_fields(name, values)))
             continue
         if values.ndim == 2 and 1 in values.shape and max(values.shape) > 1:
             values = values.ravel()
@@ -257,6 +251,36 @@ def _flat(items: Iterable[tuple[str, Any]]) -> Columns:
         elif values.ndim < 2:
             columns[name] = values
     return columns
+
+
+def _fields(name: str, structs: np.ndarray) -> Iterator[tuple[str, Any]]:
+    """Yield the fields of structs of MATLAB, which may be structs; of channels one each."""
+    names = structs.dtype.names or ()
+    above, _, own = name.rpartition('.')
+    if {'Name', 'Data'} <= {*names} and (
+            own == 'X' or any(map(np.size, structs['Name'].reshape(-1)))):
+        for called, data in _channels(own, structs.reshape(-1)):
+            yield f'{above}.{called}'.lstrip('.'), data
+        return
+    for field in names:
+        values = structs[field]
+        yield f'{name}.{field}', values.item() if structs.size == 1 else values.squeeze()
+
+
+def _channels(name: str, structs: np.ndarray) -> Iterator[tuple[str, Any]]:
+    """Yield the columns of structs with Name and Data, as dSPACE writes; times have no name.
+
+    Of a name such as ``"Model Root"/"q"``, the last parts are used that tell the channels apart.
+    """
+    paths = [re.findall('[^"/]+', str(one)) if np.size(one) else [] for one in structs['Name']]
+    longest = max(map(len, paths))
+    for count in range(1, longest + 1):
+        called = ['/'.join(path[-count:]) for path in paths]
+        if len(set(called)) == len(paths):
+            break
+    else:
+        called = [f'{name}_{k + 1}' for k in range(len(paths))] if longest else ['time']
+    yield from zip(called, structs['Data'])
 
 
 def _episodes(records: list[Any]) -> Columns:
