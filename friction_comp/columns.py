@@ -93,11 +93,12 @@ class Assignment:
         return effort
 
 
-def assign(names: Sequence[str], layout: Layout | None, where: str, of_plan: bool = False
-           ) -> Assignment:
+def assign(names: Sequence[str], layout: Layout | None, where: str, of_plan: bool = False,
+           integrates: bool = False) -> Assignment:
     """Assign signals to a table's columns; `where` names the table in messages.
 
-    Columns without a name are left out. Targets are the positions and velocities of a plan. Raises
+    Columns without a name are left out. Targets are the positions and velocities of a plan. If no
+    column can be the position, and the reader `integrates`, those of velocity are used. Raises
     InputError if a column is missing, or time, position or effort cannot be found.
     """
     names = [name for name in names if name]
@@ -105,7 +106,10 @@ def assign(names: Sequence[str], layout: Layout | None, where: str, of_plan: boo
     read = _reader(names, layout)
     named = _named(layout, read, where)
     own = next((column.key for column in named if column.signal != 'time'), ())
-    found = _named_joints([*named, *_guessed(names, named, own, layout, read, of_plan)])
+    found = [*named, *_guessed(names, named, own, layout, read, of_plan)]
+    if integrates and not layout.stiffness:
+        found += _integrals(found, names, read)
+    found = _named_joints(found)
     used = _joint_columns(found, own if named else None, where)
     used.sort(key=lambda c: (SIGNALS.index(c.signal), names.index(c.name)))
     _check_complete(used, names, layout, read, where)
@@ -118,8 +122,12 @@ def assign(names: Sequence[str], layout: Layout | None, where: str, of_plan: boo
     if len(in_ampere) > 1:
         raise InputError(f'{where}: some joints have a current, others an effort: name the columns '
                          'of one joint with --columns')
-    return Assignment(used, in_ampere == {True},
-                      notes_on(used, named, found, names, layout),
+    integrals = [column.name for column in used if column.integrated]
+    notes = notes_on(used, named, found, names, layout) + [
+        f'no column holds the position: it is the integral of {", ".join(integrals)}, zero at the '
+        'start, and drifts. What depends on position, such as a weight, a spring or cogging, is '
+        'not to be believed'] * bool(integrals)
+    return Assignment(used, in_ampere == {True}, notes,
                       labels.get(own) if named and len(keys) > 1 else None)
 
 
@@ -267,6 +275,20 @@ def _guessed(names: Sequence[str], named: Sequence[Column], own: tuple[str, ...]
             continue
         best.setdefault((_kind(column.signal), column.key), column)
     return list(best.values())
+
+
+def _integrals(found: Sequence[Column], names: Sequence[str], read: _Read) -> list[Column]:
+    """Return the columns of velocity as positions; none if a column could be the position."""
+    positions = ('position', 'reference_position')
+    readings = [read(name) for name in names]
+    # What has the unit of an angle or a length is unknown, and may be it.
+    told = {column.signal for column in found} | {reading.signal for reading in readings}
+    if told & {*positions} or any(
+            unit_of('position', one.unit) for one in readings if not one.signal):
+        return []
+    return [replace(column, signal='position', dimension=column.dimension.removesuffix('/time'),
+                    stated=True, integrated=True)
+            for column in found if column.signal == 'velocity']
 
 
 def _kind(signal: str) -> str:
