@@ -374,4 +374,6 @@ def _check_complete(used: Iterable[Column], names: Sequence[str], layout: Layout
                      f'{"".join(hints.get(one, "") for one in missing)}; there are '
                      f'{", ".join(map(repr, names[:_MOST_NAMES]))}' + (
                          f' and {len(names) - _MOST_NAMES} more: where a row holds a signal and '
-                         'not a time, transpose the table' if len(names) > _MOST_NAMES else ''))
+                         'not a time, transpose the table' if len(names) > _MOST_NAMES else '')
+                     + ('; of several files with a signal each, the names tell it, as in time.csv, '
+                        'q.csv and tau.csv' if all(map(str.isdigit, names)) else ''))

@@ -116,3 +116,11 @@ def test_channels_of_structs_are_columns_by_their_names(tmp_path, names, read):
     np.testing.assert_allclose(samples.time, TIME, atol=1e-9)
     np.testing.assert_allclose(samples.position, POSITION)
     np.testing.assert_allclose(samples.current, VELOCITY)
+
+
+def test_files_of_one_signal_that_are_not_named_after_it_are_told_how(tmp_path, refuses):
+    paths = [tmp_path / f'{name}.csv' for name in ('input', 'time', 'trajectory')]
+    for path, values in zip(paths, (VELOCITY, TIME, POSITION)):
+        np.savetxt(path, values)
+    refuses('of several files with a signal each, the names tell it, as in time.csv, q.csv and '
+            'tau.csv', 'refine', *paths)
