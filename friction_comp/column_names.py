@@ -76,9 +76,19 @@ _CAMEL = re.compile(r'(?<=[a-z])(?=[A-Z])')
 OTHER_UNITS = {'%', 'percent', 'pct', 'v', 'mv', 'w', 'lsb', 'tick', 'ticks', 'count', 'counts',
                'pulse', 'pulses', 'inc', 'increments', 'grad', 'raw', 'p.u.', 'pu', 'a.u.', 'au',
                'edeg', 'erpm'}
+# Others of a drive's effort, which names do not give.
+_OF_DRIVES = {'pwm', 'duty', '‰', 'permille', 'digit', 'digits', 'step', 'steps'}
 # Units that are more often something else, unless they are the last word.
 _LAST_ONLY = {'A', 's', 'C', 'sec', 'seconds'}
 _NEVER = {'m', 'N', 'h', 'in', 'rot', 'rotation'}   # of a motor, of an input, of what rotates
+# At the end of a name, or before a number: metres and newtons, if the table tells a linear axis.
+_LINEAR = re.compile(r'(.*[^\W_][\W_]+)([mN])((?:[\W_]\d+)?)')
+# Words that tell it, and those that tell an axis that turns.
+_OF_LINEAR = {'force', 'forces', 'frc', 'kraft'}
+_OF_TURNING = {'torque', 'torques', 'tau', 'taus', 'trq', 'tor', 'moment', 'drehmoment',
+               'motormoment', 'angle', 'angles', 'ang', 'angular', 'rotational', 'theta', 'phi',
+               'winkel', 'gelenkwinkel', 'omega', 'dtheta', 'thetadot', 'drehzahl',
+               'winkelgeschwindigkeit'}
 # In brackets before a unit, this is no inch, unless an inch-pound or inch-ounce: `Force (in N)`.
 _PREPOSITION = re.compile(r'^in\s+(?!lb|oz)', re.IGNORECASE)
 _DAYS = {'date', 'datum'}           # less than the time of the day beside them
@@ -126,6 +136,38 @@ def read_name(name: str) -> Reading:
                   or text.lower() in OTHER_UNITS):
         return _read_plain(name[:match.start()], text)
     return _read_plain(name)
+
+
+def is_other_unit(text: str) -> bool:
+    """Return whether a text is a unit in which an effort stays as it is, such as V or 0.1 %."""
+    return text.strip().lstrip('+-.0123456789').strip(' *').lower() in OTHER_UNITS | _OF_DRIVES
+
+
+def read_of_axis(name: str) -> Reading:
+    """Return what a column's name says in a table of a linear axis: ``q_m`` is in metres."""
+    reading, match = read_name(name), _LINEAR.fullmatch(name.strip())
+    if not match or reading.unit or (
+            reading.signal and unit_of(reading.signal, match[2]) is None):
+        return reading
+    return read_name(f'{match[1]}{match[3]} [{match[2]}]')
+
+
+def is_linear(name: str, signal: str, unit: str) -> bool | None:
+    """Return whether a column of motion or effort tells a linear axis; None if it tells neither.
+
+    Of its `unit`, '' without one, an ``N`` at the end of its name, and its words, the first tells.
+    """
+    if signal not in ('position', 'velocity', 'reference_position', 'reference_velocity', 'effort'):
+        return None
+    if unit:
+        known = unit_of(signal, unit)
+        of = known.dimension.split('/')[0] if known else ''
+        return {'length': True, 'force': True, 'angle': False, 'torque': False}.get(of)
+    match = _LINEAR.fullmatch(name.strip())
+    if match and match[2] == 'N' and signal == 'effort':
+        return True
+    words = {word.lower() for _, word in _parts(name)}
+    return False if words & _OF_TURNING else True if words & _OF_LINEAR else None
 
 
 def is_of_motor(name: str) -> bool:

@@ -9,12 +9,20 @@ are the same signal of another joint. Notes list what was guessed.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from friction_comp.column_names import common_name, numbers, read_name, Reading, skeleton
+from friction_comp.column_names import (
+    common_name,
+    is_linear,
+    numbers,
+    read_name,
+    read_of_axis,
+    Reading,
+    skeleton,
+)
 from friction_comp.controller_effort import controller_effort
 from friction_comp.errors import InputError
 from friction_comp.layout import Layout, SIGNALS
@@ -24,6 +32,7 @@ from friction_comp.used_columns import Column, notes_on
 # Signals whose unit a signal takes if none is given for it.
 _SAME_UNIT = {'current': ('effort',), 'command': ('current', 'effort'),
               'reference_position': ('position',), 'reference_velocity': ('velocity',)}
+_Read = Callable[[str], Reading]    # `read_name`, or `read_of_axis`
 _MOST_NAMES = 200    # columns that a message lists
 
 
@@ -84,21 +93,26 @@ class Assignment:
         return effort
 
 
-def assign(names: Sequence[str], layout: Layout | None, where: str, of_plan: bool = False
-           ) -> Assignment:
+def assign(names: Sequence[str], layout: Layout | None, where: str, of_plan: bool = False,
+           integrates: bool = False) -> Assignment:
     """Assign signals to a table's columns; `where` names the table in messages.
 
-    Columns without a name are left out. Targets are the positions and velocities of a plan. Raises
+    Columns without a name are left out. Targets are the positions and velocities of a plan. If no
+    column can be the position, and the reader `integrates`, those of velocity are used. Raises
     InputError if a column is missing, or time, position or effort cannot be found.
     """
     names = [name for name in names if name]
     layout = (layout or Layout()).naming(names, where)
-    named = _named(layout, where)
+    read = _reader(names, layout)
+    named = _named(layout, read, where)
     own = next((column.key for column in named if column.signal != 'time'), ())
-    found = _named_joints([*named, *_guessed(names, named, own, layout, of_plan)])
+    found = [*named, *_guessed(names, named, own, layout, read, of_plan)]
+    if integrates and not layout.stiffness:
+        found += _integrals(found, names, read)
+    found = _named_joints(found)
     used = _joint_columns(found, own if named else None, where)
     used.sort(key=lambda c: (SIGNALS.index(c.signal), names.index(c.name)))
-    _check_complete(used, names, layout, where)
+    _check_complete(used, names, layout, read, where)
     keys = list(dict.fromkeys(c.key for c in used if c.signal == 'position'))
     labels = _labels(used, keys, layout, own if any(c.signal != 'time' for c in named) else None)
     used = [replace(column, joint=labels.get(column.key, ''),
@@ -108,8 +122,12 @@ def assign(names: Sequence[str], layout: Layout | None, where: str, of_plan: boo
     if len(in_ampere) > 1:
         raise InputError(f'{where}: some joints have a current, others an effort: name the columns '
                          'of one joint with --columns')
-    return Assignment(used, in_ampere == {True},
-                      notes_on(used, named, found, names, layout),
+    integrals = [column.name for column in used if column.integrated]
+    notes = notes_on(used, named, found, names, layout) + [
+        f'no column holds the position: it is the integral of {", ".join(integrals)}, zero at the '
+        'start, and drifts. What depends on position, such as a weight, a spring or cogging, is '
+        'not to be believed'] * bool(integrals)
+    return Assignment(used, in_ampere == {True}, notes,
                       labels.get(own) if named and len(keys) > 1 else None)
 
 
@@ -120,8 +138,9 @@ def without_time(names: Sequence[str], layout: Layout, where: str) -> tuple[Colu
     several joints, and none is named, or several speeds for a torque, as of both sides of a gear.
     """
     layout = layout.naming(names, where)
-    named = _named(layout, where)
-    columns = [*named, *_guessed(list(filter(None, names)), named, (), layout)]
+    read = _reader(names, layout)
+    named = _named(layout, read, where)
+    columns = [*named, *_guessed(list(filter(None, names)), named, (), layout, read)]
     if layout.rate or any(c.signal in ('time', 'position') for c in columns):
         return None
     # A commanded speed is that of the means where none is measured.
@@ -136,7 +155,7 @@ def without_time(names: Sequence[str], layout: Layout, where: str) -> tuple[Colu
         raise InputError(f'{where}: several joints, name one with --joint or --columns: '
                          + ', '.join(repr(speed.joint or effort.joint) for speed, effort in chosen))
     for speed, effort in chosen:
-        speeds = [name for name in names if (reading := read_name(name)).signal == wanted
+        speeds = [name for name in names if (reading := read(name)).signal == wanted
                   and reading.key in (speed.key, effort.key, ())]
         if len(speeds) > 1 and speed not in named:
             raise InputError(f'{where}: which speed is that of {effort.name}? Name both, --columns '
@@ -144,19 +163,30 @@ def without_time(names: Sequence[str], layout: Layout, where: str) -> tuple[Colu
     return chosen[0] if chosen else None
 
 
-def _named(layout: Layout, where: str) -> list[Column]:
+def _reader(names: Sequence[str], layout: Layout) -> _Read:
+    """Return how names are read: with m and N as units where columns tell only a linear axis."""
+    of_user = {name: signal for signal, name in layout.columns.items()}
+    told = set[bool | None]()
+    for name in names:
+        reading = read_name(name)
+        signal = of_user.get(name, reading.signal)
+        told.add(is_linear(name, signal, layout.units.get(signal, reading.unit)))
+    return read_of_axis if told - {None} == {True} else read_name
+
+
+def _named(layout: Layout, read: _Read, where: str) -> list[Column]:
     """Return the columns that the user named, all of one joint but time."""
     first = next((layout.columns[signal] for signal in ('position', 'effort', 'current', 'velocity')
                   if signal in layout.columns), '')
-    key = _key(first)
+    key = _key(first, read)
     names = [name for signal, name in layout.columns.items() if signal != 'time']
-    if numbers(first) and {_key(name) for name in names} != {key} and all(
+    if numbers(first) and {_key(name, read) for name in names} != {key} and all(
             numbers(name) == numbers(first) for name in names):
         # Where words differ, as in pos_read_1 and curr_1, the number is the joint.
         key = numbers(first)
     readings = {}
     for signal, name in layout.columns.items():
-        own = read_name(name)
+        own = read(name)
         # An effort whose name says that it is a current is one, and in A.
         signal = own.signal if (signal, own.signal) == ('effort', 'current') else signal
         reading = readings[name] = Reading(
@@ -182,8 +212,8 @@ def _say_unit(name: str, reading: Reading) -> str:
             f'say it, for instance with --unit {reading.signal}={example}')
 
 
-def _key(name: str) -> tuple[str, ...]:
-    reading = read_name(name)
+def _key(name: str, read: _Read) -> tuple[str, ...]:
+    reading = read(name)
     return reading.key if reading.signal or not skeleton(name) else numbers(name)
 
 
@@ -210,7 +240,7 @@ def _column(name: str, reading: Reading, layout: Layout) -> Column:
 
 
 def _guessed(names: Sequence[str], named: Sequence[Column], own: tuple[str, ...],
-             layout: Layout, of_plan: bool = False) -> list[Column]:
+             layout: Layout, read: _Read, of_plan: bool = False) -> list[Column]:
     """Return the columns recognised by their names, the best of those for one signal of a joint."""
     patterns = {skeleton(column.name): column.signal for column in named
                 if skeleton(column.name) and column.signal != 'time'}
@@ -218,11 +248,11 @@ def _guessed(names: Sequence[str], named: Sequence[Column], own: tuple[str, ...]
     by_number = own in [numbers(c.name) for c in named if c.signal != 'time']
     found: list[tuple[tuple[int, ...], Column]] = []
     for place, name in enumerate(names):
-        reading, alike = read_name(name), skeleton(name) in patterns
+        reading, alike = read(name), skeleton(name) in patterns
         if of_plan:
             reading = replace(reading, signal=reading.signal.removeprefix('reference_'))
         if alike:
-            key = numbers(name) if by_number else _key(name)
+            key = numbers(name) if by_number else _key(name, read)
             reading = replace(reading, signal=patterns[skeleton(name)], key=key,
                               joint=reading.joint or '_'.join(numbers(name)))
         named_already = _kind(reading.signal) in signals and reading.key in (own, ())
@@ -245,6 +275,20 @@ def _guessed(names: Sequence[str], named: Sequence[Column], own: tuple[str, ...]
             continue
         best.setdefault((_kind(column.signal), column.key), column)
     return list(best.values())
+
+
+def _integrals(found: Sequence[Column], names: Sequence[str], read: _Read) -> list[Column]:
+    """Return the columns of velocity as positions; none if a column could be the position."""
+    positions = ('position', 'reference_position')
+    readings = [read(name) for name in names]
+    # What has the unit of an angle or a length is unknown, and may be it.
+    told = {column.signal for column in found} | {reading.signal for reading in readings}
+    if told & {*positions} or any(
+            unit_of('position', one.unit) for one in readings if not one.signal):
+        return []
+    return [replace(column, signal='position', dimension=column.dimension.removesuffix('/time'),
+                    stated=True, integrated=True)
+            for column in found if column.signal == 'velocity']
 
 
 def _kind(signal: str) -> str:
@@ -303,8 +347,8 @@ def _labels(used: Sequence[Column], keys: Sequence[tuple[str, ...]], layout: Lay
     return labels
 
 
-def _check_complete(used: Iterable[Column], names: Sequence[str], layout: Layout, where: str
-                    ) -> None:
+def _check_complete(used: Iterable[Column], names: Sequence[str], layout: Layout,
+                    read: _Read, where: str) -> None:
     """Raise InputError if a required signal is missing, with the ways to give it."""
     signals = {_kind(column.signal) for column in used}
     needed = {'time': not layout.rate, 'position': True, 'effort': not layout.stiffness,
@@ -312,7 +356,7 @@ def _check_complete(used: Iterable[Column], names: Sequence[str], layout: Layout
     missing = [signal for signal, wanted in needed.items() if wanted and signal not in signals]
     for signal in missing:
         for name in names:
-            if (reading := read_name(name)).signal == signal and _unknown_unit(reading, layout):
+            if (reading := read(name)).signal == signal and _unknown_unit(reading, layout):
                 raise InputError(f'{where}: {_say_unit(name, reading)}')
     if not missing:
         return
@@ -330,4 +374,6 @@ def _check_complete(used: Iterable[Column], names: Sequence[str], layout: Layout
                      f'{"".join(hints.get(one, "") for one in missing)}; there are '
                      f'{", ".join(map(repr, names[:_MOST_NAMES]))}' + (
                          f' and {len(names) - _MOST_NAMES} more: where a row holds a signal and '
-                         'not a time, transpose the table' if len(names) > _MOST_NAMES else ''))
+                         'not a time, transpose the table' if len(names) > _MOST_NAMES else '')
+                     + ('; of several files with a signal each, the names tell it, as in time.csv, '
+                        'q.csv and tau.csv' if all(map(str.isdigit, names)) else ''))

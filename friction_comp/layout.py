@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from friction_comp.column_names import plain_name
+from friction_comp.column_names import is_other_unit, plain_name
 from friction_comp.errors import InputError
 from friction_comp.units import DIMENSIONS, Unit, unit_factor, unit_of
 
@@ -64,7 +64,7 @@ class Layout:
             raise InputError('columns name both effort and current: name only one of them, the '
                              'measured one')
         for signal, unit in self.units.items():
-            if signal != 'effort':
+            if signal != 'effort' or not is_other_unit(unit):
                 unit_factor(signal, unit)
 
     @property

@@ -26,6 +26,7 @@ _WORDS = {word: (factor, dimension) for dimension, factor, words in (
     ('angle/time', _TURN / 60.0, 'rpm RPM'), ('angle/time', _TURN / 360.0, 'dps'),
     ('angle/time', _TURN, 'rps'), ('angle/time', 1.0, 'radps rads'),
     ('length', _INCH, 'inch in'), ('length', 12.0 * _INCH, 'ft'), ('length', 1.0, 'meter metre'),
+    ('length/time', 1.0, 'mps'),
     ('time', 1.0, 'sec seconds'), ('time', 60.0, 'min'), ('time', 3600.0, 'h'),
     ('time', 1e-3, 'millis milliseconds'), ('time', 1e-6, 'micros microseconds'),
     ('force', _STANDARD, 'kgf kg'), ('force', 1e-3 * _STANDARD, 'gf'), ('force', _POUND, 'lbf lb'),
@@ -116,12 +117,11 @@ def unit_factor(signal: str, unit: str) -> float:
     known = unit_of(signal, unit)
     if known is not None:
         return known.factor
-    if signal == 'effort':
-        # In other units, such as volts or per cent of a servo's range, values stay as they are.
-        return 1.0
     possible = ', '.join(_EXAMPLES[one] for one in DIMENSIONS[signal] if one in _EXAMPLES)
+    others = '; values in V, %, counts, PWM or another of a drive stay as they are'
     raise InputError(f'{signal} cannot be in {unit!r}; its units are {possible or "none"}, '
-                     'with a factor before them if needed, as in 2.69mA')
+                     'with a factor before them if needed, as in 2.69mA'
+                     + others * (signal == 'effort'))
 
 
 def signal_with_unit(unit: str) -> str | None:

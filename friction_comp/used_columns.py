@@ -26,6 +26,7 @@ class Column:
     dimension: str = ''     # what the unit measures, such as angle; '' if it is not known
     key: tuple[str, ...] = ()
     stated: bool = False    # whether the unit was given, by the user or in the name
+    integrated: bool = False    # whether values of velocity are to be integrated to positions
 
 
 def notes_on(used: Sequence[Column], named: Sequence[Column], found: Sequence[Column],
@@ -46,6 +47,7 @@ def idle_note(names: Sequence[str]) -> str:
 def _guesses(used: Sequence[Column], layout: Layout) -> list[str]:
     # A column named after its signal is not a guess.
     guessed = [column for column in used if column.name not in layout.columns.values()
+               and not column.integrated
                and column.name.lower() != f'{column.joint}.{column.signal}'.strip('.').lower()
                and not (column.signal == 'effort' and column.name == 'current')]
     if not guessed:

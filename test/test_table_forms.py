@@ -121,6 +121,20 @@ def test_a_column_that_the_user_names_has_the_unit_in_its_name(position, factor)
         assign(['time', 'Laser (in V)', 'tau'], Layout({'position': 'Laser (in V)'}), 'log')
 
 
+@pytest.mark.parametrize(('names', 'layout', 'linear'), [
+    ('position_m,force_N', {}, True), ('q_m,tau_N', {}, True), ('pos_m,kraft', {}, True),
+    ('position_m,velocity_mps,current_A', {}, True), ('axis_position_1_m,effort_1_N', {}, True),
+    ('x_m,f_N', {'position': 'x_m', 'effort': 'f_N'}, True),
+    ('q_m,tau_m', {}, False), ('q_m,tau_m,force_N', {}, False), ('theta_m,force_N', {}, False),
+    ('position_m,current_A', {}, False)])
+def test_m_is_metres_beside_a_force_and_motor_beside_a_torque(names, layout, linear):
+    use = assign(['time', *names.split(',')], Layout(layout), 'log')
+    position = use.columns[1]
+    assert (use.linear, position.unit) == (linear, 'm' if linear else 'rad')
+    assert position.stated == linear
+    assert 'm' not in use.joints or not linear
+
+
 def test_siblings_of_named_columns_are_other_joints():
     use = assign(UR, Layout({'position': 'actual_q_1', 'current': 'actual_current_1'}), 'log')
     assert (use.joints, use.chosen) == (['0', '1'], '1')

@@ -226,6 +226,8 @@ def test_what_is_wrong_with_a_table_is_said_in_one_line(tmp_path, refuses, text,
     (['--columns', 'when=t'], "no signal 'when'"),
     (['--columns', 'time=when'], "no column 'when'"),
     (['--unit', 'position=furlong'], 'rad, mrad, deg'),
+    (['--unit', 'effort=furlong'], 'N, kN, lbf, A, mA'),
+    (['--unit', 'current=%'], 'A, mA'),
     (['--unit', 'deg'], "--unit: 'deg' is not of the form SIGNAL=UNIT"),
     (['--columns', 'effort=tau,current=tau'], 'both effort and current')])
 def test_errors_in_columns_arguments_say_what_is_valid(tmp_path, refuses, arguments, said):
@@ -245,6 +247,8 @@ def test_columns_and_units_of_what_is_no_table_are_not_ignored(tmp_path, refuses
                           ('--unit', 'position=deg,load=kN'), ('--rate', '100')):
         for tool in ('refine', 'evaluate', 'convert'):
             refuses('describe tables, and this is none', tool, tmp_path / 'bag', option, value)
+    refuses('joint states have effort in N·m, N or A, not in V', 'refine', tmp_path / 'bag',
+            '--unit', 'effort=V')
 
 
 @pytest.mark.parametrize(('unit', 'position', 'effort'), [

@@ -10,6 +10,7 @@ from __future__ import annotations
 import codecs
 from collections.abc import Iterable, Iterator, Sequence
 import csv
+from functools import lru_cache
 import gzip
 import io
 from itertools import islice
@@ -22,6 +23,7 @@ import numpy as np
 from friction_comp.column_names import OTHER_UNITS, read_name
 from friction_comp.column_values import date_in_seconds, NOT_A_SIGNAL
 from friction_comp.errors import InputError
+from friction_comp.recordings.item_names import with_items
 from friction_comp.recordings.table_base import Columns, Table
 from friction_comp.units import parse_unit
 
@@ -31,6 +33,9 @@ _FIRST_LINES, _FIRST_BYTES = 200, 65536
 # Lines of the longest quoted cell, a cell in quotes, and one that begins with a quote at the end.
 _LONGEST_CELL = 50
 _QUOTED, _UNFINISHED = re.compile(r'"[^"]*"'), re.compile(r'(^|[,;\t])\s*"[^"]*$')
+
+_LIST = re.compile(r'\[.*\]|\(.*,.*\)')
+_Place = tuple[int, int | None]     # a column, and which item of its lists
 
 
 class Csv(Table):
@@ -49,24 +54,41 @@ class Csv(Table):
         if not head.strip():
             raise InputError(f'{path}: is empty')
         self._separator = _separator(head)
-        self.names = _split(head, self._separator)
+        rows = [_split(line, self._separator) for line in lines[header:] if _holds(line)]
+        self.names = rows[0]
         self._skip = header + 1
         comment = self._names_in(lines[header - 1].lstrip('#% ')) if header else []
-        fits = len(comment) == len(self.names)
-        if _all_numbers(head) or (fits and any(read_name(name).signal for name in comment)
-                                  and not any(read_name(name).signal for name in self.names)):
+        is_row = _all_numbers(head) or _is_row(rows[0], rows[3 * len(rows) // 4])
+        # A separator at the end of each line separates nothing.
+        width = max(map(_width, rows if is_row else rows[:1]))
+        fits = _width(comment) == width
+        if is_row or (fits and any(read_name(name).signal for name in comment)
+                      and not any(read_name(name).signal for name in self.names)):
             # Not a header: names are in the comment above it, otherwise columns are numbered.
-            self.names = comment if fits else [str(k + 1) for k in range(len(self.names))]
+            self.names = comment if fits else [str(k + 1) for k in range(width)]
             self._skip = header
         elif units := self._units_in(lines[header + 1:header + 2]):
             self.names = [f'{name} [{unit}]' if unit else name
                           for name, unit in zip(self.names, units)]
             self._skip += 1
         # Spreadsheets end lines with empty cells: a column without a name is none.
-        self._index = {name: k for k, name in enumerate(self.names) if name}
         named = [name for name in self.names if name]
         self.doubled = list(dict.fromkeys(name for name in named if named.count(name) > 1))
-        self.names = [name for name in named if name not in self.doubled]
+        self._index = self._places(rows[self._skip - header:])
+        self.names = list(self._index)
+
+    def _places(self, rows: Sequence[Sequence[str]]) -> dict[str, _Place]:
+        """Return the columns by name, those whose cells are lists by the names of their items."""
+        places: dict[str, _Place] = {}
+        for k, name in enumerate(self.names):
+            if name and name not in self.doubled:
+                cells = [row[k] for row in rows if len(row) > k]
+                count = next(filter(None, (len(_items_of(cell)) for cell in cells)), 0)
+                names = with_items(name, count, self.path)
+                places.update({item: (k, place) for place, item in enumerate(names)})
+                if not count:
+                    places[name] = k, None
+        return places
 
     def _names_in(self, comment: str) -> list[str]:
         """Return names in a comment, which are often separated by space only."""
@@ -92,7 +114,6 @@ class Csv(Table):
                                 errors='replace', newline='')
 
     def blocks(self, wanted: Sequence[str], rows: int) -> Iterator[tuple[Columns, float]]:
-        indices = [self._index[name] for name in wanted]
         size = self.path.stat().st_size
         with self.path.open('rb') as file:
             # Kept, since it closes the file when it goes.
@@ -100,43 +121,51 @@ class Csv(Table):
             text = _whole_rows(plain)
             first_line = sum(1 for _ in islice(text, self._skip))
             while lines := list(islice(text, rows)):
-                columns = self._parse(lines, indices, first_line).T
+                columns = self._parse(lines, wanted, first_line).T
                 # The position in the file, which may be compressed.
                 yield dict(zip(wanted, columns)), file.tell() / size
                 first_line += len(lines)
 
-    def _parse(self, lines: list[str], indices: list[int], first_line: int) -> np.ndarray:
-        if self._separator != ',':
-            # A comma that does not separate is a decimal one.
-            lines = [line.replace(',', '.') for line in lines]
+    def _parse(self, lines: list[str], wanted: Sequence[str], first_line: int) -> np.ndarray:
+        places = [self._index[name] for name in wanted]
+        # A comma that does not separate is a decimal one.
+        plain = lines if self._separator == ',' else [line.replace(',', '.') for line in lines]
         try:
-            values = np.loadtxt(lines, delimiter=self._separator, usecols=indices, ndmin=2,
-                                comments=None)
+            if any(item is not None for _, item in places):
+                raise ValueError('lists')
+            values = np.loadtxt(plain, delimiter=self._separator, ndmin=2, comments=None,
+                                usecols=[column for column, _ in places])
         except ValueError:
             # Cells are missing or not numeric: parse slowly, with a clear error.
-            return self._parse_each(lines, indices, first_line)
-        for name, labels in self.labels.items():
-            if self._index[name] in indices and len(values):
-                place = indices.index(self._index[name])
-                values[:, place] = labels.codes(values[:, place])
+            return self._parse_each(lines, wanted, first_line)
+        for place, name in enumerate(wanted):
+            if name in self.labels and len(values):
+                values[:, place] = self.labels[name].codes(values[:, place])
         return values
 
-    def _parse_each(self, lines: list[str], indices: list[int], first_line: int) -> np.ndarray:
+    def _parse_each(self, lines: list[str], wanted: Sequence[str], first_line: int) -> np.ndarray:
+        last = max(self._index[name][0] for name in wanted)
         rows = []
         for k, line in enumerate(lines, first_line + 1):
-            if line.strip() and not line.startswith(_COMMENTS):
+            if _holds(line):
                 cells = _split(line, self._separator)
                 # The last line of a truncated file has fewer cells.
-                complete = len(cells) > max(indices)
-                rows.append([self._number(cells[index], index, k) if complete else np.nan
-                             for index in indices])
-        return np.array(rows).reshape(len(rows), len(indices))
+                rows.append([self._number(self._cell(cells, name), name, k)
+                             if len(cells) > last else np.nan for name in wanted])
+        return np.array(rows).reshape(len(rows), len(wanted))
 
-    def _number(self, cell: str, index: int, line: int) -> float:
-        for name, labels in self.labels.items():
-            if self._index[name] == index:
-                return labels.code(cell)
-        if cell.lower() in ('', 'nan', 'na', 'null', 'none', '-'):
+    def _cell(self, cells: Sequence[str], name: str) -> str:
+        """Return the text of a row's value; '' of a list that is shorter."""
+        column, item = self._index[name]
+        if item is None:
+            return cells[column] if self._separator == ',' else cells[column].replace(',', '.')
+        items = _items_of(cells[column])
+        return items[item] if item < len(items) else '' if items else cells[column]
+
+    def _number(self, cell: str, name: str, line: int) -> float:
+        if name in self.labels:
+            return self.labels[name].code(cell)
+        if _is_missing(cell):
             return float('nan')
         try:
             return float(cell)
@@ -145,7 +174,6 @@ class Csv(Table):
         try:
             return date_in_seconds(cell)
         except ValueError:
-            name = next(name for name, place in self._index.items() if place == index)
             hint = {'time': ', nor a date such as 2026-03-04T09:59:50.5 or 4.3.2026 09:59:50.5',
                     'direction': f': {NOT_A_SIGNAL}'}.get(read_name(name).signal, '')
             raise InputError(f'{self.path}: line {line}, column {name!r}: {cell!r} is not a number'
@@ -175,6 +203,40 @@ def _separator(line: str) -> str | None:
     counts = {mark: line.count(mark) for mark in ('\t', ';', ',')}
     best = max(counts, key=lambda mark: counts[mark])
     return best if counts[best] else None
+
+
+def _holds(line: str) -> bool:
+    """Return whether a line is neither empty nor a comment."""
+    return bool(line.strip()) and not line.startswith(_COMMENTS)
+
+
+def _width(cells: Sequence[str]) -> int:
+    """Return the number of cells without the empty ones at the end."""
+    return max((k for k, cell in enumerate(cells, 1) if cell), default=0)
+
+
+def _is_missing(cell: str) -> bool:
+    return cell.lower() in ('', 'nan', 'na', 'null', 'none', '-')
+
+
+@lru_cache(maxsize=64)
+def _items_of(cell: str) -> tuple[str, ...]:
+    """Return the numbers of a list as Python or NumPy prints it, as text; empty if it is none."""
+    if not _LIST.fullmatch(cell):
+        return ()
+    inner = cell[1:-1].strip(' ,')
+    items = tuple(item.strip() for item in (inner.split(',') if ',' in inner else inner.split()))
+    return items if all(_is_missing(item) or _all_numbers(item) for item in items) else ()
+
+
+def _is_row(cells: Sequence[str], later: Sequence[str]) -> bool:
+    """Return whether cells are of a row, not names: most are numbers, and texts are above texts."""
+    def is_number(cell: str) -> bool:
+        return _all_numbers(cell) or bool(_items_of(cell))
+
+    texts = [k for k, cell in enumerate(cells) if not _is_missing(cell) and not is_number(cell)]
+    return 2 * sum(map(is_number, cells)) > len(list(filter(None, cells))) and not any(
+        is_number(later[k]) for k in texts if k < len(later))
 
 
 def _all_numbers(line: str) -> bool:
@@ -208,8 +270,8 @@ def _header_in(lines: Sequence[str]) -> int:
     Above it, loggers write who measured what, and Excel the separator. It is the first line that is
     no comment where no line has as many.
     """
-    places = [k for k, line in enumerate(lines) if line.strip() and not line.startswith(_COMMENTS)
-              and not re.fullmatch('sep=.', line.strip(), re.IGNORECASE)]
+    places = [k for k, line in enumerate(lines) if _holds(line) and not re.fullmatch(
+        'sep=.', line.strip(), re.IGNORECASE)]
     row = lines[places[3 * len(places) // 4]] if places else ''
     for k in places:
         mark = _separator(lines[k])

@@ -23,6 +23,8 @@ from friction_comp.recordings.table_base import Columns, Table
 
 # More than this are the points of a picture, no joints.
 _MOST_COLUMNS = 64
+# Fewest values of states: a pair beside a number is something else.
+_FEWEST_STATES = 10
 _SIGNATURE = b'\x89HDF\r\n\x1a\n'
 _Place = tuple[str, int | None]     # a dataset, and which of its columns; None if it is one
 
@@ -36,9 +38,18 @@ def is_hdf5(path: Path) -> bool:
         return _SIGNATURE in file.read(1024)
 
 
-def one_length(sizes: dict[str, int], path: Path) -> int:
-    """Return the length of columns with these; raises InputError if they have several."""
-    size = max(sizes.values(), default=0)
+def one_length(sizes: dict[str, int], table: Table) -> int:
+    """Return the length of a table's columns with these; raises InputError if they have several.
+
+    States have a value more than inputs, that after the last: it is left out, with a note.
+    """
+    path, size = table.path, max(sizes.values(), default=0)
+    if set(sizes.values()) == {size, size - 1} and size > _FEWEST_STATES:
+        longer = [name for name, count in sizes.items() if count == size]
+        table.notes[:] = [
+            longer[0] + f' and {len(longer) - 1} more' * (len(longer) > 1)
+            + ': one value more than the rest, as states beside inputs; the last is left out']
+        return size - 1
     if set(sizes.values()) - {size}:
         raise InputError(
             f'{path}: its arrays differ in length: ' + ', '.join(
@@ -115,7 +126,7 @@ class Hdf5(Table):
         # If only the episode's number is wanted, the other columns tell how many rows it has.
         sizes = self.sizes(wanted if {*wanted} & {*places} else self.names, places)
         return one_length({name: size for name, size in sizes.items() if size > 1},
-                          self.path) or max(sizes.values(), default=0)
+                          self) or max(sizes.values(), default=0)
 
     def sizes(self, names: Sequence[str], places: dict[str, _Place] | None = None
               ) -> dict[str, int]:

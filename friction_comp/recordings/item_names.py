@@ -29,6 +29,12 @@ def item_names(path: Path) -> dict[str, list[str]]:
     return {}
 
 
+def with_items(column: str, count: int, path: Path) -> list[str]:
+    """Return the names of the items of a table's list column: NAME[0] and so on without others."""
+    names = item_names(path).get(column, [])
+    return [f'{column}[{name}]' for name in (names if len(names) == count else range(count))]
+
+
 @lru_cache(maxsize=16)
 def _names_in(path: Path) -> dict[str, list[str]]:
     try:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from friction_comp.errors import InputError, os_errors_name
-from friction_comp.layout import Layout, TABLES
+from friction_comp.layout import Layout, STATES, TABLES
 from friction_comp.recordings.scan import in_topic, MessageScanner
 from friction_comp.recordings.storage import AnyPath, is_split_recording, is_storage, METADATA
 from friction_comp.recordings.table_files import is_table, parts_of, with_parts
@@ -110,6 +110,11 @@ def open_scanner(path: AnyPath, joint: str | None = None, layout: Layout | None 
     layout = layout or Layout()
     units = layout.of_states
     if (layout.columns or layout.units or layout.rate) and not units:
+        if {*layout.units} <= {*STATES} and not (
+                layout.columns or layout.rate or layout.stiffness):
+            raise InputError(f'{path}: joint states have effort in N·m, N or A, not in '
+                             f'{layout.units["effort"]}; the unit alone, as in refine --unit V, '
+                             'is that of the figures')
         raise InputError(f'{path}: --columns, --rate, and units of other signals than position, '
                          'velocity and effort describe tables, and this is none')
     if layout.stiffness:

@@ -59,6 +59,7 @@ class Table(ABC):
         self.path = path
         self.doubled: list[str] = []    # names of several columns, which are left out
         self.labels: dict[str, Labels] = {}     # columns whose values are numbered
+        self.notes: list[str] = []      # on what was left out in reading
 
     @abstractmethod
     def blocks(self, wanted: Sequence[str], rows: int) -> Iterator[tuple[Columns, float]]:

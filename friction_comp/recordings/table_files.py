@@ -23,7 +23,7 @@ from friction_comp.files import library_for
 from friction_comp.layout import column_called, Layout, TABLES
 from friction_comp.recordings.csv_file import Csv
 from friction_comp.recordings.hdf5_file import fault_of_objects, Hdf5, is_hdf5, one_length
-from friction_comp.recordings.item_names import item_names
+from friction_comp.recordings.item_names import with_items
 from friction_comp.recordings.row_groups import EPISODE
 from friction_comp.recordings.table_base import Columns, Table
 
@@ -58,8 +58,10 @@ def of_one_clock(table: Table, layout: Layout, where: str) -> list[str]:
     if not named or not isinstance(table, (Arrays, Hdf5)):
         return table.names
     sizes = table.sizes(table.names)
-    most = max(sizes.get(name, 1) for name in named)
-    return [name for name in table.names if sizes.get(name, 1) in (1, most) or name in named]
+    own = {sizes.get(name, 1) for name in named}
+    # The lengths of states and of inputs belong together.
+    alike = {1, max(own), *(own & {max(own) - 1})}
+    return [name for name in table.names if sizes.get(name, 1) in alike or name in named]
 
 
 def with_parts(paths: Sequence[Path]) -> list[Path]:
@@ -163,7 +165,6 @@ class Parquet(Table):
         self._file = pyarrow_of(path).parquet.ParquetFile(path)
         self._source: dict[str, tuple[str, int | None]] = {}
         first: Any = None
-        called = item_names(path)
         for field in self._file.schema_arrow:
             if not hasattr(field.type, 'value_type'):
                 self._source[field.name] = field.name, None
@@ -171,11 +172,8 @@ class Parquet(Table):
             if first is None:
                 first = next(self._file.iter_batches(batch_size=1), None)
             items = first.column(field.name)[0].as_py() if first is not None else None
-            names = called.get(field.name, [])
-            if len(names) != len(items or ()):
-                names = [str(k) for k in range(len(items or ()))]
-            self._source.update({f'{field.name}[{name}]': (field.name, k)
-                                 for k, name in enumerate(names)})
+            self._source.update({name: (field.name, k) for k, name in enumerate(
+                with_items(field.name, len(items or ()), path))})
         self.names = list(self._source)
 
     def blocks(self, wanted: Sequence[str], rows: int) -> Iterator[tuple[Columns, float]]:
@@ -211,11 +209,12 @@ class Arrays(Table):
         return {name: self._columns[name].size for name in names}
 
     def blocks(self, wanted: Sequence[str], rows: int) -> Iterator[tuple[Columns, float]]:
-        size = one_length(self.sizes([name for name in wanted if self._columns[name].ndim]),
-                          self.path)
+        size = one_length(self.sizes([name for name in wanted if self._columns[name].ndim]), self)
         for first in range(0, size, rows):
             part = slice(first, first + rows)
-            yield ({name: self.numbers(np.broadcast_to(self._columns[name], size)[part], name)
+            yield ({name: self.numbers(np.broadcast_to(
+                self._columns[name][:size] if self._columns[name].ndim else self._columns[name],
+                size)[part], name)
                     for name in wanted}, min((first + rows) / size, 1.0))
 
 
@@ -239,14 +238,8 @@ def _flat(items: Iterable[tuple[str, Any]]) -> Columns:
             continue    # rows of different lengths
         if values.dtype == object and values.size == 1 and isinstance(values.item(), np.ndarray):
             values = values.item()
-        if values.dtype.names and values.size == 1:
-            # A struct of MATLAB, whose fields may be structs.
-            columns.update({f'{name}.{inner}': column for inner, column in _flat(
-                (field, values[field].item()) for field in values.dtype.names).items()})
-            continue
         if values.dtype.names:
-            columns.update(_flat((f'{name}.{field}', values[field].squeeze())
-                                 for field in values.dtype.names))
+            columns.update(_flat(_fields(name, values)))
             continue
         if values.ndim == 2 and 1 in values.shape and max(values.shape) > 1:
             values = values.ravel()
@@ -258,6 +251,36 @@ def _flat(items: Iterable[tuple[str, Any]]) -> Columns:
         elif values.ndim < 2:
             columns[name] = values
     return columns
+
+
+def _fields(name: str, structs: np.ndarray) -> Iterator[tuple[str, Any]]:
+    """Yield the fields of structs of MATLAB, which may be structs; of channels one each."""
+    names = structs.dtype.names or ()
+    above, _, own = name.rpartition('.')
+    if {'Name', 'Data'} <= {*names} and (
+            own == 'X' or any(map(np.size, structs['Name'].reshape(-1)))):
+        for called, data in _channels(own, structs.reshape(-1)):
+            yield f'{above}.{called}'.lstrip('.'), data
+        return
+    for field in names:
+        values = structs[field]
+        yield f'{name}.{field}', values.item() if structs.size == 1 else values.squeeze()
+
+
+def _channels(name: str, structs: np.ndarray) -> Iterator[tuple[str, Any]]:
+    """Yield the columns of structs with Name and Data, as dSPACE writes; times have no name.
+
+    Of a name such as ``"Model Root"/"q"``, the last parts are used that tell the channels apart.
+    """
+    paths = [re.findall('[^"/]+', str(one)) if np.size(one) else [] for one in structs['Name']]
+    longest = max(map(len, paths))
+    for count in range(1, longest + 1):
+        called = ['/'.join(path[-count:]) for path in paths]
+        if len(set(called)) == len(paths):
+            break
+    else:
+        called = [f'{name}_{k + 1}' for k in range(len(paths))] if longest else ['time']
+    yield from zip(called, structs['Data'])
 
 
 def _episodes(records: list[Any]) -> Columns:

@@ -11,12 +11,13 @@ from pathlib import Path
 
 import numpy as np
 
-from friction_comp.column_names import in_turns_of, is_of_motor, skeleton
+from friction_comp.column_names import in_turns_of, is_of_motor, read_name, read_of_axis, skeleton
 from friction_comp.column_values import to_csv
 from friction_comp.columns import assign, Assignment
 from friction_comp.errors import InputError
 from friction_comp.files import write_atomically
 from friction_comp.layout import Layout
+from friction_comp.recordings.integral import Integral
 from friction_comp.recordings.row_groups import column_of_episodes, column_of_joints, Episodes
 from friction_comp.recordings.row_times import clock_parts, in_no_order
 from friction_comp.recordings.scan import Scan, Track
@@ -55,6 +56,7 @@ class TableScanner:
         self._use = self._assigned(layout)
         self._whose = self._column_of_joints()
         self._episode, self._episodes = self._column_of_episodes(), Episodes()
+        self._integrals: dict[tuple[str, str], Integral] = {}
         self._effort_unit = next((column.unit for column in self._use.columns if column.unit
                                   and column.signal == 'effort' and not column.dimension), '')
         self._gains = self._layout.gains(self._table.names, str(path))
@@ -69,7 +71,10 @@ class TableScanner:
         """Return the used columns, none of which may share its name with another."""
         doubled = ', '.join(map(repr, self._table.doubled))
         try:
-            use = assign(self._table.names, layout, str(self._path))
+            # Of two columns for the position, neither is used, but they are asked for.
+            integrates = not any(read_name(name).signal == 'position'
+                                 for name in self._table.doubled)
+            use = assign(self._table.names, layout, str(self._path), integrates=integrates)
         except InputError as error:
             raise InputError(f'{error}, and two columns called {doubled}'
                              if doubled else str(error)) from None
@@ -100,7 +105,7 @@ class TableScanner:
     def scans(self) -> Iterator[Scan]:
         """Yield a scan of each block of rows."""
         use = self._use
-        wanted = [column.name for column in use.columns]
+        wanted = list(dict.fromkeys(column.name for column in use.columns))
         wanted += [gain for gain in self._gains if isinstance(gain, str)] + [*self._clock]
         wanted += [name for name in (self._whose, self._episode) if name is not None]
         rows = 0
@@ -108,6 +113,7 @@ class TableScanner:
             for columns, share in self._table.blocks(wanted, self._batch):
                 self.progress = share
                 size = len(columns[wanted[0]])
+                use.notes += [note for note in self._table.notes if note not in use.notes]
                 if size:
                     if not rows:
                         self._check_first(columns)
@@ -139,9 +145,13 @@ class TableScanner:
                 found.setdefault(column.signal, []).append(column.name)
         units = {'position': 'rad', 'effort': 'A' if self._use.effort_is_current else 'N·m',
                  'velocity': 'rad/s', 'time': 's'}
+        # Of a motor, or in metres: nothing tells.
+        asked = ', or in m (--unit position=m)' if any(
+            read_of_axis(name).unit == 'm' for name in found.get('position', ())) else ''
         geared = [column.name for column in self._use.columns if is_of_motor(column.name)
                   and column.signal in ('position', 'velocity')]
         return (*(f'{found[signal][0]}{" and alike" * (len(found[signal]) > 1)} in {unit}'
+                  + asked * (signal == 'position')
                   for signal, unit in units.items() if signal in found),
                 *([f'{" and ".join(geared[:2])} behind the gear, of the joint'] if geared else []))
 
@@ -191,7 +201,8 @@ class TableScanner:
         pairs = [(effort.name, position.name) for joint in self._use.joints
                  if (effort := of('effort', joint)) and (position := of('position', joint))]
         turns = {column.name: 2.0 * np.pi / abs(column.factor) for column in self._use.columns
-                 if column.signal in ('position', 'reference_position')}
+                 if column.signal in ('position', 'reference_position')
+                 and not column.integrated}
         columns, time, rarest = gathered(columns, time, pairs, turns)
         note = (f'rows hold few values each: those with {rarest} are used, the others are '
                 'interpolated to their times')
@@ -214,6 +225,9 @@ class TableScanner:
                 raise InputError(f'{self._path}: {said}: give it, for instance --unit '
                                  'position=counts/4096 (counts in a turn), or position=deg')
             if column.signal == 'velocity' and np.ptp(values) > 2.0:
+                if any(one.integrated for one in self._use.columns):
+                    raise InputError(f'{self._path}: {said}: give it, for instance --unit '
+                                     'velocity=rpm, or velocity=rad/s')
                 self._use.columns.remove(column)
                 self._use.notes.append(f'{said}: not used (--unit velocity=0.229rpm)')
             # A sign has three values.
@@ -241,13 +255,14 @@ class TableScanner:
         for code, name in enumerate(self._table.labels[self._whose].names):
             own = np.flatnonzero(codes == code)
             for track in self._tracks({column: values[own] for column, values in columns.items()},
-                                      time[own], order[own]) if len(own) else ():
+                                      time[own], order[own], name) if len(own) else ():
                 # Arrays of commands and directions have no names.
                 if '' in track.values and track.signal not in ('current_command', 'direction'):
                     values = {name: track.values['']} if self._joint in (None, name) else {}
                     yield replace(track, topic=f'{name}/{track.topic}', names=[name], values=values)
 
-    def _tracks(self, columns: Columns, time: np.ndarray, order: np.ndarray) -> Iterator[Track]:
+    def _tracks(self, columns: Columns, time: np.ndarray, order: np.ndarray, whose: str = ''
+                ) -> Iterator[Track]:
         """Yield the tracks of rows with their times, s, and their numbers in the table."""
         use, joint = self._use, self._joint
         stamp, valid = _stamps(time)
@@ -256,6 +271,10 @@ class TableScanner:
         def read(signal: str, name: str) -> np.ndarray | None:
             if signal == 'effort' and self._gains and use.of(signal, name) is None:
                 return use.controller_effort(columns, time, name, self._gains)
+            column = use.of(signal, name)
+            if column is not None and column.integrated:
+                return self._integrals.setdefault((whose, column.name), Integral()).positions(
+                    stamp, column.factor * columns[column.name], str(self._path))
             return use.signal_in(columns, signal, name)
 
         def stack(name: str, *signals: str) -> np.ndarray:

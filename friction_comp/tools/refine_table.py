@@ -62,6 +62,7 @@ def refine_table(arguments: Namespace, columns: tuple[Column, Column]) -> int:
     loads = [name for name in table.names if name != effort.name
              and read_name(name).signal in ('load', 'link_torque')]
     report = in_own_units(_report(fit, unit, loads), linear)
+    report['warnings'] += table.notes
     page = steady_state_report(report, fit.model, fit.speeds, fit.currents, [str(path)])
     write_results(arguments, report, page, fit.model)
     rows = [f'  {name:<28}{value}  ({interval})' for name, value, interval in value_rows(report)]
