@@ -161,7 +161,7 @@ def test_predict_counts_motion_as_refinement_does():
                               (17.0, 19.0, 0.0)):
         assert np.mean(moves[(time > begin) & (time < end)]) == share
     short = Samples(time=time[:100], position=samples.position[:100], current=speed[:100])
-    with pytest.raises(InputError, match='hardly moves'):
+    with pytest.raises(InputError, match='are short'):
         moving(short, note_model())
 
 
