@@ -105,7 +105,7 @@ class CommonModel:
         for term in self.terms:
             columns = tuple(range(first, first + _size(term)))
             label = self._label(term)
-            signs = [*term.kind.signs, *[0] * len(columns)]
+            signs = [*term.kind.signs_with(term.constants), *[0] * len(columns)]
             if 'frequency' in term.constants:
                 named.append(Compared(f'{label}: amplitude', 'A', columns, True))
             elif len(columns) == 1:

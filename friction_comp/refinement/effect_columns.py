@@ -317,7 +317,7 @@ def _as_slice(rows: np.ndarray) -> np.ndarray | slice:
 
 def signs_of(term: Term, count: int) -> list[int]:
     """Return the required sign of each of a term's coefficients, 0 where it is free."""
-    wanted = list(term.kind.signs[:count]) if term.group is None else [
+    wanted = list(term.kind.signs_with(term.constants)[:count]) if term.group is None else [
         1 if term.group.kind == 'friction' else 0] * count
     return wanted + [0] * (count - len(wanted))
 

@@ -141,6 +141,11 @@ class Effect(ABC):
         return min(max(value, low), high)
 
     @classmethod
+    def signs_with(cls, constants: dict[str, float]) -> tuple[int, ...]:
+        """Return the physically possible sign of the first coefficients; by default `signs`."""
+        return cls.signs
+
+    @classmethod
     def determines_offset(cls, coverage: Coverage) -> bool:
         """Return whether the offset of Eq. 6 is part of this effect's load, if it `gives_load`."""
         return False

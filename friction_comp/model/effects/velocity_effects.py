@@ -88,6 +88,11 @@ class ViscousShape(Effect):
         return _speed_hardly_varied(coverage)
 
     @classmethod
+    def signs_with(cls, constants: dict[str, float]) -> tuple[int, ...]:
+        # A root that is subtracted is Stribeck friction, and endlessly steep at standstill.
+        return (1,) if constants['exponent'] < 1.0 else (0,)
+
+    @classmethod
     def limited(cls, name: str, value: float, constants: dict[str, float],
                 coverage: Coverage) -> float:
         # At 1, the term is collinear with viscous friction.
