@@ -132,7 +132,7 @@ _FINDINGS = {
         'depend on it cannot be told from those that do not, and hold at such loads only.',
         'record several loads, and none'),
     'impossible_friction': (
-        AGAIN, 'Coulomb friction would be {value:.3g} A, more than the largest current, '
+        AGAIN, 'Coulomb friction would be {value:.3g} A, where the largest current is '
         '{largest:.3g} A: other terms cancel it, and none of them is that of the drive.',
         'more speeds in both directions, with a joint that slides'),
     'negative_friction': (

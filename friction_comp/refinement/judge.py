@@ -277,7 +277,7 @@ def findings_on_numbers(friction: FrictionNumbers, error: float = math.inf,
     One that may be zero, or larger than the held-out `error` of the current by which it was chosen,
     is not known at all. `largest` is the largest current of the recordings.
     """
-    if friction.coulomb > largest:
+    if friction.coulomb > thresholds.IMPOSSIBLE * largest:
         yield finding('impossible_friction', value=friction.coulomb, largest=largest)
     names = {'coulomb': 'Coulomb friction', 'viscous': 'viscous friction', 'inertia': 'inertia'}
     wide = []

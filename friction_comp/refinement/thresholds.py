@@ -106,6 +106,9 @@ ONE_LOAD = Threshold(
     1.5, 'times', 'the smallest load: what it does cannot be told from offset and friction below')
 FEWEST_STEPS = Threshold(
     10, 'positions', 'of the encoder: between fewer, no velocity is known')
+IMPOSSIBLE = Threshold(
+    2.0, 'times the largest current', 'more Coulomb friction than an effect of temperature, say, '
+    'may leave to others: what cancels it is none')
 UNCERTAIN = Threshold(
     0.2, 'of a number', 'half an interval that is larger is said in words')
 WRITTEN_ERROR = Threshold(
