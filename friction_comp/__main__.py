@@ -42,7 +42,6 @@ TOOLS = {
     'teach': 'makes an exercise of a recorded movement that a person guided',
     'play': 'moves joints along a trajectory, with currents or a trajectory controller',
     'improve': 'refines, plans motion, moves and records until the model predicts new motion',
-    'history': "shows a drive's friction over all its recordings",
     'predict': 'writes measured and predicted current of a recording',
 }
 USAGE = '\n'.join([

@@ -35,7 +35,6 @@ class Given:
     figures: str | None = None  # unit of the figures in the report
     layout: Layout = field(default_factory=Layout)  # of a table
     of_table: dict[str, Any] = field(default_factory=dict)  # its arguments, for the model file
-    history: bool = False  # whether to fit the averages of earlier recordings as well
 
 
 def drive_of(given: Given, model: FrictionModel | None) -> Drive:

@@ -15,7 +15,6 @@ from friction_comp.results import output_folder, write_report
 
 if TYPE_CHECKING:
     from friction_comp.recordings import RecordingInfo
-    from friction_comp.recordings.history import History
     from friction_comp.refinement import RefineResult
     from friction_comp.samples import Samples
 
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
 def refine_to_folder(given: Given, paths: Sequence[Path], output: Path, command: str,
                      show: Callable[..., None]) -> RefineResult:
     """Refine a model; write report.json, report.html with the command, and model.yaml."""
-    result, history = refine_recordings(given, paths, show)
+    result = refine_recordings(given, paths, show)
     show(0.9, 'writing')
     from friction_comp.reports.refinement_report import refinement_report
 
@@ -31,20 +30,16 @@ def refine_to_folder(given: Given, paths: Sequence[Path], output: Path, command:
     with output_folder(output) as folder:
         write_report(folder, result.content(), page, command)
         result.model.save(folder / 'model.yaml')
-        if history is not None:
-            history.save(folder / 'model.yaml')
     return result
 
 
 def refine_recordings(given: Given, paths: Sequence[Path],
-                      show: Callable[..., None] = lambda *_: None
-                      ) -> tuple[RefineResult, History | None]:
-    """Refine a model on recordings of one joint together; also return its history, if asked for.
+                      show: Callable[..., None] = lambda *_: None) -> RefineResult:
+    """Refine a model on recordings of one joint together.
 
     `show` is called with the share 0..1 that is done and a description.
     """
     from friction_comp.recordings.condense import read_condensed
-    from friction_comp.recordings.history import History
 
     joint, model = given.joint, None
     if given.model:
@@ -54,8 +49,6 @@ def refine_recordings(given: Given, paths: Sequence[Path],
         model = FrictionModel.load(given.model, joint and without_topic(
             find_recordings(paths)[0], joint))
     drive = drive_of(given, model)
-    history = (History.beside(given.model, drive, model.joint)
-               if model and given.model and given.history else None)
     recordings = read_condensed(
         paths, joint, drive.torque_per_current,
         lambda share: show(0.2 * share, 'reading'), given.layout)
@@ -67,11 +60,6 @@ def refine_recordings(given: Given, paths: Sequence[Path],
     if idle := model is None and _idle(given, recorded):
         unit = 'N·m'
     drive, limit = with_current_limit(given, drive, recorded)
-    if history is not None:
-        for samples, info in usable:
-            history.add(samples, info)
-        recorded = history.samples()
-        _check_loads((one.name, one.samples) for one in history.recordings)
     # Only now: importing the search takes longer than reading most recordings, and an unusable one
     # is refused at once.
     from friction_comp.refinement import Origin, refine
@@ -82,10 +70,9 @@ def refine_recordings(given: Given, paths: Sequence[Path],
         'refined_from': [str(path) for path in paths], **given.of_table, **limit,
         **({'position_unit': 'm'} if any(info.linear for _, info in recordings) else {})})
     with errors_name(f'{paths[0]}: {joint}' if joint else paths[0]):
-        result = refine(
+        return refine(
             recorded, model, drive, origin=origin,
             progress=lambda share, name: show(0.2 + 0.7 * share, f'trying {name}'))
-    return result, history
 
 
 def notes_on(recordings: Iterable[tuple[Samples, RecordingInfo]], idle: bool = False) -> list[str]:

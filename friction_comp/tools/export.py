@@ -10,7 +10,6 @@ a joint of MuJoCo with these numbers strays from the recording (if MuJoCo is ins
 from __future__ import annotations
 
 from argparse import Namespace
-from dataclasses import replace
 import json
 import math
 from pathlib import Path
@@ -78,8 +77,6 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument('--columns', metavar='SIGNAL=COLUMN,…', help='columns of that recording, '
                         'if it is a table; by default as refine read them')
     parser.add_argument('--unit', metavar='SIGNAL=UNIT,…', help='units of its signals')
-    parser.add_argument('--history', action='store_true',
-                        help='range over the recordings in the history beside the model')
     parser.add_output_file('the file to write')
     arguments = parser.parse(argv)
     keep_inputs(arguments.output, *arguments.models)
@@ -90,8 +87,8 @@ def main(argv: list[str] | None = None) -> int:
     if arguments.to == 'csv':
         if arguments.joint and joints_of(read_yaml(arguments.models[0])) is None:
             raise InputError('--joint is the name of the joint in the file: a table has none')
-        if len(models) > 1 or arguments.history or arguments.without_inertia:
-            raise InputError('--to csv takes one model, without --history or --without-inertia')
+        if len(models) > 1 or arguments.without_inertia:
+            raise InputError('--to csv takes one model, without --without-inertia')
         return _write_table(arguments, models[0])
     if arguments.load:
         raise InputError('--load goes with --to csv: the other forms have no effect of the load')
@@ -146,27 +143,7 @@ def joint_of(arguments: Namespace, models: list[FrictionModel]) -> SimulatorJoin
     for path, model in zip(arguments.models, models):
         with errors_name(path):
             joints.append(simulator_joint(model, arguments.top_speed))
-    if not arguments.history:
-        return of_several(joints)
-    if len(models) > 1:
-        raise InputError('--history goes with one model')
-    return _over_history(joints[0], models[0], arguments.models[0])
-
-
-def _over_history(joint: SimulatorJoint, model: FrictionModel, path: Path) -> SimulatorJoint:
-    from friction_comp.evaluation.drive_history import recorded_friction
-    from friction_comp.recordings.history import History
-
-    levels = recorded_friction(History.beside(path, model.drive, model.joint), model)
-    if not levels:
-        raise InputError(f'{History.path_of(path)}: holds no recording that slides')
-    low = max(0.0, min(one.level - 2.0 * one.level_error for one in levels))
-    high = max(one.level + 2.0 * one.level_error for one in levels)
-    ranges = {name: (min(low * value, high * value), max(low * value, high * value))
-              for name in ('coulomb', 'viscous') for value in [getattr(joint, name)]}
-    return replace(joint, ranges={**joint.ranges, **ranges}, ranges_are=(
-        f'Coulomb and viscous friction at the lowest to the highest level in {len(levels)} '
-        'recordings of the history; others 95 % intervals of the fit'))
+    return of_several(joints)
 
 
 def remarks_on(joint: SimulatorJoint, arguments: Namespace, models: list[FrictionModel]

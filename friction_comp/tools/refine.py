@@ -22,8 +22,7 @@ def main(argv: list[str] | None = None) -> int:
         '--output output/refined',
         'examples/elbow --each --model config/armin_configuration_2.yaml --output output/each',
         'robots --each --output output/fleet',
-        'new_robot.mcap --fleet output/fleet/fleet.json --output output/new_robot',
-        'examples/elbow --model output/refined/model.yaml --history --output output/next')
+        'new_robot.mcap --fleet output/fleet/fleet.json --output output/new_robot')
     ).add_recordings(unit_help=(
         '. A unit alone, such as A or V, is the unit of the figures in the report. The default is '
         'A with a torque constant, a gear ratio or a model, else N·m, the unit of effort in '
@@ -45,9 +44,6 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument('--fleet', metavar='FILE', type=Path,
                         help='fleet.json that --each wrote on units of the same type: start and '
                         'prior for one unit more, which then needs less motion')
-    parser.add_argument('--history', action='store_true',
-                        help='also fit averages of earlier recordings, from .history.npz next to '
-                        '--model, and write them next to the new model')
     parser.add_argument('--current-limit', metavar='A', type=positive,
                         help='largest motor current that may be commanded, for the model file; '
                         'by default that of --model, else the largest that lasted in the '
@@ -55,8 +51,6 @@ def main(argv: list[str] | None = None) -> int:
     arguments = parser.parse(argv)
     arguments.unit, arguments.figures = _units(arguments.unit)
     _check_together(arguments)
-    if arguments.history:
-        _keep_history(arguments)
     means = check_tables(arguments)
     if means is not None:
         from friction_comp.tools.refine_table import refine_table
@@ -87,13 +81,9 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _check_together(arguments: Namespace) -> None:
-    if arguments.history and (arguments.model is None or arguments.each or arguments.urdf):
-        raise InputError('--history goes with --model, and with one joint: not with --each or '
+    if arguments.fleet and (arguments.model or arguments.each or arguments.urdf):
+        raise InputError('--fleet gives the model to start from: not with --model, --each or '
                          '--urdf')
-    if arguments.fleet and (
-            arguments.model or arguments.each or arguments.urdf or arguments.history):
-        raise InputError('--fleet gives the model to start from: not with --model, --each, '
-                         '--history or --urdf')
     if arguments.scheduler and (arguments.jobs or not arguments.each):
         raise InputError('--scheduler goes with --each, and without --jobs: Dask decides how many '
                          'recordings are refined at once')
@@ -108,13 +98,3 @@ def _units(text: str | None) -> tuple[str | None, str | None]:
         raise InputError(f'--unit: {text!r} is no unit of effort; that of a column is given as '
                          f'SIGNAL=UNIT, for instance {other or "position"}={text.split(":")[-1]}')
     return None, text
-
-
-def _keep_history(arguments: Namespace) -> None:
-    from friction_comp.recordings.history import History
-
-    model = arguments.output / 'model.yaml'
-    kept = History.path_of(model)
-    if kept.exists() and kept.resolve() != History.path_of(arguments.model).resolve():
-        raise InputError(f'{kept}: is there already and would be lost: continue it with --model '
-                         f'{model}, or choose another --output')

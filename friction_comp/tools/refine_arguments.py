@@ -32,8 +32,7 @@ def given_of(arguments: Namespace) -> Given:
         gear_ratio=arguments.gear_ratio, current_limit=arguments.current_limit,
         figures=arguments.figures, layout=layout_of(arguments),
         of_table={f'{name}_of_table': value for name in OF_TABLE
-                  if (value := getattr(arguments, name))},
-        history=arguments.history)
+                  if (value := getattr(arguments, name))})
 
 
 def layout_of(arguments: Namespace) -> Layout:

@@ -188,7 +188,7 @@ def _refine_one(arguments: Namespace, with_page: bool, piece: Piece
                 ) -> tuple[dict[str, Any], dict[str, Any], dict[str, str]]:
     """Refine a joint of a recording; return its row of the page on all, its model and its files."""
     begin = time.monotonic()
-    result, _ = refine_recordings(replace(given_of(arguments), joint=piece.joint), [piece.path])
+    result = refine_recordings(replace(given_of(arguments), joint=piece.joint), [piece.path])
     report, model = result.content(), result.model.to_dict()
     files = {'report.json': to_json(report), 'model.yaml': to_yaml(model)}
     if with_page:
