@@ -227,6 +227,37 @@ def test_most_of_frictions_part_of_the_peak_is_taken_away_and_nothing_vibrates(g
     assert at_rest.std(axis=1).max() < 0.2 * DEGREE
 
 
+GAINS = 0.0, 0.25, 0.5, 0.75, 0.9
+
+
+@pytest.mark.parametrize('gain', GAINS)
+@pytest.mark.parametrize('direction', [-1, 1])
+def test_announced_at_rest_the_current_is_the_gain_times_breakaway(gain, direction):
+    """So that who starts with a small gain, and raises it, is given little at first."""
+    for factor in (0.8, 1.0, 1.3):
+        base = small_model()
+        model = replace(base, breakaway=replace(
+            base.breakaway, positive_mean=factor * LEVEL, negative_mean=-factor * LEVEL))
+        current = drive_along(CompensationLaw([model], breakaway_gain=gain), np.zeros(900),
+                              direction)
+        assert np.abs(current).max() <= gain * factor * LEVEL + 1e-12
+        assert current[-1] == pytest.approx(direction * gain * factor * LEVEL)
+
+
+def test_a_hand_feels_the_breakaway_gain(gears):
+    """The more, the less it has to push at the start; a small step is a small difference."""
+    reference = push(0.5, 20.0 * DEGREE, 2.0, 3.5, 1.0)
+    peaks = []
+    for gain in GAINS:
+        log, _ = run_gears([gear.held_by(0.05) for gear in gears],
+                           [law_parameters(g.model, breakaway_gain=gain) for g in gears],
+                           reference, released=10 ** 9)
+        torque = np.abs(log['interaction_torque'])[:, 2000:2600].max(axis=1)
+        peaks.append(np.median(torque / [g.parameters['upper'] for g in gears]))
+    assert (np.diff(peaks) < -0.03).all()
+    assert np.abs(np.diff(peaks)).max() < 0.4
+
+
 def test_who_moves_against_the_announcement_starts_no_harder_than_without_help(gears):
     """Planners are wrong, and patients do not always follow."""
     reference = push(0.5, 20.0 * DEGREE, 2.0, 3.5, 1.0)

@@ -124,7 +124,7 @@ def _give_way(p: Parameters, s: State, aim: float) -> None:
 
 @njit(cache=True)
 def lead(p: Parameters, s: State, aim: float, is_pushed: bool) -> None:
-    """Lead the operator to the announced direction, and check that the joint holds.
+    """Lead the operator to its aim, the preload in A's parts, and check that the joint holds.
 
     A joint that moves in that direction by more than it yields has slipped: while z is led, which
     ends there, and once more from one rest to the next, unless it moved farther than anybody does
@@ -265,5 +265,5 @@ def slow_down(p: Parameters, s: State, aim: float) -> None:
         if s.heading * s.z > left:
             s.slowed = 1
         if aim * s.heading < 0.0:
-            left = 2.0 * left - 1.0
+            left = (1.0 + abs(aim)) * left - abs(aim)
         spend(s, s.heading * min(left, s.heading * s.z))

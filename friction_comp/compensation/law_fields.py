@@ -26,7 +26,9 @@ class Parameters:
     viscous: float          # of Eq. 6, A·s/rad
     break_positive: float   # breakaway at this position, magnitudes, A
     break_negative: float
-    gain: float             # share of breakaway that is fed forward at rest
+    gain: float             # share of breakaway at rest, of the law as printed
+    start_share: float      # of breakaway friction, at most, until the joint has started
+    preload: float          # z of the preload
     share: float            # share of friction in sliding, and near standstill
     slow_share: float
     bound: float            # largest current as a multiple of friction

@@ -176,7 +176,7 @@ def amplitude(p: Parameters, s: State, positive: bool, speed: float, more: float
     within = 0.0
     if s.mode != LEADING:
         within = max(0.0, min(1.0, 2.0 - moved / p.distance))
-    near += start * max(0.0, p.gain * mean - near)
+    near += start * max(0.0, p.start_share * mean - near)
     # Speed within presliding is not sliding: A would follow a vibration, some samples late. (While
     # z is led A does follow speed: it falls where the joint slips, before the slip is detected.)
     rises = settled * min(1.0, speed / p.slow) * (1.0 - within)
@@ -275,7 +275,7 @@ def continuous_current(p: Parameters, s: State, direction: float, is_pushed: boo
         # Friction of the reference's motion: what the joint does is its controller's affair.
         s.z, s.trust = direction, 1.0
     elif s.doubt == 0.0:
-        aim = heard if p.gain > 0.0 else 0.0
+        aim = p.preload * heard
         # A movement in its direction spends an announcement, so a joint cannot swing on it.
         turn = aim if math.isfinite(s.aim_position) else 0.0
         follow(p, s)

@@ -99,7 +99,7 @@ def law_parameters(model: FrictionModel, law: str = 'continuous', breakaway_gain
         announced, however the joint moves. The last two never apply the breakaway term, or no
         current at all: the note's case 1, and the bare drive.
     breakaway_gain : float
-        Share of the mean breakaway current that is applied; 0.9 in the note.
+        Share of the mean breakaway current that is applied at rest, at most; 0.9 in the note.
     current_limit : float, optional
         A; the drive's own when omitted or larger.
     sample_time : float
@@ -131,12 +131,14 @@ def law_parameters(model: FrictionModel, law: str = 'continuous', breakaway_gain
     sigmoid = model.sigmoid
     for name in ('upper', 'lower', 'steepness', 'shift', 'viscous'):
         p[name] = getattr(sigmoid, name)
-    p['gain'], p['share'], p['slow_share'] = breakaway_gain, SHARE, SLOW_SHARE
+    p['share'], p['slow_share'] = SHARE, SLOW_SHARE
     p['bound'], p['lead_time'], p['lead_speed'] = BOUND, LEAD_TIME, LEAD_SPEED
     p['least_trust'], p['lowered'], p['early'] = LEAST_TRUST, LOWERED, EARLY
     p['least_changing'] = LEAST_CHANGING
-    if model.breakaway is None:
-        p['gain'] = 0.0
+    # The preload is the gain's share of breakaway. A hand that pushes on gets what is left to the
+    # law's own share.
+    gain = breakaway_gain if model.breakaway is not None else 0.0
+    p['gain'], p['start_share'], p['preload'] = gain, max(gain, SHARE), min(1.0, gain / SHARE)
     set_breakaway(p[0], model.breakaway)
     _set_distances(p, model)
     p['rest_time'], p['bad_time'], p['start_time'] = 0.15, 0.02, START_TIME
