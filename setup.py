@@ -18,7 +18,7 @@ import interfaces  # noqa: E402 - stands in the folder just added
 NAMES = (
     'plant', 'identification', 'compensator', 'exercise', 'direction', 'recorder', 'refinement',
     'demo', 'reproduce', 'evaluate', 'refine', 'predict', 'convert', 'export', 'excite', 'play',
-    'teach', 'improve', 'history', 'watch', 'doctor',
+    'teach', 'watch', 'doctor',
 )
 # pip puts scripts into the environment's bin/, where such plain names would be in the way; colcon
 # puts them into lib/friction_comp/, where `ros2 run` looks for them (setup.cfg).

@@ -41,7 +41,6 @@ TOOLS = {
     'excite': 'plans a motion within limits that distinguishes effects (JointTrajectory)',
     'teach': 'makes an exercise of a recorded movement that a person guided',
     'play': 'moves joints along a trajectory, with currents or a trajectory controller',
-    'improve': 'refines, plans motion, moves and records until the model predicts new motion',
     'predict': 'writes measured and predicted current of a recording',
 }
 USAGE = '\n'.join([
@@ -92,7 +91,7 @@ def run(name: str, argv: list[str] | None = None) -> int:
     # imported, so that nothing above imports it.
     for library in ('OMP', 'OPENBLAS', 'MKL'):
         os.environ.setdefault(f'{library}_NUM_THREADS', '1')
-    if name in NODES or name in ('demo', 'doctor', 'play', 'improve'):
+    if name in NODES or name in ('demo', 'doctor', 'play'):
         add_environment_to_ament_path()
     if name in NODES and threading.current_thread() is threading.main_thread():
         # Until the node installs its own handlers, there is nothing to clean up.

@@ -44,9 +44,8 @@ def test_a_second_demo_into_the_folder_of_a_running_one_is_refused(tmp_path, cap
         (tmp_path / 'room' / '.demo').touch()
         model.parent.mkdir()
         model.write_text('of the first demo')
-        for scene in ('loop', 'improve'):
-            assert run('demo', ['--scene', scene, '--output', str(tmp_path / 'room')]) == 2
-            assert 'another run is writing there' in capsys.readouterr().err
+        assert run('demo', ['--output', str(tmp_path / 'room')]) == 2
+        assert 'another run is writing there' in capsys.readouterr().err
     assert model.exists()
     # A ROS domain that is no longer reserved may become that of another process.
     assert of_ros() == before
@@ -109,11 +108,10 @@ def test_an_interrupt_while_a_process_starts_is_deferred():
 
 @pytest.mark.slow
 @pytest.mark.skipif(not Path('/proc/self/cmdline').exists(), reason='needs /proc')
-@pytest.mark.parametrize('scene', ['loop', 'improve'])
-def test_an_interrupted_demo_leaves_no_process(tmp_path, scene):
+def test_an_interrupted_demo_leaves_no_process(tmp_path):
     folder = tmp_path / 'room'
     process = subprocess.Popen(
-        [sys.executable, '-m', 'friction_comp', 'demo', '--scene', scene, '--output', str(folder)],
+        [sys.executable, '-m', 'friction_comp', 'demo', '--output', str(folder)],
         env=dict(os.environ, PYTHONPATH=str(ROOT)), cwd=tmp_path,
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     end = time.monotonic() + 120.0

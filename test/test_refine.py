@@ -18,7 +18,6 @@ from test_prepare import swings
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.excitation.improve import moving
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
@@ -26,6 +25,7 @@ from friction_comp.recorded_drive.refine_recordings import showing_friction
 from friction_comp.recordings import read_recording, read_recording_with_info, write_samples
 from friction_comp.refinement import refine
 from friction_comp.refinement.findings import Finding, verdict_of
+from friction_comp.refinement.recorded_motion import moving
 from friction_comp.samples import Samples
 from friction_comp.statistics import rms
 from friction_comp.tools.predict import main as run_predict

@@ -26,6 +26,7 @@ from friction_comp.model.differentiation import (
     METHOD,
     prepared_signal,
 )
+from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.block_sums import held_out_error, sums_of
 from friction_comp.refinement.lag import best_lag, ENOUGH
@@ -191,6 +192,13 @@ def in_motion(samples: Samples, unusable: np.ndarray, slowest: float,
              if np.mean(still) > 0.5 else 'the recordings are short: ')
             + f'{int(moving.sum())} samples of motion are too few')
     return moving
+
+
+def moving(samples: Samples, model: FrictionModel) -> np.ndarray:
+    """Return which samples refinement would fit, bool, (N,); InputError if they are too few."""
+    moved = model.differentiated(samples)
+    return in_motion(moved, np.zeros(len(moved), dtype=bool), standstill_speed(moved),
+                     model.settings.get('bandwidth'))
 
 
 def blocks_of(samples: Samples, start: np.ndarray) -> np.ndarray:

@@ -10,9 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from friction_comp.files import check_folder
-from friction_comp.package_files import package_file
 from friction_comp.tools.common import Arguments, whole_number
-from friction_comp.tools.improve import main as improve
 from friction_comp.tools.ros_domain import private_domain
 
 SCENES = {
@@ -20,7 +18,6 @@ SCENES = {
     'two_joints': 'an exercise of two joints that reverse, from YAML',
     'arm': 'a person guides an arm of three joints; the taught exercise is replayed with weight '
            'and friction compensated (MuJoCo)',
-    'improve': 'motion is planned and recorded until the model predicts new motion',
     'to_and_fro': 'a hand moves a joint to and fro, without help, with a hyperbolic tangent, and '
                   'with the law',
     'intention': "a person's direction from cheap sensors of force and muscles",
@@ -45,12 +42,6 @@ def main(argv: list[str] | None = None) -> int:
                         help='also serve a live page on localhost (needs Bokeh)')
     arguments = parser.parse(argv)
     check_folder(arguments.output)
-    if arguments.scene == 'improve':
-        return improve([
-            '--simulate', str(package_file('config', 'armin_configuration_1.yaml')),
-            '--undeclared', str(package_file('config', 'undeclared_pair.yaml')),
-            '--position', '-1', '1', '--velocity', '1.5', '--acceleration', '6',
-            '--seed', str(arguments.seed), '--output', str(arguments.output)])
     if arguments.scene == 'follow':
         from friction_comp.tools.demo_follow import play_follow
 
