@@ -23,16 +23,17 @@ from friction_comp.drive import Drive
 
 LIMITS = {
     'position': (1e5, 'rad'), 'velocity': (1e4, 'rad/s'), 'current': (1e5, 'A'),
-    'command': (1e5, 'A'), 'load': (1e7, 'N·m'), 'temperature': (1e3, '°C'),
+    'command': (1e5, 'A'), 'load': (1e7, 'N·m'), 'temperature': (250.0, '°C'),
     'reference_position': (1e5, 'rad'), 'reference_velocity': (1e4, 'rad/s'),
 }
 """Largest magnitude and unit of each signal, far beyond any geared drive: one turn per second for
 four hours is 1e5 rad, the fastest motors turn at 1e4 rad/s, the shaft of a wind turbine carries
-1e7 N·m."""
+1e7 N·m, and the windings of a motor end above 250 °C."""
 STANDSTILL = 0.01
 """rad/s; slower, friction balances the other torques of a joint instead of following a model."""
-LOWEST = {'temperature': -273.15}
-"""Smallest value of signals for which it is not minus the largest: absolute zero, °C."""
+LOWEST = {'temperature': -100.0}
+"""Smallest value of signals for which it is not minus the largest: colder than any place on earth,
+°C."""
 BLOCK = 0.1
 """Duration over which velocity is integrated and compared with the change of position, s."""
 # A block is not used if the joint moved less than this, rad and encoder counts.

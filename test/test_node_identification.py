@@ -20,7 +20,7 @@ from std_msgs.msg import Float64MultiArray
 from friction_comp.control.joint_states import AGAIN, JointStateInput, NEW, STALE
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.nodes.goals import RunningGoal
+from friction_comp.nodes.goals import DEFAULT_SPEEDS, make_goal, RunningGoal
 from friction_comp.nodes.identification import IdentificationNode
 
 # A name with slashes, as of an arm in a namespace, must not name another folder.
@@ -126,7 +126,9 @@ def system(room):
 
 
 @pytest.mark.parametrize(('changes', 'words'), [
-    ({'joint': 'knee'}, "unknown joint 'knee'"), ({'ramp_slope': 100.0}, 'current limit')])
+    ({'joint': 'knee'}, "unknown joint 'knee'"), ({'ramp_slope': 100.0}, 'current limit'),
+    ({'motion_range': 1e300}, 'motion_range must be'), ({'speeds': [1e-300, 1.0]}, 'speeds must'),
+    ({'ramp_slope': 1e-300}, 'ramp_slope must be')])
 def test_refuses_goals_that_cannot_be_reached(system, changes, words):
     assert not system.ask(**{**GOAL, **changes}).accepted
     system.probe.status_of('identification', lambda status: any(
@@ -189,6 +191,17 @@ def test_identifies_a_drive(system):
     assert np.abs(commands[:, 0]).max() > 0.1
     assert np.abs(commands[:, 1]).max() == 0.0
     assert not commands[-1].any()
+
+
+def test_default_speeds_fit_the_range_of_a_goal():
+    defaults = {'speeds': DEFAULT_SPEEDS, 'motion_range': 1.0, 'ramp_slope': 0.0,
+                'ramp_period': 10.0, 'breakaway_cycles': 20}
+    request = IdentifyFriction.Goal(joint=JOINT, motion_range=0.2)
+    _, goal = make_goal(request, [JOINT], defaults)
+    assert 0.8 < goal.speeds[-1] < 1.2
+    assert make_goal(IdentifyFriction.Goal(), [JOINT], defaults)[1].speeds[-1] > 1.7
+    with pytest.raises(InputError, match='motion_range must be'):
+        make_goal(IdentifyFriction.Goal(motion_range=math.nan), [JOINT], defaults)
 
 
 @pytest.mark.parametrize(('verdict', 'wrong', 'simulated', 'reason'), [

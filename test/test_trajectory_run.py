@@ -102,7 +102,9 @@ def test_a_run_that_was_aborted_commands_nothing_any_more():
     ({'positions': [0.0, math.nan, 0.0]}, 'not finite'),
     ({'positions': [0.1, 0.1, 0.1]}, 'does not move'),
     ({'velocities': [0.5, 0.0, 0.0]}, 'at rest'), ({'times': [0.0, 1.0, 1e6]}, 'the limit'),
-    ({'velocities': []}, 'position and velocity'), ({'ramp_slope': -1.0}, 'ramp_slope')])
+    ({'velocities': []}, 'position and velocity'), ({'ramp_slope': 1e-300}, 'ramp_slope'),
+    ({'positions': [0.0, 1e300, 0.0]}, 'motion_range'),
+    ({'velocities': [0.0, 1e300, 0.0]}, 'speeds')])
 def test_a_trajectory_that_cannot_be_followed_is_refused(changes, words):
     fine = {'times': [0.0, 1.0, 2.0], 'positions': [0.0, 0.5, 0.0], 'velocities': [0.0] * 3}
     TrajectoryGoal(**fine)

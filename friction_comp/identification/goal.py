@@ -8,6 +8,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 import math
+from typing import Any
 
 import numpy as np
 
@@ -15,13 +16,30 @@ from friction_comp.checks import check_number, check_whole_number
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.identification.breakaway import BreakawayRecords
-from friction_comp.identification.kinetic import KineticPoint, LARGEST_SPEED, shortest_cycle
+from friction_comp.identification.kinetic import KineticPoint, shortest_cycle
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.measured import Breakaway, Presliding
 from friction_comp.model.sigmoid import Sigmoid
 
+GOAL_LIMITS = {
+    'speeds': (1e-3, 10.0, 'rad/s'), 'motion_range': (1e-3, 100.0, 'rad'),
+    'ramp_slope': (1e-4, 100.0, 'A/s'), 'ramp_period': (1.0, 1000.0, 's'),
+    'breakaway_cycles': (1, 10_000, '')}
+"""Lowest and highest value of each field of a goal, and of its default, with its unit."""
 # Share of the motion range that the profiles use; the rest is a margin for control errors.
 _USED_SHARE = 0.9
+# Shortest phase of constant velocity, s.
+_SHORTEST = 0.12
+_MOST_SPEEDS = 1000
+
+
+def check_field(name: str, value: Any) -> None:
+    """Raise InputError if a goal's field is no number within `GOAL_LIMITS`."""
+    low, high, _ = GOAL_LIMITS[name]
+    if isinstance(low, int):
+        check_whole_number(value, name, least=low, most=high)
+    else:
+        check_number(value, name, least=low, most=high)
 
 
 class IdentificationError(InputError):
@@ -73,8 +91,6 @@ class IdentificationGoal(MotionGoal):
         T of Eq. 8 in s.
     breakaway_cycles : int
         Ramps per direction.
-    largest_speed : float
-        Limit of ``|ω_c|`` in rad/s; the note's is 100 deg/s.
     longest_cycle : float
         Longest duration of a cycle in s: low speeds then use only a part of the range.
 
@@ -89,38 +105,36 @@ class IdentificationGoal(MotionGoal):
     ramp_slope: float | None = None
     ramp_period: float = 10.0
     breakaway_cycles: int = 20
-    largest_speed: float = LARGEST_SPEED
     longest_cycle: float = 20.0
 
     def __post_init__(self) -> None:
         try:
-            speeds = [abs(float(speed)) for speed in self.speeds]
+            speeds = sorted({round(abs(float(speed)), 9) for speed in self.speeds})
         except (TypeError, ValueError):
             raise InputError(f'speeds must be numbers, not {self.speeds!r}') from None
-        if not all(map(math.isfinite, speeds)) or any(speed == 0.0 for speed in speeds):
-            raise InputError(f'speeds must be finite and not zero, not {list(self.speeds)}')
-        speeds = sorted({round(speed, 9) for speed in speeds})
-        if len(speeds) < 2:
-            raise InputError('speeds: at least two different magnitudes are needed')
-        for name in ('motion_range', 'ramp_slope', 'ramp_period', 'largest_speed'):
+        for speed in speeds:
+            check_field('speeds', speed)
+        if not 2 <= len(speeds) <= _MOST_SPEEDS:
+            raise InputError('speeds: at least two different magnitudes are needed, and at most '
+                             f'{_MOST_SPEEDS}')
+        for name in GOAL_LIMITS.keys() - {'speeds'}:
             if name != 'ramp_slope' or self.ramp_slope is not None:
-                check_number(getattr(self, name), name, above=0.0)
+                check_field(name, getattr(self, name))
         if self.longest_cycle != math.inf:
             check_number(self.longest_cycle, 'longest_cycle', above=0.0)
-        check_whole_number(self.breakaway_cycles, 'breakaway_cycles', least=1, most=100_000)
-        if speeds[-1] > 1.01 * self.largest_speed:
-            raise InputError(
-                f'speeds: {speeds[-1]:g} rad/s is above the limit of {self.largest_speed:g} rad/s')
-        if self.ramp_period < 1.0:
-            raise InputError(f'ramp_period must be at least 1 s, not {self.ramp_period:g} s')
         object.__setattr__(self, 'speeds', tuple(speeds))
         duration, width = self.cycle(speeds[-1])
-        if 0.3 * duration < 0.12:
+        if 0.3 * duration < _SHORTEST:
             cause = (f'motion_range: {self.motion_range:g} rad'
                      if width == _USED_SHARE * self.motion_range
                      else f'longest_cycle: {self.longest_cycle:g} s')
             raise InputError(f'{cause} leaves {0.3 * duration:.2g} s of constant velocity at '
-                             f'{speeds[-1]:g} rad/s; 0.12 s are needed')
+                             f'{speeds[-1]:g} rad/s; {_SHORTEST:g} s are needed')
+
+    @staticmethod
+    def largest_speed(motion_range: float) -> float:
+        """Return the largest speed in rad/s that is held for long enough within a range in rad."""
+        return 0.3 * 2.5 * _USED_SHARE * motion_range / _SHORTEST
 
     def cycle(self, speed: float) -> tuple[float, float]:
         """Return duration T in s and width in rad of the cycle at a speed (Eq. 5)."""

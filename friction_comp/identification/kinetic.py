@@ -20,8 +20,6 @@ from scipy.signal import savgol_filter
 
 from friction_comp.errors import InputError
 
-LARGEST_SPEED = math.radians(100.0)
-"""Bound on |ω_c| in Eq. 5, rad/s."""
 SETTLING = 0.25
 """Time in s at the beginning of a constant-velocity phase that is not used."""
 FEWEST_SAMPLES = 6

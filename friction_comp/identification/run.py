@@ -56,6 +56,8 @@ REST_SHARE = 0.1        # of the ramp period at zero current after each ramp, as
 PLACES_SHARE = 0.015
 # Share of a push's current, read late, that surely holds; share of the ramps that may be repeated.
 _PUSH_HOLDS, _MOST_LOST = 0.8, 0.2
+# Share of the drive's limit that friction and acceleration may take together.
+_USED_CURRENT = 0.9
 
 
 class IdentificationRun(SupervisedRun):
@@ -108,7 +110,7 @@ class IdentificationRun(SupervisedRun):
         return left + (2 * goal.breakaway_cycles - len(self.ramps)) * self._ramp_time
 
     def _movements(self) -> Generator[float, Sample, None]:
-        self._check_accelerations()
+        self._leave_out_fast()
         yield from self._velocities(self._to_drive, self.cycles)
         self.warnings += filter(None, [self.supervision.encoder_fault()])
         if len(self.cycles) < 2:
@@ -134,15 +136,20 @@ class IdentificationRun(SupervisedRun):
         share = 2.0 * ((0.5 + evenly_spread(index)) % 1.0) - 1.0
         return self.start + share * PLACES_SHARE * self.goal.motion_range
 
-    def _check_accelerations(self) -> None:
-        push = max(self._push.values())
-        for speed in self.goal.speeds:
+    def _leave_out_fast(self) -> None:
+        """Take speeds off the list whose acceleration would need too much current."""
+        limit, push = self.drive.current_limit, max(self._push.values())
+        for speed in reversed(self.goal.speeds):
             needed = push + self._accelerating_current(speed)
-            if needed > 0.9 * self.drive.current_limit:
-                raise IdentificationError(
-                    f'{speed:g} rad/s within {self.goal.motion_range:g} rad would take about '
-                    f'{self.say(needed)} to accelerate, more than 90 % of the current limit of '
-                    f'{self.say(self.drive.current_limit)}: lower the speed or widen the range')
+            if needed <= _USED_CURRENT * limit:
+                return
+            self._to_drive.remove(speed)
+            self._left_out(speed, f'within {self.goal.motion_range:g} rad it would take about '
+                           f'{self.say(needed)} to accelerate, more than {_USED_CURRENT:.0%} of the '
+                           f'current limit of {self.say(limit)}: widen the range')
+
+    def _left_out(self, speed: float, why: str) -> None:
+        self.warnings.append(f'{speed:g} rad/s left out: {why}')
 
     def _velocities(self, speeds: list[float], driven: list[Cycle]
                     ) -> Generator[float, Sample, None]:
@@ -153,7 +160,7 @@ class IdentificationRun(SupervisedRun):
             speed = speeds.pop(0)
             if best is None:
                 why = why or f'stick-slip, or the joint oscillates{self._why_slow()}'
-                self.warnings.append(f'{speed:g} rad/s left out: {why}')
+                self._left_out(speed, why)
                 continue
             driven.append(best)
             if driven is self.cycles:

@@ -15,10 +15,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from friction_comp.checks import check_number
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.identification.goal import MotionGoal
+from friction_comp.identification.goal import check_field, MotionGoal
 from friction_comp.identification.kinetic import Sample
 from friction_comp.identification.supervised_run import STILL_TIME, SupervisedRun
 
@@ -62,9 +61,11 @@ class TrajectoryGoal(MotionGoal):
         object.__setattr__(self, 'speeds', (0.3 * top, top))
         if not self.motion_range > 0.0:
             raise InputError('the trajectory does not move the joint')
+        check_field('motion_range', self.motion_range)
+        check_field('speeds', top)
         if self.ramp_slope is not None:
-            check_number(self.ramp_slope, 'ramp_slope', above=0.0)
-        check_number(self.ramp_period, 'ramp_period', above=0.0)
+            check_field('ramp_slope', self.ramp_slope)
+        check_field('ramp_period', self.ramp_period)
 
     def cycle(self, speed: float) -> tuple[float, float]:
         """Return duration in s and width in rad of a cycle with the trajectory's acceleration."""

@@ -13,7 +13,7 @@ from rclpy.task import Future
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.identification.goal import IdentificationGoal
+from friction_comp.identification.goal import check_field, GOAL_LIMITS, IdentificationGoal
 from friction_comp.identification.run import IdentificationRun
 from friction_comp.identification.sigmoid_fit import fit_sigmoid
 from friction_comp.identification.supervised_run import SupervisedRun
@@ -62,15 +62,17 @@ class RunningGoal:
 
 def declare_defaults(node: Any) -> dict[str, Any]:
     """Declare the defaults for empty or zero fields of a goal and return them by name."""
-    return {name: declare(
-        node, f'default_{name}', default,
-        f'{name.replace("_", " ")} of a goal that names none{unit}', *limits)
-        for name, default, unit, *limits in (
-            ('speeds', DEFAULT_SPEEDS, ' [rad/s]'),
-            ('motion_range', 1.0, ' [rad]', 1e-3, 100.0),
-            ('ramp_slope', 0.0, ' [A/s]; 0: found by the first motion', 0.0, 100.0),
-            ('ramp_period', 10.0, ' [s]', 1.0, 1000.0),
-            ('breakaway_cycles', 20, '', 1, 100_000))}
+    defaults = {'speeds': DEFAULT_SPEEDS, 'motion_range': 1.0, 'ramp_slope': 0.0,
+                'ramp_period': 10.0, 'breakaway_cycles': 20}
+    values = {}
+    for name, default in defaults.items():
+        low, high, unit = GOAL_LIMITS[name]
+        about = f'{name.replace("_", " ")} of a goal that names none' + f' [{unit}]' * bool(unit)
+        if name == 'ramp_slope':
+            low, about = 0.0, f'{about}; 0: found by the first motion'
+        limits = () if name == 'speeds' else (low, high)
+        values[name] = declare(node, f'default_{name}', default, about, *limits)
+    return values
 
 
 def make_goal(request: Any, joints: list[str], defaults: dict[str, Any]
@@ -78,6 +80,11 @@ def make_goal(request: Any, joints: list[str], defaults: dict[str, Any]
     """Return joint index and goal of an IdentifyFriction goal."""
     index = _index_of(request.joint, joints) if request.joint else 0
     fields = {name: getattr(request, name) or default for name, default in defaults.items()}
+    if not request.speeds:
+        check_field('motion_range', fields['motion_range'])
+        # Of the default speeds, those for which the range is wide enough.
+        largest = IdentificationGoal.largest_speed(float(fields['motion_range']))
+        fields['speeds'] = [speed for speed in fields['speeds'] if abs(speed) <= largest]
     return index, IdentificationGoal(**dict(
         fields, speeds=tuple(fields['speeds']), ramp_slope=fields['ramp_slope'] or None))
 
