@@ -133,7 +133,7 @@ def advance(gear, state, command, time, steps):
 
 
 def identify(kind, number, seed, rate):
-    """Run one identification; return result or None, words, samples, drive, gear and time in s."""
+    """Run one identification; return result or None, words, samples, gear and time in s."""
     random = np.random.default_rng([seed, KINDS.index(kind), number])
     drive, gear = draw(kind, random)
     run = IdentificationRun(IdentificationGoal(
@@ -155,13 +155,13 @@ def identify(kind, number, seed, rate):
         try:
             pending.append(run.update(time, place, velocity, rows[-1][2]))
         except Exception as error:
-            return None, str(error), np.array(rows), drive, gear, time
+            return None, str(error), np.array(rows), gear, time
         advance(gear, state, pending.pop(0), time, steps)
     try:
         result = run.result()
     except Exception as error:
-        return None, str(error), np.array(rows), drive, gear, time
-    return result, '; '.join(result.warnings), np.array(rows), drive, gear, time
+        return None, str(error), np.array(rows), gear, time
+    return result, '; '.join(result.warnings), np.array(rows), gear, time
 
 
 def line(speeds, currents):
@@ -172,8 +172,8 @@ def line(speeds, currents):
 
 def judge(task):
     """Return what a task (kind, number, seed, rate) has of errors, words and time."""
-    kind, number, seed, rate = task
-    result, words, rows, drive, gear, taken = identify(*task)
+    rate = task[3]
+    result, words, rows, gear, taken = identify(*task)
     both = np.concatenate([-SPEEDS[::-1], SPEEDS])
     weight = gear.gravity * math.sin(rows[0, 1] + gear.phase)
     true = np.array([math.copysign(level(gear, abs(v), math.copysign(1.0, v), math.pi, taken), v)

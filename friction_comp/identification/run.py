@@ -145,8 +145,8 @@ class IdentificationRun(SupervisedRun):
                 return
             self._to_drive.remove(speed)
             self._left_out(speed, f'within {self.goal.motion_range:g} rad it would take about '
-                           f'{self.say(needed)} to accelerate, more than {_USED_CURRENT:.0%} of the '
-                           f'current limit of {self.say(limit)}: widen the range')
+                           f'{self.say(needed)} to accelerate, more than {_USED_CURRENT:.0%} of '
+                           f'the current limit of {self.say(limit)}: widen the range')
 
     def _left_out(self, speed: float, why: str) -> None:
         self.warnings.append(f'{speed:g} rad/s left out: {why}')
