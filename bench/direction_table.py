@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Judges where directions come from: every floor of plans, leaders, sensors and ends.
 
-    python3 bench/direction_table.py [--rows attempts earliest rest intention let_go follow ends
+    python3 bench/direction_table.py [--rows attempts rest intention let_go follow ends
                                       taught] [--seed S] [--draws N] [--hours H]
 
 --draws are gears of each kind, --hours are of rest. Even seeds are for tuning on, odd seeds are
@@ -13,15 +13,13 @@ about twenty minutes of processor time.
 import time
 
 from bench_tools import table_parser
-from cheap_sensors.attempts import attempts, co_contractions, hours_at_rest
+from cheap_sensors.attempts import attempts, hours_at_rest
 from cheap_sensors.ends import beyond_ends
 from cheap_sensors.follower import follow, follower_bank, WAYS
 from cheap_sensors.intention import intention, let_go
-from cheap_sensors.oracle import earliest
 from cheap_sensors.taught import taught
 import numpy as np
 
-from friction_comp.direction import KINDS
 from law_judge.bank import make_bank
 from world import gear as world
 
@@ -39,60 +37,40 @@ def main():
 
 
 def attempts_rows(options):
-    for kind in KINDS:
-        # 1,000 attempts: half at each rate of values.
-        found = [attempts(kind, 20, 25, options.seed + 2 * k) for k in range(2)]
-        delays = 1e3 * np.concatenate([one[0] for one in found])
-        missed, wrong = (sum(one[k] for one in found) for k in (1, 2))
-        total = len(delays) + missed + wrong
-        yield (f'{kind}: delay, median and nine of ten',
-               f'{np.median(delays):.0f}, {np.percentile(delays, 90):.0f} ms',
-               '60 ms' if kind == 'force' else '100 ms')
-        yield f'{kind}: wrong direction', f'{wrong} of {total}', '1 %'
-        yield f'{kind}: missed', f'{missed} of {total}', ''
-        if kind != 'force':
-            announced, number = co_contractions(kind, 10, 10, options.seed)
-            yield f'{kind}: co-contraction announced', f'{announced} of {number}', '0'
-
-
-def earliest_rows(options):
-    found = earliest(20, 5, options.seed)
-    for name, own in zip(('no test can be earlier', 'an oracle that knows all densities',
-                          'that oracle, and it tells a co-contraction'), found):
-        yield (f'muscle_raw: delay, {name}', f'{1e3 * np.nanmedian(own):.0f}, '
-               f'{1e3 * np.nanpercentile(own, 90):.0f} ms', '')
-    for kind in KINDS[1:]:
-        own = 1e3 * attempts(kind, 20, 5, options.seed)[0]
-        yield (f'{kind}: delay, ours on the same attempts',
-               f'{np.median(own):.0f}, {np.percentile(own, 90):.0f} ms', '100 ms')
+    # 1,000 attempts: half at each rate of values.
+    found = [attempts(20, 25, options.seed + 2 * k) for k in range(2)]
+    delays = 1e3 * np.concatenate([one[0] for one in found])
+    missed, wrong = (sum(one[k] for one in found) for k in (1, 2))
+    total = len(delays) + missed + wrong
+    yield ('delay, median and nine of ten',
+           f'{np.median(delays):.0f}, {np.percentile(delays, 90):.0f} ms', '60 ms')
+    yield 'wrong direction', f'{wrong} of {total}', '1 %'
+    yield 'missed', f'{missed} of {total}', ''
 
 
 def rest_rows(options):
-    for kind in KINDS:
-        false = hours_at_rest(kind, options.hours, 12, options.seed)
-        yield f'{kind}: false onsets in {options.hours:g} h at rest', f'{false}', '1 an hour'
+    false = hours_at_rest(options.hours, 12, options.seed)
+    yield f'false onsets in {options.hours:g} h at rest', f'{false}', '1 an hour'
 
 
 def intention_rows(options):
     bank = make_bank(world, world.KINDS, options.draws, options.seed)
-    removed = intention(bank, KINDS)
+    removed = intention(bank)
     for name, share in removed.items():
         of_announced = 100.0 * share / removed['announced']
         yield (f'{name}: of what an announcement removes of friction in the peak, median',
-               f'{np.nanmedian(of_announced):.0f} %',
-               {'force': '60 %', 'muscle_envelope': '70 %', 'muscle_raw': '70 %'}.get(name, ''))
-        if name in KINDS:
-            least = 100.0 * np.nanmin(share - removed['d = 0'])
-            yield f'{name}: least gain over d = 0', f'{least:.0f} %', '≥ 0'
+               f'{np.nanmedian(of_announced):.0f} %', '60 %' if name == 'force' else '')
+    least = 100.0 * np.nanmin(removed['force'] - removed['d = 0'])
+    yield 'force: least gain over d = 0', f'{least:.0f} %', '≥ 0'
 
 
 def let_go_rows(options):
     bank = make_bank(world, world.KINDS, options.draws, options.seed)
     for what, factors in (('friction 0.70 and 0.80 of the model', (1.0 / 0.7, 1.0 / 0.8)),
                           ('model 1 and 1.1 times the truth', (1.0, 1.1))):
-        for name, way in let_go(bank, KINDS, factors).items():
+        for name, way in let_go(bank, factors).items():
             yield (f'{name}, {what}: > 5 deg after one lets go',
-                   f'{(way > 5.0).sum()} of {len(way)}', 'that of d = 0' if name in KINDS else '')
+                   f'{(way > 5.0).sum()} of {len(way)}', 'that of d = 0' if name == 'force' else '')
 
 
 def follow_rows(options):
@@ -136,7 +114,7 @@ def taught_rows(options):
 
 # rad: height of stairs that count as such, and a count of the encoder.
 STUCK, COUNT = 5e-3, 5e-4
-ROWS = {'attempts': attempts_rows, 'earliest': earliest_rows, 'rest': rest_rows,
+ROWS = {'attempts': attempts_rows, 'rest': rest_rows,
         'intention': intention_rows, 'let_go': let_go_rows, 'follow': follow_rows,
         'ends': ends_rows, 'taught': taught_rows}
 

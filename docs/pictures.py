@@ -16,7 +16,7 @@ from friction_comp.refinement import refine
 from friction_comp.reports.evaluation_report import scenes_of
 from friction_comp.reports.figures import curve, new_figure, styled, to_file, to_svg
 from friction_comp.reports.moving_joint import moving_picture
-from friction_comp.simulation.cheap_sensors import CheapForce, CheapMuscles
+from friction_comp.simulation.cheap_sensors import CheapForce
 
 ROOT = Path(__file__).resolve().parent.parent
 # Of the first picture.
@@ -26,7 +26,7 @@ velocity, a step at zero and a straight line on either side."""
 # The person begins to push at 2.3 s; the joint moves from 2.55 to 4.2 s.
 PUSH, MOVES, ENDS, LAST = 2.3, 2.55, 4.2, 5.5
 CALIBRATED = 4.0
-COLOURS = {'plan': '#1f6fae', 'leader': '#6a51a3', 'muscles': '#c4661a', 'force': '#0f8a69'}
+COLOURS = {'plan': '#1f6fae', 'leader': '#6a51a3', 'force': '#0f8a69'}
 
 
 def position(time):
@@ -41,22 +41,22 @@ def torque(time):
     return rise * (1.0 - 0.6 * np.clip((time - MOVES) / 0.2, 0.0, 1.0)) * (time < ENDS - 0.3)
 
 
-def sensed(kind, plant):
-    """Return times, the first channel, and what was announced."""
-    source = SensedDirection(kind, plant.range)
+def sensed():
+    """Return times, the sensor's values, and what was announced."""
+    plant = CheapForce(np.ones(1), 1, 100.0)
+    source = SensedDirection(plant.range)
     begin, rows, said = -CALIBRATED - 0.5, [], []
     for k in range(round((LAST - begin) * 100)):
         time = begin + 0.01 * (k + 1)
         fine = time + 1e-3 * np.arange(-10, 0)
-        ahead = fine + (plant.delay[0] if kind != 'force' else 0.0)
         source.motion.add(time, float(position(time)))
-        values = plant.sample(torque(ahead)[:, None]).reshape(-1, source.channels)
+        values = plant.sample(torque(fine)[:, None])[:, 0]
         source.add(time, values)
         if abs(time + CALIBRATED) < 5e-3:
             source.begin_calibration()
         elif abs(time + 0.9) < 5e-3:
             source.end_calibration()
-        rows.append((time, values[-1, 0] if kind == 'force' else np.sqrt(np.mean(values[:, 0]**2))))
+        rows.append((time, values[-1]))
         said.append(source.at(time).direction)
     return (*np.array(rows).T, np.array(said))
 
@@ -115,12 +115,10 @@ def moving():
 def sources():
     """Return a movement, and when each source announces its direction."""
     time = np.arange(0.0, LAST, 0.01)
-    figure, axes = new_figure(rows=4, width=7.2, height=1.45, sharex=True)
-    force, muscles = (sensed('force', CheapForce(np.ones(1), 1, 100.0)),
-                      sensed('muscle_raw', CheapMuscles(np.ones(1), 1)))
+    figure, axes = new_figure(rows=3, width=7.2, height=1.45, sharex=True)
     rows = {'plan': (time, np.degrees(position(time)), planned(time), 'plan, deg'),
             'leader': (time, np.degrees(position(time)), led(time), 'leader, deg'),
-            'muscles': (*muscles, 'muscle, µV'), 'force': (*force, 'force, counts')}
+            'force': (*sensed(), 'force, counts')}
     for row, (name, (when, signal, said, label)) in zip(axes.ravel(), rows.items()):
         shown = when > 0.0
         row.axvspan(MOVES, ENDS, color='#6b7885', alpha=0.12, linewidth=0)

@@ -22,10 +22,10 @@ from typing import Any, NamedTuple
 from friction_comp.note.note_report import compared
 from friction_comp.number_text import number
 from friction_comp.reports.demo_report import EvaluatedTrial, torque_figure
-from friction_comp.reports.direction_scenes import HandTrial, intention_figure, loops_figure
+from friction_comp.reports.direction_scenes import HandTrial, loops_figure
 from friction_comp.reports.evaluation_words import peak_text
 from friction_comp.reports.figures import thin, to_file
-from friction_comp.tools.demo_directions import SOURCES, WAYS
+from friction_comp.tools.demo_directions import WAYS
 from friction_comp.tools.demo_loop import recorded, TRIALS
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -128,22 +128,6 @@ def _to_and_fro_picture(numbers: dict[str, Any], folder: Path) -> str:
                    'A hand moves a joint to and fro', _to_and_fro_words(numbers))
 
 
-def _intention_numbers(report: dict[str, Any]) -> dict[str, Any]:
-    return {'command': 'python3 -m friction_comp demo --scene intention',
-            'peak': report['peak_torque']}
-
-
-def _intention_words(numbers: dict[str, Any]) -> str:
-    peaks = ', '.join(f'{title} {numbers["peak"][name]:.2f}' for name, title in SOURCES.items())
-    return f"A person's torque over time, and when the direction is known. Mean peaks: {peaks} N·m."
-
-
-def _intention_picture(numbers: dict[str, Any], folder: Path) -> str:
-    return to_file(intention_figure(_hands(folder, SOURCES)),
-                    'A person moves a joint whose direction nobody, sensors or an exercise know',
-                    _intention_words(numbers))
-
-
 def _hands(folder: Path, titles: dict[str, str]) -> dict[str, HandTrial]:
     return {name: HandTrial(title, recorded(folder / 'recordings' / name))
             for name, title in titles.items()}
@@ -164,8 +148,7 @@ KINDS = {
     'demo': Kind(_demo_numbers, _demo_table, (README,), _demo_words, _demo_picture),
     'reproduce': Kind(_reproduce_numbers, _reproduce_table, (DOCS / 'results.md',)),
     'laws': Kind(_laws_numbers, _laws_table, (README, DOCS / 'compensation_law.md')),
-    'to_and_fro': Kind(_to_and_fro_numbers, words=_to_and_fro_words, picture=_to_and_fro_picture),
-    'intention': Kind(_intention_numbers, words=_intention_words, picture=_intention_picture)}
+    'to_and_fro': Kind(_to_and_fro_numbers, words=_to_and_fro_words, picture=_to_and_fro_picture)}
 
 
 def quoted(text: str, name: str) -> list[str]:

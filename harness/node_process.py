@@ -101,11 +101,8 @@ def fork_nodes_of_tools(monkeypatch, changed=lambda name, parameters: parameters
 def shorten_scenes(monkeypatch, folder):
     """Make scenes of the demo fork their nodes, exercise once, and use a low sample rate.
 
-    Where a scene limits simulated time to real time while it refines, the limit is lower, too.
     What a scene is made of is changed where its nodes start, whichever module asked for it.
     """
-    from friction_comp.tools import demo_scenes
-
     def shortened(path):
         text = Path(path).read_text(encoding='utf-8').replace('repetitions: 2', 'repetitions: 1')
         # Of four times there and back, two.
@@ -126,7 +123,6 @@ def shorten_scenes(monkeypatch, folder):
             parameters['exercise_file'] = shortened(parameters['exercise_file'])
         return parameters
     fork_nodes_of_tools(monkeypatch, changed)
-    monkeypatch.setattr(demo_scenes, 'WEAR_PACE', 0.1)
 
 
 class Process:

@@ -11,7 +11,6 @@ import sys
 import time
 
 from node_process import fork_nodes_of_tools, ROOT, shorten_scenes
-import numpy as np
 import pytest
 from report_pages import assert_documented
 import yaml
@@ -19,7 +18,6 @@ import yaml
 from friction_comp.__main__ import run
 from friction_comp.errors import InputError
 from friction_comp.parallel import interrupts_deferred
-from friction_comp.recordings import read_recording
 from friction_comp.tools.processes import Nodes, only_user, ros_arguments
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
@@ -170,35 +168,3 @@ def test_a_hand_that_goes_to_and_fro_feels_less_friction_than_with_a_hyperbolic_
     # A joint without friction takes the same in all of them.
     rms = {one['name']: one['rms_torque'] for one in found['to_and_fro']}
     assert found['inertia_rms'] < rms['announced'] < 0.5 * rms['none']
-
-
-@pytest.mark.slow
-def test_a_person_whose_force_is_sensed_needs_less_torque_than_one_who_is_not(
-        scene, tmp_path, monkeypatch):
-    # The muscles' path differs in the plant and in the node only; both have tests of their own.
-    monkeypatch.setattr(demo_directions, 'SENSORS', demo_directions.SENSORS[:1])
-    monkeypatch.setattr(demo_directions, 'ATTEMPTS', {
-        **demo_directions.ATTEMPTS, 'amplitude': np.radians(20.0)})
-    peaks = scene('intention')['peak_torque']
-    assert peaks['announced'] < peaks['force'] < 0.9 * peaks['unknown']
-    path = tmp_path / 'recordings' / 'force'
-    samples, = read_recording(path, demo_directions.JOINT, 0.119, 100.0)
-    told = (samples.direction != 0) & (abs(samples.load) > 0.1)
-    # Both pushes are told, and never as their opposite.
-    for sign in (1.0, -1.0):
-        assert np.sum(told & (samples.direction == sign)) > 20
-    assert np.all(np.sign(samples.load[told]) == samples.direction[told])
-
-
-@pytest.mark.slow
-def test_a_changing_drive_is_noticed_refined_and_compensated_without_a_restart(scene):
-    found = scene('wear')
-    assert 'no longer fits' in found['warning']
-    assert 'temperature' in found['warning']
-    assert found['error_after'] < 0.5 * found['error_before']
-    assert any('temperature' in name or 'time' in name for name in found['found'])
-    first, worn, refined = (found['rms_torque'][name]['mean'] for name in (
-        'at first', 'model no longer fits', 'refined model'))
-    assert worn > 1.2 * first
-    assert refined < 0.8 * worn
-    assert 'the model fits' in found['afterwards']

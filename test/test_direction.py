@@ -15,7 +15,7 @@ from friction_comp.direction.desired_motion import DesiredMotion
 from friction_comp.direction.planned_direction import PlannedDirection
 from friction_comp.direction.sensed_direction import CALIBRATION_TIME, SensedDirection
 from friction_comp.errors import InputError
-from friction_comp.simulation.cheap_sensors import CheapForce, CheapMuscles, FAULTS
+from friction_comp.simulation.cheap_sensors import CheapForce, FAULTS
 
 COUNTS = (0.0, 1023.0)
 
@@ -23,28 +23,27 @@ COUNTS = (0.0, 1023.0)
 class Hand:
     """A sensor of one joint, sampled 100 times per second, and the joint."""
 
-    def __init__(self, kind='force', seed=5, span=COUNTS):
+    def __init__(self, seed=5):
         self.random = np.random.default_rng(seed)
-        self.source = SensedDirection(kind, span)
+        self.source = SensedDirection(COUNTS)
         self.time, self.position = 0.0, 0.0
 
-    def feel(self, *values, still=True):
-        """Take exact values, to which noise of one unit is added; return the direction."""
+    def feel(self, value):
+        """Take an exact value, to which noise of one unit is added; return the direction."""
         self.time += 0.01
         self.source.motion.add(self.time, self.position)
-        noisy = np.rint(np.array(values) + self.random.normal(size=len(values)))
-        self.source.add(self.time, [noisy])
+        self.source.add(self.time, [np.rint(value + self.random.normal())])
         return self.source.at(self.time).direction
 
-    def calibrated(self, *rest):
+    def calibrated(self, rest):
         for _ in range(20):
-            assert self.feel(*rest) == 0
+            assert self.feel(rest) == 0
         self.source.begin_calibration()
         for _ in range(round(100 * CALIBRATION_TIME) + 1):
-            assert self.feel(*rest) == 0
+            assert self.feel(rest) == 0
         self.source.end_calibration()
         for _ in range(40):
-            assert self.feel(*rest) == 0
+            assert self.feel(rest) == 0
         return self
 
     @property
@@ -108,26 +107,13 @@ def test_a_joint_that_moves_the_other_way_three_times_says_that_the_sign_is_wron
     assert {hand.feel(500.0 + 3.0 * k) for k in range(20)} == {0}
 
 
-def test_muscles_that_act_against_each_other_announce_nothing():
-    hand = Hand('muscle_envelope', span=(0.0, 2000.0)).calibrated(20.0, 20.0)
-    both = {hand.feel(20.0 + 4.0 * k, 20.0 + 3.5 * k) for k in range(30)}
-    assert both == {0}
-    for _ in range(100):
-        hand.feel(20.0, 20.0)
-    # The other channel shows a part of the muscle that acts.
-    assert [hand.feel(20.0 + 4.0 * k, 20.0 + 1.0 * k) for k in range(20)][-1] == 1
-    for _ in range(100):
-        hand.feel(20.0, 20.0)
-    assert [hand.feel(20.0 + 1.0 * k, 20.0 + 4.0 * k) for k in range(20)][-1] == -1
-
-
 def test_a_calibration_needs_a_sensor_that_lives_and_a_joint_at_rest():
     for values, words in ((lambda k: 500.0, 'flat'), (lambda k: 1023.0, 'saturated'),
                           (lambda k: math.nan, 'not finite')):
-        source = SensedDirection('force', COUNTS)
+        source = SensedDirection(COUNTS)
         source.begin_calibration()
         for k in range(320):
-            source.add(0.01 * k, [[values(k)]])
+            source.add(0.01 * k, [values(k)])
         with pytest.raises(InputError, match=words):
             source.end_calibration()
         assert source.at(3.2).fault
@@ -139,7 +125,7 @@ def test_a_calibration_needs_a_sensor_that_lives_and_a_joint_at_rest():
     with pytest.raises(InputError, match='moved during the calibration'):
         hand.source.end_calibration()
     with pytest.raises(InputError, match='sensor_range'):
-        SensedDirection('force', (0.0, 0.0))
+        SensedDirection((0.0, 0.0))
 
 
 def test_a_calibration_is_over_after_three_seconds_whoever_ends_it():
@@ -162,108 +148,32 @@ def test_a_jump_is_no_push():
     assert [hand.feel(560.0 + 3.0 * k) for k in range(12)][-1] == 1
 
 
-def simulated(kind, fault, seed):
+def simulated(fault, seed):
     """Return what is announced, and why, in two seconds after a fault that begins at rest."""
-    plant = (CheapForce(np.ones(1), seed, 100.0) if kind == 'force'
-             else CheapMuscles(np.ones(1), seed, kind == 'muscle_envelope'))
-    source, said = SensedDirection(kind, plant.range), []
+    plant = CheapForce(np.ones(1), seed, 100.0)
+    source, said = SensedDirection(plant.range), []
     for k in range(750):
         time = 0.01 * (k + 1)
         source.motion.add(time, 0.0)
         values = plant.sample(np.zeros((10, 1)))
-        values = values.reshape(len(values), source.channels)
         if len(values) and np.isfinite(values).all():
-            source.add(time, values)
+            source.add(time, values[:, 0])
         if k == 100:
             source.begin_calibration()
         elif k == 410:
             source.end_calibration()
         elif k == 500:
-            plant.faults = {0: fault} if kind == 'force' else {(0, 0): fault}
+            plant.faults = {0: fault}
         said.append(source.at(time))
     assert not any(one.fault for one in said[411:500])
     return said[500:]
 
 
-@pytest.mark.parametrize('kind', ['force', 'muscle_envelope', 'muscle_raw'])
 @pytest.mark.parametrize('fault', FAULTS)
-def test_a_faulty_channel_announces_nothing_and_is_told(kind, fault):
-    said = simulated(kind, fault, 0)
-    wrong = sum(one.direction != 0 for one in said)
-    # Behind the low pass of an envelope, hum begins as a contraction does.
-    blind = kind == 'muscle_envelope' and fault in ('hum', 'unplugged', 'saturated')
-    assert wrong <= (50 if blind else 0)
+def test_a_faulty_sensor_announces_nothing_and_is_told(fault):
+    said = simulated(fault, 0)
+    assert not any(one.direction for one in said)
     assert any(one.fault for one in said)
-    assert said[-1].direction == 0
-
-
-def forearm(seed, *stretches, rate=200):
-    """Return what is announced of two muscles of a forearm, 8 bit, every sample, and the source.
-
-    A stretch is seconds, scatter of flexor and extensor, and whether the joint moves. The
-    calibration begins after half a second.
-    """
-    random, said = np.random.default_rng(seed), []
-    source = SensedDirection('muscle_raw', (-128.5, 127.5))
-    position = time = 0.0
-    for seconds, flexor, extensor, moves in stretches:
-        for _ in range(round(seconds * rate)):
-            time += 1.0 / rate
-            position += 0.5 / rate * moves
-            source.motion.add(time, position)
-            values = np.clip(np.rint(random.normal(size=2) * (flexor, extensor)), -128, 127)
-            source.add(time, values[None])
-            if len(said) == round(0.5 * rate):
-                source.begin_calibration()
-            elif len(said) == round(3.6 * rate):
-                source.end_calibration()
-            said.append(source.at(time).direction)
-    return said, source
-
-
-@pytest.mark.parametrize('rate, strength', [(200, 12.0), (200, 100.0), (1000, 60.0)])
-def test_a_muscle_is_announced_within_a_tenth_of_a_second_however_strong_and_at_any_rate(
-        rate, strength):
-    said, _ = forearm(0, (5.0, 1.0, 1.0, False), (0.5, strength, 2.0, False), rate=rate)
-    assert not any(said[:5 * rate])
-    assert said.index(1) <= 5.1 * rate
-    # A strong muscle reaches the ends of the converter, which is no fault.
-    assert {*said[said.index(1):]} == {1}
-
-
-def test_a_contraction_that_holds_the_arm_after_a_movement_does_not_hide_the_next():
-    said, _ = forearm(
-        0, (5.0, 1.0, 1.0, False), (0.2, 50.0, 2.0, False), (0.6, 50.0, 2.0, True),
-        (4.0, 30.0, 2.0, False), (0.5, 10.0, 1.0, True), (3.0, 1.0, 1.0, False),
-        (0.5, 15.0, 2.0, False))
-    assert 1 in said[1000:1060]
-    assert 1 in said[-100:-60]
-
-
-def test_a_muscle_that_still_acts_where_the_joint_stops_or_acts_again_is_an_attempt():
-    begin = (5.0, 1.0, 1.0, False), (0.3, 30.0, 2.0, False), (0.3, 30.0, 2.0, True)
-    said, _ = forearm(0, *begin, (1.0, 30.0, 2.0, False))
-    assert {*said[-240:]} == {1}
-    # The next push grows while the joint comes to rest, so that the sensor is never quiet.
-    grows = [(0.05, 1.0 + 1.5 * k, 1.0, False) for k in range(8)]
-    said, _ = forearm(0, *begin, (0.4, 1.0, 1.0, True), *grows)
-    assert {0, 1} == {*said[-160:]}
-    assert said[-1] == 1
-
-
-def test_a_weak_muscle_is_told_by_all_that_the_alarm_is_made_of():
-    delays = []
-    for seed in range(3):
-        said, _ = forearm(seed, (4.0, 1.5, 1.5, False), (0.5, 2.5, 1.5, False), rate=1000)
-        assert not any(said[:4000])
-        delays.append(said.index(1) - 4000 if 1 in said else 500)
-    # ms: 40 ms of the other muscle's noise alone would leave half of them in doubt for long.
-    assert np.median(delays) <= 120
-
-
-def test_a_calibration_while_a_muscle_is_active_is_refused():
-    with pytest.raises(InputError, match='flexor: the muscle was active'):
-        forearm(0, (2.0, 1.0, 1.0, False), (0.4, 40.0, 1.0, False), (2.0, 1.0, 1.0, False))
 
 
 # Plans.

@@ -171,7 +171,7 @@ def test_a_sensor_announces_after_its_calibration_and_not_while_it_is_silent(tmp
             wrenches.publish(message)
         assert any(desk.step(one) == [1.0, 0.0] for _ in range(100))
         status = desk.probe.status_of('direction', lambda s: s.level == b'\x01')
-        assert 'wrist: force: silent' in status.message
+        assert 'wrist: sensor: silent' in status.message
         desk.process.send()
         assert desk.process.wait() == 0
         desk.probe.until(lambda: desk.said and list(desk.said[-1].velocity) == [0.0, 0.0],

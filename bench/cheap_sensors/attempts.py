@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from friction_comp.direction.sensed_direction import CALIBRATION_TIME, SensedDirection
-from friction_comp.simulation.cheap_sensors import CheapForce, CheapMuscles
+from friction_comp.simulation.cheap_sensors import CheapForce
 
 STEP = 1e-3
 # s of rest before an attempt, of the attempt, and after it.
@@ -32,25 +32,19 @@ def rest_torque(random, joints, seconds):
 class Sensors:
     """Simulated sensors of J joints with the room's announcements for each of them."""
 
-    def __init__(self, kind, breakaway, seed, rate=100.0):
-        self.kind, self.breakaway = kind, breakaway
-        if kind == 'force':
-            self.plant = CheapForce(breakaway, seed, rate)
-        else:
-            self.plant = CheapMuscles(breakaway, seed, kind == 'muscle_envelope')
-        self.sources = [SensedDirection(kind, self.plant.range) for _ in breakaway]
+    def __init__(self, breakaway, seed, rate=100.0):
+        self.plant = CheapForce(breakaway, seed, rate)
+        self.sources = [SensedDirection(self.plant.range) for _ in breakaway]
         self.time = 0.0
         self.is_pushed = np.zeros(len(breakaway), dtype=bool)
 
-    def play(self, torque, position=None, **more):
+    def play(self, torque, position=None):
         """Advance by N ms; return the directions every 10 ms, shape (N / 10, J).
 
         `is_pushed`, shape (J,), then says whether a push is felt beyond doubt.
-
-        Torque is what the muscles intend where there are muscles, N·m, shape (N, J).
         """
         length, joints = torque.shape
-        values = self.plant.sample(torque, **more)
+        values = self.plant.sample(torque)
         every, due = 1.0 / self.plant.rate, 0
         directions = np.zeros((length // 10, joints), dtype=int)
         for k in range(length // 10):
@@ -58,7 +52,7 @@ class Sensors:
             upto = min(len(values), round((k + 1) * 10.0 * STEP / every))
             for j, source in enumerate(self.sources):
                 source.motion.add(self.time, 0.0 if position is None else float(position[k, j]))
-                fresh = values[due:upto].reshape(upto - due, joints, -1)[:, j] if upto > due else ()
+                fresh = values[due:upto, j]
                 if len(fresh) and np.isfinite(fresh).all():
                     source.add(self.time, fresh)
                 said = source.at(self.time)
@@ -77,13 +71,13 @@ class Sensors:
             source.end_calibration()
 
 
-def attempts(kind, joints, each, seed):
+def attempts(joints, each, seed):
     """Return delays, misses and wrong directions of attempts against a joint that is held.
 
     The torque grows at 0.5 to 5 times breakaway per second, to 0.3 to 1 times breakaway.
     """
     delays, wrong, missed = [], 0, 0
-    for sensors, side, _, torque in pushes(kind, joints, each, seed):
+    for sensors, side, _, torque in pushes(joints, each, seed):
         found = sensors.play(torque)
         at = (np.arange(len(found)) + 1) * 10.0 * STEP - BEFORE
         during = found * ((at > 0.0) & (at < ATTEMPT))[:, None]
@@ -95,9 +89,9 @@ def attempts(kind, joints, each, seed):
     return np.array(delays), missed, wrong
 
 
-def pushes(kind, joints, each, seed):
+def pushes(joints, each, seed):
     """Yield sensors, sides, pushes and what the sensors get, N·m, shape (N, J), of each attempt."""
-    random, breakaway, sensors = held_joints(kind, joints, seed)
+    random, breakaway, sensors = held_joints(joints, seed)
     time = np.arange(round((BEFORE + ATTEMPT + PAUSE) / STEP)) * STEP - BEFORE
     for _ in range(each):
         side = random.choice([-1.0, 1.0], joints)
@@ -108,31 +102,18 @@ def pushes(kind, joints, each, seed):
         yield sensors, side, push * breakaway, (noise + side * push) * breakaway
 
 
-def held_joints(kind, joints, seed):
+def held_joints(joints, seed):
     """Return a random generator, breakaway torques, N·m, and calibrated sensors of held joints."""
     random = np.random.default_rng([seed, 401])
     breakaway = np.exp(random.uniform(math.log(0.3), math.log(15.0), joints))
-    sensors = Sensors(kind, breakaway, [seed, 402], RATES[seed // 2 % 2])
+    sensors = Sensors(breakaway, [seed, 402], RATES[seed // 2 % 2])
     sensors.calibrate(rest_torque(random, joints, 4.0) * breakaway)
     return random, breakaway, sensors
 
 
-def co_contractions(kind, joints, each, seed):
-    """Return in how many of co-contractions a direction was announced, and of how many."""
-    random, breakaway, sensors = held_joints(kind, joints, seed)
-    announced = 0
-    time = np.arange(round((BEFORE + ATTEMPT + PAUSE) / STEP)) * STEP - BEFORE
-    for _ in range(each):
-        most = random.uniform(0.3, 1.0, joints) * breakaway
-        level = most * np.clip(3.0 * time, 0.0, 1.0)[:, None] * (time < ATTEMPT)[:, None]
-        noise = rest_torque(random, joints, len(time) * STEP) * breakaway
-        announced += int((sensors.play(noise, co_contraction=level) != 0).any(axis=0).sum())
-    return announced, joints * each
-
-
-def hours_at_rest(kind, hours, joints, seed):
+def hours_at_rest(hours, joints, seed):
     """Return false onsets within some hours at rest, which some joints share."""
-    random, breakaway, sensors = held_joints(kind, joints, seed)
+    random, breakaway, sensors = held_joints(joints, seed)
     false, before, chunk = 0, np.zeros((1, joints)), 10.0
     for _ in range(round(3600.0 * hours / joints / chunk)):
         found = sensors.play(rest_torque(random, joints, chunk) * breakaway)

@@ -4,9 +4,9 @@
 
 import numpy as np
 
+from cheap_sensors.mit_drive import MitDrive, PERIOD, POSITION_STEP
 from friction_comp import CompensationLaw
 from friction_comp.direction.desired_motion import DesiredMotion
-from friction_comp.simulation.mit_drive import MitDrive, PERIOD, POSITION_STEP
 from law_judge.bank import Bank, Joints
 from law_judge.model import true_models
 from world.person import nobody

@@ -7,7 +7,6 @@ the same law is told the direction a second ahead, not at all, or by a sensor. A
 goes when the person lets go.
 """
 
-from numba import njit
 import numpy as np
 
 from cheap_sensors.attempts import rest_torque, Sensors
@@ -16,38 +15,26 @@ from law_judge.felt import removed
 from law_judge.loop import make_law, NONE, run
 from law_judge.peak import movements, peaks, since, START
 from law_judge.rows import DEGREE
-from world.person import person_torque
 
 _CHUNK = 10
 # Samples from one record to the next; s from the start until a person lets go, and from there.
 _EVERY, HELD, _AFTER = 50, 2.0, 6.0
 
 
-@njit(cache=True)
-def intended(persons, states, times, out):
-    """Write the torque that each person will exert at a time if the joint stays where it is."""
-    for j in range(len(persons)):
-        s = states[j]
-        out[j] = person_torque(persons[j], s, times[j], s.link, s.link_velocity)
-
-
 class Watched:
     """Announces by sensors what the persons of a plant do."""
 
-    def __init__(self, kind, plant, joints, seed):
-        self._plant, self._kind = plant, kind
+    def __init__(self, plant, joints, seed):
+        self._plant = plant
         random = np.random.default_rng([seed, 431])
-        self._sensors = Sensors(kind, joints.torque, [seed, 432])
+        self._sensors = Sensors(joints.torque, [seed, 432])
         self._sensors.calibrate(rest_torque(random, len(joints), 4.0) * joints.torque)
         self._rows, self._directions = [], np.zeros(len(joints), dtype=np.int64)
 
     def __call__(self, time):
         """Return the directions for the sample at a time in s, shape (J,)."""
         states = self._plant.states
-        torque = states['person'].copy()
-        if self._kind != 'force':
-            intended(self._plant.persons, states, time + self._sensors.plant.delay, torque)
-        self._rows.append(torque)
+        self._rows.append(states['person'].copy())
         if len(self._rows) == _CHUNK:
             self._directions = self._sensors.play(
                 np.array(self._rows), states['measured'][None])[-1]
@@ -60,30 +47,28 @@ class Watched:
         return self._sensors.is_pushed
 
 
-def intention(bank, kinds, law='continuous'):
+def intention(bank, law='continuous'):
     """Return, for each gear, the share of friction's part of the peak that is removed.
 
-    Returns arrays of shape (G,) by name, for 'announced', 'd = 0' and each kind of sensor; NaN
-    where friction has no part in the peak.
+    Returns arrays of shape (G,) by name, for 'announced', 'd = 0' and 'force'; NaN where friction
+    has no part in the peak.
     """
     joints = Joints(bank, repetition=[0, 1], side=[1.0, -1.0])
     persons = movements(joints)
-    sources = sources_of(joints, kinds)
+    sources = sources_of(joints)
     floor = peaks(joints, persons, NONE, bank.world.frictionless(joints.gears))
     bare = peaks(joints, persons, NONE)
     return {name: 0.01 * removed(bare, peaks(joints, persons, law, announce=announce), floor)
             for name, announce in sources.items()}
 
 
-def sources_of(joints, kinds):
+def sources_of(joints):
     """Return what announces the joints' directions, by name, as for `peaks`."""
-    sources = {'announced': since(joints, START - 1.0), 'd = 0': since(joints, np.inf)}
-    for kind in kinds:
-        sources[kind] = lambda plant, kind=kind: Watched(kind, plant, joints, joints.bank.seed)
-    return sources
+    return {'announced': since(joints, START - 1.0), 'd = 0': since(joints, np.inf),
+            'force': lambda plant: Watched(plant, joints, joints.bank.seed)}
 
 
-def let_go(bank, kinds, factors, law='continuous'):
+def let_go(bank, factors, law='continuous'):
     """Return how far each joint goes when its person lets go 2 s after the start, deg, by source.
 
     Models have `factors` times the true friction.
@@ -92,7 +77,7 @@ def let_go(bank, kinds, factors, law='continuous'):
     persons = movements(joints)
     persons['release'] = START + HELD
     way = {}
-    for name, announce in sources_of(joints, kinds).items():
+    for name, announce in sources_of(joints).items():
         plant = joints.plant(persons)
         place = run(plant, make_law(law, joints), START + HELD + _AFTER, announce(plant),
                     {'x': 'link'}, _EVERY)['x']

@@ -5,6 +5,3 @@
 A direction is announced only on evidence, ends with the evidence, and is 0 in any doubt; whatever
 is announced comes with its reason.
 """
-
-KINDS = ('force', 'muscle_envelope', 'muscle_raw')
-"""What a cheap sensor measures."""

@@ -3,9 +3,8 @@
 """One attempt to move after the other: when a sensed direction begins, and when it ends.
 
 A direction begins only at rest, since only there is a push an attempt, and stands while the push
-does, unless no motion follows. What a force sensor shows at rest depends on the pose: its attempt
-ends with the motion, and the next needs a sensor that is quiet. A muscle that pushes nothing is
-silent in any pose: one that still acts where the joint has stopped, or acts again, is an attempt.
+does, unless no motion follows. What a force sensor shows at rest depends on the pose: an attempt
+ends with the motion, and the next needs a sensor that is quiet.
 """
 
 from __future__ import annotations
@@ -28,13 +27,11 @@ _CONTRADICTIONS = 3
 class Attempt:
     """Follows the attempts to move one joint.
 
-    A sensor that is `silent` at rest in any pose is that of a muscle. What is announced now is
-    `direction`, with its `reason`. The level of a sensor that is `resting` may follow, and it is
-    `contradicted` when the joint has moved against it several times in a row.
+    What is announced now is `direction`, with its `reason`. The level of a sensor that is `resting`
+    may follow, and it is `contradicted` when the joint has moved against it several times in a row.
     """
 
-    def __init__(self, silent: bool = False) -> None:
-        self._silent = silent
+    def __init__(self) -> None:
         self.direction, self.reason = 0, 'at rest'
         self.resting = self.contradicted = False
         self._against = 0
@@ -46,27 +43,23 @@ class Attempt:
         self._stopped = time
 
     def add(self, time: float, motion: JointMotion, side: int, strength: float,
-            quiet: bool, calm: bool) -> bool:
+            quiet: bool) -> bool:
         """Take what the sensor says; return whether its level at rest has to be found anew.
 
         `side` is the direction in which the person pushes at a time in s, if that is certain, else
         0, and `strength` how much, positive in the direction +1, in any unit. The sensor is `quiet`
-        if it has not changed for `REARM`, and `calm` at the level at rest that was known last.
+        if it has not changed for `REARM`.
         """
         if self.direction:
             self._continue(time, motion, side, strength)
             return False
         if not self.resting:
-            again = min(motion.rest(time), time - self._stopped) >= REARM and quiet
-            self.resting = again or (self._silent and calm)
+            self.resting = min(motion.rest(time), time - self._stopped) >= REARM and quiet
             if self.resting:
                 self.reason = 'at rest'
-            return again
+            return self.resting
         if motion.rest(time) == 0.0:
-            if self._silent:
-                self.reason = 'moves'
-            else:
-                self.stop(time, 'moves')
+            self.stop(time, 'moves')
         elif side:
             self._start(time, side, strength)
         return False
@@ -87,16 +80,12 @@ class Attempt:
             self._moved, self._against = True, 0
             self._begin = time
         if side == -self.direction:
-            if self._silent and motion.rest(time) > OVER:
-                self._start(time, side, strength)
-            else:
-                self.stop(time, 'pushed the other way')
+            self.stop(time, 'pushed the other way')
         elif speed < -STILL and not self._moved:
             self._against += 1
             self.contradicted = self._against >= _CONTRADICTIONS
             self.stop(time, 'moved against the push')
-        elif speed < -STILL or (
-                self._moved and motion.rest(time) > OVER and not self._silent):
+        elif speed < -STILL or (self._moved and motion.rest(time) > OVER):
             self.stop(time, 'the movement is over')
         elif time - self._strong > _RELEASED:
             self.stop(time, 'the push is over')

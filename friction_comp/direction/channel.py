@@ -1,8 +1,8 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""A channel of a cheap sensor: whether it can be believed, and whether it has left its rest.
+"""The values of a cheap sensor: whether they can be believed, and have left their rest.
 
-A channel is doubted before it is used: what is silent, saturated, flat, hums or jumps says nothing
+A sensor is doubted before it is used: what is silent, saturated, flat, hums or jumps says nothing
 about a person, and the reason is told.
 """
 
@@ -13,14 +13,11 @@ import math
 
 import numpy as np
 
-from friction_comp.direction.muscle_level import LONG, MuscleLevel
 from friction_comp.direction.onset_test import OnsetTest, Rest
 from friction_comp.errors import InputError
 
 # Share of the range at either end within which a value counts as saturated.
 _RAIL = 0.005
-# s at an end after which a raw signal is saturated.
-_STAYS = 0.01
 # Samples without a new one after which a channel is silent, and the least such time, s.
 _MISSED, _SILENCE = 5.0, 0.1
 # Equal values in a row: so many times the longest run of the calibration, and at least so long, s.
@@ -28,32 +25,23 @@ _FLAT, _FLAT_TIME = 4.0, 0.3
 # Second differences: so many times those of the calibration, over as long, s; and as a multiple of
 # the values' own scatter, which is 2.4 for white noise, and below 1 for what a person does.
 _ROUGH, _ROUGH_TIME, _ROUGH_SHARE = 8.0, 0.2, 1.6
-# Share of a rise that is made in one sample from which on it is a jump: the fastest contractions of
-# a muscle take 60 ms (Aagaard et al. 2002).
+# Share of a rise that is made in one sample from which on it is a jump: the fastest contractions
+# take 60 ms (Aagaard et al. 2002).
 _JUMP = 0.8
-# Scatter of a muscle at rest as a multiple of its level: 0.4 to 1.5 on people's forearms, and above
-# where a contraction falls into the calibration.
-_ACTIVE = 2.0
 # Standard deviations of a step that is not noise.
 _CLEAR = 6.0
 
 
-FORCE = 'force'
-"""Name of a channel whose scatter does not grow with its level, as that of a muscle does."""
-
-
 class Channel:
-    """Watches the values of a channel; `test` is that for an onset, once it is calibrated.
+    """Watches the values of a sensor; `test` is that for an onset, once it is calibrated.
 
-    Its converter saturates at `low` and `high`. Force and envelopes are `smooth`, as a person
-    changes them; raw muscle signals are tested for hum by their spectrum, and for onsets by their
-    level (`muscle_level`).
+    Its converter saturates at `low` and `high`. A person changes a force smoothly: what is rough is
+    hum.
     """
 
     test: OnsetTest
 
-    def __init__(self, name: str, low: float, high: float, smooth: bool = True) -> None:
-        self.name, self._smooth = name, smooth
+    def __init__(self, low: float, high: float) -> None:
         self._low, self._high = low, high
         margin = _RAIL * (high - low)
         self._inside = low + margin, high - margin
@@ -64,19 +52,18 @@ class Channel:
         self._rougher = 0.0
         # Of the calibration: samples per second, longest run of equal values, second differences.
         self._rate, self._longest, self._rough = 0.0, 0, 0.0
-        self._level: MuscleLevel | None = None
 
     def calibrate(self, values: np.ndarray, rate: float) -> None:
         """Learn from values at rest, shape (N,); raises InputError if they cannot be believed."""
         self._saturated, self._finite = False, bool(np.isfinite(values).all())
         if not self._finite:
-            raise InputError(f'{self.name}: values that are not finite')
+            raise InputError('values that are not finite')
         if not np.all((values > self._inside[0]) & (values < self._inside[1])):
-            raise InputError(f'{self.name}: saturated: values from {values.min():g} to '
+            raise InputError(f'saturated: values from {values.min():g} to '
                              f'{values.max():g} of {self._low:g} to {self._high:g}')
         changes = np.flatnonzero(np.diff(values) != 0.0)
         if len(changes) < 3:
-            raise InputError(f'{self.name}: flat: {values[0]:g} does not change within '
+            raise InputError(f'flat: {values[0]:g} does not change within '
                              f'{len(values) / rate:.1f} s; is it connected?')
         self._longest = int(np.diff(np.concatenate([[-1], changes, [len(values) - 1]])).max())
         rough = np.diff(values, 2)
@@ -84,24 +71,12 @@ class Channel:
         if self._rate == 0.0 or len(self._recent) != self._recent.maxlen:
             self._recent = deque(values[-4:], maxlen=max(8, round(_ROUGH_TIME * rate)))
         self._rate, self._run = rate, 0
-        if not self._smooth:
-            self._level = MuscleLevel(rate)
-            # The filter's beginning is no rest.
-            values, rate = self._level.add(values)[10:], self._level.block_rate
-            if self._level.hums():
-                raise InputError(f'{self.name}: hums: check the reference electrode')
-        rest = Rest.of(values, rate)
-        if self._level is not None and rest.scatter > _ACTIVE * rest.level:
-            raise InputError(f'{self.name}: the muscle was active during the calibration, which '
-                             'needs a person at rest')
-        self.test = OnsetTest(rest, proportional=self.name != FORCE)
+        self.test = OnsetTest(Rest.of(values, rate))
 
-    def add(self, time: float, values: np.ndarray) -> np.ndarray:
-        """Add samples, shape (N,), until a time in s; return what is to be tested."""
+    def add(self, time: float, values: np.ndarray) -> None:
+        """Add samples, shape (N,), until a time in s."""
         for value in values.tolist():
             self._add(time, value)
-        return values if self._level is None else self._level.add(
-            np.where(np.isfinite(values), values, 0.0))
 
     def _add(self, time: float, value: float) -> None:
         self._last_time = time
@@ -111,7 +86,7 @@ class Channel:
         self._saturated = not self._inside[0] < value < self._inside[1]
         recent = self._recent
         self._run = self._run + 1 if recent and value == recent[-1] else 0
-        if self._smooth and len(recent) > 1:
+        if len(recent) > 1:
             # The largest second difference of late.
             self._rougher = max(abs(value - 2.0 * recent[-1] + recent[-2]), 0.9 * self._rougher)
         recent.append(value)
@@ -123,23 +98,19 @@ class Channel:
     def fault(self, time: float) -> str:
         """Return what is wrong with the channel at a time in s; '' if nothing is."""
         if self.silent(time):
-            return f'{self.name}: silent'
+            return 'silent'
         if not self._finite:
-            return f'{self.name}: not finite'
-        # A strong muscle reaches the ends for moments only; a broken channel stays there.
-        if self._saturated and (self._smooth or self._run >= max(4, _STAYS * self._rate)):
-            return f'{self.name}: saturated at {self._recent[-1]:g}'
+            return 'not finite'
+        if self._saturated:
+            return f'saturated at {self._recent[-1]:g}'
         if self._run > max(_FLAT * self._longest, _FLAT_TIME * self._rate):
-            return f'{self.name}: flat at {self._recent[-1]:g}'
-        return f'{self.name}: hums' if self.hums() else ''
+            return f'flat at {self._recent[-1]:g}'
+        return 'hums' if self.hums() else ''
 
-    def hums(self, window: float = LONG) -> bool:
-        """Return whether the channel hums; of a raw muscle signal, within the last `window` s."""
-        if self._level is not None:
-            return self._level.hums(window)
+    def hums(self) -> bool:
+        """Return whether the values are as rough as hum."""
         values = self._recent
-        if (not self._smooth or len(values) < (values.maxlen or 0)
-                or self._rougher < _ROUGH * self._rough):
+        if len(values) < (values.maxlen or 0) or self._rougher < _ROUGH * self._rough:
             return False
         # Only what is rough now is worth the time.
         rough = float(np.mean(np.square(np.diff(values, 2))))

@@ -9,9 +9,8 @@ passes a limit. The limit follows from the rate of false alarms, which is at mos
 
 Deviations add up like this only if they are independent, which those of a low-passed or trembling
 sensor are not. Values are therefore filtered with the inverse of the filter that would make those
-of the calibration from independent ones (an autoregressive model); that also takes back the lag of
-an envelope. Three seconds show the scatter only roughly: it is taken at its upper confidence limit,
-and as at least one step of the converter.
+of the calibration from independent ones (an autoregressive model). Three seconds show the scatter
+only roughly: it is taken at its upper confidence limit, and as at least one step of the converter.
 """
 
 from __future__ import annotations
@@ -93,16 +92,13 @@ class OnsetTest:
 
     `level`, that at rest, follows the signal slowly while `follow` is called. `alarm` is +1 or -1
     while the signal is above or below it, else 0, and `sure` the alarm where it is beyond doubt.
-    `rising` is the number of samples of which the sum of what is above the level is made.
     """
 
-    def __init__(self, rest: Rest, proportional: bool = False) -> None:
-        self.rest, self.level, self.alarm, self.rising = rest, rest.level, 0, 0
-        self.sure = 0
-        self._proportional = proportional
+    def __init__(self, rest: Rest) -> None:
+        self.rest, self.level, self.alarm, self.sure = rest, rest.level, 0, 0
         # Two sides; the level and the scatter follow the signal, so that they have errors, too.
         self.limit = alarm_limit(2.0 * 3600.0 * rest.rate / FALSE_ALARMS)
-        # The scatter at the calibration's level, squared: that of the test, and of the last waves.
+        # The scatter squared: that of the test, and of the last waves.
         self._variance = self._recent_variance = rest.scatter**2
         self._last = deque([rest.level] * len(rest.inverse), maxlen=len(rest.inverse))
         self._inverse, self._value = rest.inverse.tolist(), rest.level  # the last independent value
@@ -113,12 +109,7 @@ class OnsetTest:
     @property
     def scatter(self) -> float:
         """Standard deviation at rest; never below that of the calibration."""
-        return math.sqrt(self._variance) * self._gain
-
-    @property
-    def _gain(self) -> float:
-        """Scatter at the present level over that at the level of the calibration."""
-        return max(1.0, self.level / self.rest.level) if self._proportional else 1.0
+        return math.sqrt(self._variance)
 
     def add(self, value: float) -> int:
         """Add a sample and return the alarm."""
@@ -131,7 +122,6 @@ class OnsetTest:
         down = min(most, max(0.0, down - z - ALLOWANCE))
         self._sums = [up, down]
         self.sure = 1 if up == most else -1 if down == most else 0
-        self.rising = self.rising + 1 if up else 0
         self.alarm = 1 if up > self.limit else -1 if down > self.limit else 0
         if self.alarm:
             # What came before an alarm belongs to it.
@@ -147,12 +137,12 @@ class OnsetTest:
         deviation = self._waiting.popleft() - self.level
         self.level += deviation * min(1.0, step / _LEVEL_TIME)
         self._recent_variance += min(1.0, step / _GROWS) * (
-            (deviation / self._gain)**2 - self._recent_variance)
+            deviation**2 - self._recent_variance)
         shrunk = self._variance * (1.0 - min(1.0, step / _SHRINKS))
         self._variance = max(self.rest.scatter**2, self._recent_variance, shrunk)
 
     def settle(self, level: float) -> None:
         """Begin anew at another level of rest."""
-        self.level, self.alarm, self.sure, self.rising = level, 0, 0, 0
+        self.level, self.alarm, self.sure = level, 0, 0
         self._sums = [0.0, 0.0]
         self._waiting.clear()

@@ -21,7 +21,6 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from friction_comp.control.joint_states import JointColumns
-from friction_comp.direction import KINDS
 from friction_comp.direction.announcement import Announcement
 from friction_comp.direction.desired_motion import DesiredMotion
 from friction_comp.direction.planned_direction import PlannedDirection
@@ -48,7 +47,7 @@ class DirectionNode(Node):
         self._joints = declare_joints(self)
         source = declare_choice(
             self, 'source', ('trajectory', 'reference', 'sensor'),
-            'trajectory: a plan; reference: a stream of desired states; sensor: force or muscles')
+            'trajectory: a plan; reference: a stream of desired states; sensor: a force')
         rate = declare(self, 'rate', 100.0, 'announcements per second [Hz]', 10.0, 1000.0)
         self._said = [Announcement(0, 'starts') for _ in self._joints]
         self._position = np.full(len(self._joints), np.nan)
@@ -81,7 +80,6 @@ class DirectionNode(Node):
         declare(self, 'least_speed', 0.005, 'slowest reference that moves [rad/s]', 1e-4, 1.0)
         declare(self, 'stuck_error', 0.01, 'error from which on a joint at rest is stuck away '
                 'from a reference at rest [rad]', 1e-4, 1.0)
-        declare_choice(self, 'sensor', KINDS, 'what the sensor measures')
         declare(self, 'sensor_range', [0.0, 0.0],
                 'lowest and highest value that the sensor can give, in its own unit')
         declare(self, 'calibrate_at_start', False, 'calibrate in the first three seconds, in which '
@@ -115,7 +113,7 @@ class DirectionNode(Node):
         if len(span) != 2:
             raise InputError(f'parameter sensor_range: two values are needed, not {list(span)}')
         self._component = attrgetter(self._value('axis'))
-        self._sensors = [SensedDirection(self._value('sensor'), span) for _ in self._joints]
+        self._sensors = [SensedDirection(span) for _ in self._joints]
         if self._value('calibrate_at_start'):
             self._asked = set(range(len(self._sensors)))
         self.create_subscription(Float64MultiArray, 'sensor', self._on_sensor, self._qos)
@@ -161,21 +159,21 @@ class DirectionNode(Node):
 
     def _on_sensor(self, message: Any) -> None:
         """Take samples of all joints, the oldest first."""
-        width = self._sensors[0].channels * len(self._joints)
+        width = len(self._joints)
         values = np.array(message.data)
         if not len(values) or len(values) % width:
             self._refuse(f'sensor: {len(values)} values are not a multiple of {width}')
             return
-        samples = values.reshape(-1, len(self._joints), self._sensors[0].channels)
+        samples = values.reshape(-1, width)
         now = self._now()
-        for j in range(len(self._joints)):
+        for j in range(width):
             self._feel(j, now, samples[:, j])
         self._refused = ''
 
     def _on_wrench(self, message: Any) -> None:
-        if message.header.frame_id in self._joints and self._sensors[0].channels == 1:
+        if message.header.frame_id in self._joints:
             value = self._component(message.wrench)
-            self._feel(self._joints.index(message.header.frame_id), self._now(), [[value]])
+            self._feel(self._joints.index(message.header.frame_id), self._now(), [value])
 
     def _feel(self, joint: int, now: float, values: Any) -> None:
         sensor = self._sensors[joint]

@@ -186,7 +186,7 @@ class PlantNode(Node):
         position, velocity = self._hold.at((self._stamp - self._origin) / NANO)
         active = None
         if self._sensor.used:
-            position, velocity = self._sensor.felt(position, velocity, self._plant.state)
+            self._sensor.feel(self._plant.state.interaction_torque)
         if position is not None and velocity is not None:
             active = np.isfinite(position) & np.isfinite(velocity)
         self._plant.step(self._command, position, velocity, active)

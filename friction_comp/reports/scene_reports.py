@@ -15,21 +15,10 @@ from scipy.signal import find_peaks
 
 from friction_comp.arm.whole_arm import ArmResult
 from friction_comp.evaluation.conditions import Evaluation
-from friction_comp.evaluation.neighbours import Interval, mean_interval
-from friction_comp.evaluation.repetitions import Repetition
 from friction_comp.exercise.exercise_script import ExerciseScript
 from friction_comp.exercise.taught_exercise import TURN
-from friction_comp.number_text import number
 from friction_comp.reports.evaluation_report import evaluation_report
-from friction_comp.reports.evaluation_words import with_interval
-from friction_comp.reports.figures import (
-    COLOURS,
-    legend_below,
-    new_figure,
-    shade_directions,
-    styled,
-    thin,
-)
+from friction_comp.reports.figures import COLOURS, new_figure, shade_directions, styled, thin
 from friction_comp.reports.html import Report
 from friction_comp.reports.refinement_report import effect_names
 from friction_comp.samples import Samples
@@ -66,98 +55,6 @@ def exercise_figure(shown: Mapping[str, Samples]) -> Figure:
         axis.plot(*thin(part.time, np.degrees(part.position)), color=COLOURS['green'])
         if part.direction is not None:
             shade_directions(axis, part.time, part.direction)
-    return figure
-
-
-def session_phases(evaluation: Evaluation, marks: dict[str, float], count: int
-                   ) -> dict[str, list[Repetition]]:
-    """Return the repetitions at the start, at the warning, and with the refined model.
-
-    `marks` are the times of 'warned' and 'loaded' since the exercise began, s; a phase has `count`
-    movements in each direction.
-    """
-    repetitions = sorted(evaluation.repetitions, key=lambda r: r.begin)
-    # The model that the compensator reported, not the marks, which are somewhat later.
-    first = repetitions[0].compensation.model
-    before = [r for r in repetitions if r.compensation.model == first]
-    after = [r for r in repetitions if r.compensation.model != first]
-    late = [r for r in before if r.begin >= marks['warned']] or before
-    return {'at first': before[:2 * count], 'model no longer fits': late[-2 * count:],
-            'refined model': after[:2 * count]}
-
-
-def mean_figure(part: list[Repetition], figure: str = 'rms_torque') -> Interval:
-    """Return the mean over repetitions, with its interval, of a measure named in `FIGURES`."""
-    return mean_interval([r.figures[figure] for r in part if figure in r.figures])
-
-
-def wear_words(phases: dict[str, list[Repetition]], facts: dict[str, Any]) -> str:
-    """Return the result of a session in sentences; the arguments are as in `wear_report`."""
-    first, late, refined = (mean_figure(part).mean for part in phases.values())
-    starts = [mean_figure(part, 'peak_torque').mean for part in phases.values()]
-    return ('The drive changed while it ran: the RMS torque that a person needs to move it rose '
-            f'from **{number(first)}** to **{number(late)} N·m**. The monitoring warned, and '
-            f'refinement found in the session: {", ".join(facts["found"])}. The refined model was '
-            'loaded into the running compensator: the error on data not fitted fell from '
-            f'{number(1e3 * facts["error_before"])} to {number(1e3 * facts["error_after"])} mA, '
-            f'and moving the joint now takes **{number(refined)} N·m**. The peak torque was '
-            f'{number(starts[0])} N·m at first, {number(starts[1])} N·m before the refined model '
-            f'and {number(starts[2])} N·m with it: only identification measures the breakaway '
-            'currents, so a changed drive should be identified again.')
-
-
-def wear_report(evaluation: Evaluation, phases: dict[str, list[Repetition]],
-                marks: dict[str, float], facts: dict[str, Any], samples: Samples,
-                hidden: Path) -> Report:
-    """Return the report on a drive that changed while it ran.
-
-    `evaluation` and `samples` are of the whole session, `phases` and `marks` as in
-    `session_phases`, `facts` are messages of monitoring and refinement. The file `hidden` has the
-    effects that only the simulation was given.
-    """
-    def begin(page: Report) -> None:
-        page.numbers([(f'{with_interval(mean_figure(part))} N·m',
-                       f'{name}: RMS torque, {len(part)} movements')
-                      for name, part in phases.items()])
-        page.figure(session_figure(evaluation, marks, samples),
-                    'RMS torque of each movement by active model, and motor temperature. The '
-                    'dotted lines mark the warning and the loading of the refined model.')
-        page.heading('Messages')
-        page.bullets((
-            f'monitoring: {facts["warning"]}', f'refinement: {facts["message"]}',
-            f'its verdict: {facts["verdict"]}', f'monitoring afterwards: {facts["afterwards"]}'))
-        page.text(f'The change is defined in `{hidden.name}`, which only the simulation reads. '
-                  'The refined model is compared with the previous one for some minutes of '
-                  'movement; if the previous one fits better, it is restored.')
-        page.heading('The whole session')
-    return evaluation_report([evaluation], 'A drive that changes, refined while it runs',
-                             wear_words(phases, facts), begin)
-
-
-@styled
-def session_figure(evaluation: Evaluation, marks: dict[str, float], samples: Samples) -> Figure:
-    """Draw the RMS torque of each movement over the session, and the temperature below."""
-    labels = ['RMS torque (N·m)', 'motor (°C)'][:1 if samples.temperature is None else 2]
-    figure, axes = new_figure(len(labels), width=8.4, height=2.4, sharex=True, squeeze=False,
-                              x='time (s)', y=labels)
-    torque_axis = axes[0, 0]
-    repetitions = [r for r in evaluation.repetitions if 'rms_torque' in r.figures]
-    models = list(dict.fromkeys(
-        r.compensation.model for r in sorted(evaluation.repetitions, key=lambda r: r.begin)))
-    for model, colour, marker in zip(models, ('orange', 'blue', 'green'), 'os^'):
-        part = [r for r in repetitions if r.compensation.model == model]
-        torque_axis.plot([r.begin for r in part], [r.figures['rms_torque'] for r in part], marker,
-                         color=COLOURS[colour], markersize=4.5,
-                         label='model at the start' if model == models[0] else 'refined model')
-    torque_axis.set_ylim(bottom=0.0)
-    for name, moment in marks.items():
-        for axis in axes[:, 0]:
-            axis.axvline(moment, color=COLOURS['grey'], linewidth=0.9, linestyle=':')
-        torque_axis.text(moment, 1.0, f' {name}', transform=torque_axis.get_xaxis_transform(),
-                         va='top', fontsize=8.5)
-    if samples.temperature is not None:
-        axes[1, 0].plot(*thin(samples.time, samples.temperature), color=COLOURS['red'])
-    legend_below(figure, 2)
     return figure
 
 

@@ -127,9 +127,9 @@ class ToolClient:
         finally:
             self.node.destroy_subscription(subscription)
 
-    def subscribed_to_direction(self, topic: str = 'direction') -> Any:
+    def subscribed_to_direction(self) -> Any:
         """Subscribe to the direction within a block: the exercise waits for a subscription."""
-        return self.subscribed(Int8MultiArray, topic)
+        return self.subscribed(Int8MultiArray, 'direction')
 
     def set_parameter(self, node: str, name: str, value: Any) -> None:
         """Set a parameter of a running node."""

@@ -19,15 +19,12 @@ SCENES = {
     'arm': 'a person guides an arm of three joints; the taught exercise is replayed with weight '
            'and friction compensated (MuJoCo)',
     'to_and_fro': 'a hand moves a joint to and fro, without help, with a hyperbolic tangent, and '
-                  'with the law',
-    'intention': "a person's direction from cheap sensors of force and muscles",
-    'follow': 'a follower under an MIT-mode controller on slow references',
-    'wear': 'a drive that changes while it runs and is refined live'}
+                  'with the law'}
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run one scene of the demo and write its report; returns 0."""
-    parser = Arguments('demo', __doc__, ('--watch', '--scene two_joints', '--scene wear --watch'))
+    parser = Arguments('demo', __doc__, ('--watch', '--scene two_joints'))
     parser.add_argument('--output', metavar='DIR', type=Path, default=Path('friction_comp_demo'),
                         help='folder for models, recordings and the report (%(default)s)')
     parser.add_argument('--repetitions', metavar='N', type=whole_number(), default=3,
@@ -42,22 +39,16 @@ def main(argv: list[str] | None = None) -> int:
                         help='also serve a live page on localhost (needs Bokeh)')
     arguments = parser.parse(argv)
     check_folder(arguments.output)
-    if arguments.scene == 'follow':
-        from friction_comp.tools.demo_follow import play_follow
-
-        play_follow(arguments)
-        return 0
     with private_domain():
         # Importing ROS 2 may restart Python, so it comes first.
         import friction_comp.ros.tool_client  # noqa: F401
-        from friction_comp.tools.demo_directions import play_intention, play_to_and_fro
+        from friction_comp.tools.demo_directions import play_to_and_fro
         from friction_comp.tools.demo_loop import play_loop
-        from friction_comp.tools.demo_scenes import play_arm, play_two_joints, play_wear
+        from friction_comp.tools.demo_scenes import play_arm, play_two_joints
         from friction_comp.tools.demo_system import open_system
 
         play = {'loop': play_loop, 'two_joints': play_two_joints, 'arm': play_arm,
-                'to_and_fro': play_to_and_fro, 'intention': play_intention,
-                'wear': play_wear}[arguments.scene]
+                'to_and_fro': play_to_and_fro}[arguments.scene]
         with open_system(arguments) as system:
             play(system)
     return 0

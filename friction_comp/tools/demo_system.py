@@ -33,8 +33,6 @@ from friction_comp.tools.processes import (
 
 # Folders of a demo's results, and the file that marks them as such: the next demo removes them.
 _FOLDERS, _MARKER = ('recordings', 'models', 'logs'), '.demo'
-# Topics, which nobody reads, to which a silent exercise publishes its directions.
-_SILENT = {'direction': 'unused', 'direction_stamped': 'unused_stamped'}
 
 
 class DemoSystem:
@@ -67,31 +65,29 @@ class DemoSystem:
         self.nodes.start(
             name, {'joints': self.joints, 'model_files': models, **IN_LOCKSTEP, **more})
 
-    def start_exercise(self, silent: bool = False, **more: Any) -> None:
-        """Start an exercise that ends by itself; another node announces a silent one's way."""
+    def start_exercise(self, **more: Any) -> None:
+        """Start an exercise that ends by itself."""
         self.nodes.start('exercise', {
             'joints': self.joints, 'clock': 'ticks', 'when_done': 'exit', 'use_sim_time': True,
-            'input_reliability': 'reliable', 'wait_for_listeners': 2, **more},
-            _SILENT if silent else None)
+            'input_reliability': 'reliable', 'wait_for_listeners': 2, **more})
 
     def start_recorder(self, name: str) -> None:
         """Start to record; see `recording`."""
         self.nodes.start('recorder', {
             'output': self.recording(name), 'use_sim_time': True})
 
-    def record(self, name: str, title: str, times: int = 1, silent: bool = False,
+    def record(self, name: str, title: str, times: int = 1,
                meanwhile: Callable[[], object] = lambda: None, **exercise: Any) -> None:
         """Record an exercise, some times; `meanwhile` is called while its nodes start."""
         self.log(title)
         self.start_recorder(name)
         for k in range(times):
-            # Listeners are compensator and recorder, unless it is silent, and the demo itself, when
-            # all is recorded.
-            self.start_exercise(silent, wait_for_listeners=1 if silent else 3, **exercise)
+            # Listeners are compensator and recorder, and the demo itself, when all is recorded.
+            self.start_exercise(wait_for_listeners=3, **exercise)
             if k == 0:
                 meanwhile()
             self.wait_for_recorder()
-            with self.ros.subscribed_to_direction(_SILENT['direction'] if silent else 'direction'):
+            with self.ros.subscribed_to_direction():
                 self.follow(f'{title}, {k + 1} of {times}' if times > 1 else title)
         self.nodes.stop('recorder')
 
