@@ -1,16 +1,14 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Simulated fleets: which units are called out, times, and how little motion a new unit needs.
+"""Simulated fleets: which units are called out, and times.
 
 Odd seeds are reported; even ones were looked at while the comparison was made.
 
     python3 bench/fleet_table.py --units 40 --seeds 5 --faults coulomb inertia bump
     python3 bench/fleet_table.py --units 40 --seeds 7 9
     python3 bench/fleet_table.py --false-alarms 400
-    python3 bench/fleet_table.py --new-units 10 --seeds 5 --fleet output/fleet_5
 """
 
-from dataclasses import replace
 import json
 from pathlib import Path
 import tempfile
@@ -19,18 +17,8 @@ from bench_tools import table_parser
 from many_recordings import timed
 import numpy as np
 
-from friction_comp.drive import Drive
-from friction_comp.errors import InputError
-from friction_comp.fleet.new_unit import fit_new_unit
-from friction_comp.fleet.population import read_fleet
 from friction_comp.fleet.spread import spread_of, units_from_recordings
-from friction_comp.model.friction_model import FrictionModel
-from friction_comp.model.sigmoid import Sigmoid
-from friction_comp.refinement import refine
-from simulated_recordings.drives import Excitation, record
-from simulated_recordings.fleet import FAULTS, fleet_drive, write_fleet
-
-MOTIONS = (3.0, 5.0, 10.0, 15.0, 20.0, 30.0)
+from simulated_recordings.fleet import FAULTS, write_fleet
 
 
 def fleets(arguments):
@@ -107,66 +95,6 @@ def fleet_values(rng, truth, per_unit):
     return means, units_from_recordings(values, told, unit, 15)
 
 
-def new_units(arguments):
-    """Print the error on another motion of a new unit after little motion, with and without."""
-    seed = arguments.seeds[0]
-    population, = read_fleet(arguments.fleet / 'out' / 'fleet.json')
-    rows = {seconds: [] for seconds in MOTIONS}
-    covered = []
-    for unit in range(1000, 1000 + arguments.new_units):
-        drive = fleet_drive(seed, unit)
-        test = one(drive, 7000 + unit, 120.0)
-        truth = fit_new_unit([test], population).values
-        for seconds in MOTIONS:
-            samples = one(drive, 9000 + unit, seconds)
-            new = fit_new_unit([samples], population)
-            covered.append(np.abs(new.values - truth) < 1.96 * new.errors)
-            alone = fit_new_unit([samples], without_prior(population))
-            try:
-                searched = rms(refine([samples]).model, test)
-            except InputError:
-                searched = np.nan
-            rows[seconds].append((
-                rms(new.model, test), rms(alone.model, test), searched,
-                rms(refine_plain(samples), test), rms(population.model, test), bool(new.out)))
-    print('motion (s) | with the prior | same effects, no prior | refine | '
-          'Coulomb + viscous | population alone | called out, of', arguments.new_units)
-    for seconds, errors in rows.items():
-        values = np.array(errors, dtype=float)
-        print(f'{seconds:.0f} | ' + ' | '.join(
-            f'{1e3 * value:.2f}' for value in np.nanmedian(values[:, :5], axis=0))
-            + f' | {int(values[:, 5].sum())}', flush=True)
-    print(f'intervals that hold the value of the other motion, 120 s: '
-          f'{100 * np.mean(covered):.0f} %')
-
-
-def refine_plain(samples):
-    """Return what the simplest fit gives: Coulomb and viscous friction and an offset."""
-    velocity = np.gradient(samples.position, samples.time)
-    moving = np.abs(velocity) > 0.02
-    columns = np.column_stack((np.sign(velocity), velocity, np.ones_like(velocity)))[moving]
-    coulomb, viscous, offset = np.linalg.lstsq(columns, samples.current[moving], rcond=None)[0]
-    return FrictionModel(Drive(1.0, 1.0), Sigmoid(
-        offset + coulomb, offset - coulomb, 200.0, 0.0, viscous))
-
-
-def one(drive, seed, seconds):
-    """Return a recording."""
-    return record(drive, seed, Excitation(duration=seconds, rate=125.0))[0].samples
-
-
-def rms(model, samples):
-    """Return the error of a model in motion, N·m."""
-    moving = np.abs(np.gradient(samples.position, samples.time)) > 0.02
-    return float(np.sqrt(np.mean((samples.current - model.predict(samples))[moving] ** 2)))
-
-
-def without_prior(population):
-    """Return the population with a prior that tells nothing."""
-    prior = replace(population.prior, deviation=[1e6] * len(population.prior.mean))
-    return replace(population, prior=prior)
-
-
 def main():
     """Measure and print."""
     parser = table_parser(__doc__, units=40, jobs=2)
@@ -174,13 +102,9 @@ def main():
     parser.add_argument('--faults', nargs='*', default=[], choices=list(FAULTS))
     parser.add_argument('--keep', type=Path, help='folder in which the fleets stay')
     parser.add_argument('--false-alarms', type=int, metavar='FLEETS')
-    parser.add_argument('--new-units', type=int)
-    parser.add_argument('--fleet', type=Path, help='fleet that --keep kept')
     arguments = parser.parse_args()
     if arguments.false_alarms:
         false_alarms(arguments.false_alarms)
-    elif arguments.new_units:
-        new_units(arguments)
     else:
         fleets(arguments)
 

@@ -28,7 +28,7 @@ from friction_comp.tools.common import Arguments
 RUN = ('convert', 'evaluate', 'refine', 'predict')
 # But for an arm, which is refined with its URDF in test_whole_arm, for what test_many_recordings
 # does with each of many, and in processes, and for the fleet of test_fleet.
-READ = {'--urdf', '--each', '--jobs', '--fleet'}
+READ = {'--urdf', '--each', '--jobs'}
 # Options of each tool that were run already: with other files the arguments are read.
 TRIED = {name: set() for name in RUN}
 

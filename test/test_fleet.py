@@ -3,7 +3,6 @@
 """A fleet: which unit is out, what varies, and what the population tells of a unit more."""
 
 from dataclasses import replace
-import json
 import pickle
 
 import numpy as np
@@ -12,14 +11,13 @@ import pytest
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.fleet.common_model import CommonModel
-from friction_comp.fleet.new_unit import fit_new_unit
-from friction_comp.fleet.population import ERROR, fleet_json, population_of, read_fleet
+from friction_comp.fleet.population import ERROR, population_of
 from friction_comp.fleet.spread import spread_of, units_from_recordings, Values
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.model.simulator_joint import simulator_joint
-from friction_comp.reports.fleet_report import fleet_verdict, new_unit_verdict
+from friction_comp.reports.fleet_report import fleet_verdict
 from friction_comp.reports.refinement_overviews import each_report
 from friction_comp.samples import Samples
 
@@ -159,53 +157,9 @@ def test_an_effect_is_common_if_half_of_the_recordings_show_it(model):
     assert [one.name for one in common.compared()][-1].startswith('friction ripple of 24')
 
 
-def test_fleet_json_is_read_as_it_was_written_and_others_are_refused(population, tmp_path):
-    path = tmp_path / 'fleet.json'
-    path.write_text(fleet_json([population]))
-    assert read_fleet(path, 'elbow')[0].to_dict() == population.to_dict()
-    with pytest.raises(InputError, match="no joint 'knee': it has 'elbow'"):
-        read_fleet(path, 'knee')
-    document = json.loads(path.read_text())
-    for text, words in (('{}', 'not the fleet.json'), ('[', 'not a JSON'), (
-            json.dumps({**document, 'version': 9}), 'version 9'), (
-            json.dumps({**document, 'joints': [{}]}), 'not a valid')):
-        path.write_text(text)
-        with pytest.raises(InputError, match=words):
-            read_fleet(path)
-
-
 def test_few_units_are_not_compared(model):
     with pytest.raises(InputError, match='3 units are too few'):
         fleet(model, 3, {})
-
-
-def test_a_new_unit_needs_less_motion_with_its_population_as_prior(population):
-    certain = replace(population, prior=replace(population.prior, deviation=[1e6] * 4))
-    errors = {'with': [], 'alone': [], 'population': []}
-    for unit in range(100, 112):
-        test = recorded(unit, 60.0, day=9)
-        # Little motion, and noisy.
-        short = [recorded(unit, 3.0, noise=0.05)]
-        for name, new in (('with', fit_new_unit(short, population)),
-                          ('alone', fit_new_unit(short, certain))):
-            assert not new.out
-            errors[name].append(np.std(test.current - new.model.predict(test)) ** 2 - 1e-4)
-        errors['population'].append(
-            np.std(test.current - population.model.predict(test)) ** 2 - 1e-4)
-    excess = {name: np.mean(values) for name, values in errors.items()}
-    assert excess['with'] < 0.8 * excess['alone']
-    assert excess['with'] < 0.8 * excess['population']
-
-
-def test_a_unit_out_of_the_population_is_fitted_without_it(population):
-    new = fit_new_unit([recorded(200, coulomb=1.8)], population)
-    assert new.out == ['coulomb']
-    assert (new.told == 1.0).all()
-    assert new.values[1] == pytest.approx(0.9, rel=0.25)
-    assert 'fitted to its recording alone' in new_unit_verdict(new, population)
-    usual = fit_new_unit([recorded(201)], population)
-    assert usual.out == []
-    assert usual.error < 0.5 * usual.population_error
 
 
 def test_the_page_names_units_parameters_and_intervals(population):

@@ -8,19 +8,17 @@ the same up and down.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 import json
 import math
-from pathlib import Path
 import re
 from typing import Any
 
 import numpy as np
 
-from friction_comp.checks import check_document
-from friction_comp.errors import errors_name, InputError
-from friction_comp.files import plain, read_json
+from friction_comp.errors import InputError
+from friction_comp.files import plain
 from friction_comp.fleet.common_model import CommonModel, Compared
 from friction_comp.fleet.spread import FEWEST_UNITS, spread_of, units_from_recordings
 from friction_comp.model.friction_model import FrictionModel
@@ -68,17 +66,6 @@ class ParameterSpread:
 
 
 @dataclass(frozen=True)
-class Prior:
-    """What the population tells of a further unit's coefficients, in the order of its model's."""
-
-    mean: list[float]
-    deviation: list[float]  # standard deviation, at the upper end of its interval
-    error: float  # RMS error of the common model
-    # By how much the variance of a coefficient exceeds that for independent samples.
-    inflation: float
-
-
-@dataclass(frozen=True)
 class Population:
     """The units of one joint of a fleet."""
 
@@ -87,7 +74,6 @@ class Population:
     units: list[str]
     recordings: int
     parameters: list[ParameterSpread]
-    prior: Prior
     model: FrictionModel  # with the mean coefficients of the population
 
     @property
@@ -110,45 +96,15 @@ class Population:
         return {'joint': self.joint, 'unit': self.unit, 'units': self.units,
                 'recordings': self.recordings, 'out': self.out,
                 'parameters': [asdict(parameter) for parameter in self.parameters],
-                'prior': asdict(self.prior), 'model': self.model.to_dict()}
-
-    @classmethod
-    def from_dict(cls, document: Mapping[str, Any]) -> Population:
-        """Return the population of plain values."""
-        parameters = [ParameterSpread(**{**entry, 'units': [
-            UnitValue(**{**value, 'interval': tuple(value['interval'])})
-            for value in entry['units']], **{name: tuple(entry[name]) for name in (
-                'mean_interval', 'spread_interval', 'range')}}) for entry in document['parameters']]
-        return cls(str(document['joint']), str(document['unit']), list(document['units']),
-                   int(document['recordings']), parameters, Prior(**document['prior']),
-                   FrictionModel.from_dict(document['model']))
+                'model': self.model.to_dict()}
 
 
 def fleet_json(populations: Sequence[Population]) -> str:
-    """Return the content of fleet.json; `read_fleet` reads it."""
+    """Return the content of fleet.json."""
     return json.dumps(plain({
         'format': FORMAT, 'version': VERSION,
         'joints': [population.to_dict() for population in populations]}, not_finite=None),
         indent=1, ensure_ascii=False) + '\n'
-
-
-def read_fleet(path: str | Path, joint: str | None = None) -> list[Population]:
-    """Return the populations in a fleet.json, of all joints or of one.
-
-    Raises InputError if the file cannot be used, or does not hold the joint.
-    """
-    document = read_json(path)
-    with errors_name(path):
-        check_document(document, 'the fleet.json that refine --each writes', FORMAT, VERSION)
-        try:
-            found = [Population.from_dict(entry) for entry in document['joints']]
-        except (AttributeError, KeyError, TypeError) as error:
-            raise InputError(f'not a valid fleet.json: {error!r}') from None
-        chosen = [entry for entry in found if joint is None or entry.joint == joint]
-        if not chosen:
-            raise InputError(f'holds no joint {joint!r}: it has '
-                             f'{", ".join(repr(entry.joint) for entry in found)}')
-    return chosen
 
 
 @dataclass(frozen=True)
@@ -160,7 +116,6 @@ class _Estimate:
     rms: float
     rms_error: float  # standard error of the logarithm of `rms`
     freedom: float
-    inflation: float  # see `Prior`
 
 
 def _estimate(common: CommonModel, sums: BlockSums) -> _Estimate:
@@ -175,16 +130,10 @@ def _estimate(common: CommonModel, sums: BlockSums) -> _Estimate:
     squares = sums.errors_of_fit(with_derivatives) / np.maximum(sums.rows, 1)
     mean = float(np.average(squares, weights=sums.rows))
     spread = float(np.std(squares, ddof=1)) / math.sqrt(count) / max(mean, 1e-300)
-    total = sums.gram.sum(axis=0)[:-1, :-1]
-    scale = np.sqrt(np.maximum(np.diag(total), 1e-300))
-    # Variance of the coefficients if all samples were independent.
-    nominal = mean * np.diag(np.linalg.pinv(total / scale / scale[:, None]))[chosen] / (
-        scale[chosen] ** 2)
     return _Estimate(
         values=values[chosen], errors=covariance, rms=math.sqrt(mean),
         # The logarithm of a root is half of that of the mean square.
-        rms_error=0.5 * spread, freedom=count - 1.0,
-        inflation=float(np.median(np.diag(covariance) / np.maximum(nominal, 1e-300))))
+        rms_error=0.5 * spread, freedom=count - 1.0)
 
 
 def population_of(recordings: Sequence[tuple[str, BlockSums]], common: CommonModel,
@@ -215,13 +164,12 @@ def population_of(recordings: Sequence[tuple[str, BlockSums]], common: CommonMod
     parameters = [replace(parameter, p_same=float(p), varies=bool(p < 1.0 - CONFIDENCE))
                   for parameter, p in zip(parameters, adjusted)]
     out = [any(parameter.units[k].out for parameter in parameters) for k in range(len(names))]
-    prior = _prior(fits, index, np.array(out))
-    model = replace(common.model(np.array(prior.mean), like), notes={
+    model = replace(common.model(_means(fits, index, np.array(out)), like), notes={
         'units': len(names) - sum(out), 'unit': unit, 'range_of_units': {
             parameter.name: list(parameter.range) for parameter in parameters}})
     return Population(
         joint=like.joint, unit=unit, units=names.tolist(), recordings=len(recordings),
-        parameters=parameters, prior=prior, model=model)
+        parameters=parameters, model=model)
 
 
 def _values(fits: Sequence[_Estimate], common: CommonModel, columns: tuple[int, ...]
@@ -282,24 +230,14 @@ def _parameter(one: Compared, unit: str, values: np.ndarray, errors: np.ndarray,
                for k, name in enumerate(names)])
 
 
-def _prior(fits: Sequence[_Estimate], index: np.ndarray, out: np.ndarray) -> Prior:
-    """Return the prior of a further unit from the units that are not out.
-
-    The spread is the upper end of its interval: a prior that is too sure of itself is worse than
-    one that could have told more.
-    """
+def _means(fits: Sequence[_Estimate], index: np.ndarray, out: np.ndarray) -> np.ndarray:
+    """Return the mean of each coefficient over the units that are not out, shape (P,)."""
     kept = [k for k in range(len(fits)) if not out[index[k]]]
     _, own = np.unique(index[kept], return_inverse=True)
-    means, deviations = [], []
+    means = []
     for column in range(len(fits[0].values)):
         values = np.array([fits[k].values[column] for k in kept])
         errors = np.sqrt([fits[k].errors[column, column] for k in kept])
-        if not errors.all():
-            means.append(float(np.median(values)))
-            deviations.append(0.0)
-            continue
-        spread = spread_of(units_from_recordings(values, errors, own, fits[0].freedom))
-        means.append(spread.mean)
-        deviations.append(math.hypot(spread.interval[1], spread.mean_error))
-    return Prior(means, deviations, float(np.median([fits[k].rms for k in kept])),
-                 max(1.0, float(np.median([fits[k].inflation for k in kept]))))
+        means.append(spread_of(units_from_recordings(values, errors, own, fits[0].freedom)).mean
+                     if errors.all() else float(np.median(values)))
+    return np.array(means)

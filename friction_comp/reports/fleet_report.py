@@ -10,9 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 import numpy as np
 
-from friction_comp.fleet.new_unit import NewUnit
 from friction_comp.fleet.population import ParameterSpread, Population, UnitValue
-from friction_comp.number_text import interval_text, number, quantity
+from friction_comp.number_text import interval_text, number
 from friction_comp.reports.figures import COLOURS, new_figure, styled
 from friction_comp.reports.html import Report
 
@@ -79,40 +78,8 @@ def add_fleet(page: Report, population: Population) -> None:
             [[unit, *(_cell(one.units[k]) for one in population.parameters)]
              for k, unit in enumerate(population.units)],
             'Values with 95 % intervals; what is out is bold.')
-    page.text('`fleet.json` holds all of this. `refine NEW --fleet fleet.json` fits a further unit '
-              'with this population as its start and prior; '
+    page.text('`fleet.json` holds all of this; '
               f'`{population.file_name}.yaml` is its mean as a model.')
-
-
-def new_unit_verdict(new: NewUnit, population: Population) -> str:
-    """Return in one or two sentences how a new unit compares with its population."""
-    errors = (f'The error on parts not fitted is {quantity(new.error, population.unit)}; that of '
-              f"the population's model is {quantity(new.population_error, population.unit)}, that "
-              f'of a fit to the recording alone {quantity(new.alone_error, population.unit)}.')
-    if new.out:
-        return (f'**The unit is out of the population of {len(population.units)}**: '
-                f'{", ".join(new.out)}. It is fitted to its recording alone: the population tells '
-                f'nothing about it. {errors}')
-    return f'**The unit is one of the population of {len(population.units)}.** {errors}'
-
-
-def new_unit_report(new: NewUnit, population: Population) -> Report:
-    """Return the page on one unit more, with its population as prior."""
-    page = Report('One unit more of a fleet', f'joint {population.joint}, compared with '
-                  f'{len(population.units)} units')
-    page.verdict(new_unit_verdict(new, population))
-    page.table(
-        ['coefficient', 'this unit', '95 % interval', 'population', 'told by the recording',
-         'probability by chance'],
-        [[name, value, interval_text(ends), mean, f'{100.0 * told:.0f} %', number(p, 2)]
-         for name, value, ends, mean, told, p in zip(
-             new.names, new.values.tolist(), new.intervals.tolist(), population.prior.mean,
-             new.told, new.p.tolist())],
-        f'Coefficients of Eq. 6 and of the effects of the population, {population.unit} and '
-        f'{population.unit} per rad/s or rad/s². What the recording does not tell is that of the '
-        'population. The probability is that of such a deviation of a unit of the population, all '
-        'coefficients together.')
-    return page
 
 
 @styled

@@ -21,8 +21,7 @@ def main(argv: list[str] | None = None) -> int:
         'log.csv --columns time=t,position=q_2,velocity=dq_2,effort=tau_2 --unit position=deg '
         '--output output/refined',
         'examples/elbow --each --model config/armin_configuration_2.yaml --output output/each',
-        'robots --each --output output/fleet',
-        'new_robot.mcap --fleet output/fleet/fleet.json --output output/new_robot')
+        'robots --each --output output/fleet')
     ).add_recordings(unit_help=(
         '. A unit alone, such as A or V, is the unit of the figures in the report. The default is '
         'A with a torque constant, a gear ratio or a model, else N·m, the unit of effort in '
@@ -41,9 +40,6 @@ def main(argv: list[str] | None = None) -> int:
                         help='Dask scheduler, for instance tcp://host:8786, whose workers do '
                         '--each; they need this package, and the recordings at the same paths '
                         "(pip install 'friction_comp[fleet]')")
-    parser.add_argument('--fleet', metavar='FILE', type=Path,
-                        help='fleet.json that --each wrote on units of the same type: start and '
-                        'prior for one unit more, which then needs less motion')
     parser.add_argument('--current-limit', metavar='A', type=positive,
                         help='largest motor current that may be commanded, for the model file; '
                         'by default that of --model, else the largest that lasted in the '
@@ -63,10 +59,6 @@ def main(argv: list[str] | None = None) -> int:
     if arguments.jobs:
         raise InputError('--jobs goes with --each: several recordings that give one model are '
                          'fitted together')
-    if arguments.fleet:
-        from friction_comp.tools.refine_new_unit import refine_new_unit
-
-        return refine_new_unit(arguments)
     if arguments.urdf:
         from friction_comp.tools.refine_arm import refine_whole_arm
 
@@ -81,9 +73,6 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _check_together(arguments: Namespace) -> None:
-    if arguments.fleet and (arguments.model or arguments.each or arguments.urdf):
-        raise InputError('--fleet gives the model to start from: not with --model, --each or '
-                         '--urdf')
     if arguments.scheduler and (arguments.jobs or not arguments.each):
         raise InputError('--scheduler goes with --each, and without --jobs: Dask decides how many '
                          'recordings are refined at once')
