@@ -4,6 +4,7 @@
 
 from contextlib import contextmanager
 import copy
+from dataclasses import replace
 import functools
 import os
 from pathlib import Path
@@ -15,8 +16,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from friction_comp.identification.carried import Carried
+from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.package_files import package_file
+from friction_comp.simulation.joint import Plant
+from friction_comp.simulation.undeclared import Undeclared
 
 ROOT = Path(__file__).resolve().parent.parent
 # Of the current ramps on the note's drives, A/s
@@ -68,19 +73,31 @@ def drive_along(law, places, direction=1, begin=0, velocity=None, is_pushed=Fals
         for k, (x, d, felt) in enumerate(zip(places, directions, pushes))])
 
 
-def follow(run, plant, alter=lambda run, sample: sample):
+def follow(run, plant, alter=lambda run, sample: sample, carried=lambda position: 0.0):
     """Let a run of identification command a plant to the end; return time, position and command.
 
-    `alter` changes a sample, or returns None for one that is lost.
+    `alter` changes a sample, or returns None for one that is lost; `carried` returns the current
+    that holds the joint.
     """
     rows, state, command = [], plant.state, 0.0
     while not run.finished:
         sample = alter(run, [state.time, state.position[0], state.velocity[0], state.current[0]])
         if sample is not None:
-            command = run.update(*sample)
+            command = run.update(*sample, carried(sample[1]))
         rows.append((state.time, state.position[0], command))
         state = plant.step([command])
     return np.array(rows).T
+
+
+def under_weight(model, weight, phase):
+    """Return a plant whose joint carries a weight, A, and the current that its model carries."""
+    amplitude = weight * model.drive.torque_per_current
+    plant = Plant([model], seed=5, sample_time=4e-3, undeclared=[Undeclared.from_effects([
+        {'name': 'gravity', 'parameters': {'amplitude': amplitude, 'phase': phase}}])])
+    gravity = EFFECTS['gravity']({'coefficients': [
+        weight * np.sin(phase), weight * np.cos(phase)]})
+    carried = Carried(['joint'], [replace(model, effects=[gravity])])
+    return plant, carried, lambda position: float(carried.at(np.array([position]))[0])
 
 
 @contextmanager

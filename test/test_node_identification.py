@@ -3,6 +3,7 @@
 """The identification action over DDS: in lockstep with a simulated joint, and fed by the test."""
 
 from contextlib import contextmanager
+from dataclasses import replace
 import math
 import re
 import signal
@@ -11,20 +12,27 @@ from types import SimpleNamespace
 
 from action_msgs.msg import GoalStatus
 from friction_comp_interfaces.action import IdentifyFriction
+from helpers import follow, note_model
 from node_process import Process
 import numpy as np
 import pytest
 from ros_system import BEST_EFFORT, FakeDriver, Goals, joint_state, MODELS, probe_node
 from std_msgs.msg import Float64MultiArray
+import yaml
 
 from friction_comp.control.joint_states import AGAIN, JointStateInput, NEW, STALE
 from friction_comp.errors import InputError
+from friction_comp.identification.carried import Carried
+from friction_comp.identification.goal import IdentificationGoal
+from friction_comp.identification.run import IdentificationRun
+from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.nodes.goals import DEFAULT_SPEEDS, make_goal, RunningGoal
 from friction_comp.nodes.identification import IdentificationNode
+from friction_comp.simulation.joint import Plant
 
 # A name with slashes, as of an arm in a namespace, must not name another folder.
-JOINT = '/left/elbow'
+JOINT, WEIGHT = '/left/elbow', 0.02    # A
 GOAL = {'joint': JOINT, 'speeds': [0.8, 1.4], 'motion_range': 0.8, 'ramp_slope': 0.2,
         'ramp_period': 2.0, 'breakaway_cycles': 2}
 
@@ -110,12 +118,19 @@ def test_states_that_fall_silent_leave_zero_current_and_no_file(room):
 
 @pytest.fixture(scope='module')
 def system(room):
-    """A plant in lockstep and the server, for all tests that let them live."""
+    """A plant in lockstep and the server, for all tests that let them live.
+
+    The model of the joint that is not moved carries a weight that its friction could hold as well.
+    """
+    weight = EFFECTS['gravity']({'coefficients': [WEIGHT, 0.0]})
+    wrist = replace(FrictionModel.load(MODELS[1]), effects=[weight])
+    wrist.save(room / 'wrist.yaml')
     with probe_node() as probe, Process(room, 'plant', {
             'joints': [JOINT, 'wrist'], 'model_files': MODELS[:2], 'clock': 'lockstep',
             'seed': 4, 'wrench_period': 0.032, 'sample_time': 8e-3}), Process(
                 room, 'identification', {
-                    'joints': [JOINT, 'wrist'], 'model_files': MODELS[:2], 'use_sim_time': True,
+                    'joints': [JOINT, 'wrist'], 'use_sim_time': True,
+                    'model_files': [MODELS[0], str(room / 'wrist.yaml')],
                     'output_folder': str(room / 'models'), 'input_reliability': 'reliable',
                     'joint_state_timeout': 10.0}):
         probe.listen(Float64MultiArray, 'current_command')
@@ -186,10 +201,11 @@ def test_identifies_a_drive(system):
         assert abs(f.velocity) < 2.0 * max(GOAL['speeds'])
         assert math.isfinite(f.current)
     assert any(f.velocity for f in system.feedback)
-    # Only the joint of the goal was driven, and it was left at zero current.
+    # Only the joint of the goal was driven, the other one held; both were left at zero current.
     commands = np.array([m.data for m in system.probe.all_heard('current_command')])
     assert np.abs(commands[:, 0]).max() > 0.1
-    assert np.abs(commands[:, 1]).max() == 0.0
+    held = commands[commands[:, 0] != 0.0, 1]
+    np.testing.assert_allclose(held, WEIGHT, rtol=0.01)
     assert not commands[-1].any()
 
 
@@ -202,6 +218,54 @@ def test_default_speeds_fit_the_range_of_a_goal():
     assert make_goal(IdentifyFriction.Goal(), [JOINT], defaults)[1].speeds[-1] > 1.7
     with pytest.raises(InputError, match='motion_range must be'):
         make_goal(IdentifyFriction.Goal(motion_range=math.nan), [JOINT], defaults)
+
+
+@pytest.mark.parametrize(('held', 'carried', 'refused'), [
+    (0.0, 0.0, False), (0.05, 0.0, False), (0.5, 0.0, True), (-0.5, 0.0, True),
+    (0.5, 0.48, False), (0.0, 0.5, False)])
+def test_a_goal_is_refused_while_a_motor_holds_another_joint(held, carried, refused):
+    """Unless its model carries it, or a brake or friction (0.0995 A) holds it."""
+    node = SimpleNamespace(
+        _joints=[JOINT, 'wrist'], _per_effort=[1.0, 1.0], _torque=False,
+        _models=[FrictionModel.load(MODELS[0])] * 2,
+        _carried=SimpleNamespace(at=lambda _: np.array([0.0, carried])),
+        _states=SimpleNamespace(position=np.zeros(2), effort=np.array([9.0, held])))
+    if refused:
+        with pytest.raises(InputError, match='wrist holds it with .*0.5 A, of which its model '
+                                             'carries 0 A: it would fall'):
+            IdentificationNode._check_held(node, 0)
+    else:
+        IdentificationNode._check_held(node, 0)
+
+
+def test_a_goal_ends_when_another_joint_falls():
+    node, goal = SimpleNamespace(_joints=[JOINT, 'wrist']), SimpleNamespace(
+        places=None, index=0, joint=JOINT)
+    for places in ([0.0, 0.2], [1.0, 0.25], [2.0, math.nan]):
+        IdentificationNode._check_at_rest(node, goal, np.array(places))
+    with pytest.raises(InputError, match=f'wrist moved by 0.2 rad while {JOINT} was moved'):
+        IdentificationNode._check_at_rest(node, goal, np.array([0.0, 0.4]))
+
+
+def test_what_was_measured_is_not_lost_with_its_file(tmp_path):
+    """If the folder for the model files was deleted meanwhile."""
+    model, logged = note_model(1), []
+    run = IdentificationRun(IdentificationGoal(
+        (0.8, 1.4), 0.8, 0.2, ramp_period=2.0, breakaway_cycles=1), model.drive)
+    follow(run, Plant([model], seed=1, sample_time=8e-3))
+    (tmp_path / 'gone').write_text('no folder')
+    node = SimpleNamespace(
+        _joints=[JOINT], _models=[model], _carried=Carried([JOINT], [model]),
+        get_parameter=lambda _: SimpleNamespace(value=str(tmp_path / 'gone')),
+        get_logger=lambda: SimpleNamespace(error=logged.append))
+    result = IdentifyFriction.Result()
+    with pytest.raises(InputError, match='gone.*The result has what was measured'):
+        IdentificationNode._finish_identification(node, run, 0, result)
+    assert result.breakaway_positive_mean == pytest.approx(0.0995, rel=0.1)
+    assert len(result.speeds) == 4
+    assert not result.model_file
+    document = yaml.safe_load(logged[0].partition('\n')[2])
+    assert FrictionModel.from_dict(document).breakaway == run.result().breakaway
 
 
 @pytest.mark.parametrize(('verdict', 'wrong', 'simulated', 'reason'), [

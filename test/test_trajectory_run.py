@@ -5,7 +5,7 @@
 import functools
 import math
 
-from helpers import follow, note_model, short_search, SLOPES
+from helpers import follow, note_model, short_search, SLOPES, under_weight
 import numpy as np
 import pytest
 
@@ -59,6 +59,16 @@ def test_gravity_beside_friction_is_tolerated():
         {'name': 'gravity', 'parameters': {'amplitude': 0.5, 'phase': 0.4}}])
     assert run.phase == 'done'
     assert LIMITS.lowest < position.min()
+
+
+def test_a_weight_that_the_model_carries_is_held():
+    model = note_model(1)
+    plant, _, carried = under_weight(model, 0.3, 0.3)
+    run = TrajectoryRun(planned(1), model.drive)
+    _, position, _ = follow(run, plant, carried=carried)
+    assert run.phase == 'done'
+    assert LIMITS.lowest < position.min()
+    assert position.max() < LIMITS.highest
 
 
 @pytest.mark.parametrize('fault, words', [

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 import math
 from typing import Any
 
@@ -17,6 +17,8 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.identification.breakaway import BreakawayRecords
 from friction_comp.identification.kinetic import KineticPoint, shortest_cycle
+from friction_comp.model.arm.arm import Arm
+from friction_comp.model.effects.base import Effect
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.measured import Breakaway, Presliding
 from friction_comp.model.sigmoid import Sigmoid
@@ -190,11 +192,19 @@ class IdentificationResult:
         return self.sigmoid.coefficients()
 
     def model(self, drive: Drive, joint: str = '',
-              position_limits: tuple[float, float] | None = None) -> FrictionModel:
-        """Return the `FrictionModel` of the drive; it is not saved."""
+              position_limits: tuple[float, float] | None = None,
+              carrying: Sequence[Effect] = (), arm: Arm | None = None) -> FrictionModel:
+        """Return the `FrictionModel` of the drive; it is not saved.
+
+        `carrying` are the effects whose current was `carried`, and `arm` what they need: they
+        remain part of the model, and breakaway is what it takes beside them, at any position.
+        """
+        breakaway = self.breakaway if not carrying else replace(
+            self.breakaway, positive_position=None, negative_position=None)
         return FrictionModel(
             drive=drive, position_limits=position_limits, joint=joint,
-            sigmoid=self.sigmoid, breakaway=self.breakaway, presliding=self.presliding,
+            sigmoid=self.sigmoid, breakaway=breakaway, presliding=self.presliding,
+            effects=list(carrying), arm=arm if carrying else None,
             lookup_table={name: getattr(self, name).tolist() for name in (
                 'speeds', 'currents', 'standard_deviations')},
             notes={

@@ -104,7 +104,8 @@ class SupervisedRun(ControllerTuning, ABC):
         next(self._run)
         self._begin: float | None = None
         self._last: float | None = None
-        self._estimated, self._command = -math.inf, 0.0
+        self._estimated = -math.inf
+        self._command = self._carried = 0.0     # of the latest sample, A
 
     @abstractmethod
     def _movements(self) -> Generator[float, Sample, None]:
@@ -119,13 +120,15 @@ class SupervisedRun(ControllerTuning, ABC):
         """Return the estimated time to the end in s."""
 
     def update(self, time: float, position: float, velocity: float | None = None,
-               current: float = 0.0) -> float:
+               current: float = 0.0, carried: float = 0.0) -> float:
         """Take one sample of the joint and return the current to apply, A; zero when finished.
 
         Time is in s on any base (a sample that is not newer changes nothing), position in rad, the
         velocity in rad/s is only compared with the change of position, the measured current is in
-        A. Raises IdentificationError if the joint leaves its range, the encoder fails, or the drive
-        does not respond as expected; from then on every call returns zero.
+        A. What the joint's model says is `carried` here, A, is part of the current to apply, and is
+        subtracted from what is measured: see `Carried`. Raises IdentificationError if the joint
+        leaves its range, the encoder fails, or the drive does not respond as expected; from then on
+        every call returns zero.
         """
         if self.finished or self.error:
             return 0.0
@@ -133,12 +136,11 @@ class SupervisedRun(ControllerTuning, ABC):
             self._check(time, position)
             if self._last is not None and time <= self._last:
                 return self._command
+            current = float(current) if math.isfinite(current) else math.nan
             self.supervision.check(
-                float(time), float(position), velocity, float(current), self._command,
+                float(time), float(position), velocity, (self._command, current), self._carried,
                 self.friction, self.acceleration)
-            command = self._run.send(Sample(
-                float(time), float(position),
-                float(current) if math.isfinite(current) else math.nan))
+            command = self._run.send(Sample(float(time), float(position), current - carried))
         except StopIteration:
             self.finished, self.phase = True, 'done'
             self.progress, self.remaining, self._command = 1.0, 0.0, 0.0
@@ -148,8 +150,8 @@ class SupervisedRun(ControllerTuning, ABC):
             raise
         self._last = float(time)
         self._estimate(self._last)
-        limit = self.drive.current_limit
-        self._command = min(max(command, -limit), limit)
+        limit, self._carried = self.drive.current_limit, float(carried)
+        self._command = min(max(command + self._carried, -limit), limit)
         return self._command
 
     def abort(self, reason: str = 'cancelled') -> None:

@@ -21,12 +21,15 @@ from friction_comp.drive import Drive
 from friction_comp.identification.goal import IdentificationError
 from friction_comp.identification.kinetic import KineticPoint
 from friction_comp.identification.velocity_control import LEAST_RATE, LONGEST_DELAY, PHASE
+from friction_comp.low_pass import low_pass_weight
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.signal_checks import Answer, current_fault, CurrentCheck, VelocityCheck
 
 LONGEST_GAP = 0.25      # longest time without a sample, s
 # Accepted ratios of measured to commanded current, and of velocity to change of position.
 _FACTOR = 2.0
+# A current that carries is compared from this share of the drive's limit on, smoothed over s.
+_HELD_SHARE, _HELD_TIME = 0.05, 0.05
 # Standard errors by which a wrong gain is outside; largest one of a confirmed gain, a share of it.
 _ERRORS, _CONFIRMED = 3.0, 0.25
 # Correlation above which the measured current is the delayed commanded one.
@@ -91,6 +94,7 @@ class Supervision:
         self._last: tuple[float, float] | None = None
         self._places = [math.nan]   # rad, each other than that before
         self._currents = CurrentCheck()
+        self._held = np.zeros(2)    # measured current, and that which carries, smoothed, A
         self._velocities = VelocityCheck(_FACTOR, resolution=self._resolution, zeros=True)
         self._window: deque[tuple[float, float]] = deque(maxlen=10)
         self._confirmed = False     # whether the measured current has been the commanded one
@@ -98,9 +102,13 @@ class Supervision:
         self._pushed = 0.0          # sign of the latest current well above friction
         self._begin_answer(0.0, 0.0, 0.0)
 
-    def check(self, time: float, position: float, velocity: float | None, current: float,
-              command: float, friction: Sequence[float] | None, acceleration: float) -> None:
-        """Check a sample against the current before it; raise IdentificationError on fault."""
+    def check(self, time: float, position: float, velocity: float | None,
+              currents: tuple[float, float], carried: float, friction: Sequence[float] | None,
+              acceleration: float) -> None:
+        """Check a sample against the current before it; raise IdentificationError on fault.
+
+        `currents` are the commanded and the measured one, A, of which `carried` holds the joint.
+        """
         if self._last is None:
             self._last, self._first = (time, position), time
             return
@@ -113,9 +121,11 @@ class Supervision:
         self._count += 1
         if self._count > _SAMPLES:
             self.step = (time - self._first) / self._count
+        command, current = (one - carried for one in currents)
         if math.isfinite(current):
             self._currents.take(time, min(step, _STEP), command, current)
             self._compare_currents()
+            self._compare_carried(min(step, _STEP), currents[1], carried)
         # The position must change as the velocity says.
         if velocity is None or not math.isfinite(velocity) or step > _STEP:
             self._velocities.interrupt()
@@ -139,6 +149,19 @@ class Supervision:
         # Do not compare yet while the current has had no time to take effect.
         if answer.old_command > self.least:
             self._refuse_gain(answer)
+
+    def _compare_carried(self, step: float, measured: float, carried: float) -> None:
+        """Raise if the current that holds the joint at rest is measured otherwise."""
+        share = low_pass_weight(step, _HELD_TIME)
+        self._held += share * (np.array([measured, carried]) - self._held)
+        given, wanted = self._held.tolist()
+        moves = abs(self._currents.commanded) > 0.1 * abs(wanted)
+        if self._confirmed or moves or abs(wanted) < _HELD_SHARE * self._drive.current_limit:
+            return
+        if not 1.0 / _FACTOR <= given / wanted <= _FACTOR:
+            raise IdentificationError(
+                f'the measured current is {given / wanted:.2g} times the {self._say(wanted)} that '
+                f'carry the joint by its model: {current_fault(given / wanted, self._drive)}')
 
     def is_current_confirmed(self) -> bool:
         """Return whether the measured current is confirmed to be the commanded one."""
@@ -281,8 +304,8 @@ class Supervision:
             self._refuse_late(self._currents.answer())
             raise IdentificationError(
                 f'the joint does not move at {self._say(command)}, although less current broke it '
-                'free before: it is blocked, at a stop or held, as by a weight, or the encoder is '
-                'stuck, or coarser than encoder_counts')
+                'free before: it is blocked, at a stop, or held, as by a weight that its model '
+                'does not carry; or the encoder is stuck, or coarser than encoder_counts')
         self._begin_answer(time, position, sign)
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import math
 from typing import Any
 
+import numpy as np
 from rclpy.task import Future
 
 from friction_comp.drive import Drive
@@ -49,8 +50,9 @@ class RunningGoal:
     run: SupervisedRun
     # Completed with how the goal ended (done, canceled or aborted) and a message.
     end: Future = field(default_factory=Future)
-    # Stamp of the first joint state, ns.
+    # Stamp of the first joint state, ns, and the places of all joints then, rad.
     started: int | None = None
+    places: np.ndarray | None = None
     # Real time, s.
     last_feedback: float = -math.inf
     # Whether a client has waited for the result, whether joint states are silent, and whether they

@@ -16,6 +16,7 @@ import traceback
 from typing import Any
 
 from friction_comp_interfaces.action import IdentifyFriction, PlayTrajectory
+import numpy as np
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -24,14 +25,15 @@ from friction_comp.control import joint_states
 from friction_comp.control.joint_states import JointStateInput
 from friction_comp.control.watchdog import Watchdog
 from friction_comp.errors import InputError
-from friction_comp.files import check_folder, file_names
+from friction_comp.files import check_folder, file_names, to_yaml
+from friction_comp.identification.carried import Carried, GRAVITY
 from friction_comp.identification.run import IdentificationRun
 from friction_comp.identification.trajectory_run import TrajectoryRun
 from friction_comp.nodes import goals
 from friction_comp.nodes.goals import Action, RunningGoal
 from friction_comp.ros import joint_io
 from friction_comp.ros.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
-from friction_comp.ros.parameters import declare, declare_joints, load_models
+from friction_comp.ros.parameters import declare, declare_choice, declare_joints, load_models
 from friction_comp.ros.ros_start import steady_timer
 from friction_comp.stamps import NANO
 
@@ -41,6 +43,9 @@ _CHECK_PERIOD = _FEEDBACK_PERIOD = 0.1
 # Largest real age in s of the last joint state for a goal to be accepted. It is large, since a busy
 # machine may delay reading; the joint is not driven before a new state has arrived.
 _MAX_AGE = 2.0
+# rad by which a joint may move that is not to be moved, and share of a drive's limit that friction
+# is taken to hold where it is not known.
+_MOVED, _HELD = 0.1, 0.05
 _CANCELLED = 'canceled', 'cancelled on request'
 _SILENT = 'joint_states fell silent'
 
@@ -56,10 +61,12 @@ class IdentificationNode(Node):
         super().__init__('identification')
         self._joints = declare_joints(self)
         models = load_models(declare(
-            self, 'model_files', [], "model file of each joint: section 'drive'; 'position_limits' "
-            'are kept, all else is replaced'), self._joints)
-        self._drives = [model.drive for model in models]
-        self._limits = [model.position_limits for model in models]
+            self, 'model_files', [], 'model file of each joint: its drive and position_limits, and '
+            'what carries it (weight, spring), are kept, all else is replaced'), self._joints)
+        self._models, self._drives = models, [model.drive for model in models]
+        self._carried = Carried(self._joints, models, declare_choice(
+            self, 'gravity', GRAVITY, "who carries the limb's weight: this node with the current "
+            "of the model's effects, or the robot's own controller") == GRAVITY[0])
         declare(self, 'output_folder', '.', 'folder for the model files, which are named after '
                 'their joints', changes=True)
         timeout = declare(
@@ -105,6 +112,7 @@ class IdentificationNode(Node):
             index, goal = action.make_goal(request, self._joints, self._defaults)
             self._accepted = index, action.run(goal, self._drives[index], self._torque)
             self._check_surroundings(self._joints[index])
+            self._check_held(index)
         except InputError as error:
             self._refused = str(error)
             self.get_logger().warning(f'goal rejected: {error}')
@@ -123,6 +131,20 @@ class IdentificationNode(Node):
             raise InputError(f'joint_states lack {joint}')
         if others:
             raise InputError(f'{", ".join(others)} may command the motor: deactivate it first')
+
+    def _check_held(self, index: int) -> None:
+        """Raise InputError if a motor holds another joint, which its model would not carry."""
+        carried, states = self._carried.at(self._states.position), self._states
+        for j, (joint, model) in enumerate(zip(self._joints, self._models)):
+            held = float(states.effort[j]) * self._per_effort[j]
+            friction = (_HELD * model.drive.current_limit if model.breakaway is None else min(
+                model.breakaway.positive_mean, -model.breakaway.negative_mean))
+            if j != index and min(abs(held), abs(held - carried[j])) > friction:
+                say = partial(model.drive.in_words, torque=self._torque)
+                raise InputError(
+                    f'the motor of {joint} holds it with {say(held)}, of which its model carries '
+                    f'{say(float(carried[j]))}: it would fall, since only {self._joints[index]} is '
+                    'moved. Refine a model that carries its weight, or support it')
 
     def _on_cancel(self, _: Any) -> Any:
         self._end(*_CANCELLED)
@@ -161,10 +183,19 @@ class IdentificationNode(Node):
     def _finish_identification(self, run: Any, index: int, result: Any) -> str:
         """Fit the model, write its file, and fill the result."""
         outcome, joint = run.result(), self._joints[index]
+        goals.fill_result(result, outcome)
+        before = self._models[index]
+        model = outcome.model(before.drive, joint, before.position_limits,
+                              self._carried.effects[index], before.arm)
         path = (Path(self.get_parameter('output_folder').value)
                 / f'{file_names(self._joints)[index]}.yaml').absolute()
-        outcome.model(self._drives[index], joint, self._limits[index]).save(path)
-        goals.fill_result(result, outcome)
+        try:
+            model.save(path)
+        except InputError as error:
+            # The measurement takes minutes: its model is kept where it can be copied from.
+            self.get_logger().error(f'the model of {joint}:\n{to_yaml(model.to_dict())}')
+            raise InputError(f'{error}. The result has what was measured, and the log of the node '
+                             'identification the whole model file') from None
         result.model_file = str(path)
         return '. '.join([f'identified {joint}, wrote {path}', *outcome.warnings])
 
@@ -233,8 +264,10 @@ class IdentificationNode(Node):
         measured = effort * self._per_effort[index]
         if not self._simulated:
             run.supervision.arrivals.take(at, received)
-        current = run.update(at, position, velocity, measured)
-        commands = [0.0] * len(self._joints)
+        # From the first state on: a joint must not fall meanwhile.
+        commands = self._carried.at(states.position)
+        self._check_at_rest(goal, states.position)
+        current = run.update(at, position, velocity, measured, float(commands[index]))
         commands[index] = 0.0 if run.finished else current
         self._port.answer(commands, ticket, states.stamp if self._simulated else 0)
         now = time.monotonic()
@@ -246,6 +279,18 @@ class IdentificationNode(Node):
                 velocity=velocity, current=measured))
         if run.finished:
             self._end('done', '')
+
+    def _check_at_rest(self, goal: RunningGoal, position: np.ndarray) -> None:
+        """Raise InputError if a joint moves that is not to be moved."""
+        if goal.places is None:
+            goal.places = position.copy()
+        moved = np.abs(position - goal.places)
+        moved[goal.index] = 0.0
+        if (moved > _MOVED).any():
+            joint = self._joints[int(np.nanargmax(moved))]
+            raise InputError(
+                f'{joint} moved by {np.nanmax(moved):.2g} rad while {goal.joint} was moved: '
+                'nothing holds it. Refine a model that carries its weight, or support it')
 
     def _on_silence(self) -> None:
         """Command zero; called by the watchdog, in its thread."""
